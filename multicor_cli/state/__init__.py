@@ -1,0 +1,6 @@
+"""What the engine computes with: the constant `Model`, the time-varying `State`, and the energy `Books`."""
+
+from multicor_cli.state.model import ContactLaws, Grains, Model, ShapeKind, Walls, WallShapes
+from multicor_cli.state.state import BOOK_NAMES, State
+
+__all__ = ["BOOK_NAMES", "ContactLaws", "Grains", "Model", "ShapeKind", "State", "WallShapes", "Walls"]

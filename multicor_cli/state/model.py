@@ -1,0 +1,149 @@
+"""The constant part of a run: grains, walls, contact laws and domain, as plain arrays.
+
+Numbering used everywhere: grains are *shapes* ``0 … n-1``; the wall shapes follow as ``n … n+m-1``. A contact is a pair of
+shape numbers ``(i, j)`` with ``i < j``, so ``i`` is always a grain.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int32]
+
+
+class ShapeKind(IntEnum):
+    """Geometry of one wall shape; the meaning of its four numbers, in the frame of its wall."""
+
+    DISC = 0  # (x, y, radius, -): a glued grain
+    PLANE = 1  # (x, y, nx, ny): half-plane through (x, y), unit normal towards the grains
+    SEGMENT = 2  # (x0, y0, x1, y1): both sides are solid; its ends belong to VERTEX shapes
+    VERTEX = 3  # (x, y, previous, next): end of the wall shapes with these numbers (-1: none)
+    CIRCLE = 4  # (x, y, radius, -): the inside of a circle (a drum)
+
+
+@dataclass(frozen=True)
+class Grains:
+    """Free grains; every array has shape ``(n,)``.
+
+    Attributes:
+        radius: Radius a [m].
+        mass: Mass m [kg].
+        inertia: Moment of inertia about the centre I [kg m²].
+        material: Index of the material.
+        group: Index of the ``[[particles]]`` table the grain comes from.
+    """
+
+    radius: Floats
+    mass: Floats
+    inertia: Floats
+    material: Ints
+    group: Ints
+
+
+@dataclass(frozen=True)
+class WallShapes:
+    """Discs, lines and circles carried by the walls, in the frame of their wall.
+
+    Attributes:
+        kind: `ShapeKind` of each shape, shape ``(m,)``.
+        wall: Index of the wall that carries it, shape ``(m,)``.
+        geometry: Four numbers whose meaning `ShapeKind` gives [m], shape ``(m, 4)``.
+        material: Index of the material, shape ``(m,)``.
+    """
+
+    kind: Ints
+    wall: Ints
+    geometry: Floats
+    material: Ints
+
+
+@dataclass(frozen=True)
+class Walls:
+    """Wall bodies; arrays have shape ``(w,)``.
+
+    Attributes:
+        names: Name of each wall.
+        mass: Mass that a load moves [kg]; ``nan`` if none was given (then no degree of freedom may be driven by a force).
+        inertia: Moment of inertia about the wall's reference point [kg m²]; ``nan`` likewise.
+        has_gravity: Whether gravity acts on its force-driven degrees of freedom.
+        length: Length over which a load spreads [m].
+    """
+
+    names: tuple[str, ...]
+    mass: Floats
+    inertia: Floats
+    has_gravity: NDArray[np.bool_]
+    length: Floats
+
+
+@dataclass(frozen=True)
+class ContactLaws:
+    """Coulomb friction and Newton restitution for each pair of materials; ``k`` materials.
+
+    Attributes:
+        friction: Coefficient of friction μ, shape ``(k, k)``, symmetric; used where ``table`` is -1.
+        restitution: Coefficient of normal restitution e, shape ``(k, k)``, symmetric.
+        table: Number of the μ(sliding speed) table of the pair, or -1, shape ``(k, k)``.
+        table_start: First row of each table in the two arrays below, shape ``(tables + 1,)``.
+        table_speed: Sliding speeds [m/s], ascending within a table.
+        table_friction: μ at these speeds; linear between, constant beyond.
+    """
+
+    friction: Floats
+    restitution: Floats
+    table: Ints
+    table_start: Ints
+    table_speed: Floats
+    table_friction: Floats
+
+
+@dataclass(frozen=True)
+class Model:
+    """Everything about a run that does not change with time.
+
+    Attributes:
+        grains: The free grains.
+        shapes: What the walls are made of.
+        walls: The wall bodies.
+        laws: Contact laws by pair of materials.
+        materials: Names of the materials.
+        groups: Names of the particle groups.
+        period: Period in x [m]; 0 if the domain is not periodic.
+        gravity: Acceleration of gravity [m/s²], shape ``(2,)``.
+        shape_factor: m a²/I, the same for all grains: 2 for discs, 5/2 for spheres.
+    """
+
+    grains: Grains
+    shapes: WallShapes
+    walls: Walls
+    laws: ContactLaws
+    materials: tuple[str, ...]
+    groups: tuple[str, ...]
+    period: float
+    gravity: Floats
+    shape_factor: float
+
+    @property
+    def grain_count(self) -> int:
+        """Number of free grains n."""
+        return self.grains.radius.size
+
+    @property
+    def shape_count(self) -> int:
+        """Number of wall shapes m."""
+        return self.shapes.kind.size
+
+    @property
+    def wall_count(self) -> int:
+        """Number of wall bodies w."""
+        return len(self.walls.names)
+
+    @property
+    def mean_diameter(self) -> float:
+        """Mean diameter of the grains d̄ [m]."""
+        return float(2.0 * self.grains.radius.mean())

@@ -1,0 +1,123 @@
+"""The time-varying part of a run. It is exactly what a checkpoint holds: whatever changes the future is in here."""
+
+from __future__ import annotations
+
+import hashlib
+from dataclasses import dataclass, field, fields
+
+import numpy as np
+from numpy.typing import NDArray
+
+from multicor_cli.state.model import Floats, Ints, Model
+
+BOOK_NAMES = (
+    "kinetic",  # kinetic energy now (free degrees of freedom) [J]
+    "kinetic_start",  # kinetic energy at the start of the run [J]
+    "gravity_work",  # ΣF·Δq of gravity on unwrapped displacements, position correction included [J]
+    "wall_work",  # work done on the grains by prescribed velocities [J]
+    "load_work",  # ΣF·Δq of the loads on driven walls, position correction included [J]
+    "friction_loss",  # −Σ p_t ½(u_t⁻+u_t⁺), signed [J]
+    "impact_loss",  # −Σ p_n ½(u_n⁻+u_n⁺), signed [J]
+    "damping_loss",  # Σ c v̄² Δt of damped loads [J]
+    "correction_work",  # ΣF·δq of the position projection (gravity and loads) [J]
+    "friction_sliding",  # Σ μ|u_t⁺| p_n, the end-of-step rule of the paper [J]
+    "negative_loss",  # the negative share of friction_loss + impact_loss (contacts that gained energy) [J]
+    "terms",  # cumulative Σ|terms| of the balance [J]
+    "imbalance",  # kinetic − kinetic_start − (works − losses − correction) now [J]
+    "closure",  # largest |imbalance| / terms over the run
+)
+"""Names of the energy books, in the order of `State.books`."""
+
+
+def _empty(*shape: int) -> Floats:
+    return np.zeros(shape)
+
+
+@dataclass
+class State:
+    """State of a run between two steps. ``n`` grains, ``w`` walls, ``c`` contacts of the last step.
+
+    Attributes:
+        position: Grains: x, y [m] (x wrapped into the period) and angle [rad], shape ``(n, 3)``.
+        image: Grains: how many periods x has been wrapped, shape ``(n,)``.
+        velocity: Grains: velocity [m/s] and spin ω [rad/s], shape ``(n, 3)``.
+        wall_position: Walls: displacement of the frame [m] and its angle [rad], shape ``(w, 3)``; starts at 0.
+        wall_velocity: Walls: velocity [m/s] and spin [rad/s] at the end of the last step, shape ``(w, 3)``.
+        contact_i: First shape (a grain) of each contact that carried an impulse, ascending, shape ``(c,)``.
+        contact_j: Second shape, ascending within equal ``contact_i``, shape ``(c,)``.
+        contact_impulse: Normal and tangential impulse p_n, p_t [N s] of the last step (warm start), shape ``(c, 2)``.
+        books: Energy books in the order of `BOOK_NAMES`, shape ``(len(BOOK_NAMES),)``.
+        tallies: Counters of the run: see `TALLY_NAMES`, shape ``(len(TALLY_NAMES),)``.
+        step: Number of steps done since the start of the run.
+        stage: Index of the current loading stage.
+        stage_step: Steps done in this stage.
+        stage_start: Time at which this stage began [s].
+        stage_peak: Largest kinetic energy in this stage [J].
+        stage_strain: Shear strain accumulated in this stage.
+        time: Time since the start of the run [s].
+        last_dt: Time step of the last step [s]; scales the warm start.
+    """
+
+    position: Floats
+    image: NDArray[np.int64]
+    velocity: Floats
+    wall_position: Floats
+    wall_velocity: Floats
+    contact_i: Ints = field(default_factory=lambda: np.zeros(0, np.int32))
+    contact_j: Ints = field(default_factory=lambda: np.zeros(0, np.int32))
+    contact_impulse: Floats = field(default_factory=lambda: _empty(0, 2))
+    books: Floats = field(default_factory=lambda: _empty(len(BOOK_NAMES)))
+    tallies: Floats = field(default_factory=lambda: _empty(len(TALLY_NAMES)))
+    step: int = 0
+    stage: int = 0
+    stage_step: int = 0
+    stage_start: float = 0.0
+    stage_peak: float = 0.0
+    stage_strain: float = 0.0
+    time: float = 0.0
+    last_dt: float = 0.0
+
+    @classmethod
+    def at_rest(cls, model: Model, position: Floats) -> State:
+        """A state in which everything is at rest; ``position`` has shape ``(n, 2)`` or ``(n, 3)``."""
+        n, w = model.grain_count, model.wall_count
+        full = _empty(n, 3)
+        full[:, : position.shape[1]] = position
+        return cls(full, np.zeros(n, np.int64), _empty(n, 3), _empty(w, 3), _empty(w, 3))
+
+    def as_dict(self) -> dict[str, NDArray[np.generic]]:
+        """All fields as arrays (numbers become 0-d arrays), in declaration order: what a checkpoint stores."""
+        return {f.name: np.asarray(getattr(self, f.name)) for f in fields(self)}
+
+    @classmethod
+    def from_dict(cls, data: dict[str, NDArray[np.generic]]) -> State:
+        """The inverse of `as_dict`; raises `KeyError` if a field is missing."""
+        values = {}
+        for f in fields(cls):
+            value = np.asarray(data[f.name])
+            if value.ndim:
+                values[f.name] = np.ascontiguousarray(value)
+            else:
+                values[f.name] = value.item()  # type: ignore[assignment]
+        return cls(**values)  # type: ignore[arg-type]
+
+    def digest(self) -> str:
+        """BLAKE2 digest over the raw bytes of every field, in declaration order (little-endian)."""
+        sum_ = hashlib.blake2b(digest_size=16)
+        for name, value in self.as_dict().items():
+            sum_.update(name.encode())
+            sum_.update(str(value.shape).encode())
+            sum_.update(np.ascontiguousarray(value).tobytes())
+        return sum_.hexdigest()
+
+
+TALLY_NAMES = (
+    "sweeps",  # sweep-equivalents of the contact solver, summed over steps
+    "unconverged_steps",  # steps that hit the cap on sweeps
+    "residual_rms_max",  # largest rms velocity correction of a step over u_ref
+    "residual_max_max",  # largest velocity correction of a step over u_ref
+    "max_overlap",  # largest overlap over the smaller radius at the end of a step
+    "corrected_steps",  # steps after which positions were projected
+    "max_impulse_rate",  # largest normal impulse over dt: the largest mean contact force of a step [N]
+)
+"""Names of the counters of a run, in the order of `State.tallies`."""
