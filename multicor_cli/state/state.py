@@ -48,6 +48,9 @@ class State:
         contact_impulse: Normal and tangential impulse p_n, p_t [N s] of the last step (warm start), shape ``(c, 2)``.
         books: Energy books in the order of `BOOK_NAMES`, shape ``(len(BOOK_NAMES),)``.
         tallies: Counters of the run: see `TALLY_NAMES`, shape ``(len(TALLY_NAMES),)``.
+        window: Sums since the last row of the time series: see `WINDOW_NAMES`, shape ``(len(WINDOW_NAMES),)``.
+        window_wall_impulse: Walls: impulse and angular impulse exerted by the grains since the last row [N s, N m s],
+            shape ``(w, 3)``.
         step: Number of steps done since the start of the run.
         stage: Index of the current loading stage.
         stage_step: Steps done in this stage.
@@ -68,6 +71,8 @@ class State:
     contact_impulse: Floats = field(default_factory=lambda: _empty(0, 2))
     books: Floats = field(default_factory=lambda: _empty(len(BOOK_NAMES)))
     tallies: Floats = field(default_factory=lambda: _empty(len(TALLY_NAMES)))
+    window: Floats = field(default_factory=lambda: _empty(len(WINDOW_NAMES)))
+    window_wall_impulse: Floats = field(default_factory=lambda: _empty(0, 3))
     step: int = 0
     stage: int = 0
     stage_step: int = 0
@@ -83,7 +88,9 @@ class State:
         n, w = model.grain_count, model.wall_count
         full = _empty(n, 3)
         full[:, : position.shape[1]] = position
-        return cls(full, np.zeros(n, np.int64), _empty(n, 3), _empty(w, 3), _empty(w, 3))
+        state = cls(full, np.zeros(n, np.int64), _empty(n, 3), _empty(w, 3), _empty(w, 3))
+        state.window_wall_impulse = _empty(w, 3)
+        return state
 
     def as_dict(self) -> dict[str, NDArray[np.generic]]:
         """All fields as arrays (numbers become 0-d arrays), in declaration order: what a checkpoint stores."""
@@ -121,3 +128,19 @@ TALLY_NAMES = (
     "max_impulse_rate",  # largest normal impulse over dt: the largest mean contact force of a step [N]
 )
 """Names of the counters of a run, in the order of `State.tallies`."""
+
+WINDOW_NAMES = (
+    "duration",  # length of the window [s]
+    "steps",  # steps in the window
+    "sweeps",  # sweep-equivalents
+    "unconverged",  # steps that hit the cap on sweeps
+    "residual_rms",  # largest rms velocity correction over u_ref
+    "residual_max",  # largest velocity correction over u_ref
+    "residual_energy",  # largest energy residual G
+    "contacts",  # number of loaded contacts, summed over steps
+    "virial_xx",  # Σ p_x ℓ_x over grain–grain contacts (ℓ from j to i) [J s]
+    "virial_xy",  # Σ p_x ℓ_y [J s]
+    "virial_yx",  # Σ p_y ℓ_x [J s]
+    "virial_yy",  # Σ p_y ℓ_y [J s]
+)
+"""Names of the sums kept between two rows of the time series, in the order of `State.window`."""

@@ -1,0 +1,95 @@
+"""Prescribed velocities and loads as functions of the time since the start of their stage."""
+
+from __future__ import annotations
+
+import bisect
+import math
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Constant:
+    """The same value at all times."""
+
+    level: float
+
+    def value(self, t: float) -> float:
+        """Value at ``t`` seconds after the start of the stage."""
+        return self.level
+
+
+@dataclass(frozen=True)
+class Ramp:
+    """Linear from ``start`` to ``end`` within ``duration`` [s], then ``end``."""
+
+    start: float
+    end: float
+    duration: float
+
+    def value(self, t: float) -> float:
+        """Value at ``t`` seconds after the start of the stage."""
+        if t >= self.duration:
+            return self.end
+        return self.start + (self.end - self.start) * (t / self.duration)
+
+
+@dataclass(frozen=True)
+class Sine:
+    """``mean + amplitude · sin(2π t/period + phase)``, phase in radians."""
+
+    mean: float
+    amplitude: float
+    period: float
+    phase: float = 0.0
+
+    def value(self, t: float) -> float:
+        """Value at ``t`` seconds after the start of the stage."""
+        return self.mean + self.amplitude * math.sin(2.0 * math.pi * (t / self.period) + self.phase)
+
+
+@dataclass(frozen=True)
+class Table:
+    """Linear interpolation between ``(times, values)``; constant before the first and after the last time."""
+
+    times: tuple[float, ...]
+    values: tuple[float, ...]
+
+    def value(self, t: float) -> float:
+        """Value at ``t`` seconds after the start of the stage."""
+        k = bisect.bisect_right(self.times, t)
+        if k == 0:
+            return self.values[0]
+        if k == len(self.times):
+            return self.values[-1]
+        t0, t1 = self.times[k - 1], self.times[k]
+        share = (t - t0) / (t1 - t0)
+        return self.values[k - 1] + (self.values[k] - self.values[k - 1]) * share
+
+
+Signal = Constant | Ramp | Sine | Table
+
+
+@dataclass(frozen=True)
+class DofDrive:
+    """What happens to one degree of freedom of a wall during a stage.
+
+    Exactly one of ``velocity`` (prescribed) and ``force`` (driven: force [N], or torque [N m] for the spin) is given; neither
+    means held fixed. ``damping`` [N s/m, N m s for the spin] acts on a driven degree of freedom at the mid-step velocity.
+    """
+
+    velocity: Signal | None = None
+    force: Signal | None = None
+    damping: float = 0.0
+
+
+@dataclass(frozen=True)
+class WallDrive:
+    """The three degrees of freedom of one wall during a stage; default: held fixed."""
+
+    x: DofDrive = DofDrive()
+    y: DofDrive = DofDrive()
+    spin: DofDrive = DofDrive()
+
+    def dofs(self) -> tuple[DofDrive, DofDrive, DofDrive]:
+        """The drives of x, y and rotation, in this order."""
+        return self.x, self.y, self.spin
