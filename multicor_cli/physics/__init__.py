@@ -1,0 +1,1 @@
+"""Scalar formulas, undecorated, so that they can be tested without compilation."""

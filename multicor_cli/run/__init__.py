@@ -1,0 +1,1 @@
+"""Running a scenario: loading stages, cadences, checkpoints, signals."""

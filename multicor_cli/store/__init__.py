@@ -1,0 +1,1 @@
+"""Files of a run: segments, checkpoints, results, reading and verifying them."""
