@@ -1,0 +1,189 @@
+"""The order in which contacts are relaxed: square tiles in four colours, so that tiles of one colour share no body.
+
+The order is a pure function of the contacts and positions of the step, hence the same for any number of threads. Within a tile
+the contacts follow each other by key, which keeps the propagation of a serial sweep; tiles also keep the bodies of a thread in
+its cache. Contacts with fixed or prescribed walls do not tie tiles together. Heavy grains (many contacts) come last, serially.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from multicor_cli.kernels.contacts import Contacts, Scene
+from multicor_cli.kernels.jit import kernel, parallel_kernel, prange
+from multicor_cli.state.model import Floats, Ints
+
+HEAVY = 16  # a grain with more contacts than this is relaxed serially
+
+COLORS = 4
+
+
+@kernel
+def classify_contacts(
+    scene: Scene, contacts: Contacts, wall_is_free: NDArray[np.bool_]
+) -> tuple[NDArray[np.int8], float, NDArray[np.int64]]:
+    """Say how each contact is relaxed.
+
+    Returns:
+        Class of each contact (0 tiled, 1 heavy, 2 with a wall that has a free degree of freedom), the largest distance in x or y
+        between the grains of a tiled contact [m], and the numbers of contacts in the classes, shape ``(3,)``.
+    """
+    n = scene.radius.size
+    degree = np.zeros(n, np.int32)
+    for c in range(contacts.i.size):
+        degree[contacts.i[c]] += 1
+        if contacts.j[c] < n:
+            degree[contacts.j[c]] += 1
+    classes = np.zeros(contacts.i.size, np.int8)
+    sizes = np.zeros(3, np.int64)
+    span = 0.0
+    for c in range(contacts.i.size):
+        i, j = contacts.i[c], contacts.j[c]
+        if j >= n:
+            if wall_is_free[scene.wall[j - n]]:
+                classes[c] = 2
+            elif degree[i] > HEAVY:
+                classes[c] = 1
+        elif degree[i] > HEAVY or degree[j] > HEAVY:
+            classes[c] = 1
+        else:
+            span = max(span, scene.radius[i] + scene.radius[j] + contacts.frame[c, 2])
+        sizes[classes[c]] += 1
+    return classes, span, sizes
+
+
+@kernel
+def order_contacts(
+    scene: Scene,
+    contacts: Contacts,
+    classes: NDArray[np.int8],
+    sizes: NDArray[np.int64],
+    columns: int,
+    rows: int,
+    corner: Floats,
+    width: float,
+    height: float,
+) -> tuple[Ints, Ints, NDArray[np.int64], NDArray[np.int64]]:
+    """Sort contacts by color, tile and key.
+
+    Args:
+        scene: Positions at q_m.
+        contacts: Contacts sorted by key.
+        classes: From `classify_contacts`.
+        sizes: From `classify_contacts`.
+        columns: Number of tiles in x; even or 1 if the domain is periodic.
+        rows: Number of tiles in y.
+        corner: Lower left corner of the first tile [m], shape ``(2,)``.
+        width: Width of a tile [m].
+        height: Height of a tile [m].
+
+    Returns:
+        Contacts of classes 0 and 1 in the order of the sweep; those of class 2; the start of each tile in the order, shape
+        ``(tiles + 1,)``; the first tile of each color, shape ``(5,)``.
+    """
+    # Tiles are numbered color by color, so that sorting by tile number sorts by color too.
+    half_x, half_y = (columns + 1) // 2, (rows + 1) // 2
+    color_start = np.zeros(COLORS + 1, np.int64)
+    for color in range(COLORS):
+        wide = half_x if color % 2 == 0 else columns - half_x
+        high = half_y if color // 2 == 0 else rows - half_y
+        color_start[color + 1] = color_start[color] + wide * high
+    tile = np.empty(contacts.i.size, np.int32)
+    start = np.zeros(color_start[COLORS] + 1, np.int64)
+    for c in range(contacts.i.size):
+        if classes[c] == 0:
+            i = contacts.i[c]
+            tx = min(max(int((scene.position[i, 0] - corner[0]) / width), 0), columns - 1)
+            ty = min(max(int((scene.position[i, 1] - corner[1]) / height), 0), rows - 1)
+            color = tx % 2 + 2 * (ty % 2)
+            wide = half_x if tx % 2 == 0 else columns - half_x
+            tile[c] = color_start[color] + (ty // 2) * wide + tx // 2
+            start[tile[c] + 1] += 1
+    for t in range(start.size - 1):
+        start[t + 1] += start[t]
+    fill = start[:-1].copy()
+    order = np.empty(sizes[0] + sizes[1], np.int32)
+    general = np.empty(sizes[2], np.int32)
+    heavy_at, general_at = sizes[0], 0
+    for c in range(contacts.i.size):
+        if classes[c] == 0:
+            order[fill[tile[c]]] = c
+            fill[tile[c]] += 1
+        elif classes[c] == 1:
+            order[heavy_at] = c
+            heavy_at += 1
+        else:
+            general[general_at] = c
+            general_at += 1
+    return order, general, start, color_start
+
+
+@kernel
+def number_wall_contacts(scene: Scene, contacts: Contacts, order: Ints) -> Ints:
+    """Running number of each ordered contact with a prescribed wall, -1 for grain–grain contacts, shape ``(len(order),)``."""
+    number = np.empty(order.size, np.int32)
+    found = 0
+    for k in range(order.size):
+        if contacts.j[order[k]] >= scene.radius.size:
+            number[k] = found
+            found += 1
+        else:
+            number[k] = -1
+    return number
+
+
+@parallel_kernel
+def pack_contacts(
+    scene: Scene,
+    contacts: Contacts,
+    order: Ints,
+    wall_number: Ints,
+    first_anchor: int,
+    velocity: Floats,
+    pair: Ints,
+    frame: Floats,
+    impulse: Floats,
+) -> None:
+    """Copy ordered contacts into the arrays of the sweep.
+
+    A prescribed wall is replaced by one *anchor* per contact: a body of infinite mass that has the velocity of the wall at the
+    contact. The sweep then needs no branch, and no two contacts share an anchor.
+
+    Args:
+        scene: Shapes at q_m.
+        contacts: Contacts sorted by key.
+        order: Contacts in the order of the sweep, shape ``(k,)``.
+        wall_number: From `number_wall_contacts`.
+        first_anchor: Row of the first anchor in ``velocity``.
+        velocity: Bodies, then anchors, shape ``(bodies + anchors, 4)``. **Anchors modified.**
+        pair: Bodies of each contact, shape ``(k, 2)``. **Modified.**
+        frame: n_x, n_y, 1/W_nn [kg], bias [m/s], μ, shape ``(k, 5)``. **Modified.**
+        impulse: p_n, p_t [N s], shape ``(k, 2)``. **Modified.**
+    """
+    n = scene.radius.size
+    for k in prange(order.size):
+        c = order[k]
+        i, j = contacts.i[c], contacts.j[c]
+        body = j
+        if j >= n:
+            body = first_anchor + wall_number[k]
+            wall = velocity[n + scene.wall[j - n]]
+            velocity[body, 0] = wall[0] - wall[2] * contacts.lever[c, 1]
+            velocity[body, 1] = wall[1] + wall[2] * contacts.lever[c, 0]
+            velocity[body, 2] = 0.0
+            velocity[body, 3] = 0.0
+        pair[k, 0], pair[k, 1] = i, body
+        frame[k, 0], frame[k, 1] = contacts.frame[c, 0], contacts.frame[c, 1]
+        frame[k, 2] = 1.0 / (velocity[i, 3] + velocity[body, 3])
+        frame[k, 3], frame[k, 4] = contacts.frame[c, 3], contacts.frame[c, 4]
+        impulse[k, 0], impulse[k, 1] = contacts.impulse[c, 0], contacts.impulse[c, 1]
+
+
+@parallel_kernel
+def unpack_impulses(order: Ints, impulse: Floats, target: Floats) -> None:
+    """Write impulses in the order of the sweep, shape ``(k, 2)``, to their contacts in ``target`` ``(c, 2)``. **Modifies it.**"""
+    # The array is passed by itself: Numba drops stores of a parallel loop to an array that it only knows as part of a tuple.
+    for k in prange(order.size):
+        target[order[k], 0] = impulse[k, 0]
+        target[order[k], 1] = impulse[k, 1]

@@ -1,0 +1,212 @@
+"""Gauss–Seidel sweeps over contacts, in the matrix-free form: velocities are updated in place after each contact.
+
+Two kinds of contact:
+
+* *light* ones between bodies with one inverse mass (grains, anchors): the Delassus matrix is diagonal,
+  W_nn = 1/m_i + 1/m_j and W_tt = (1 + β) W_nn with β = m a²/I;
+* *general* ones (walls with free degrees of freedom, arbitrary problems): full 2×2 matrix and inverse mass per degree of
+  freedom, relaxed serially after the others.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from multicor_cli.kernels.jit import kernel, parallel_kernel, prange, scalar
+from multicor_cli.physics import contact_law
+from multicor_cli.state.model import Floats, Ints
+
+solve_exact = scalar(contact_law.solve_exact)
+project_on_cone = scalar(contact_law.project_on_cone)
+solve_full = scalar(contact_law.solve_full)
+
+EXACT, BIPOTENTIAL = 0, 1
+
+
+class System(NamedTuple):
+    """A contact problem in the order of the sweep; ``k`` light contacts, ``g`` general ones, ``b`` bodies.
+
+    Attributes:
+        velocity: Bodies: v_x, v_y [m/s], s (a ω for grains [m/s], Ω for walls [rad/s]), 1/m [1/kg]. **Modified by sweeps.**
+        inverse: Bodies: inverse mass per degree of freedom, for general contacts, shape ``(b, 3)``.
+        pair: Bodies of the light contacts, shape ``(k, 2)``.
+        frame: Light: n_x, n_y, 1/W_nn [kg], bias b [m/s], μ, shape ``(k, 5)``.
+        impulse: Light: p_n, p_t [N s], shape ``(k, 2)``. **Modified by sweeps.**
+        tile_start: Start of each tile, shape ``(tiles + 1,)``; light contacts beyond the last tile are relaxed serially.
+        color_start: First tile of each color, shape ``(colors + 1,)``.
+        general_pair: Bodies of the general contacts, shape ``(g, 2)``.
+        general_frame: n_x, n_y, b, μ, W_nn, W_nt, W_tt, shape ``(g, 7)``.
+        general_lever: What the third velocity of body i adds to u_n and u_t, and likewise that of j, shape ``(g, 4)``.
+        general_impulse: p_n, p_t [N s], shape ``(g, 2)``. **Modified by sweeps.**
+        spin_factor: β = m a²/I of the light contacts.
+    """
+
+    velocity: Floats
+    inverse: Floats
+    pair: Ints
+    frame: Floats
+    impulse: Floats
+    tile_start: NDArray[np.int64]
+    color_start: NDArray[np.int64]
+    general_pair: Ints
+    general_frame: Floats
+    general_lever: Floats
+    general_impulse: Floats
+    spin_factor: float
+
+
+@kernel
+def _push(k: int, d_n: float, d_t: float, velocity: Floats, pair: Ints, frame: Floats, beta: float) -> None:
+    """Change the velocities of the two bodies of a light contact by an impulse."""
+    i, j = pair[k, 0], pair[k, 1]
+    px = d_n * frame[k, 0] - d_t * frame[k, 1]
+    py = d_n * frame[k, 1] + d_t * frame[k, 0]
+    mi, mj = velocity[i, 3], velocity[j, 3]
+    velocity[i, 0] += mi * px
+    velocity[i, 1] += mi * py
+    velocity[i, 2] -= mi * beta * d_t
+    velocity[j, 0] -= mj * px
+    velocity[j, 1] -= mj * py
+    velocity[j, 2] -= mj * beta * d_t
+
+
+@kernel
+def _push_general(g: int, d_n: float, d_t: float, s: System) -> None:
+    """As `_push`, for a general contact."""
+    f, lever = s.general_frame[g], s.general_lever[g]
+    px, py = d_n * f[0] - d_t * f[1], d_n * f[1] + d_t * f[0]
+    a, b = s.general_pair[g, 0], s.general_pair[g, 1]
+    s.velocity[a, 0] += s.inverse[a, 0] * px
+    s.velocity[a, 1] += s.inverse[a, 1] * py
+    s.velocity[a, 2] += s.inverse[a, 2] * (d_n * lever[0] + d_t * lever[1])
+    s.velocity[b, 0] -= s.inverse[b, 0] * px
+    s.velocity[b, 1] -= s.inverse[b, 1] * py
+    s.velocity[b, 2] -= s.inverse[b, 2] * (d_n * lever[2] + d_t * lever[3])
+
+
+@kernel
+def _relax_light(
+    k: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats, beta: float, local: int
+) -> float:
+    """Relax one light contact; returns the square of the velocity correction [m²/s²]."""
+    i, j = pair[k, 0], pair[k, 1]
+    nx, ny, w_inverse = frame[k, 0], frame[k, 1], frame[k, 2]
+    dx = velocity[i, 0] - velocity[j, 0]
+    dy = velocity[i, 1] - velocity[j, 1]
+    u_n = dx * nx + dy * ny + frame[k, 3]
+    u_t = dy * nx - dx * ny - velocity[i, 2] - velocity[j, 2]
+    p_n, p_t = impulse[k, 0], impulse[k, 1]
+    if local == EXACT:
+        new_n, new_t = solve_exact(p_n, p_t, u_n, u_t, w_inverse, w_inverse / (1.0 + beta), frame[k, 4])
+    else:
+        rho = w_inverse / np.sqrt(1.0 + beta)
+        mu = frame[k, 4]
+        new_n, new_t = project_on_cone(p_n - rho * (u_n + mu * abs(u_t)), p_t - rho * u_t, mu)
+    d_n, d_t = new_n - p_n, new_t - p_t
+    if d_n == 0.0 and d_t == 0.0:
+        return 0.0
+    impulse[k, 0], impulse[k, 1] = new_n, new_t
+    _push(k, d_n, d_t, velocity, pair, frame, beta)
+    d_t *= 1.0 + beta
+    return (d_n * d_n + d_t * d_t) / (w_inverse * w_inverse)
+
+
+@kernel
+def add_impulses(s: System) -> None:
+    """Add the effect of the impulses to the velocities: free velocities become v_free + M⁻¹ H p. Serial, in order."""
+    for k in range(s.pair.shape[0]):
+        d_n, d_t = s.impulse[k, 0], s.impulse[k, 1]
+        if d_n != 0.0 or d_t != 0.0:
+            _push(k, d_n, d_t, s.velocity, s.pair, s.frame, s.spin_factor)
+    for g in range(s.general_pair.shape[0]):
+        _push_general(g, s.general_impulse[g, 0], s.general_impulse[g, 1], s)
+
+
+@kernel
+def general_velocity(g: int, s: System) -> tuple[float, float]:
+    """u_n + b and u_t of a general contact [m/s]."""
+    a, b = s.velocity[s.general_pair[g, 0]], s.velocity[s.general_pair[g, 1]]
+    nx, ny = s.general_frame[g, 0], s.general_frame[g, 1]
+    lever = s.general_lever[g]
+    dx, dy = a[0] - b[0], a[1] - b[1]
+    u_n = dx * nx + dy * ny + a[2] * lever[0] - b[2] * lever[2]
+    u_t = dy * nx - dx * ny + a[2] * lever[1] - b[2] * lever[3]
+    return u_n + s.general_frame[g, 2], u_t
+
+
+@kernel
+def general_solution(g: int, s: System, u_n: float, u_t: float, local: int) -> tuple[float, float]:
+    """Impulses of a general contact after a local solve with the others held."""
+    f = s.general_frame[g]
+    p_n, p_t = s.general_impulse[g, 0], s.general_impulse[g, 1]
+    if local == EXACT:
+        return solve_full(p_n, p_t, u_n, u_t, f[4], f[5], f[6], f[3])
+    # The predictor-corrector needs ρ < 2 over the largest eigenvalue; the trace bounds that.
+    rho = min(1.0 / np.sqrt(f[4] * f[6]), 1.5 / (f[4] + f[6]) if f[5] != 0.0 else 1.9 / max(f[4], f[6]))
+    return project_on_cone(p_n - rho * (u_n + f[3] * abs(u_t)), p_t - rho * u_t, f[3])
+
+
+@kernel
+def _relax_general(g: int, s: System, local: int) -> float:
+    """Relax one general contact; returns the square of the velocity correction [m²/s²]."""
+    u_n, u_t = general_velocity(g, s)
+    new_n, new_t = general_solution(g, s, u_n, u_t, local)
+    d_n, d_t = new_n - s.general_impulse[g, 0], new_t - s.general_impulse[g, 1]
+    if d_n == 0.0 and d_t == 0.0:
+        return 0.0
+    s.general_impulse[g, 0], s.general_impulse[g, 1] = new_n, new_t
+    _push_general(g, d_n, d_t, s)
+    f = s.general_frame[g]
+    c_n, c_t = f[4] * d_n + f[5] * d_t, f[5] * d_n + f[6] * d_t
+    return c_n * c_n + c_t * c_t
+
+
+@kernel
+def _relax_tile(t: int, s: System, local: int) -> float:
+    total = 0.0
+    for k in range(s.tile_start[t], s.tile_start[t + 1]):
+        total += _relax_light(k, s.velocity, s.pair, s.frame, s.impulse, s.spin_factor, local)
+    return total
+
+
+@kernel
+def _relax_tiles_serially(s: System, local: int, partial: Floats) -> None:
+    for t in range(s.tile_start.size - 1):
+        partial[t] = _relax_tile(t, s, local)
+
+
+@parallel_kernel
+def _relax_tiles(s: System, local: int, partial: Floats) -> None:
+    for color in range(s.color_start.size - 1):
+        for t in prange(s.color_start[color], s.color_start[color + 1]):
+            partial[t] = _relax_tile(t, s, local)
+
+
+@kernel
+def sweep(s: System, local: int, parallel: bool, partial: Floats) -> float:
+    """One Gauss–Seidel sweep over all contacts.
+
+    Args:
+        s: The problem. **Impulses and velocities modified.**
+        local: `EXACT` or `BIPOTENTIAL`.
+        parallel: Relax the tiles of one color on several threads; the result is the same.
+        partial: Work space, shape ``(tiles,)``.
+
+    Returns:
+        Sum of the squares of the velocity corrections [m²/s²].
+    """
+    if parallel:
+        _relax_tiles(s, local, partial)
+    else:
+        _relax_tiles_serially(s, local, partial)
+    total = 0.0
+    for t in range(partial.size):
+        total += partial[t]
+    for k in range(s.tile_start[-1], s.pair.shape[0]):
+        total += _relax_light(k, s.velocity, s.pair, s.frame, s.impulse, s.spin_factor, local)
+    for g in range(s.general_pair.shape[0]):
+        total += _relax_general(g, s, local)
+    return total

@@ -1,0 +1,280 @@
+"""One time step of rigid grains with Coulomb friction: the stages of Moreau–Jean time stepping, in order."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+
+import numba
+import numpy as np
+
+from multicor_cli.kernels import account
+from multicor_cli.kernels.contacts import (
+    Contacts,
+    Laws,
+    Scene,
+    WarmStart,
+    count_contacts,
+    fill_contacts,
+    find_missed,
+    measure_pairs,
+    warm_rows,
+)
+from multicor_cli.kernels.motion import move, predict, wrap
+from multicor_cli.kernels.neighbours import place_shapes
+from multicor_cli.physics.drives import WallDrive
+from multicor_cli.solver.books import book_step, start_books, switch_wall_kinetic
+from multicor_cli.solver.contact_table import ContactTable, tabulate_contacts
+from multicor_cli.solver.correction import correct_positions
+from multicor_cli.solver.neighbour_list import NeighbourList
+from multicor_cli.solver.settings import PhysicsError, Settings, StepReport
+from multicor_cli.solver.solve import Outcome, Scale, solve_system
+from multicor_cli.solver.system import assemble
+from multicor_cli.solver.walls import WallMotion
+from multicor_cli.state.model import Floats, Model
+from multicor_cli.state.state import State
+
+STAGES = ("predict", "detect", "prepare", "solve", "account", "move", "correct")
+
+
+class Engine:
+    """Advances a `State` step by step. Knows nothing of files, scenarios or terminals.
+
+    Attributes:
+        model: What does not change.
+        state: What does; updated in place by `step`, untouched by a step that is interrupted.
+        settings: Choices of the contact solver; may be replaced between steps.
+        timers: Seconds spent in each stage since the start.
+    """
+
+    def __init__(self, model: Model, state: State, settings: Settings | None = None, threads: int = 0) -> None:
+        """Set up the engine.
+
+        Args:
+            model: The model.
+            state: The state to advance.
+            settings: Choices of the contact solver.
+            threads: Number of threads; 0 takes all that are available.
+
+        Raises:
+            ValueError: If the period is too short for the grains.
+        """
+        self.model = model
+        self.state = state
+        self.settings = settings or Settings()
+        self.timers = dict.fromkeys(STAGES, 0.0)
+        available = int(numba.config.NUMBA_NUM_THREADS)
+        self.threads = min(threads, available) if threads > 0 else available
+        largest = float(model.grains.radius.max())
+        if 0.0 < model.period < 8.0 * largest:
+            message = f"the period {model.period:g} m is less than four times the largest diameter {2.0 * largest:g} m"
+            raise ValueError(message)
+        n, w = model.grain_count, model.wall_count
+        self._list = NeighbourList(model)
+        self._motion = WallMotion(model, [WallDrive()] * w)
+        self._middle = np.empty((n, 3))
+        self._start = np.zeros((n + w, 4))
+        self._free = np.zeros((n + w, 4))
+        self._flagged = np.zeros(n, np.bool_)
+        self._world = np.empty((model.shape_count, 4))
+        self._material = np.concatenate([model.grains.material, model.shapes.material]).astype(np.int32)
+        self._laws = Laws(*(getattr(model.laws, name) for name in Laws._fields))
+        self._contacts: Contacts | None = None
+        self._after: Floats = np.empty((0, 4))
+        self._last_scene: Scene | None = None
+
+    def set_drives(self, drives: list[WallDrive]) -> None:
+        """Choose what the walls do from now on, one `WallDrive` per wall (at the start of a stage, and after a resume)."""
+        before = self._motion.kinetic(self.state.wall_velocity)
+        self._motion = WallMotion(self.model, drives)
+        if self.state.step > 0:
+            switch_wall_kinetic(self.state, self._motion.kinetic(self.state.wall_velocity) - before)
+
+    def resume_drives(self, drives: list[WallDrive]) -> None:
+        """As `set_drives` in the middle of a stage: the books already know the kinetic energy of the walls."""
+        self._motion = WallMotion(self.model, drives)
+
+    def step(self, dt: float, t: float, should_stop: Callable[[], bool] | None = None) -> StepReport:
+        """Advance by one time step.
+
+        Args:
+            dt: Time step [s].
+            t: Time since the start of the stage at the beginning of the step [s].
+            should_stop: Asked now and then during a long solve.
+
+        Raises:
+            Interrupted: If ``should_stop`` says so; the state is that before the step.
+            PhysicsError: If the state is not finite, the solver fails and ``on_failure`` is "error", or no admissible positions
+                exist.
+        """
+        numba.set_num_threads(self.threads)
+        state, model, motion = self.state, self.model, self._motion
+        if state.step == 0:
+            start_books(state, model, motion)
+        with self._timed("predict"):
+            fastest = self._predict(dt, t)
+        middle_walls = state.wall_position + 0.5 * dt * state.wall_velocity
+        scene = self._scene(self._middle, middle_walls)
+        reach = 2.0 * dt * fastest
+        margin = -1.0
+        while True:
+            with self._timed("detect"):
+                self._list.update(self._middle, self._world, reach)
+                lists = self._list
+                if margin < 0.0:
+                    margin = dt * float(
+                        measure_pairs(scene, lists.row, lists.partner, self._start, self._free, reach, lists.gap)
+                    )
+            contacts, scale, after, outcome = self._solve(scene, margin, dt, should_stop)
+            with self._timed("detect"):
+                reach_after = 2.0 * dt * self._fastest(after)
+                if reach_after > reach:
+                    self._list.update(self._middle, self._world, reach_after)
+                    measure_pairs(scene, lists.row, lists.partner, self._start, self._free, reach_after, lists.gap)
+                    reach = reach_after
+                missed = float(find_missed(scene, lists.row, lists.partner, lists.gap, margin, reach, after, dt))
+            if missed == 0.0:
+                break
+            margin = max(2.0 * margin, 1.5 * dt * missed)
+        if not outcome.converged and self.settings.on_failure == "error":
+            message = (
+                f"the contact solver did not converge in {self.settings.max_sweeps} sweeps: "
+                f"rms {outcome.rms:.2e}, max {outcome.maximum:.2e}, energy {outcome.energy:.2e} of their scale"
+            )
+            raise PhysicsError(state.step, message)
+        return self._finish(scene, contacts, after, outcome, reach, dt, middle_walls)
+
+    def contacts(self) -> ContactTable:
+        """Contacts of the last step, sorted by (i, j): those within reach, loaded or not. Empty before the first step."""
+        return tabulate_contacts(self._last_scene, self._contacts, self._after)
+
+    def _predict(self, dt: float, t: float) -> float:
+        """Fill mid-step positions and free velocities; returns the largest speed of anything [m/s]."""
+        state, model = self.state, self.model
+        n = model.grain_count
+        fastest = float(
+            predict(
+                state.position, state.velocity, model.grains.radius, model.grains.mass, model.gravity, dt,
+                self._middle, self._start, self._free,
+            )
+        )  # fmt: skip
+        walls = self._motion.predict(state.wall_velocity, t, dt)
+        self._start[n:, :3] = state.wall_velocity
+        self._free[n:, :3] = walls
+        if not np.isfinite(fastest) or not np.isfinite(walls).all():
+            raise PhysicsError(state.step, _name_non_finite(state))
+        return max(fastest, self._motion.fastest(state.wall_velocity), self._motion.fastest(walls))
+
+    def _fastest(self, after: Floats) -> float:
+        n = self.model.grain_count
+        grains = float(np.sqrt((after[:n, 0] ** 2 + after[:n, 1] ** 2).max()))
+        return max(grains, self._motion.fastest(after[n:, :3]))
+
+    def _scene(self, position: Floats, wall_position: Floats) -> Scene:
+        model = self.model
+        place_shapes(model.shapes.kind, model.shapes.wall, model.shapes.geometry, wall_position, self._world)
+        return Scene(
+            position, model.grains.radius, self._material, model.shapes.kind, model.shapes.wall, self._world, wall_position,
+            model.period,
+        )  # fmt: skip
+
+    def _solve(
+        self, scene: Scene, margin: float, dt: float, should_stop: Callable[[], bool] | None
+    ) -> tuple[Contacts, Scale, Floats, Outcome]:
+        """Contacts with a gap up to ``margin``, their impulses and the velocities v⁺."""
+        state, model, lists = self.state, self.model, self._list
+        with self._timed("prepare"):
+            kept = count_contacts(lists.row, lists.gap, margin)
+            count = int(kept[-1])
+            contacts = Contacts(
+                np.empty(count, np.int32), np.empty(count, np.int32), np.empty((count, 5)), np.empty((count, 2)),
+                np.empty((count, 2)), np.empty((count, 2)),
+            )  # fmt: skip
+            warm = WarmStart(warm_rows(model.grain_count, state.contact_i), state.contact_j, state.contact_impulse)
+            ratio = dt / state.last_dt if state.last_dt > 0.0 else 0.0
+            squares, closing = fill_contacts(
+                scene, self._laws, lists.row, lists.partner, lists.gap, margin, kept, self._start, dt, warm, ratio, contacts
+            )
+            scale = self._scale(dt, float(squares), int(closing))
+            ordered = assemble(
+                scene, contacts, self._free, self._motion.inverse, self._motion.is_free, model.mean_diameter, model.shape_factor
+            )
+        with self._timed("solve"):
+            outcome = solve_system(ordered.system, scale, self.settings, self.threads, should_stop)
+        ordered.collect(contacts)
+        bodies = model.grain_count + model.wall_count
+        return contacts, scale, ordered.system.velocity[:bodies], outcome
+
+    def _scale(self, dt: float, squares: float, closing: int) -> Scale:
+        """u_ref = max(rms Δt|F|/m, Δt P d̄/m̄, rms of the closing velocities), and ½ M u_ref² (design §2)."""
+        model = self.model
+        mass = float(model.grains.mass.sum())
+        mean_mass = mass / model.grain_count
+        reference = max(
+            dt * float(np.hypot(*model.gravity)),
+            dt * self._motion.pressure() * model.mean_diameter / mean_mass,
+            float(np.sqrt(squares / closing)) if closing else 0.0,
+        )
+        return Scale(reference, 0.5 * mass * reference**2)
+
+    def _finish(
+        self, scene: Scene, contacts: Contacts, after: Floats, outcome: Outcome, reach: float, dt: float, middle_walls: Floats
+    ) -> StepReport:
+        """Books, motion and position correction; from here on the state changes."""
+        state, model = self.state, self.model
+        n = model.grain_count
+        with self._timed("account"):
+            sums = account.account_contacts(scene, contacts, after)
+        with self._timed("move"):
+            wall_after = np.where(self._motion.driven, after[n:, :3], self._free[n:, :3])
+            kinetic, gravity_work, _ = move(
+                self._middle, self._start, after, model.grains.radius, model.grains.mass, model.gravity,
+                model.shape_factor, dt, state.position, state.velocity,
+            )  # fmt: skip
+            if not np.isfinite(kinetic):
+                raise PhysicsError(state.step, _name_non_finite(state))
+            wall_before = state.wall_velocity
+            state.wall_velocity = wall_after
+            state.wall_position = middle_walls + 0.5 * dt * wall_after
+        with self._timed("correct"):
+            end = self._scene(state.position, state.wall_position)
+            correction = correct_positions(end, model, self._motion, self._list, reach, self._flagged, state.step)
+            if model.period > 0.0:
+                wrap(state.position, state.image, model.period)
+        with self._timed("account"):
+            book_step(state, self._motion, sums, kinetic, gravity_work, wall_before, correction, outcome, dt)
+            loaded = contacts.impulse[:, 0] > 0.0
+            state.contact_i = contacts.i[loaded]
+            state.contact_j = contacts.j[loaded]
+            state.contact_impulse = contacts.impulse[loaded]
+            state.last_dt = dt
+            state.step += 1
+            state.stage_step += 1
+            state.time = state.stage_start + state.stage_step * dt
+        # A copy of the mid-step scene: frames are those of q_m.
+        self._last_scene = scene._replace(position=self._middle)
+        self._contacts, self._after = contacts, after
+        return StepReport(
+            outcome.sweeps, outcome.converged, outcome.rms, outcome.maximum, outcome.energy, int(loaded.sum()),
+            int(contacts.i.size), correction.overlap,
+        )  # fmt: skip
+
+    @contextmanager
+    def _timed(self, stage: str) -> Iterator[None]:
+        started = time.perf_counter()
+        yield
+        self.timers[stage] += time.perf_counter() - started
+
+
+def _name_non_finite(state: State) -> str:
+    """Say which grain or wall has a value that is not finite."""
+    for name in ("position", "velocity"):
+        bad = np.argwhere(~np.isfinite(getattr(state, name)))
+        if bad.size:
+            return f"the {name} of grain {bad[0, 0]} is not finite"
+    for name in ("wall_position", "wall_velocity"):
+        bad = np.argwhere(~np.isfinite(getattr(state, name)))
+        if bad.size:
+            return f"the {name.replace('_', ' ')} of wall {bad[0, 0]} is not finite"
+    return "a velocity is not finite"

@@ -1,0 +1,128 @@
+"""Keeps a neighbour list and rebuilds it only when something has moved too far for it."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from multicor_cli.kernels.motion import largest_displacement
+from multicor_cli.kernels.neighbours import bin_discs, list_pairs
+from multicor_cli.state.model import Floats, Ints, Model, ShapeKind
+
+SKIN = 0.3  # of the mean diameter: what is listed beyond the reach of a step
+
+
+class NeighbourList:
+    """All pairs of shapes closer than a reach, with a skin that lets the list serve many steps.
+
+    The list is only a superset of the contacts of a step: results do not depend on its age.
+
+    Attributes:
+        row: Rows of the grains, shape ``(n + 1,)``.
+        partner: Shapes near each grain, ascending within a row.
+        gap: Work space for the gaps of the listed pairs [m].
+        builds: How often the list was built.
+    """
+
+    def __init__(self, model: Model) -> None:
+        self._model = model
+        kind = model.shapes.kind
+        self._disc_shapes = np.flatnonzero(kind == ShapeKind.DISC).astype(np.int32)
+        self._shape_of = (model.grain_count + self._disc_shapes).astype(np.int32)
+        self._radius = np.concatenate([model.grains.radius, model.shapes.geometry[self._disc_shapes, 2]])
+        self._planes = np.flatnonzero(kind == ShapeKind.PLANE)
+        self._segments = np.flatnonzero(kind == ShapeKind.SEGMENT)
+        self._level, self._level_radius = _size_classes(self._radius)
+        self._skin = SKIN * model.mean_diameter
+        self._cutoff = -1.0
+        self._reference = np.empty((0, 2))
+        self._reference_world = np.empty((0, 4))
+        self._extent = 0.0
+        self.row: NDArray[np.int64] = np.zeros(model.grain_count + 1, np.int64)
+        self.partner: Ints = np.empty(0, np.int32)
+        self.gap: Floats = np.empty(0)
+        self.builds = 0
+
+    def update(self, position: Floats, world: Floats, reach: float) -> None:
+        """Make sure that all pairs with a gap below ``reach`` [m] are listed.
+
+        Args:
+            position: Grains, shape ``(n, 3)``.
+            world: Wall shapes in the world, shape ``(m, 4)``.
+            reach: Largest gap of interest [m].
+        """
+        if self._cutoff - 2.0 * self._moved(position, world) < reach:
+            self._build(position, world, reach + self._skin)
+
+    def _moved(self, position: Floats, world: Floats) -> float:
+        """Largest displacement of a shape since the list was built [m]; infinite before that."""
+        if self._cutoff < 0.0:
+            return np.inf
+        moved = float(largest_displacement(position, self._reference, self._model.period))
+        if world.size:
+            change = np.abs(world - self._reference_world)
+            moved = max(moved, float(np.hypot(change[:, 0], change[:, 1]).max()))
+            if self._segments.size:
+                moved = max(moved, float(np.hypot(change[self._segments, 2], change[self._segments, 3]).max()))
+            if self._planes.size:  # a tilting plane moves in proportion to the distance from its point
+                tilt = np.hypot(change[self._planes, 2], change[self._planes, 3])
+                moved = max(moved, float((np.hypot(change[self._planes, 0], change[self._planes, 1]) + tilt * self._extent).max()))
+        return moved
+
+    def _build(self, position: Floats, world: Floats, cutoff: float) -> None:
+        model = self._model
+        centers = np.concatenate([position[:, :2], world[self._disc_shapes, :2]])
+        if model.period > 0.0:
+            centers[:, 0] %= model.period
+        low, high = centers.min(axis=0), centers.max(axis=0)
+        size = np.maximum(high - low, 2.0 * self._level_radius.max() + cutoff)
+        if model.period > 0.0:
+            low[0], size[0] = 0.0, model.period
+        cells, shape = self._grids(size, cutoff)
+        start = np.concatenate([[0], np.cumsum(shape.prod(axis=1))]).astype(np.int32)
+        cell_start, cell_disc = bin_discs(centers, self._level, cells, low, start, shape)
+        self.row, self.partner = list_pairs(
+            model.grain_count,
+            centers,
+            self._radius,
+            self._shape_of,
+            model.shapes.kind,
+            world,
+            cutoff,
+            model.period,
+            cells,
+            self._level_radius,
+            low,
+            start,
+            shape,
+            cell_start,
+            cell_disc,
+        )
+        self.gap = np.empty(self.partner.size)
+        self._cutoff = cutoff
+        self._reference = position[:, :2].copy()
+        self._reference_world = world.copy()
+        # Planes pass anywhere: their lever is the farthest grain from any of their points.
+        self._extent = float(np.hypot(*(high - low))) + float(np.abs(world[self._planes, :2]).max(initial=0.0))
+        self.builds += 1
+
+    def _grids(self, size: Floats, cutoff: float) -> tuple[Floats, Ints]:
+        """Cell sizes and numbers of cells of each level; no more cells than a few per disc, however far grains fly apart."""
+        cells = np.empty((self._level_radius.size, 2))
+        shape = np.empty((self._level_radius.size, 2), np.int32)
+        for k, radius in enumerate(self._level_radius):
+            width = 2.0 * radius + cutoff
+            allowed = 64 + 4 * int(np.count_nonzero(self._level == k))
+            while (np.floor(size / width) + 1.0).prod() > allowed:
+                width *= 1.5
+            shape[k] = np.maximum(1, np.floor(size / width))
+            cells[k] = size / shape[k]
+        return cells, shape
+
+
+def _size_classes(radius: Floats) -> tuple[Ints, Floats]:
+    """Class of each disc by radius, factor two apart, and the largest radius of each class that occurs."""
+    exponent = np.floor(np.log2(radius / radius.min()) + 1e-9).astype(np.int32)
+    _, level = np.unique(exponent, return_inverse=True)
+    largest = np.array([radius[level == k].max() for k in range(level.max() + 1)])
+    return level.astype(np.int32), largest

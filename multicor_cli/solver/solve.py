@@ -1,0 +1,101 @@
+"""The global solve of one contact problem, in slices short enough to be interrupted."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from multicor_cli.kernels import accelerate as loop
+from multicor_cli.kernels.sweep import BIPOTENTIAL, EXACT, System
+from multicor_cli.solver.settings import Settings
+
+SLICE = 2_000_000  # contact relaxations between two looks at the signals: well under 0.2 s
+PARALLEL_FROM = 6_000  # contacts from which several threads pay; the result is the same either way
+
+
+@dataclass(frozen=True)
+class Scale:
+    """What residuals are measured against: u_ref [m/s], and ½ M u_ref² [J]."""
+
+    velocity: float
+    energy: float
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Result of a solve; residuals over their scale, ``sweeps`` in sweep-equivalents."""
+
+    sweeps: float
+    converged: bool
+    rms: float
+    maximum: float
+    energy: float
+
+
+class Interrupted(Exception):
+    """The solve was abandoned because a signal asked for it; nothing has been changed."""
+
+
+def solve_system(
+    system: System,
+    scale: Scale,
+    settings: Settings,
+    threads: int,
+    should_stop: Callable[[], bool] | None = None,
+) -> Outcome:
+    """Sweep until the three tolerances are met or the cap is reached.
+
+    Args:
+        system: The problem, with velocities that match its impulses. **Impulses and velocities modified.**
+        scale: Scale of the residuals.
+        settings: Method, tolerances, cap.
+        threads: Number of threads that may be used.
+        should_stop: Asked between slices.
+
+    Raises:
+        Interrupted: If ``should_stop`` says so.
+    """
+    count = system.pair.shape[0] + system.general_pair.shape[0]
+    if count == 0 or scale.velocity == 0.0:
+        return Outcome(0.0, True, 0.0, 0.0, 0.0)
+    tolerance = np.array(
+        [
+            settings.tolerance_rms * scale.velocity,
+            settings.tolerance_max * scale.velocity,
+            settings.tolerance_energy * scale.energy,
+        ]
+    )
+    memory = np.zeros(loop.MEMORY)
+    loop.start_memory(memory)
+    bodies = system.inverse.shape[0]
+    momentum = loop.Momentum(
+        np.empty((bodies, 3)),
+        np.empty((bodies, 3)),
+        np.empty_like(system.impulse),
+        np.empty_like(system.impulse),
+        np.empty_like(system.general_impulse),
+        np.empty_like(system.general_impulse),
+    )
+    partial = np.empty(system.tile_start.size - 1)
+    local = EXACT if settings.local == "exact" else BIPOTENTIAL
+    parallel = threads > 1 and count >= PARALLEL_FROM
+    slice_ = max(1, SLICE // count)
+    limit = 0
+    while memory[loop.CONVERGED] == 0.0 and limit < settings.max_sweeps:
+        limit = min(limit + slice_, settings.max_sweeps)
+        loop.iterate(
+            system, momentum, local, settings.method == "accelerated", parallel, limit, tolerance, memory, partial,
+            int(os.environ.get("VARIANT", "0")),
+        )  # fmt: skip
+        if should_stop is not None and should_stop():
+            raise Interrupted
+    return Outcome(
+        float(memory[loop.SWEEPS] + memory[loop.CHECKS]),
+        bool(memory[loop.CONVERGED]),
+        float(memory[loop.RMS] / scale.velocity),
+        float(memory[loop.MAXIMUM] / scale.velocity),
+        float(memory[loop.ENERGY] / scale.energy),
+    )

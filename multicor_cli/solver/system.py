@@ -1,0 +1,137 @@
+"""Puts the contacts of a step into the order and the arrays of the sweep."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from multicor_cli.kernels.contacts import Contacts, Scene
+from multicor_cli.kernels.ordering import (
+    classify_contacts,
+    number_wall_contacts,
+    order_contacts,
+    pack_contacts,
+    unpack_impulses,
+)
+from multicor_cli.kernels.sweep import System, add_impulses
+from multicor_cli.state.model import Floats, Ints
+
+TILE = 16.0  # width of a tile in mean diameters: a few hundred contacts
+
+
+@dataclass(frozen=True)
+class OrderedSystem:
+    """A `System`, and where its contacts come from.
+
+    Attributes:
+        system: What the sweep works on.
+        order: Contact (by key) behind each light contact.
+        general: Contact behind each general one.
+    """
+
+    system: System
+    order: Ints
+    general: Ints
+
+    def collect(self, contacts: Contacts) -> None:
+        """Write the impulses back into ``contacts``."""
+        unpack_impulses(self.order, self.system.impulse, contacts.impulse)
+        contacts.impulse[self.general] = self.system.general_impulse
+
+
+def assemble(
+    scene: Scene,
+    contacts: Contacts,
+    free: Floats,
+    wall_inverse: Floats,
+    wall_is_free: NDArray[np.bool_],
+    mean_diameter: float,
+    spin_factor: float,
+) -> OrderedSystem:
+    """Order the contacts and build the arrays of the sweep.
+
+    Args:
+        scene: Shapes at q_m.
+        contacts: Contacts sorted by key, with the warm start in ``impulse``.
+        free: Free velocities of grains and walls, shape ``(n + w, 4)``.
+        wall_inverse: Inverse mass per degree of freedom of the walls, shape ``(w, 3)``.
+        wall_is_free: Walls with a driven degree of freedom, shape ``(w,)``.
+        mean_diameter: d̄ [m].
+        spin_factor: β = m a²/I.
+    """
+    classes, span, sizes = classify_contacts(scene, contacts, wall_is_free)
+    columns, rows, corner, width, height = _tiles(scene, max(TILE * mean_diameter, 2.2 * span))
+    order, general, tile_start, color_start = order_contacts(
+        scene, contacts, classes, sizes, columns, rows, corner, width, height
+    )
+    number = number_wall_contacts(scene, contacts, order)
+    bodies = free.shape[0]
+    velocity = np.empty((bodies + int(number.max(initial=-1)) + 1, 4))
+    velocity[:bodies] = free
+    pair = np.empty((order.size, 2), np.int32)
+    frame = np.empty((order.size, 5))
+    impulse = np.empty((order.size, 2))
+    pack_contacts(scene, contacts, order, number, bodies, velocity, pair, frame, impulse)
+    inverse = np.zeros((bodies, 3))
+    if general.size:
+        n = scene.radius.size
+        inverse[:n, 0] = inverse[:n, 1] = free[:n, 3]
+        inverse[:n, 2] = spin_factor * free[:n, 3]
+        inverse[n:] = wall_inverse
+    general_pair, general_frame, lever = _general_contacts(scene, contacts, general, inverse)
+    system = System(
+        velocity, inverse, pair, frame, impulse, tile_start, color_start,
+        general_pair, general_frame, lever, contacts.impulse[general], spin_factor,
+    )  # fmt: skip
+    add_impulses(system)
+    return OrderedSystem(system, order, general)
+
+
+def _tiles(scene: Scene, width: float) -> tuple[int, int, Floats, float, float]:
+    """Numbers of columns and rows, the corner and the size of the tiles; at least ``width`` wide and high."""
+    low = scene.position[:, :2].min(axis=0)
+    size = scene.position[:, :2].max(axis=0) - low
+    if scene.period > 0.0:
+        low[0], size[0] = 0.0, scene.period
+    limit = max(4, scene.radius.size)  # grains that fly far away must not make the grid large
+    rows = min(max(1, int(size[1] / width)), limit)
+    columns = min(max(1, int(size[0] / width)), limit)
+    while rows * columns > limit:
+        rows, columns = max(1, rows // 2), max(1, columns // 2)
+    if scene.period > 0.0 and columns > 1:
+        columns -= columns % 2
+    return columns, rows, low, max(size[0], width) / columns, max(size[1], width) / rows
+
+
+def _general_contacts(
+    scene: Scene, contacts: Contacts, general: Ints, inverse: Floats
+) -> tuple[Ints, Floats, Floats]:
+    """Arrays of the contacts with walls that have a free degree of freedom; see `System`."""
+    n = scene.radius.size
+    i, shape = contacts.i[general], contacts.j[general] - n
+    pair = np.column_stack([i, n + scene.wall[shape]]).astype(np.int32)
+    nx, ny = contacts.frame[general, 0], contacts.frame[general, 1]
+    lx, ly = contacts.lever[general, 0], contacts.lever[general, 1]
+    # u_n and u_t gain −Ω (l_x n_y − l_y n_x) and −Ω (l_x n_x + l_y n_y) from the wall; −s from the grain's surface speed.
+    lever = np.column_stack([np.zeros_like(nx), -np.ones_like(nx), lx * ny - ly * nx, lx * nx + ly * ny])
+    frame = np.empty((general.size, 7))
+    frame[:, 0], frame[:, 1] = nx, ny
+    frame[:, 2], frame[:, 3] = contacts.frame[general, 3], contacts.frame[general, 4]
+    frame[:, 4:] = delassus(pair, frame[:, :2], lever, inverse)
+    return pair, frame, np.ascontiguousarray(lever)
+
+
+def delassus(pair: Ints, normal: Floats, lever: Floats, inverse: Floats) -> Floats:
+    """W_nn, W_nt, W_tt of contacts between bodies with an inverse mass per degree of freedom, shape ``(g, 3)`` [1/kg]."""
+    nx, ny = normal[:, 0], normal[:, 1]
+    result = np.zeros((len(pair), 3))
+    for side in (0, 1):
+        m = inverse[pair[:, side]]
+        l_n, l_t = lever[:, 2 * side], lever[:, 2 * side + 1]
+        result[:, 0] += m[:, 0] * nx**2 + m[:, 1] * ny**2 + m[:, 2] * l_n**2
+        result[:, 1] += (m[:, 1] - m[:, 0]) * nx * ny + m[:, 2] * l_n * l_t
+        result[:, 2] += m[:, 0] * ny**2 + m[:, 1] * nx**2 + m[:, 2] * l_t**2
+    return result
+
