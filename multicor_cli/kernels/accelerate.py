@@ -1,6 +1,9 @@
 """The loop of the global solve: plain or accelerated Gauss–Seidel sweeps until the residual is small enough.
 
-EXPERIMENTAL DRIVER (being tuned).
+The accelerated method extrapolates the sweep as Nesterov does, y = x + ω (x − x_last), on impulses and velocities alike (they are
+linear in each other). Friction makes the problem no minimization, and unguarded momentum cycles in sliding states. Three guards
+keep it no slower than plain sweeps: the momentum restarts when the new change points against the extrapolation (gradient
+restart), when the change per sweep has grown, and it rests for a while when it has not gained anything for long.
 """
 
 from __future__ import annotations
@@ -9,14 +12,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from multicor_cli.kernels.jit import kernel
+from multicor_cli.kernels.jit import CHUNK, kernel, parallel_kernel, prange
 from multicor_cli.kernels.residual import measure_residual
 from multicor_cli.kernels.sweep import System, sweep
 from multicor_cli.state.model import Floats
 
 
 class Momentum(NamedTuple):
-    """Last iterate and last change of all unknowns, for the extrapolation; shapes as in `System`."""
+    """Last iterate and last change of all unknowns; shapes as in `System`, velocities without the last column."""
 
     velocity: Floats
     velocity_change: Floats
@@ -27,49 +30,148 @@ class Momentum(NamedTuple):
 
 
 # Slots of the memory that carries the loop from one slice of sweeps to the next.
-THETA, SWEEPS, CHECKS, GATE, RMS, MAXIMUM, ENERGY, CONVERGED, FACTOR, PLAIN, LAST, BEST, SPAN = range(13)
-MEMORY = 16
+SWEEPS, CHECKS, CONVERGED, RMS, MAXIMUM, ENERGY = range(6)  # for the caller
+ACTIVE, THETA, FACTOR, LAST, BEST, BEST_AT, REST, PATIENCE, NEXT_CHECK = range(6, 15)  # for the loop
+MEMORY = 15
+
+PATIENCE_START = 200.0  # sweeps without gain before the momentum rests, and how long it then rests; doubles each time
 
 
 @kernel
-def start_memory(memory: Floats) -> None:
-    memory[:] = 0.0
+def start_memory(contact_count: int) -> Floats:
+    """Memory of a loop that has not begun."""
+    memory = np.zeros(MEMORY)
+    memory[ACTIVE] = contact_count
     memory[THETA] = 1.0
-    memory[GATE] = 1.0
     memory[LAST] = np.inf
     memory[BEST] = np.inf
-    memory[SPAN] = 4.0
+    memory[PATIENCE] = PATIENCE_START
+    return memory
 
 
 @kernel
-def _dots(s: System, m: Momentum) -> tuple[float, float]:
-    """Inner products of the new change with the last one and itself, in the metric of the kinetic energy."""
+def _inner_products(first: int, last: int, s: System, m: Momentum) -> tuple[float, float]:
+    """Products of the new change of velocity with the last one and with itself in the metric of the kinetic energy [J]."""
     cross, square = 0.0, 0.0
-    for b in range(m.velocity.shape[0]):
+    for b in range(first, last):
         inverse = s.velocity[b, 3]
         for d in range(3):
+            weight = 0.0
             if inverse > 0.0:
-                w = 1.0 / inverse
-                if d == 2:
-                    w /= s.spin_factor
+                weight = 1.0 / inverse if d < 2 else 1.0 / (inverse * s.spin_factor)
             elif s.inverse[b, d] > 0.0:
-                w = 1.0 / s.inverse[b, d]
-            else:
-                continue
+                weight = 1.0 / s.inverse[b, d]
             new = s.velocity[b, d] - m.velocity[b, d]
-            cross += w * new * m.velocity_change[b, d]
-            square += w * new * new
+            cross += weight * new * m.velocity_change[b, d]
+            square += weight * new * new
+    return cross, square
+
+
+@parallel_kernel
+def _inner_products_of_chunks(s: System, m: Momentum, partial: Floats) -> None:
+    for chunk in prange(partial.shape[0]):
+        last = min(m.velocity.shape[0], (chunk + 1) * CHUNK)
+        partial[chunk, 0], partial[chunk, 1] = _inner_products(chunk * CHUNK, last, s, m)
+
+
+@kernel
+def _change_products(s: System, m: Momentum, parallel: bool) -> tuple[float, float]:
+    """As `_inner_products` over all bodies, in fixed chunks."""
+    bodies = m.velocity.shape[0]
+    chunks = max(1, -(-bodies // CHUNK))
+    partial = np.empty((chunks, 2))
+    if parallel:
+        _inner_products_of_chunks(s, m, partial)
+    else:
+        for chunk in range(chunks):
+            last = min(bodies, (chunk + 1) * CHUNK)
+            partial[chunk, 0], partial[chunk, 1] = _inner_products(chunk * CHUNK, last, s, m)
+    cross, square = 0.0, 0.0
+    for chunk in range(chunks):
+        cross += partial[chunk, 0]
+        square += partial[chunk, 1]
     return cross, square
 
 
 @kernel
-def _shift(current: Floats, last: Floats, change: Floats, columns: int, factor: float) -> None:
-    for r in range(last.shape[0]):
-        for d in range(columns):
-            new = current[r, d]
-            change[r, d] = new - last[r, d]
-            last[r, d] = new
-            current[r, d] = new + factor * change[r, d]
+def _extrapolate_row(current: Floats, last: Floats, change: Floats, row: int, columns: int, factor: float) -> None:
+    for d in range(columns):
+        new = current[row, d]
+        step = new - last[row, d]
+        change[row, d] = step
+        last[row, d] = new
+        current[row, d] = new + factor * step
+
+
+@parallel_kernel
+def _extrapolate_on_threads(current: Floats, last: Floats, change: Floats, columns: int, factor: float) -> None:
+    for row in prange(last.shape[0]):
+        _extrapolate_row(current, last, change, row, columns, factor)
+
+
+@kernel
+def _extrapolate(current: Floats, last: Floats, change: Floats, columns: int, factor: float, parallel: bool) -> None:
+    """Record the new iterate and its change, and move ``current`` on by ``factor`` times the change."""
+    if parallel:
+        _extrapolate_on_threads(current, last, change, columns, factor)
+    else:
+        for row in range(last.shape[0]):
+            _extrapolate_row(current, last, change, row, columns, factor)
+
+
+@kernel
+def _remember(s: System, m: Momentum) -> None:
+    """Start the momentum at the present iterate."""
+    for b in range(m.velocity.shape[0]):
+        for d in range(3):
+            m.velocity[b, d] = s.velocity[b, d]
+            m.velocity_change[b, d] = 0.0
+    m.impulse[:] = s.impulse
+    m.impulse_change[:] = 0.0
+    m.general_impulse[:] = s.general_impulse
+    m.general_change[:] = 0.0
+
+
+@kernel
+def _choose_factor(cross: float, square: float, change: float, memory: Floats) -> float:
+    """The factor ω of the next extrapolation, with the guards."""
+    if change < 0.99 * memory[BEST]:
+        memory[BEST] = change
+        memory[BEST_AT] = memory[SWEEPS]
+    if memory[REST] > 0.0:
+        memory[REST] -= 1.0
+        if memory[REST] == 0.0:
+            memory[BEST] = change
+            memory[BEST_AT] = memory[SWEEPS]
+        return 0.0
+    if memory[SWEEPS] - memory[BEST_AT] >= memory[PATIENCE]:
+        memory[REST] = memory[PATIENCE]
+        memory[PATIENCE] *= 2.0
+        memory[THETA] = 1.0
+        return 0.0
+    grown = memory[FACTOR] > 0.0 and change > memory[LAST]
+    if grown or memory[FACTOR] * cross > square:
+        memory[THETA] = 1.0
+    theta = memory[THETA]
+    following = 0.5 * theta * (np.sqrt(theta * theta + 4.0) - theta)
+    memory[THETA] = following
+    return theta * (1.0 - theta) / (theta * theta + following)
+
+
+@kernel
+def _is_converged(s: System, tolerance: Floats, memory: Floats, parallel: bool) -> bool:
+    """Evaluate the residual; decides alone when the loop ends."""
+    rms, largest, energy, active = measure_residual(s, parallel)
+    memory[CHECKS] += 1.0
+    memory[RMS], memory[MAXIMUM], memory[ENERGY] = rms, largest, energy
+    memory[ACTIVE] = max(1.0, active)
+    excess = max(rms / tolerance[0], largest / tolerance[1], np.sqrt(energy / tolerance[2]))
+    # A residual far above its tolerance is not worth looking at again soon.
+    memory[NEXT_CHECK] = memory[SWEEPS] + (2.0 if excess < 1.5 else 4.0 if excess < 4.0 else 8.0)
+    if rms <= tolerance[0] and largest <= tolerance[1] and energy <= tolerance[2]:
+        memory[CONVERGED] = 1.0
+        return True
+    return False
 
 
 @kernel
@@ -80,56 +182,42 @@ def iterate(
     accelerated: bool,
     parallel: bool,
     limit: int,
+    is_last: bool,
     tolerance: Floats,
     memory: Floats,
     partial: Floats,
-    variant: int,
 ) -> None:
-    """Sweep until converged or ``limit`` sweeps in total. tolerance: rms [m/s], max [m/s], energy [J]."""
-    active = max(1.0, float(s.pair.shape[0] + s.general_pair.shape[0]))
+    """Sweep until converged, or until ``limit`` sweeps have been done in all.
+
+    Args:
+        s: The problem. **Impulses and velocities modified.**
+        m: Momentum, carried from one call to the next. **Modified.**
+        local: Kind of local solve, see `multicor_cli.kernels.sweep`.
+        accelerated: Extrapolate, or sweep plainly.
+        parallel: Use several threads; the result is the same.
+        limit: Number of sweeps at which to return.
+        is_last: Whether the caller gives up at ``limit``: the residual is then evaluated there.
+        tolerance: Tolerances of rms and maximum [m/s] and energy [J], shape ``(3,)``.
+        memory: From `start_memory`, carried from one call to the next. **Modified.**
+        partial: Work space, shape ``(tiles,)``.
+    """
     if memory[SWEEPS] == 0.0:
-        m.velocity[:, :] = s.velocity[: m.velocity.shape[0], :3]
-        m.impulse[:, :] = s.impulse
-        m.general_impulse[:, :] = s.general_impulse
-        m.velocity_change[:, :] = 0.0
-        m.impulse_change[:, :] = 0.0
-        m.general_change[:, :] = 0.0
-    factor = memory[FACTOR]
-    wait = 0
+        _remember(s, m)
     while memory[SWEEPS] < limit:
-        change = np.sqrt(sweep(s, local, parallel, partial) / active)
+        change = np.sqrt(sweep(s, local, parallel, partial) / memory[ACTIVE])
         memory[SWEEPS] += 1.0
-        wait -= 1
-        if change < tolerance[0] * memory[GATE] and wait <= 0:
-            rms, largest, energy, count = measure_residual(s, parallel)
-            active = max(1.0, count)
-            memory[CHECKS] += 1.0
-            memory[RMS], memory[MAXIMUM], memory[ENERGY] = rms, largest, energy
-            if rms <= tolerance[0] and largest <= tolerance[1] and energy <= tolerance[2]:
-                memory[CONVERGED] = 1.0
+        # The change per sweep is cheap; the residual is evaluated only where it may pass.
+        if change <= 2.0 * tolerance[0] and memory[SWEEPS] >= memory[NEXT_CHECK]:
+            if _is_converged(s, tolerance, memory, parallel):
                 return
-            wait = 4
-        if not accelerated:
-            continue
-        cross, square = _dots(s, m)
-        if memory[PLAIN] > 0:
-            memory[PLAIN] -= 1
-            factor = 0.0
-            memory[THETA] = 1.0
-        else:
-            restart = False
-            if factor * cross > square:
-                restart = True
-            if variant >= 1 and change > memory[LAST] and memory[THETA] < 1.0 and factor > 0:
-                restart = True
-            if restart:
-                memory[THETA] = 1.0
-            theta = memory[THETA]
-            new_theta = 0.5 * (-theta * theta + theta * np.sqrt(theta * theta + 4.0))
-            factor = theta * (1.0 - theta) / (theta * theta + new_theta)
-            memory[THETA] = new_theta
-        memory[LAST] = change
-        _shift(s.velocity, m.velocity, m.velocity_change, 3, factor)
-        _shift(s.impulse, m.impulse, m.impulse_change, 2, factor)
-        _shift(s.general_impulse, m.general_impulse, m.general_change, 2, factor)
-    memory[FACTOR] = factor
+        elif is_last and memory[SWEEPS] == limit:
+            _is_converged(s, tolerance, memory, parallel)
+            return
+        if accelerated:
+            cross, square = _change_products(s, m, parallel)
+            factor = _choose_factor(cross, square, change, memory)
+            memory[FACTOR] = factor
+            memory[LAST] = change
+            _extrapolate(s.velocity, m.velocity, m.velocity_change, 3, factor, parallel)
+            _extrapolate(s.impulse, m.impulse, m.impulse_change, 2, factor, parallel)
+            _extrapolate(s.general_impulse, m.general_impulse, m.general_change, 2, factor, False)

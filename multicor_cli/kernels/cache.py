@@ -1,7 +1,8 @@
 """Where compiled kernels are kept between runs. This module must run before Numba is imported, and does not import it.
 
-Numba does not notice that a function *called by* a cached function has changed: the stale machine code is used without a word. So
-the cache directory is named after a digest of all sources that kernels may be made of, of the Numba and Python versions and of the
+Numba does not notice that a function *called by* a cached function has changed: the stale machine code is used without a word.
+So the cache directory is named after a digest of all sources that kernels may be made of, of the Numba and Python versions and
+of the
 processor: an edit anywhere in them simply starts a new one.
 """
 
@@ -36,8 +37,9 @@ _NAME = re.compile(r"kernels-[0-9a-f]{16}-numba[\w.+]+-[\w.]+-[0-9a-f]{8}")
 def configure_cache() -> Path | None:
     """Set ``NUMBA_CACHE_DIR`` to a directory that holds kernels compiled from exactly these sources.
 
-    The directory lies in ``$NUMBA_CACHE_DIR`` if the user has set it, else in the user's cache directory, else (nothing writable)
-    in the temporary directory. With ``MULTICOR_NO_CACHE=1`` kernels go to a private directory that is deleted at exit.
+    The directory lies in ``$NUMBA_CACHE_DIR`` if the user has set it, else in the user's cache directory, else (nothing
+    writable) in the temporary directory. With ``MULTICOR_NO_CACHE=1`` kernels go to a private directory that is deleted at
+    exit.
 
     Returns:
         The cache directory, or None if nothing outlives this process.

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -68,8 +67,7 @@ def solve_system(
             settings.tolerance_energy * scale.energy,
         ]
     )
-    memory = np.zeros(loop.MEMORY)
-    loop.start_memory(memory)
+    memory = loop.start_memory(count)
     bodies = system.inverse.shape[0]
     momentum = loop.Momentum(
         np.empty((bodies, 3)),
@@ -86,10 +84,10 @@ def solve_system(
     limit = 0
     while memory[loop.CONVERGED] == 0.0 and limit < settings.max_sweeps:
         limit = min(limit + slice_, settings.max_sweeps)
+        is_last = limit == settings.max_sweeps
         loop.iterate(
-            system, momentum, local, settings.method == "accelerated", parallel, limit, tolerance, memory, partial,
-            int(os.environ.get("VARIANT", "0")),
-        )  # fmt: skip
+            system, momentum, local, settings.method == "accelerated", parallel, limit, is_last, tolerance, memory, partial
+        )
         if should_stop is not None and should_stop():
             raise Interrupted
     return Outcome(
