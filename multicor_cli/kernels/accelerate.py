@@ -126,10 +126,14 @@ def _remember(s: System, m: Momentum) -> None:
         for d in range(3):
             m.velocity[b, d] = s.velocity[b, d]
             m.velocity_change[b, d] = 0.0
-    m.impulse[:] = s.impulse
-    m.impulse_change[:] = 0.0
-    m.general_impulse[:] = s.general_impulse
-    m.general_change[:] = 0.0
+    for k in range(m.impulse.shape[0]):
+        for d in range(2):
+            m.impulse[k, d] = s.impulse[k, d]
+            m.impulse_change[k, d] = 0.0
+    for g in range(m.general_impulse.shape[0]):
+        for d in range(2):
+            m.general_impulse[g, d] = s.general_impulse[g, d]
+            m.general_change[g, d] = 0.0
 
 
 @kernel

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from multicor_cli.kernels.contacts import Contacts, Scene, relative_velocity
-from multicor_cli.kernels.jit import CHUNK, kernel, parallel_kernel, prange
+from multicor_cli.kernels.jit import CHUNK, chunks_for, kernel, parallel_kernel, prange
 from multicor_cli.state.model import Floats
 
 FRICTION, IMPACT, SLIDING, NEGATIVE, VIRIAL, LARGEST, LOADED = 0, 1, 2, 3, 4, 8, 9
@@ -67,6 +67,13 @@ def _account_one(c: int, scene: Scene, contacts: Contacts, after: Floats, total:
 
 
 @parallel_kernel
+def _account_chunks(scene: Scene, contacts: Contacts, after: Floats, partial: Floats, partial_wall: Floats) -> None:
+    count = contacts.i.size
+    for chunk in prange(partial.shape[0]):
+        for c in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
+            _account_one(c, scene, contacts, after, partial[chunk], partial_wall[chunk])
+
+
 def account_contacts(scene: Scene, contacts: Contacts, after: Floats) -> ContactSums:
     """Sum losses, virial and wall impulses over the contacts of a step, in fixed chunks.
 
@@ -77,18 +84,9 @@ def account_contacts(scene: Scene, contacts: Contacts, after: Floats) -> Contact
         contacts: Contacts with their impulses, sorted by key.
         after: Body velocities v⁺, shape ``(bodies, 4)``.
     """
-    count, walls = contacts.i.size, scene.wall_position.shape[0]
-    chunks = max(1, -(-count // CHUNK))
-    partial = np.zeros((chunks, SUMS))
-    partial_wall = np.zeros((chunks, walls, 3))
-    for chunk in prange(chunks):
-        for c in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
-            _account_one(c, scene, contacts, after, partial[chunk], partial_wall[chunk])
-    total = np.zeros(SUMS)
-    wall_impulse = np.zeros((walls, 3))
-    for chunk in range(chunks):
-        largest = max(total[LARGEST], partial[chunk, LARGEST])
-        total += partial[chunk]
-        total[LARGEST] = largest
-        wall_impulse += partial_wall[chunk]
-    return ContactSums(total, wall_impulse)
+    partial = chunks_for(contacts.i.size, SUMS)
+    partial_wall = np.zeros((len(partial), scene.wall_position.shape[0], 3))
+    _account_chunks(scene, contacts, after, partial, partial_wall)
+    total = partial.sum(axis=0)
+    total[LARGEST] = partial[:, LARGEST].max()
+    return ContactSums(total, partial_wall.sum(axis=0))

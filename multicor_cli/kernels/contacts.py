@@ -127,8 +127,8 @@ def _normal_velocity(scene: Scene, velocity: Floats, i: int, j: int, nx: float, 
 
 @parallel_kernel
 def measure_pairs(
-    scene: Scene, row: NDArray[np.int64], partner: Ints, start: Floats, free: Floats, reach: float, gap: Floats
-) -> float:
+    scene: Scene, row: NDArray[np.int64], partner: Ints, start: Floats, free: Floats, reach: float, gap: Floats, fastest: Floats
+) -> None:
     """Gaps of all listed pairs at q_m, and the largest approach speed among those nearer than ``reach``.
 
     Args:
@@ -139,14 +139,11 @@ def measure_pairs(
         free: Free velocities, shape ``(bodies, 4)``.
         reach: No pair farther apart can touch in this step [m].
         gap: Gaps [m], shape ``(pairs,)``. **Modified.**
-
-    Returns:
-        Largest approach speed, at the start or free [m/s]; 0 if nothing approaches.
+        fastest: Largest approach speed in each chunk of grains, at the start or free [m/s]; 0 if nothing approaches, shape
+            ``(chunks, 1)``. **Modified.**
     """
     count = scene.radius.size
-    chunks = max(1, -(-count // CHUNK))
-    fastest = np.zeros(chunks)
-    for chunk in prange(chunks):
+    for chunk in prange(fastest.shape[0]):
         best = 0.0
         for i in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
             for p in range(row[i], row[i + 1]):
@@ -156,23 +153,19 @@ def measure_pairs(
                 if g < reach:
                     best = max(best, -_normal_velocity(scene, start, i, j, nx, ny, g))
                     best = max(best, -_normal_velocity(scene, free, i, j, nx, ny, g))
-        fastest[chunk] = best
-    return fastest.max()
+        fastest[chunk, 0] = best
 
 
-@parallel_kernel
+@kernel
 def count_contacts(row: NDArray[np.int64], gap: Floats, margin: float) -> NDArray[np.int64]:
     """Row pointers ``(n + 1,)`` of the pairs whose gap does not exceed ``margin`` [m]."""
-    count = row.size - 1
-    kept = np.zeros(count + 1, np.int64)
-    for i in prange(count):
-        found = 0
+    kept = np.zeros(row.size, np.int64)
+    found = 0
+    for i in range(row.size - 1):
         for p in range(row[i], row[i + 1]):
             if gap[p] <= margin:
                 found += 1
         kept[i + 1] = found
-    for i in range(count):
-        kept[i + 1] += kept[i]
     return kept
 
 
@@ -235,7 +228,8 @@ def fill_contacts(
     warm: WarmStart,
     scale: float,
     out: Contacts,
-) -> tuple[float, int]:
+    closing: Floats,
+) -> None:
     """Fill the contacts of a step, sorted by (i, j).
 
     Args:
@@ -251,25 +245,20 @@ def fill_contacts(
         warm: Impulses of the step before.
         scale: Ratio of this time step to that of the warm start.
         out: The contacts. **Modified.**
-
-    Returns:
-        Sum of min(u_n⁻, 0)² over the contacts that close within the step [m²/s²], and their number.
+        closing: For each chunk of grains the sum of min(u_n⁻, 0)² over the contacts that close within the step [m²/s²], and
+            their number, shape ``(chunks, 2)``. **Modified.**
     """
     count = row.size - 1
-    chunks = max(1, -(-count // CHUNK))
-    squares = np.zeros(chunks)
-    closing = np.zeros(chunks, np.int64)
-    for chunk in prange(chunks):
+    for chunk in prange(closing.shape[0]):
         for i in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
             c = kept[i]
             for p in range(row[i], row[i + 1]):
                 if gap[p] <= margin:
                     u = _fill_contact(c, i, partner[p], scene, laws, start, dt, warm, scale, out)
                     if u < 0.0:
-                        squares[chunk] += u * u
-                        closing[chunk] += 1
+                        closing[chunk, 0] += u * u
+                        closing[chunk, 1] += 1.0
                     c += 1
-    return squares.sum(), closing.sum()
 
 
 @kernel
@@ -285,16 +274,23 @@ def warm_rows(count: int, contact_i: Ints) -> NDArray[np.int64]:
 
 @parallel_kernel
 def find_missed(
-    scene: Scene, row: NDArray[np.int64], partner: Ints, gap: Floats, margin: float, reach: float, after: Floats, dt: float
-) -> float:
-    """Largest approach speed needed to close a pair that was left out although it closes within the step; 0 if there is none.
+    scene: Scene,
+    row: NDArray[np.int64],
+    partner: Ints,
+    gap: Floats,
+    margin: float,
+    reach: float,
+    after: Floats,
+    dt: float,
+    worst: Floats,
+) -> None:
+    """Largest approach speed of a pair that was left out although it closes within the step; 0 if there is none.
 
-    Args as `fill_contacts`; ``after`` are the velocities v⁺ and ``reach`` the distance that no pair can close [m].
+    Args as `fill_contacts`; ``after`` are the velocities v⁺, ``reach`` the distance that no pair can close [m] and ``worst`` the
+    result per chunk of grains [m/s], shape ``(chunks, 1)``, **modified**.
     """
     count = row.size - 1
-    chunks = max(1, -(-count // CHUNK))
-    worst = np.zeros(chunks)
-    for chunk in prange(chunks):
+    for chunk in prange(worst.shape[0]):
         best = 0.0
         for i in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
             for p in range(row[i], row[i + 1]):
@@ -304,5 +300,4 @@ def find_missed(
                     u_n = _normal_velocity(scene, after, i, partner[p], nx, ny, g)
                     if g + dt * u_n < 0.0:
                         best = max(best, -u_n)
-        worst[chunk] = best
-    return worst.max()
+        worst[chunk, 0] = best

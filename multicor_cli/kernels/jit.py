@@ -1,7 +1,8 @@
 """The decorators of all kernels, in one place: cached, IEEE arithmetic (no fastmath), division by zero gives inf.
 
-`CHUNK` grains or contacts form one unit of a reduction: sums run within a chunk and then over chunks in order, so that their bits
-do not depend on the number of threads.
+`CHUNK` grains or contacts form one unit of a reduction: a kernel leaves one row of partial results per chunk, and its caller sums
+the rows in order, so that the bits do not depend on the number of threads. (Array expressions and reductions inside a parallel
+kernel would be turned into parallel loops of their own, at a second of compilation each.)
 """
 
 from __future__ import annotations
@@ -14,6 +15,9 @@ from multicor_cli.kernels.cache import configure_cache
 configure_cache()
 
 import numba  # noqa: E402  (the cache directory must be set first)
+import numpy as np  # noqa: E402
+
+from multicor_cli.state.model import Floats  # noqa: E402
 
 F = TypeVar("F", bound=Callable[..., Any])
 
@@ -37,6 +41,6 @@ def parallel_kernel(function: F) -> F:
     return numba.njit(cache=True, error_model="numpy", parallel=True)(function)  # type: ignore[no-any-return]
 
 
-def chunk_count(size: int) -> int:
-    """Number of chunks that ``size`` items form (at least one)."""
-    return max(1, -(-size // CHUNK))
+def chunks_for(size: int, columns: int = 1) -> Floats:
+    """Zeroed partial results for ``size`` items, one row per chunk (at least one), shape ``(chunks, columns)``."""
+    return np.zeros((max(1, -(-size // CHUNK)), columns))

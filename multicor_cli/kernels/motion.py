@@ -19,7 +19,8 @@ def predict(
     middle: Floats,
     start: Floats,
     free: Floats,
-) -> float:
+    fastest: Floats,
+) -> None:
     """Positions at mid-step and free velocities of the grains.
 
     Args:
@@ -32,15 +33,12 @@ def predict(
         middle: q_m, shape ``(n, 3)``. **Modified.**
         start: Bodies (v_x, v_y, a ω, 1/m) at the start of the step, shape ``(bodies, 4)``. **Grains modified.**
         free: The same with the free velocities. **Grains modified.**
-
-    Returns:
-        Largest speed of a grain, at the start or free [m/s]; ``nan`` if a velocity is not finite.
+        fastest: Largest speed in each chunk of grains, at the start or free [m/s]; ``nan`` if a number is not finite, shape
+            ``(chunks, 1)``. **Modified.**
     """
     count = radius.size
-    chunks = max(1, -(-count // CHUNK))
-    fastest = np.zeros(chunks)
     half = 0.5 * dt
-    for chunk in prange(chunks):
+    for chunk in prange(fastest.shape[0]):
         best = 0.0
         bad = False
         for i in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
@@ -55,14 +53,7 @@ def predict(
             if not np.isfinite(square + start[i, 2] + middle[i, 0] + middle[i, 1]):
                 bad = True
             best = max(best, square)
-        fastest[chunk] = np.nan if bad else best
-    total = 0.0
-    for chunk in range(chunks):
-        if not fastest[chunk] <= total:
-            total = fastest[chunk]
-            if not np.isfinite(total):
-                break
-    return np.sqrt(total)
+        fastest[chunk, 0] = np.nan if bad else np.sqrt(best)
 
 
 @parallel_kernel
@@ -77,7 +68,8 @@ def move(
     dt: float,
     position: Floats,
     velocity: Floats,
-) -> tuple[float, float, float]:
+    sums: Floats,
+) -> None:
     """End of the step for the grains.
 
     Args:
@@ -91,15 +83,12 @@ def move(
         dt: Time step [s].
         position: Positions at the end of the step (x not yet wrapped), shape ``(n, 3)``. **Modified.**
         velocity: Velocities and spins v⁺, shape ``(n, 3)``. **Modified.**
-
-    Returns:
-        Kinetic energy at the end [J], work of gravity ΣF·½Δt(v⁻+v⁺) [J], and the largest speed [m/s].
+        sums: For each chunk of grains the kinetic energy at the end [J] and the work of gravity ΣF·½Δt(v⁻+v⁺) [J], shape
+            ``(chunks, 2)``. **Modified.**
     """
     count = radius.size
-    chunks = max(1, -(-count // CHUNK))
-    partial = np.zeros((chunks, 3))
     half = 0.5 * dt
-    for chunk in prange(chunks):
+    for chunk in prange(sums.shape[0]):
         for i in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
             vx, vy, s = after[i, 0], after[i, 1], after[i, 2]
             velocity[i, 0], velocity[i, 1] = vx, vy
@@ -108,16 +97,9 @@ def move(
             for d in range(3):
                 position[i, d] = middle[i, d] + half * velocity[i, d]
             square = vx * vx + vy * vy
-            partial[chunk, 0] += 0.5 * mass[i] * (square + s * s / spin_factor)
+            sums[chunk, 0] += 0.5 * mass[i] * (square + s * s / spin_factor)
             work = gravity[0] * (start[i, 0] + vx) + gravity[1] * (start[i, 1] + vy)
-            partial[chunk, 1] += mass[i] * half * work
-            partial[chunk, 2] = max(partial[chunk, 2], square)
-    kinetic, work, fastest = 0.0, 0.0, 0.0
-    for chunk in range(chunks):
-        kinetic += partial[chunk, 0]
-        work += partial[chunk, 1]
-        fastest = max(fastest, partial[chunk, 2])
-    return kinetic, work, np.sqrt(fastest)
+            sums[chunk, 1] += mass[i] * half * work
 
 
 @parallel_kernel
@@ -133,12 +115,10 @@ def wrap(position: Floats, image: np.ndarray, period: float) -> None:
 
 
 @parallel_kernel
-def largest_displacement(position: Floats, reference: Floats, period: float) -> float:
-    """Largest distance moved since ``reference`` ``(n, 2)`` was recorded [m]."""
+def displacements(position: Floats, reference: Floats, period: float, farthest: Floats) -> None:
+    """Largest distance moved since ``reference`` ``(n, 2)`` was recorded, per chunk [m]; **modifies** ``farthest`` ``(chunks, 1)``."""
     count = position.shape[0]
-    chunks = max(1, -(-count // CHUNK))
-    farthest = np.zeros(chunks)
-    for chunk in prange(chunks):
+    for chunk in prange(farthest.shape[0]):
         best = 0.0
         for i in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
             dx = position[i, 0] - reference[i, 0]
@@ -146,5 +126,4 @@ def largest_displacement(position: Floats, reference: Floats, period: float) -> 
                 dx -= period * np.round(dx / period)
             dy = position[i, 1] - reference[i, 1]
             best = max(best, dx * dx + dy * dy)
-        farthest[chunk] = best
-    return np.sqrt(farthest.max())
+        farthest[chunk, 0] = np.sqrt(best)

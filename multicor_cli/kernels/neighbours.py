@@ -286,21 +286,25 @@ def list_pairs(
         sorted_x[place] = center[d, 0]
         sorted_y[place] = center[d, 1]
         sorted_radius[place] = radius[d]
-    nothing = np.empty(0, np.int32)
-    row = np.zeros(grain_count + 1, np.int64)
-    for i in prange(grain_count):
-        row[i + 1] = _scan_row(
-            i, grain_count, center, radius, shape_of, cutoff, period, level_cells, level_radius, origin, level_start,
-            level_shape, cell_start, sorted_x, sorted_y, sorted_radius, cell_disc, nothing, -1,
-        ) + _scan_shapes(i, grain_count, center, radius, kind, world, cutoff, period, nothing, -1)  # fmt: skip
-    for i in range(grain_count):
-        row[i + 1] += row[i]
-    partner = np.empty(row[grain_count], np.int32)
-    for i in prange(grain_count):
-        discs_found = _scan_row(
-            i, grain_count, center, radius, shape_of, cutoff, period, level_cells, level_radius, origin, level_start,
-            level_shape, cell_start, sorted_x, sorted_y, sorted_radius, cell_disc, partner, row[i],
-        )  # fmt: skip
-        _scan_shapes(i, grain_count, center, radius, kind, world, cutoff, period, partner, row[i] + discs_found)
-        _sort(partner, row[i], row[i + 1])
+    row = np.empty(grain_count + 1, np.int64)
+    partner = np.empty(0, np.int32)
+    # The same loop counts first and writes when the rows are known.
+    for is_writing in range(2):
+        for i in prange(grain_count):
+            offset = row[i] if is_writing else np.int64(-1)
+            found = _scan_row(
+                i, grain_count, center, radius, shape_of, cutoff, period, level_cells, level_radius, origin, level_start,
+                level_shape, cell_start, sorted_x, sorted_y, sorted_radius, cell_disc, partner, offset,
+            )  # fmt: skip
+            beyond = offset + found if is_writing else np.int64(-1)
+            found += _scan_shapes(i, grain_count, center, radius, kind, world, cutoff, period, partner, beyond)
+            if is_writing:
+                _sort(partner, offset, offset + found)
+            else:
+                row[i + 1] = found
+        if not is_writing:
+            row[0] = 0
+            for i in range(grain_count):
+                row[i + 1] += row[i]
+            partner = np.empty(row[grain_count], np.int32)
     return row, partner

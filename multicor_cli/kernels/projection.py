@@ -23,8 +23,15 @@ def _overlap(scene: Scene, i: int, j: int) -> float:
 
 @parallel_kernel
 def measure_overlaps(
-    scene: Scene, row: NDArray[np.int64], partner: Ints, gap: Floats, reach: float, tolerance: float, flagged: NDArray[np.bool_]
-) -> tuple[float, int]:
+    scene: Scene,
+    row: NDArray[np.int64],
+    partner: Ints,
+    gap: Floats,
+    reach: float,
+    tolerance: float,
+    flagged: NDArray[np.bool_],
+    found: Floats,
+) -> None:
     """Overlaps at the end of a step among the pairs whose gap at mid-step was below ``reach``.
 
     Args:
@@ -35,15 +42,12 @@ def measure_overlaps(
         reach: Pairs farther apart at q_m cannot overlap now [m].
         tolerance: Allowed overlap over the smaller radius.
         flagged: Whether grain i has a pair in its row that overlaps more, shape ``(n,)``. **Modified.**
-
-    Returns:
-        Largest overlap over the smaller radius (0 if there is none), and the number of flagged grains.
+        found: For each chunk of grains the largest overlap over the smaller radius (0 if there is none) and the number of flagged
+            grains, shape ``(chunks, 2)``. **Modified.**
     """
     count = row.size - 1
-    chunks = max(1, -(-count // CHUNK))
-    largest = np.zeros(chunks)
-    numbers = np.zeros(chunks, np.int64)
-    for chunk in prange(chunks):
+    for chunk in prange(found.shape[0]):
+        flags = 0.0
         best = 0.0
         for i in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
             flagged[i] = False
@@ -54,9 +58,8 @@ def measure_overlaps(
                     if overlap > tolerance:
                         flagged[i] = True
             if flagged[i]:
-                numbers[chunk] += 1
-        largest[chunk] = best
-    return largest.max(), numbers.sum()
+                flags += 1.0
+        found[chunk, 0], found[chunk, 1] = best, flags
 
 
 @kernel

@@ -8,6 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.kernels.contacts import Scene, pair_geometry
+from multicor_cli.kernels.jit import chunks_for
 from multicor_cli.kernels.projection import measure_overlaps, project_flagged
 from multicor_cli.solver.neighbour_list import NeighbourList
 from multicor_cli.solver.settings import PhysicsError
@@ -54,9 +55,9 @@ def correct_positions(
     Raises:
         PhysicsError: If overlaps above `FORBIDDEN` cannot be removed.
     """
-    overlap, count = measure_overlaps(scene, lists.row, lists.partner, lists.gap, reach, ALLOWED, flagged)
+    overlap, count = _overlaps(scene, lists, reach, flagged)
     if count == 0:
-        return Correction(float(overlap), 0.0, 0.0, 0)
+        return Correction(overlap, 0.0, 0.0, 0)
     before, wall_before = scene.position[:, :2].copy(), scene.wall_position.copy()
     inverse = 1.0 / model.grains.mass
     with np.errstate(divide="ignore"):
@@ -70,14 +71,21 @@ def correct_positions(
             model.shapes.geometry,
         )  # fmt: skip
         rounds += 1
-        overlap, count = measure_overlaps(scene, lists.row, lists.partner, lists.gap, reach, ALLOWED, flagged)
+        overlap, count = _overlaps(scene, lists, reach, flagged)
     if overlap > FORBIDDEN:
-        raise PhysicsError(step, _name_overlap(scene, model, lists, flagged, float(overlap)))
+        raise PhysicsError(step, _name_overlap(scene, model, lists, flagged, overlap))
     moved = scene.position[:, :2] - before
     gravity_work = float((model.grains.mass * (moved @ model.gravity)).sum())
     shift = scene.wall_position - wall_before
     gravity_work += float((motion.weight * shift).sum())
-    return Correction(float(overlap), gravity_work, float((motion.load * shift).sum()), rounds)
+    return Correction(overlap, gravity_work, float((motion.load * shift).sum()), rounds)
+
+
+def _overlaps(scene: Scene, lists: NeighbourList, reach: float, flagged: NDArray[np.bool_]) -> tuple[float, int]:
+    """Largest overlap over the smaller radius, and the number of grains flagged for having one above `ALLOWED`."""
+    found = chunks_for(flagged.size, 2)
+    measure_overlaps(scene, lists.row, lists.partner, lists.gap, reach, ALLOWED, flagged, found)
+    return float(found[:, 0].max()), int(found[:, 1].sum())
 
 
 def _name_overlap(scene: Scene, model: Model, lists: NeighbourList, flagged: NDArray[np.bool_], overlap: float) -> str:

@@ -21,6 +21,7 @@ from multicor_cli.kernels.contacts import (
     measure_pairs,
     warm_rows,
 )
+from multicor_cli.kernels.jit import chunks_for
 from multicor_cli.kernels.motion import move, predict, wrap
 from multicor_cli.kernels.neighbours import place_shapes
 from multicor_cli.physics.drives import WallDrive
@@ -123,17 +124,17 @@ class Engine:
                 self._list.update(self._middle, self._world, reach)
                 lists = self._list
                 if margin < 0.0:
-                    margin = dt * float(
-                        measure_pairs(scene, lists.row, lists.partner, self._start, self._free, reach, lists.gap)
-                    )
+                    margin = dt * self._measure_pairs(scene, reach)
             contacts, scale, after, outcome = self._solve(scene, margin, dt, should_stop)
             with self._timed("detect"):
                 reach_after = 2.0 * dt * self._fastest(after)
                 if reach_after > reach:
                     self._list.update(self._middle, self._world, reach_after)
-                    measure_pairs(scene, lists.row, lists.partner, self._start, self._free, reach_after, lists.gap)
+                    self._measure_pairs(scene, reach_after)
                     reach = reach_after
-                missed = float(find_missed(scene, lists.row, lists.partner, lists.gap, margin, reach, after, dt))
+                worst = chunks_for(model.grain_count)
+                find_missed(scene, lists.row, lists.partner, lists.gap, margin, reach, after, dt, worst)
+                missed = float(worst.max())
             if missed == 0.0:
                 break
             margin = max(2.0 * margin, 1.5 * dt * missed)
@@ -153,18 +154,24 @@ class Engine:
         """Fill mid-step positions and free velocities; returns the largest speed of anything [m/s]."""
         state, model = self.state, self.model
         n = model.grain_count
-        fastest = float(
-            predict(
-                state.position, state.velocity, model.grains.radius, model.grains.mass, model.gravity, dt,
-                self._middle, self._start, self._free,
-            )
+        speeds = chunks_for(n)
+        predict(
+            state.position, state.velocity, model.grains.radius, model.grains.mass, model.gravity, dt,
+            self._middle, self._start, self._free, speeds,
         )  # fmt: skip
+        fastest = float(speeds.max())
         walls = self._motion.predict(state.wall_velocity, t, dt)
         self._start[n:, :3] = state.wall_velocity
         self._free[n:, :3] = walls
         if not np.isfinite(fastest) or not np.isfinite(walls).all():
             raise PhysicsError(state.step, _name_non_finite(state))
         return max(fastest, self._motion.fastest(state.wall_velocity), self._motion.fastest(walls))
+
+    def _measure_pairs(self, scene: Scene, reach: float) -> float:
+        """Gaps of the listed pairs into the list; returns the largest approach speed of a pair nearer than ``reach`` [m/s]."""
+        lists, fastest = self._list, chunks_for(self.model.grain_count)
+        measure_pairs(scene, lists.row, lists.partner, self._start, self._free, reach, lists.gap, fastest)
+        return float(fastest.max())
 
     def _fastest(self, after: Floats) -> float:
         n = self.model.grain_count
@@ -193,10 +200,12 @@ class Engine:
             )  # fmt: skip
             warm = WarmStart(warm_rows(model.grain_count, state.contact_i), state.contact_j, state.contact_impulse)
             ratio = dt / state.last_dt if state.last_dt > 0.0 else 0.0
-            squares, closing = fill_contacts(
-                scene, self._laws, lists.row, lists.partner, lists.gap, margin, kept, self._start, dt, warm, ratio, contacts
-            )
-            scale = self._scale(dt, float(squares), int(closing))
+            closing = chunks_for(model.grain_count, 2)
+            fill_contacts(
+                scene, self._laws, lists.row, lists.partner, lists.gap, margin, kept, self._start, dt, warm, ratio, contacts,
+                closing,
+            )  # fmt: skip
+            scale = self._scale(dt, *closing.sum(axis=0))
             ordered = assemble(
                 scene, contacts, self._free, self._motion.inverse, self._motion.is_free, model.mean_diameter, model.shape_factor
             )
@@ -206,7 +215,7 @@ class Engine:
         bodies = model.grain_count + model.wall_count
         return contacts, scale, ordered.system.velocity[:bodies], outcome
 
-    def _scale(self, dt: float, squares: float, closing: int) -> Scale:
+    def _scale(self, dt: float, squares: float, closing: float) -> Scale:
         """u_ref = max(rms Δt|F|/m, Δt P d̄/m̄, rms of the closing velocities), and ½ M u_ref² (design §2)."""
         model = self.model
         mass = float(model.grains.mass.sum())
@@ -228,10 +237,12 @@ class Engine:
             sums = account.account_contacts(scene, contacts, after)
         with self._timed("move"):
             wall_after = np.where(self._motion.driven, after[n:, :3], self._free[n:, :3])
-            kinetic, gravity_work, _ = move(
+            grain_sums = chunks_for(n, 2)
+            move(
                 self._middle, self._start, after, model.grains.radius, model.grains.mass, model.gravity,
-                model.shape_factor, dt, state.position, state.velocity,
+                model.shape_factor, dt, state.position, state.velocity, grain_sums,
             )  # fmt: skip
+            kinetic, gravity_work = (float(total) for total in grain_sums.sum(axis=0))
             if not np.isfinite(kinetic):
                 raise PhysicsError(state.step, _name_non_finite(state))
             wall_before = state.wall_velocity

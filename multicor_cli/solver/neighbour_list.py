@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.kernels.motion import largest_displacement
+from multicor_cli.kernels.jit import chunks_for
+from multicor_cli.kernels.motion import displacements
 from multicor_cli.kernels.neighbours import bin_discs, list_pairs
 from multicor_cli.state.model import Floats, Ints, Model, ShapeKind
 
@@ -58,7 +59,9 @@ class NeighbourList:
         """Largest displacement of a shape since the list was built [m]; infinite before that."""
         if self._cutoff < 0.0:
             return np.inf
-        moved = float(largest_displacement(position, self._reference, self._model.period))
+        farthest = chunks_for(len(position))
+        displacements(position, self._reference, self._model.period, farthest)
+        moved = float(farthest.max())
         if world.size:
             change = np.abs(world - self._reference_world)
             moved = max(moved, float(np.hypot(change[:, 0], change[:, 1]).max()))
