@@ -1,0 +1,121 @@
+"""Small scenes built by hand, shared by the verification tests."""
+
+import numpy as np
+
+from multicor_cli.physics.drives import Constant, DofDrive, WallDrive
+from multicor_cli.solver import Engine, Settings
+from multicor_cli.state import ContactLaws, Grains, Model, ShapeKind, State, Walls, WallShapes
+
+G = 9.81
+FLOOR = [(ShapeKind.PLANE, 0, (0.0, 0.0, 0.0, 1.0))]
+TIGHT = Settings(tolerance_rms=1e-12, tolerance_max=1e-10, tolerance_energy=1e-12, max_sweeps=200_000)
+FIXED = DofDrive()
+
+
+def make_laws(friction=0.5, restitution=0.0, table=None):
+    if table is None:
+        none = np.zeros(0)
+        number, start, speed, values = np.full((1, 1), -1, np.int32), np.zeros(1, np.int32), none, none
+    else:
+        number, start = np.zeros((1, 1), np.int32), np.array([0, len(table[0])], np.int32)
+        speed, values = np.array(table[0], float), np.array(table[1], float)
+    return ContactLaws(np.full((1, 1), friction), np.full((1, 1), restitution), number, start, speed, values)
+
+
+def make_model(
+    radius,
+    shapes=(),
+    walls=("floor",),
+    *,
+    friction=0.5,
+    restitution=0.0,
+    gravity=(0.0, -G),
+    period=0.0,
+    mass=None,
+    inertia=None,
+    length=1.0,
+    shape="disc",
+    density=1.0,
+    table=None,
+    wall_gravity=False,
+):
+    """Model of one material; ``shapes`` are (kind, wall, four numbers)."""
+    radius = np.asarray(radius, float)
+    n, w = radius.size, len(walls)
+    if shape == "disc":
+        grain_mass, factor = density * np.pi * radius**2, 2.0
+    else:
+        grain_mass, factor = density * 4.0 / 3.0 * np.pi * radius**3, 2.5
+    grains = Grains(radius, grain_mass, grain_mass * radius**2 / factor, np.zeros(n, np.int32), np.zeros(n, np.int32))
+    wall_shapes = WallShapes(
+        np.array([s[0] for s in shapes], np.int32),
+        np.array([s[1] for s in shapes], np.int32),
+        np.array([s[2] for s in shapes], float).reshape(len(shapes), 4),
+        np.zeros(len(shapes), np.int32),
+    )
+    fill = lambda value: np.full(w, np.nan if value is None else value, float)  # noqa: E731
+    bodies = Walls(tuple(walls), fill(mass), fill(inertia), np.full(w, wall_gravity), fill(length))
+    laws = make_laws(friction, restitution, table)
+    return Model(grains, wall_shapes, bodies, laws, ("a",), ("g",), period, np.array(gravity, float), factor)
+
+
+def make_engine(model, positions, velocities=None, *, settings=None, drives=None, threads=1):
+    state = State.at_rest(model, np.asarray(positions, float))
+    if velocities is not None:
+        state.velocity[:] = velocities
+    engine = Engine(model, state, settings or Settings(), threads=threads)
+    engine.set_drives(drives or [WallDrive()] * model.wall_count)
+    return engine
+
+
+def advance(engine, dt, steps):
+    for k in range(steps):
+        engine.step(dt, k * dt)
+    return engine.state
+
+
+def book(state, name):
+    from multicor_cli.state import BOOK_NAMES
+
+    return state.books[BOOK_NAMES.index(name)]
+
+
+def tally(state, name):
+    from multicor_cli.state.state import TALLY_NAMES
+
+    return state.tallies[TALLY_NAMES.index(name)]
+
+
+def shear_scene(columns=16, rows=14, *, seed=0, friction=0.4, restitution=0.0, spread=0.2, gravity=(0.0, 0.0), load=1.0, speed=1.5):
+    """Loose discs of mean mass and diameter 1 between two rough walls; the upper one is sheared under a load per length.
+
+    Returns the model, positions (with the walls' reference points) and drives.
+    """
+    rng = np.random.default_rng(seed)
+    n = columns * rows
+    radius = 0.5 * (1.0 + spread * (2.0 * rng.random(n) - 1.0))
+    period = 1.25 * columns
+    k = np.arange(n)
+    positions = np.column_stack([(k % columns + 0.5 * (k // columns % 2) + 0.25) * 1.25, 1.15 + (k // columns) * 1.1])
+    glued = round(period)
+    width = period / glued
+    line = [((m + 0.5) * width - 0.5 * period, 0.0, 0.5 * width, 0.0) for m in range(glued)]
+    shapes = [(ShapeKind.DISC, 0, g) for g in line] + [(ShapeKind.DISC, 1, g) for g in line]
+    model = make_model(
+        radius, shapes, ("bottom", "top"), friction=friction, restitution=restitution, gravity=gravity, period=period,
+        mass=20.0, length=period, density=4.0 / np.pi,
+    )  # fmt: skip
+    height = 1.15 + rows * 1.1
+    origins = np.array([[0.5 * period, 0.0, 0.0], [0.5 * period, height, 0.0]])
+    drives = [
+        WallDrive(),
+        WallDrive(x=DofDrive(velocity=Constant(speed)), y=DofDrive(force=Constant(-load * period), damping=0.0)),
+    ]
+    return model, positions, origins, drives
+
+
+def shear_engine(settings=None, threads=1, **kwargs):
+    model, positions, origins, drives = shear_scene(**kwargs)
+    engine = make_engine(model, positions, settings=settings, drives=drives, threads=threads)
+    engine.state.wall_position[:] = origins
+    return engine

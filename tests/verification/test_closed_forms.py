@@ -1,0 +1,293 @@
+"""Closed-form solutions (physics.md §6): equation in each test, tolerance from the order of the scheme."""
+
+import numpy as np
+import pytest
+from builders import FIXED, FLOOR, G, TIGHT, advance, book, make_engine, make_model, tally
+
+from multicor_cli.physics.drives import Constant, DofDrive, WallDrive
+from multicor_cli.solver import Settings
+from multicor_cli.state import ShapeKind
+
+
+@pytest.mark.parametrize("shape", ["disc", "sphere"])
+@pytest.mark.parametrize("dt", [1e-2, 3.7e-3, 1e-3])
+def test_sliding_body_ends_rolling_with_the_exact_velocity_and_heat(shape, dt):
+    """v = v0/(1 + I/(m a²)) whatever Δt; the mid-step rule dissipates exactly I/(m a²)/(1 + I/(m a²)) of the energy."""
+    model = make_model([1.0], FLOOR, friction=0.3, shape=shape)
+    state = advance(make_engine(model, [[0.0, 1.0]], [[1.0, 0.0, 0.0]], settings=TIGHT), dt, int(0.2 / dt))
+    ratio = 1.0 / model.shape_factor
+    assert state.velocity[0, 0] == pytest.approx(1.0 / (1.0 + ratio), abs=1e-12)
+    assert state.velocity[0, 2] == pytest.approx(-state.velocity[0, 0], abs=1e-12)
+    energy = 0.5 * model.grains.mass[0]
+    assert book(state, "friction_loss") / energy == pytest.approx(ratio / (1.0 + ratio), abs=1e-12)
+
+
+@pytest.mark.parametrize(("dt", "expected"), [(1e-2, 0.304474540), (1e-3, 0.330395371)])
+def test_sliding_disc_end_of_step_rule(dt, expected):
+    """The paper's rule μ|u_t⁺| r_n Δt misses part of it; the discrete values of checkvalues.py §14."""
+    model = make_model([1.0], FLOOR, friction=0.3)
+    state = advance(make_engine(model, [[0.0, 1.0]], [[1.0, 0.0, 0.0]], settings=TIGHT), dt, int(0.2 / dt))
+    assert book(state, "friction_sliding") / (0.5 * model.grains.mass[0]) == pytest.approx(expected, abs=1e-9)
+
+
+@pytest.mark.parametrize(("shape", "threshold"), [("disc", 1.0 / 3.0), ("sphere", 2.0 / 7.0)])
+def test_rolling_threshold_on_an_incline(shape, threshold):
+    """On a slope of 20° a disc rolls if μ ≥ tan θ/3 (a sphere 2 tan θ/7); then a = g sin θ/(1 + I/(m a²))."""
+    slope = np.radians(20.0)
+    gravity = (G * np.sin(slope), -G * np.cos(slope))
+    limit = threshold * np.tan(slope)
+    dt, steps = 1e-3, 200
+    for factor, rolls in ((1.01, True), (0.99, False)):
+        model = make_model([1.0], FLOOR, friction=factor * limit, gravity=gravity, shape=shape)
+        state = advance(make_engine(model, [[0.0, 1.0]], settings=TIGHT), dt, steps)
+        slip = state.velocity[0, 0] + state.velocity[0, 2]
+        assert (abs(slip) < 1e-10) == rolls
+        if rolls:
+            rate = G * np.sin(slope) / (1.0 + 1.0 / model.shape_factor)
+            assert state.velocity[0, 0] == pytest.approx(rate * dt * steps, rel=1e-10)
+        else:
+            rate = G * (np.sin(slope) - factor * limit * np.cos(slope))
+            assert state.velocity[0, 0] == pytest.approx(rate * dt * steps, rel=1e-10)
+
+
+def _rebound_height(restitution, dt):
+    """Largest height after the first impact of a ball dropped from 1 m."""
+    model = make_model([0.05], FLOOR, restitution=restitution)
+    engine = make_engine(model, [[0.0, 1.05]])
+    best, hit = 0.0, False
+    for k in range(int(1.2 / dt)):
+        engine.step(dt, k * dt)
+        hit = hit or engine.state.velocity[0, 1] > 0.0
+        if hit:
+            best = max(best, engine.state.position[0, 1] - 0.05)
+    return best, engine.state
+
+
+@pytest.mark.parametrize("restitution", [0.5, 0.9])
+def test_bouncing_ball_is_first_order(restitution):
+    """h₁ = e² h₀; the impact is found at the end of a step, so the error is at most of the order of Δt·v."""
+    steps = np.array([3.2e-3, 1.6e-3, 8e-4, 4e-4, 2e-4])
+    impact_speed = np.sqrt(2.0 * G)
+    errors = np.array([_rebound_height(restitution, dt)[0] - restitution**2 for dt in steps])
+    # First order with a constant that depends on where in its step the impact falls: bounded by one step of free fall.
+    assert (np.abs(errors) <= steps * impact_speed * (1.0 + restitution)).all()
+    assert np.abs(errors[-1]) < 0.25 * steps[0] * impact_speed
+
+
+def test_ball_without_restitution_stays_down_and_dissipates_its_fall():
+    """e = 0: no rebound at any Δt; the impact takes m g h."""
+    for dt in (3e-3, 1e-3, 3e-4, 1e-4):
+        height, state = _rebound_height(0.0, dt)
+        assert height <= 1e-12
+        assert abs(state.position[0, 1] - 0.05) < 1e-12
+        mass = np.pi * 0.05**2
+        assert book(state, "impact_loss") == pytest.approx(mass * G * 1.0, rel=1e-9)
+
+
+@pytest.mark.parametrize("count", [3, 5])
+def test_touching_cradle(count):
+    """Touching balls, Newton e = 1, simultaneous impacts: (−1/3, 2/3, 2/3) and (−.6, .4, .4, .4, .4)."""
+    expected = {3: [-1 / 3, 2 / 3, 2 / 3], 5: [-0.6, 0.4, 0.4, 0.4, 0.4]}[count]
+    model = make_model(np.full(count, 0.5), walls=(), restitution=1.0, gravity=(0.0, 0.0), friction=0.0)
+    positions = [[k * 1.0, 0.0] for k in range(count)]
+    velocities = np.zeros((count, 3))
+    velocities[0, 0] = 1.0
+    engine = make_engine(model, positions, velocities, settings=TIGHT)
+    engine.step(1e-6, 0.0)
+    # Only the first pair approaches; the others take part because they touch.
+    assert engine.state.velocity[:, 0] == pytest.approx(expected, abs=1e-6)
+    assert (engine.state.velocity[:, 0] ** 2).sum() == pytest.approx(1.0, abs=1e-6)
+
+
+def test_cradle_with_gaps_passes_the_motion_on():
+    """With gaps the impacts are sequential: (0, …, 0, 1)."""
+    model = make_model(np.full(4, 0.5), walls=(), restitution=1.0, gravity=(0.0, 0.0), friction=0.0)
+    velocities = np.zeros((4, 3))
+    velocities[0, 0] = 1.0
+    engine = make_engine(model, [[1.1 * k, 0.0] for k in range(4)], velocities, settings=TIGHT)
+    state = advance(engine, 1e-3, 500)
+    assert state.velocity[:, 0] == pytest.approx([0.0, 0.0, 0.0, 1.0], abs=1e-12)
+
+
+def test_cradle_without_restitution_shares_the_momentum():
+    """e = 0: all move with v0/n."""
+    model = make_model(np.full(5, 0.5), walls=(), gravity=(0.0, 0.0), friction=0.0)
+    velocities = np.zeros((5, 3))
+    velocities[0, 0] = 1.0
+    state = advance(make_engine(model, [[k, 0.0] for k in range(5)], velocities, settings=TIGHT), 1e-4, 50)
+    assert state.velocity[:, 0] == pytest.approx(np.full(5, 0.2), abs=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("tangential", "p_n", "p_t", "u_t", "loss_n", "loss_t"),
+    [(3.0, 0.75, -0.15, 2.1, 0.1875, 0.3825), (0.5, 0.75, -1.0 / 12.0, 0.0, 0.1875, 0.5**2 / 12.0)],
+)
+def test_oblique_impact(tangential, p_n, p_t, u_t, loss_n, loss_t):
+    """Two equal discs of mass 1, u = (−1, u_t), e_n = 0.5, e_t = 0, μ = 0.2 (physics.md §6.5)."""
+    model = make_model([0.5, 0.5], walls=(), restitution=0.5, gravity=(0.0, 0.0), friction=0.2, density=4.0 / np.pi)
+    # i = 0 to the right of j = 1: n = (1, 0), t = (0, 1); contact exactly at mid-step.
+    dt = 1e-3
+    positions = [[1.0 + 0.5 * dt, -0.5 * dt * tangential], [0.0, 0.0]]
+    velocities = [[-1.0, tangential, 0.0], [0.0, 0.0, 0.0]]
+    engine = make_engine(model, positions, velocities, settings=TIGHT)
+    engine.step(dt, 0.0)
+    contact = engine.contacts()
+    assert contact.impulse[0] == pytest.approx([p_n, p_t], abs=1e-12)
+    assert contact.slip[0] == pytest.approx(u_t, abs=1e-12)
+    assert book(engine.state, "impact_loss") == pytest.approx(loss_n, abs=1e-12)
+    assert book(engine.state, "friction_loss") == pytest.approx(loss_t, abs=1e-12)
+
+
+def _pyramid(friction):
+    radius = 0.01
+    model = make_model(np.full(3, radius), FLOOR, friction=friction)
+    positions = [[-radius, radius], [radius, radius], [0.0, radius * (1.0 + np.sqrt(3.0))]]
+    return make_engine(model, positions), radius
+
+
+def test_three_disc_pyramid_threshold():
+    """Rests if μ ≥ tan 15° (physics.md §6.6), falls below; watched for 20 √(R/g)."""
+    threshold = np.tan(np.radians(15.0))
+    for factor, rests in ((1.01, True), (0.99, False)):
+        engine, radius = _pyramid(factor * threshold)
+        dt = 0.02 * np.sqrt(radius / G)
+        top = engine.state.position[2, 1]
+        state = advance(engine, dt, 1000)
+        fallen = (top - state.position[2, 1]) / radius
+        assert (fallen < 1e-3) == rests, f"μ = {factor} tan 15°: the top disc sank by {fallen:.2e} R"
+
+
+def test_frictionless_pyramid_accelerations():
+    """μ = 0: the top disc falls with g/7, the base discs spread with √3 g/7; the ground carries 20/21 of the weight."""
+    engine, _ = _pyramid(0.0)
+    engine.settings = TIGHT
+    dt = 1e-6
+    engine.step(dt, 0.0)
+    state = engine.state
+    assert -state.velocity[2, 1] / dt == pytest.approx(G / 7.0, rel=1e-6)
+    assert np.abs(state.velocity[:2, 0]) / dt == pytest.approx([np.sqrt(3.0) * G / 7.0] * 2, rel=1e-6)
+    weight = engine.model.grains.mass.sum() * G * dt
+    assert -state.window_wall_impulse[0, 1] / weight == pytest.approx(20.0 / 21.0, rel=1e-6)
+
+
+def test_column_forces():
+    """A resting column: contact k below the top carries k m g."""
+    count = 12
+    model = make_model(np.full(count, 0.5), FLOOR)
+    engine = make_engine(model, [[0.0, 0.5 + k] for k in range(count)], settings=TIGHT)
+    dt = 1e-3
+    engine.step(dt, 0.0)
+    engine.step(dt, dt)
+    contacts = engine.contacts()
+    above = count - np.where(contacts.j >= count, 0, contacts.j)
+    weight = model.grains.mass[0] * G * dt
+    assert contacts.impulse[:, 0] == pytest.approx(above * weight, rel=1e-8)
+
+
+def test_lattice_forces_between_rows():
+    """Triangular lattice, periodic: row k below the top presses with k m g/√3 through each inclined contact (§6.7)."""
+    columns, rows, radius = 8, 7, 0.5
+    model = make_model(np.full(columns * rows, radius), FLOOR, period=2.0 * radius * columns)
+    pitch = np.sqrt(3.0) * radius
+    positions = [[2 * radius * (c + 0.5 * (r % 2)), radius + r * pitch] for r in range(rows) for c in range(columns)]
+    engine = make_engine(model, positions, settings=Settings(tolerance_rms=1e-10, tolerance_max=1e-8, tolerance_energy=1e-8))
+    dt = 1e-3
+    advance(engine, dt, 2)
+    contacts = engine.contacts()
+    weight = model.grains.mass[0] * G * dt
+    # The vertical force between rows: sum over the two contacts of a grain, whatever the horizontal contacts carry.
+    n = model.grain_count
+    between = contacts.j < n
+    lower = np.minimum(contacts.i // columns, contacts.j // columns)[between]
+    upper = np.maximum(contacts.i // columns, contacts.j // columns)[between]
+    tangent_y = contacts.normal[between, 0]
+    vertical = contacts.impulse[between, 0] * contacts.normal[between, 1] + contacts.impulse[between, 1] * tangent_y
+    sign = np.where(contacts.i[between] // columns > contacts.j[between] // columns, 1.0, -1.0)
+    for row in range(rows - 1):
+        mask = (lower == row) & (upper == row + 1)
+        total = (sign[mask] * vertical[mask]).sum()
+        assert total == pytest.approx((rows - 1 - row) * columns * weight, rel=1e-6)
+    floor = contacts.impulse[contacts.j >= n, 0].sum()
+    assert floor == pytest.approx(rows * columns * weight, rel=1e-6)
+
+
+def test_loaded_wall_reaches_its_terminal_velocity():
+    """M V̇ = F − c V: V = F/c (1 − exp(−c t/M)); second order in Δt."""
+    shapes = [(ShapeKind.PLANE, 0, (0.0, 0.0, 0.0, -1.0))]
+    model = make_model([0.1], shapes, ("lid",), gravity=(0.0, 0.0), mass=2.0)
+    drive = WallDrive(y=DofDrive(force=Constant(3.0), damping=4.0))
+    errors = []
+    for dt in (0.02, 0.01, 0.005):
+        engine = make_engine(model, [[0.0, -5.0]], drives=[drive])
+        state = advance(engine, dt, round(1.0 / dt))
+        errors.append(abs(state.wall_velocity[0, 1] - 0.75 * (1.0 - np.exp(-2.0))))
+        assert book(state, "closure") < 1e-12
+        assert state.wall_velocity[0, 0] == 0.0
+    assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.05)
+    assert np.log2(errors[1] / errors[2]) == pytest.approx(2.0, abs=0.05)
+
+
+def test_loaded_lid_presses_with_its_load_and_weight():
+    """At rest the floor carries the grains, the lid and its load."""
+    shapes = [*FLOOR, (ShapeKind.PLANE, 1, (0.0, 0.0, 0.0, -1.0))]
+    model = make_model([0.5, 0.5], shapes, ("floor", "lid"), mass=1.5, wall_gravity=True)
+    drives = [WallDrive(), WallDrive(y=DofDrive(force=Constant(-2.0)))]
+    engine = make_engine(model, [[0.0, 0.5], [0.0, 1.5]], drives=drives, settings=TIGHT)
+    engine.state.wall_position[1, 1] = 2.0
+    dt = 1e-3
+    advance(engine, dt, 3)
+    engine.state.window_wall_impulse[:] = 0.0
+    engine.step(dt, 0.0)
+    force = -engine.state.window_wall_impulse[0, 1] / dt
+    assert force == pytest.approx(model.grains.mass.sum() * G + 1.5 * G + 2.0, rel=1e-8)
+
+
+def test_friction_that_depends_on_speed():
+    """A disc held from spinning by its inertia slides with μ(v) of the table: one step's impulse is μ(|u_t⁻|) m g Δt."""
+    table = ([0.0, 1.0, 3.0], [0.5, 0.3, 0.1])
+    for speed, mu in ((0.0, 0.5), (0.5, 0.4), (2.0, 0.2), (9.0, 0.1)):
+        model = make_model([1.0], FLOOR, table=table)
+        engine = make_engine(model, [[0.0, 1.0]], [[speed, 0.0, 0.0]], settings=TIGHT)
+        dt = 1e-3
+        engine.step(dt, 0.0)
+        slowed = speed - engine.state.velocity[0, 0]
+        assert slowed == pytest.approx(min(mu * G * dt, speed / 3.0), rel=1e-9)
+
+
+def test_ball_on_the_end_of_a_segment_sees_a_point():
+    """A vertex pushes along the line to the center; the segment next to it stays silent."""
+    shapes = [
+        (ShapeKind.SEGMENT, 0, (-1.0, 0.0, 0.0, 0.0)),
+        (ShapeKind.VERTEX, 0, (0.0, 0.0, 0.0, -1.0)),
+    ]
+    model = make_model([1.0], shapes, friction=0.0, gravity=(0.0, 0.0))
+    direction = np.array([np.sin(0.5), np.cos(0.5)])
+    engine = make_engine(model, [1.0 * direction], [[-direction[0], -direction[1], 0.0]], settings=TIGHT)
+    engine.step(1e-6, 0.0)
+    contacts = engine.contacts()
+    assert contacts.i.size == 1
+    assert contacts.normal[0] == pytest.approx(direction, abs=1e-5)
+    assert np.hypot(*engine.state.velocity[0, :2]) < 1e-5
+
+
+def test_drum_carries_its_grain_up():
+    """A disc in a turning drum rolls without slip (as a pendulum about the lowest point) and stays on the drum."""
+    shapes = [(ShapeKind.CIRCLE, 0, (0.0, 0.0, 1.0, 0.0))]
+    model = make_model([0.1], shapes, ("drum",), friction=0.8)
+    drive = WallDrive(spin=DofDrive(velocity=Constant(0.2)))
+    engine = make_engine(model, [[0.0, -0.9]], drives=[drive])
+    state = advance(engine, 1e-3, 4000)
+    assert abs(engine.contacts().slip[0]) < 1e-4
+    mean_spin = 0.2 * 1.0 / 0.1
+    assert abs(state.velocity[0, 2] - mean_spin) < 0.5 * mean_spin
+    assert book(state, "closure") < 1e-12
+    assert np.hypot(*state.position[0, :2]) == pytest.approx(0.9, abs=5e-4 * 0.1)  # the overlap that is left alone
+    assert tally(state, "max_overlap") < 1e-3
+
+
+def test_fixed_walls_do_not_move():
+    model = make_model([0.5], FLOOR)
+    engine = make_engine(model, [[0.0, 0.5]], drives=[WallDrive(x=FIXED, y=FIXED, spin=FIXED)])
+    state = advance(engine, 1e-3, 10)
+    assert not state.wall_position.any()
+    assert not state.wall_velocity.any()
