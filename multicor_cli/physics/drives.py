@@ -66,7 +66,19 @@ class Table:
         return self.values[k - 1] + (self.values[k] - self.values[k - 1]) * share
 
 
-Signal = Constant | Ramp | Sine | Table
+@dataclass(frozen=True)
+class Shifted:
+    """A signal of an earlier stage that goes on; ``offset`` [s] is the time from that stage's start to this stage's."""
+
+    signal: Constant | Ramp | Sine | Table
+    offset: float
+
+    def value(self, t: float) -> float:
+        """Value at ``t`` seconds after the start of the present stage."""
+        return self.signal.value(self.offset + t)
+
+
+Signal = Constant | Ramp | Sine | Table | Shifted
 
 
 @dataclass(frozen=True)

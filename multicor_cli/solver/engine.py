@@ -110,6 +110,7 @@ class Engine:
                 exist.
         """
         numba.set_num_threads(self.threads)
+        self._contacts = self._last_scene = None  # free the contacts of the last step before there are new ones
         state, model, motion = self.state, self.model, self._motion
         if state.step == 0:
             start_books(state, model, motion)
@@ -147,7 +148,10 @@ class Engine:
         return self._finish(scene, contacts, after, outcome, reach, dt, middle_walls)
 
     def contacts(self) -> ContactTable:
-        """Contacts of the last step, sorted by (i, j): those within reach, loaded or not. Empty before the first step."""
+        """Contacts of the last step, sorted by (i, j): those within reach, loaded or not.
+
+        Empty before the first step and after an interrupted one.
+        """
         return tabulate_contacts(self._last_scene, self._contacts, self._after)
 
     def _predict(self, dt: float, t: float) -> float:

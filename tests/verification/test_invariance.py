@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from builders import TIGHT, advance, book, make_engine, make_model, shear_engine, shear_scene, tally
+from scene_parts import TIGHT, advance, book, make_engine, make_model, shear_engine, shear_scene, tally
 
 from multicor_cli.physics.drives import Constant, DofDrive, WallDrive
 from multicor_cli.solver import Engine, PhysicsError, Settings
