@@ -58,6 +58,12 @@ def configure_cache() -> Path | None:
     return None
 
 
+def is_compiled() -> bool:
+    """Whether `configure_cache` has found kernels of these sources, so that (most of) the compilation is done."""
+    directory = os.environ.get("NUMBA_CACHE_DIR", "")
+    return bool(directory) and next(Path(directory).rglob("*.nbi"), None) is not None
+
+
 def cache_name() -> str:
     """Name of the cache directory of this package, interpreter and processor."""
     return f"kernels-{_source_digest()}-numba{metadata.version('numba')}-{sys.implementation.cache_tag}-{_processor_digest()}"

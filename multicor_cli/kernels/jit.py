@@ -28,17 +28,17 @@ prange = numba.prange
 
 def scalar(function: F) -> F:
     """Compile a scalar formula of `multicor_cli.physics` for use inside kernels."""
-    return numba.njit(cache=True, error_model="numpy")(function)  # type: ignore[no-any-return]
+    return numba.njit(cache=True, error_model="numpy")(function)  # type: ignore[return-value]
 
 
 def kernel(function: F) -> F:
     """Compile a serial kernel."""
-    return numba.njit(cache=True, error_model="numpy")(function)  # type: ignore[no-any-return]
+    return numba.njit(cache=True, error_model="numpy")(function)  # type: ignore[return-value]
 
 
 def parallel_kernel(function: F) -> F:
     """Compile a kernel whose ``prange`` loops run on several threads."""
-    return numba.njit(cache=True, error_model="numpy", parallel=True)(function)  # type: ignore[no-any-return]
+    return numba.njit(cache=True, error_model="numpy", parallel=True)(function)  # type: ignore[return-value]
 
 
 def chunks_for(size: int, columns: int = 1) -> Floats:

@@ -116,7 +116,7 @@ def wrap(position: Floats, image: np.ndarray, period: float) -> None:
 
 @parallel_kernel
 def displacements(position: Floats, reference: Floats, period: float, farthest: Floats) -> None:
-    """Largest distance moved since ``reference`` ``(n, 2)`` was recorded, per chunk [m]; **modifies** ``farthest`` ``(chunks, 1)``."""
+    """Largest distance [m] moved since ``reference`` ``(n, 2)`` was recorded; **modifies** ``farthest`` ``(chunks, 1)``."""
     count = position.shape[0]
     for chunk in prange(farthest.shape[0]):
         best = 0.0

@@ -148,7 +148,7 @@ def _scan_row(
     out: Ints,
     offset: int,
 ) -> int:
-    """Partners of grain ``i`` with a higher number; written to ``out[offset:]`` unless ``offset`` is negative. Returns how many."""
+    """Number of partners of grain ``i`` with a higher number; they go to ``out[offset:]`` unless ``offset`` is negative."""
     found = 0
     x, y, r = center[i, 0], center[i, 1], radius[i]
     for k in range(level_radius.size):

@@ -182,7 +182,7 @@ def pack_contacts(
 
 @parallel_kernel
 def unpack_impulses(order: Ints, impulse: Floats, target: Floats) -> None:
-    """Write impulses in the order of the sweep, shape ``(k, 2)``, to their contacts in ``target`` ``(c, 2)``. **Modifies it.**"""
+    """Write impulses in the order of the sweep, shape ``(k, 2)``, to ``target`` ``(c, 2)`` (**modified**)."""
     # The array is passed by itself: Numba drops stores of a parallel loop to an array that it only knows as part of a tuple.
     for k in prange(order.size):
         target[order[k], 0] = impulse[k, 0]

@@ -88,9 +88,7 @@ def _push_general(g: int, d_n: float, d_t: float, s: System) -> None:
 
 
 @kernel
-def _relax_light(
-    k: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats, beta: float, local: int
-) -> float:
+def _relax_light(k: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats, beta: float, local: int) -> float:
     """Relax one light contact; returns the square of the velocity correction [m²/s²]."""
     i, j = pair[k, 0], pair[k, 1]
     nx, ny, w_inverse = frame[k, 0], frame[k, 1], frame[k, 2]

@@ -91,12 +91,12 @@ def _overlaps(scene: Scene, lists: NeighbourList, reach: float, flagged: NDArray
 def _name_overlap(scene: Scene, model: Model, lists: NeighbourList, flagged: NDArray[np.bool_], overlap: float) -> str:
     """Name the pair that overlaps most."""
     worst, pair = -1.0, (0, 0)
-    for i in np.flatnonzero(flagged):
-        for j in lists.partner[lists.row[i] : lists.row[i + 1]]:
+    for i in np.flatnonzero(flagged).tolist():
+        for j in lists.partner[lists.row[i] : lists.row[i + 1]].tolist():
             smaller = min(scene.radius[i], scene.radius[j]) if j < model.grain_count else scene.radius[i]
             depth = -pair_geometry(scene, i, j)[0] / smaller
             if depth > worst:
-                worst, pair = depth, (int(i), int(j))
+                worst, pair = depth, (i, j)
     i, j = pair
     other = f"grain {j}"
     if j >= model.grain_count:

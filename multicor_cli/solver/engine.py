@@ -29,6 +29,7 @@ from multicor_cli.solver.books import book_step, start_books, switch_wall_kineti
 from multicor_cli.solver.contact_table import ContactTable, tabulate_contacts
 from multicor_cli.solver.correction import correct_positions
 from multicor_cli.solver.neighbour_list import NeighbourList
+from multicor_cli.solver.problem import ContactProblem, problem_of_step
 from multicor_cli.solver.settings import PhysicsError, Settings, StepReport
 from multicor_cli.solver.solve import Outcome, Scale, solve_system
 from multicor_cli.solver.system import assemble
@@ -65,7 +66,7 @@ class Engine:
         self.state = state
         self.settings = settings or Settings()
         self.timers = dict.fromkeys(STAGES, 0.0)
-        available = int(numba.config.NUMBA_NUM_THREADS)
+        available = int(numba.config.NUMBA_NUM_THREADS)  # type: ignore[attr-defined]
         self.threads = min(threads, available) if threads > 0 else available
         largest = float(model.grains.radius.max())
         if 0.0 < model.period < 8.0 * largest:
@@ -126,7 +127,7 @@ class Engine:
                 lists = self._list
                 if margin < 0.0:
                     margin = dt * self._measure_pairs(scene, reach)
-            contacts, scale, after, outcome = self._solve(scene, margin, dt, should_stop)
+            contacts, after, outcome = self._solve(scene, margin, dt, should_stop)
             with self._timed("detect"):
                 reach_after = 2.0 * dt * self._fastest(after)
                 if reach_after > reach:
@@ -153,6 +154,14 @@ class Engine:
         Empty before the first step and after an interrupted one.
         """
         return tabulate_contacts(self._last_scene, self._contacts, self._after)
+
+    def next_problem(self, dt: float, t: float) -> ContactProblem:
+        """The contact problem of the next step, without taking it: to save, compare and study. Arguments as `step`."""
+        reach = 2.0 * dt * self._predict(dt, t)
+        scene = self._scene(self._middle, self.state.wall_position + 0.5 * dt * self.state.wall_velocity)
+        self._list.update(self._middle, self._world, reach)
+        contacts, _ = self._gather(scene, dt * self._measure_pairs(scene, reach), dt)
+        return problem_of_step(scene, contacts, self._free, self._motion.inverse, self.model.shape_factor)
 
     def _predict(self, dt: float, t: float) -> float:
         """Fill mid-step positions and free velocities; returns the largest speed of anything [m/s]."""
@@ -192,24 +201,11 @@ class Engine:
 
     def _solve(
         self, scene: Scene, margin: float, dt: float, should_stop: Callable[[], bool] | None
-    ) -> tuple[Contacts, Scale, Floats, Outcome]:
+    ) -> tuple[Contacts, Floats, Outcome]:
         """Contacts with a gap up to ``margin``, their impulses and the velocities v⁺."""
-        state, model, lists = self.state, self.model, self._list
+        model = self.model
         with self._timed("prepare"):
-            kept = count_contacts(lists.row, lists.gap, margin)
-            count = int(kept[-1])
-            contacts = Contacts(
-                np.empty(count, np.int32), np.empty(count, np.int32), np.empty((count, 5)), np.empty((count, 2)),
-                np.empty((count, 2)), np.empty((count, 2)),
-            )  # fmt: skip
-            warm = WarmStart(warm_rows(model.grain_count, state.contact_i), state.contact_j, state.contact_impulse)
-            ratio = dt / state.last_dt if state.last_dt > 0.0 else 0.0
-            closing = chunks_for(model.grain_count, 2)
-            fill_contacts(
-                scene, self._laws, lists.row, lists.partner, lists.gap, margin, kept, self._start, dt, warm, ratio, contacts,
-                closing,
-            )  # fmt: skip
-            scale = self._scale(dt, *closing.sum(axis=0))
+            contacts, scale = self._gather(scene, margin, dt)
             ordered = assemble(
                 scene, contacts, self._free, self._motion.inverse, self._motion.is_free, model.mean_diameter, model.shape_factor
             )
@@ -217,7 +213,25 @@ class Engine:
             outcome = solve_system(ordered.system, scale, self.settings, self.threads, should_stop)
         ordered.collect(contacts)
         bodies = model.grain_count + model.wall_count
-        return contacts, scale, ordered.system.velocity[:bodies], outcome
+        return contacts, ordered.system.velocity[:bodies], outcome
+
+    def _gather(self, scene: Scene, margin: float, dt: float) -> tuple[Contacts, Scale]:
+        """Contacts with a gap up to ``margin``, with their warm start, and the scale of the residuals."""
+        state, model, lists = self.state, self.model, self._list
+        kept = count_contacts(lists.row, lists.gap, margin)
+        count = int(kept[-1])
+        contacts = Contacts(
+            np.empty(count, np.int32), np.empty(count, np.int32), np.empty((count, 5)), np.empty((count, 2)),
+            np.empty((count, 2)), np.empty((count, 2)),
+        )  # fmt: skip
+        warm = WarmStart(warm_rows(model.grain_count, state.contact_i), state.contact_j, state.contact_impulse)
+        ratio = dt / state.last_dt if state.last_dt > 0.0 else 0.0
+        closing = chunks_for(model.grain_count, 2)
+        fill_contacts(
+            scene, self._laws, lists.row, lists.partner, lists.gap, margin, kept, self._start, dt, warm, ratio, contacts,
+            closing,
+        )  # fmt: skip
+        return contacts, self._scale(dt, *closing.sum(axis=0))
 
     def _scale(self, dt: float, squares: float, closing: float) -> Scale:
         """u_ref = max(rms Δt|F|/m, Δt P d̄/m̄, rms of the closing velocities), and ½ M u_ref² (design §2)."""

@@ -84,7 +84,7 @@ class NeighbourList:
         cells, shape = self._grids(size, cutoff)
         start = np.concatenate([[0], np.cumsum(shape.prod(axis=1))]).astype(np.int32)
         cell_start, cell_disc = bin_discs(centers, self._level, cells, low, start, shape)
-        self.row, self.partner = list_pairs(
+        self.row, self.partner = list_pairs(  # type: ignore[assignment]
             model.grain_count,
             centers,
             self._radius,

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 
+from multicor_cli.kernels.contacts import Contacts, Scene
 from multicor_cli.kernels.sweep import System, add_impulses
 from multicor_cli.solver.settings import Settings
 from multicor_cli.solver.solve import Scale, solve_system
@@ -154,9 +155,7 @@ def solve_contacts(
     if arm is not None:
         velocity[:, 2] = np.where(arm > 0.0, velocity[:, 2] / np.where(arm > 0.0, arm, 1.0), problem.velocity[:, 2])
     result = system.impulse if arm is not None else system.general_impulse
-    return ContactSolution(
-        result.copy(), velocity, outcome.converged, outcome.sweeps, outcome.rms, outcome.maximum, outcome.energy
-    )
+    return ContactSolution(result.copy(), velocity, outcome.converged, outcome.sweeps, outcome.rms, outcome.maximum, outcome.energy)
 
 
 def free_velocity(problem: ContactProblem) -> Floats:
@@ -197,7 +196,7 @@ def _disc_system(problem: ContactProblem, impulse: Floats) -> tuple[System, Floa
     Also returns the radius of each body (0 for bodies that cannot be moved): the third velocity is a ω.
     """
     inverse, lever = problem.inverse_mass, problem.levers()
-    movable = inverse.any(axis=1)
+    movable = np.asarray(inverse.any(axis=1))
     # Signed levers: a disc's u_t gets −a ω_i and +(−a) ω_j with normals from j to i.
     arm = np.zeros(len(inverse))
     np.maximum.at(arm, problem.pair[:, 0], -lever[:, 1])
@@ -239,3 +238,34 @@ def _disc_system(problem: ContactProblem, impulse: Floats) -> tuple[System, Floa
         nothing, np.empty((0, 7)), np.empty((0, 4)), np.empty((0, 2)), float(beta[0]),
     )  # fmt: skip
     return system, arm
+
+
+def problem_of_step(scene: Scene, contacts: Contacts, free: Floats, wall_inverse: Floats, spin_factor: float) -> ContactProblem:
+    """The contact problem of a step of the engine, in physical velocities; bodies are the grains, then the walls.
+
+    Args:
+        scene: Shapes at q_m.
+        contacts: Contacts sorted by key.
+        free: Free velocities (v_x, v_y, a ω or Ω, 1/m), shape ``(n + w, 4)``.
+        wall_inverse: Inverse masses of the walls, shape ``(w, 3)``.
+        spin_factor: β = m a²/I.
+    """
+    n = scene.radius.size
+    velocity = free[:, :3].copy()
+    velocity[:n, 2] /= scene.radius
+    inverse = np.empty((len(free), 3))
+    inverse[:n, 0] = inverse[:n, 1] = free[:n, 3]
+    inverse[:n, 2] = spin_factor * free[:n, 3] / scene.radius**2
+    inverse[n:] = wall_inverse
+    i, j = contacts.i, contacts.j
+    is_wall = j >= n
+    body = j.copy()
+    body[is_wall] = n + scene.wall[j[is_wall] - n]
+    normal = contacts.frame[:, :2].copy()
+    lever = np.empty((i.size, 2, 2))
+    lever[:, 0] = -scene.radius[i][:, None] * normal
+    lever[:, 1] = contacts.lever
+    lever[~is_wall, 1] = scene.radius[j[~is_wall]][:, None] * normal[~is_wall]
+    return ContactProblem(
+        inverse, velocity, np.column_stack([i, body]), normal, lever, contacts.frame[:, 3].copy(), contacts.frame[:, 4].copy()
+    )

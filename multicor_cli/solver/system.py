@@ -63,9 +63,7 @@ def assemble(
     """
     classes, span, sizes = classify_contacts(scene, contacts, wall_is_free)
     columns, rows, corner, width, height = _tiles(scene, max(TILE * mean_diameter, 2.2 * span))
-    order, general, tile_start, color_start = order_contacts(
-        scene, contacts, classes, sizes, columns, rows, corner, width, height
-    )
+    order, general, tile_start, color_start = order_contacts(scene, contacts, classes, sizes, columns, rows, corner, width, height)
     number = number_wall_contacts(scene, contacts, order)
     bodies = free.shape[0]
     velocity = np.empty((bodies + int(number.max(initial=-1)) + 1, 4))
@@ -105,9 +103,7 @@ def _tiles(scene: Scene, width: float) -> tuple[int, int, Floats, float, float]:
     return columns, rows, low, max(size[0], width) / columns, max(size[1], width) / rows
 
 
-def _general_contacts(
-    scene: Scene, contacts: Contacts, general: Ints, inverse: Floats
-) -> tuple[Ints, Floats, Floats]:
+def _general_contacts(scene: Scene, contacts: Contacts, general: Ints, inverse: Floats) -> tuple[Ints, Floats, Floats]:
     """Arrays of the contacts with walls that have a free degree of freedom; see `System`."""
     n = scene.radius.size
     i, shape = contacts.i[general], contacts.j[general] - n
@@ -134,4 +130,3 @@ def delassus(pair: Ints, normal: Floats, lever: Floats, inverse: Floats) -> Floa
         result[:, 1] += (m[:, 1] - m[:, 0]) * nx * ny + m[:, 2] * l_n * l_t
         result[:, 2] += m[:, 0] * ny**2 + m[:, 1] * nx**2 + m[:, 2] * l_t**2
     return result
-

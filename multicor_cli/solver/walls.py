@@ -31,8 +31,10 @@ class WallMotion:
             raise ValueError(message)
         w = model.wall_count
         self._drives = [drive.dofs() for drive in drives]
-        self.driven: NDArray[np.bool_] = np.array([[d.force is not None for d in dofs] for dofs in self._drives], bool).reshape(w, 3)
-        self.is_free: NDArray[np.bool_] = self.driven.any(axis=1)
+        self.driven: NDArray[np.bool_] = np.array([[d.force is not None for d in dofs] for dofs in self._drives], bool).reshape(
+            w, 3
+        )
+        self.is_free: NDArray[np.bool_] = np.asarray(self.driven.any(axis=1))
         masses = np.column_stack([model.walls.mass, model.walls.mass, model.walls.inertia]).reshape(w, 3)
         if np.isnan(masses[self.driven]).any():
             message = "a wall driven by a force needs a mass, and one driven by a torque an inertia"

@@ -29,6 +29,34 @@ BOOK_NAMES = (
 """Names of the energy books, in the order of `State.books`."""
 
 
+TALLY_NAMES = (
+    "sweeps",  # sweep-equivalents of the contact solver, summed over steps
+    "unconverged_steps",  # steps that hit the cap on sweeps
+    "residual_rms_max",  # largest rms velocity correction of a step over u_ref
+    "residual_max_max",  # largest velocity correction of a step over u_ref
+    "max_overlap",  # largest overlap over the smaller radius at the end of a step
+    "corrected_steps",  # steps after which positions were projected
+    "max_impulse_rate",  # largest normal impulse over dt: the largest mean contact force of a step [N]
+)
+"""Names of the counters of a run, in the order of `State.tallies`."""
+
+WINDOW_NAMES = (
+    "duration",  # length of the window [s]
+    "steps",  # steps in the window
+    "sweeps",  # sweep-equivalents
+    "unconverged",  # steps that hit the cap on sweeps
+    "residual_rms",  # largest rms velocity correction over u_ref
+    "residual_max",  # largest velocity correction over u_ref
+    "residual_energy",  # largest energy residual G
+    "contacts",  # number of loaded contacts, summed over steps
+    "virial_xx",  # Σ p_x ℓ_x over grain–grain contacts (ℓ from j to i) [J s]
+    "virial_xy",  # Σ p_x ℓ_y [J s]
+    "virial_yx",  # Σ p_y ℓ_x [J s]
+    "virial_yy",  # Σ p_y ℓ_y [J s]
+)
+"""Names of the sums kept between two rows of the time series, in the order of `State.window`."""
+
+
 def _empty(*shape: int) -> Floats:
     return np.zeros(shape)
 
@@ -105,7 +133,7 @@ class State:
             if value.ndim:
                 values[f.name] = np.ascontiguousarray(value)
             else:
-                values[f.name] = value.item()  # type: ignore[assignment]
+                values[f.name] = value.item()
         return cls(**values)  # type: ignore[arg-type]
 
     def digest(self) -> str:
@@ -116,31 +144,3 @@ class State:
             sum_.update(str(value.shape).encode())
             sum_.update(np.ascontiguousarray(value).tobytes())
         return sum_.hexdigest()
-
-
-TALLY_NAMES = (
-    "sweeps",  # sweep-equivalents of the contact solver, summed over steps
-    "unconverged_steps",  # steps that hit the cap on sweeps
-    "residual_rms_max",  # largest rms velocity correction of a step over u_ref
-    "residual_max_max",  # largest velocity correction of a step over u_ref
-    "max_overlap",  # largest overlap over the smaller radius at the end of a step
-    "corrected_steps",  # steps after which positions were projected
-    "max_impulse_rate",  # largest normal impulse over dt: the largest mean contact force of a step [N]
-)
-"""Names of the counters of a run, in the order of `State.tallies`."""
-
-WINDOW_NAMES = (
-    "duration",  # length of the window [s]
-    "steps",  # steps in the window
-    "sweeps",  # sweep-equivalents
-    "unconverged",  # steps that hit the cap on sweeps
-    "residual_rms",  # largest rms velocity correction over u_ref
-    "residual_max",  # largest velocity correction over u_ref
-    "residual_energy",  # largest energy residual G
-    "contacts",  # number of loaded contacts, summed over steps
-    "virial_xx",  # Σ p_x ℓ_x over grain–grain contacts (ℓ from j to i) [J s]
-    "virial_xy",  # Σ p_x ℓ_y [J s]
-    "virial_yx",  # Σ p_y ℓ_x [J s]
-    "virial_yy",  # Σ p_y ℓ_y [J s]
-)
-"""Names of the sums kept between two rows of the time series, in the order of `State.window`."""

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scene_parts import FIXED, FLOOR, G, TIGHT, advance, book, make_engine, make_model, tally
+from scene_parts import FIXED, FLOOR, TIGHT, G, advance, book, make_engine, make_model, tally
 
 from multicor_cli.physics.drives import Constant, DofDrive, WallDrive
 from multicor_cli.solver import Settings

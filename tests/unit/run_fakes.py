@@ -1,0 +1,146 @@
+"""A model without physics, an engine that only counts, and a recorder that remembers: for tests of the controller."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable, Sequence
+from typing import Any
+
+import numpy as np
+
+from multicor_cli.physics.drives import Constant, DofDrive, WallDrive
+from multicor_cli.run.conditions import RestReached, ShearGauge, StrainReached
+from multicor_cli.run.plan import RunPlan, StagePlan
+from multicor_cli.solver.contact_table import ContactTable
+from multicor_cli.solver.settings import Settings, StepReport
+from multicor_cli.solver.solve import Interrupted
+from multicor_cli.state import BOOK_NAMES, ContactLaws, Grains, Model, State, Walls, WallShapes
+
+KINETIC = BOOK_NAMES.index("kinetic")
+
+
+def make_model(radii: list[float] | None = None) -> Model:
+    """Grains between two planes at y = 0 and y = 1 that are called bottom and top."""
+    radius = np.array(radii or [0.1, 0.1])
+    n = radius.size
+    zeros = np.zeros(n, np.int32)
+    mass = np.pi * radius**2
+    geometry = np.array([[0.0, 0.0, 0.0, 1.0], [0.0, 1.0, 0.0, -1.0]])
+    one = np.array([1, 1], np.int32)
+    return Model(
+        grains=Grains(radius, mass, 0.5 * mass * radius**2, zeros, zeros),
+        shapes=WallShapes(one, np.array([0, 1], np.int32), geometry, np.zeros(2, np.int32)),
+        walls=Walls(("bottom", "top"), np.full(2, np.nan), np.full(2, np.nan), np.zeros(2, np.bool_), np.ones(2)),
+        laws=ContactLaws(
+            np.array([[0.5]]), np.zeros((1, 1)), np.full((1, 1), -1, np.int32), np.zeros(1, np.int32), np.zeros(0), np.zeros(0)
+        ),
+        materials=("steel",),
+        groups=("grains",),
+        period=4.0,
+        gravity=np.array([0.0, -9.81]),
+        shape_factor=2.0,
+    )
+
+
+class FakeEngine:
+    """Moves the walls as their drives say and damps the kinetic energy; every number is a function of the state."""
+
+    def __init__(self, model: Model, state: State | None = None, decay: float = 0.5) -> None:
+        self.model = model
+        self.state = state or State.at_rest(
+            model, np.column_stack([np.arange(model.grain_count) * 0.3, 0.5 * np.ones(model.grain_count)])
+        )
+        self.settings = Settings()
+        self.decay = decay
+        self.calls: list[str] = []
+        self.before_step: Callable[[int], None] = lambda step: None
+        self._drives: list[WallDrive] = []
+
+    def set_drives(self, drives: list[WallDrive]) -> None:
+        self.calls.append("set")
+        self._drives = drives
+        if self.state.step > 0:
+            self.state.books[KINETIC] += 1.0  # the switch of a wall's kinetic energy: must happen once per stage
+
+    def resume_drives(self, drives: list[WallDrive]) -> None:
+        self.calls.append("resume")
+        self._drives = drives
+
+    def step(self, dt: float, t: float, should_stop: Callable[[], bool] | None = None) -> StepReport:
+        state = self.state
+        self.before_step(state.step)
+        if should_stop is not None and should_stop():
+            raise Interrupted
+        for w, drive in enumerate(self._drives):
+            for d, dof in enumerate(drive.dofs()):
+                if dof.velocity is not None:
+                    state.wall_position[w, d] += dt * dof.velocity.value(t + 0.5 * dt)
+        state.position[:, 0] += dt * np.sin(state.position[:, 0])
+        kinetic = state.books[KINETIC]
+        state.books[KINETIC] = 1.0 if state.step == 0 else kinetic * self.decay
+        state.window[0] += dt
+        state.window[1] += 1.0
+        state.last_dt = dt
+        state.step += 1
+        state.stage_step += 1
+        state.time = state.stage_start + state.stage_step * dt
+        return StepReport(3.0, True, 1e-4, 1e-3, 1e-3, 7, 9, 0.0)
+
+    def contacts(self) -> ContactTable:
+        none = np.zeros(0, np.int32)
+        return ContactTable(none, none, np.zeros((0, 2)), np.zeros(0), np.zeros((0, 2)), np.zeros(0), np.zeros(0, np.bool_))
+
+
+class MemoryRecorder:
+    """Remembers what it is given; `rewind` brings back what a checkpoint held, as a resumed run directory does."""
+
+    def __init__(self) -> None:
+        self.frames: list[tuple[int, float, int]] = []
+        self.rows: list[tuple[int, float, int, float]] = []
+        self.checkpoints: list[tuple[State, int, int]] = []
+        self.beats: list[dict[str, Any]] = []
+
+    def frame(self, state: State, contacts: ContactTable | None) -> None:
+        self.frames.append((state.step, state.time, state.stage))
+
+    def series(self, state: State) -> None:
+        self.rows.append((state.step, state.time, state.stage, float(state.window[1])))
+
+    def checkpoint(self, state: State) -> None:
+        self.checkpoints.append((copy.deepcopy(state), len(self.frames), len(self.rows)))
+
+    def heartbeat(self, data: dict[str, Any]) -> None:
+        self.beats.append(data)
+
+    def rewind(self) -> State:
+        state, frames, rows = self.checkpoints[-1]
+        del self.frames[frames:], self.rows[rows:]
+        return copy.deepcopy(state)
+
+
+class FakeDrives:
+    """Drives that are the same whenever the stage starts; remembers what it was told."""
+
+    def __init__(self, *walls: WallDrive) -> None:
+        self.walls = list(walls)
+        self.starts: list[list[float]] = []
+
+    def started(self, stage_starts: Sequence[float]) -> list[WallDrive]:
+        self.starts.append(list(stage_starts))
+        return self.walls
+
+
+def shear(speed: float) -> FakeDrives:
+    return FakeDrives(WallDrive(), WallDrive(x=DofDrive(velocity=Constant(speed))))
+
+
+def make_plan(model: Model, *, checkpoint_interval: float = 1e9) -> RunPlan:
+    """Settle (until rest or 20 steps), shear to a strain of 0.5 at 0.025 per step, then 7 steps of another length."""
+    gauge = ShearGauge.between(model, "bottom", "top")
+    settings = Settings()
+    stages = (
+        StagePlan("settle", 0.01, 20, RestReached(1e-3), 4, 2, settings, shear(0.0)),
+        StagePlan("shear", 0.025, None, StrainReached(gauge, 0.5), 6, 3, Settings(max_sweeps=7), shear(-1.0)),
+        StagePlan("hold", 0.5, 7, None, 100, 100, settings, shear(0.0)),
+    )
+    return RunPlan("fake", stages, checkpoint_interval, True)

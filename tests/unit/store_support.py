@@ -1,0 +1,153 @@
+"""A tiny run without an engine: a model, a deterministic state, and a driver that is killed and resumed in tests."""
+
+from __future__ import annotations
+
+import os
+import signal
+import traceback
+from pathlib import Path
+
+import numpy as np
+
+from multicor_cli.state import BOOK_NAMES, TALLY_NAMES, ContactLaws, Grains, Model, ShapeKind, State, Walls, WallShapes
+from multicor_cli.store import ContactRows, FrameData, RunDirectory, SeriesRow
+
+SOURCE = "# scénario\r\n[scenario]\nname = 'tiny'\n"
+RESOLVED = """[scenario]
+name = "tiny"
+[materials.steel]
+density = 7800.0
+young = 2.0e11
+poisson = 0.3
+"""
+PROVENANCE = {"multicor_version": "0", "seed": 7, "versions": {"python": "3"}}
+
+
+def make_model(grains: int = 5, *, walls: bool = True) -> Model:
+    names = ("bottom", "dessus-é") if walls else ()
+    w, m = len(names), 3 if walls else 0
+    radius = np.linspace(1.0, 2.0, grains) * 1e-3
+    kinds = [ShapeKind.PLANE, ShapeKind.DISC, ShapeKind.DISC][:m]
+    return Model(
+        grains=Grains(radius, radius**2 * 1e3, radius**4 * 5e2, np.zeros(grains, np.int32), np.zeros(grains, np.int32)),
+        shapes=WallShapes(
+            np.array(kinds, np.int32), np.array([0, 1, 1], np.int32)[:m], np.ones((m, 4)) * 1e-3, np.ones(m, np.int32)
+        ),
+        walls=Walls(names, np.full(w, np.nan), np.full(w, np.nan), np.zeros(w, np.bool_), np.ones(w)),
+        laws=ContactLaws(
+            np.full((2, 2), 0.3),
+            np.full((2, 2), 0.1),
+            np.full((2, 2), -1, np.int32),
+            np.array([0, 2], np.int32),
+            np.array([0.0, 1.0]),
+            np.array([0.3, 0.2]),
+        ),
+        materials=("steel", "glass"),
+        groups=("grains",),
+        period=0.1,
+        gravity=np.array([0.0, -9.81]),
+        shape_factor=2.0,
+    )
+
+
+def start(model: Model) -> State:
+    n = model.grain_count
+    state = State.at_rest(model, np.stack([np.linspace(0.0, 0.09, n), np.linspace(0.0, 0.05, n)], axis=1))
+    state.velocity[:, 0] = 1.0
+    return state
+
+
+def advance(state: State, model: Model, dt: float = 1e-3) -> None:
+    """A pure function of the state, as a step of the engine is."""
+    state.step += 1
+    state.stage_step += 1
+    state.time += dt
+    state.last_dt = dt
+    state.velocity += 0.1 * np.sin(state.position + state.step)
+    state.position += dt * state.velocity
+    wraps = np.floor(state.position[:, 0] / model.period)
+    state.position[:, 0] -= wraps * model.period
+    state.image += wraps.astype(np.int64)
+    state.wall_position += dt * 0.5
+    count = (3 * state.step) % (model.grain_count + 1) if model.grain_count > 1 else 0  # some steps without contacts
+    pairs = [(k, k + 1) for k in range(min(count, model.grain_count - 1))]
+    if model.shape_count and count:
+        pairs.append((model.grain_count - 1, model.grain_count + 2))
+    state.contact_i = np.array([p[0] for p in pairs], np.int32)
+    state.contact_j = np.array([p[1] for p in pairs], np.int32)
+    state.contact_impulse = 1e-3 * np.sin(np.arange(2.0 * len(pairs)) + state.step).reshape(-1, 2)
+    state.books += np.linspace(0.0, 1.0, len(BOOK_NAMES)) * dt
+    state.tallies[TALLY_NAMES.index("sweeps")] += 10
+    state.tallies[TALLY_NAMES.index("max_impulse_rate")] = 1.0
+    state.window[0] += dt
+    state.window[1:] += 1.0
+    state.window_wall_impulse += dt * 2.0
+
+
+def contact_rows(state: State) -> ContactRows:
+    c = len(state.contact_i)
+    normal = np.tile([0.6, 0.8], (c, 1))
+    sliding = np.arange(c) % 2 == 1
+    return ContactRows(
+        state.contact_i, state.contact_j, normal, -1e-6 * np.arange(c), state.contact_impulse, 0.1 * np.arange(c), sliding
+    )
+
+
+def make_run(path: Path, **options: object) -> RunDirectory:
+    return RunDirectory.create(path, SOURCE, RESOLVED, PROVENANCE, stages=("load", "shear"), **options)  # type: ignore[arg-type]
+
+
+def drive(run: RunDirectory, model: Model, *, steps: int, checkpoint_every: int, finish: bool = True) -> State:
+    """From the checkpoint, or the start, to ``steps``: a frame every 5 steps, a row of the series every 2."""
+    found = run.load_checkpoint()
+    state = found.state if found else start(model)
+    writer = run.writer(model)
+    if writer.last_frame_step < 0:
+        writer.frame(FrameData.from_state(state, contact_rows(state)))
+        writer.series_row(SeriesRow.from_state(state))
+    while state.step < steps:
+        advance(state, model)
+        if state.step % 2 == 0:
+            writer.series_row(SeriesRow.from_state(state))
+            state.window[:] = 0.0
+            state.window_wall_impulse[:] = 0.0
+        if state.step % 5 == 0:
+            writer.frame(FrameData.from_state(state, contact_rows(state)))
+        if state.step % checkpoint_every == 0:
+            run.checkpoint(state, writer)
+    run.checkpoint(state, writer)
+    if finish:
+        run.finish("finished", stop_reason="end of the last stage")
+    return state
+
+
+def run_whole(path: Path, model: Model | None = None, *, steps: int = 40, checkpoint_every: int = 15, **options: object) -> State:
+    with make_run(path, **options) as run:
+        return drive(run, model or make_model(), steps=steps, checkpoint_every=checkpoint_every)
+
+
+def continue_run(path: Path) -> None:
+    """What ``multicor run`` does: begin, continue, or find that it is finished."""
+    model = make_model()
+    run = RunDirectory.resume(path) if RunDirectory.is_run(path) else make_run(path)
+    with run:
+        if not run.is_finished:
+            drive(run, model, steps=40, checkpoint_every=15)
+
+
+def killed_at(path: Path, point: str) -> bool:
+    """`continue_run` in a child process that kills itself at ``point``; returns whether it was killed."""
+    child = os.fork()
+    if child == 0:
+        os.environ["MULTICOR_KILL_AT"] = point
+        try:
+            continue_run(path)
+            os._exit(0)
+        except BaseException:
+            traceback.print_exc()
+        finally:
+            os._exit(1)
+    status = os.waitpid(child, 0)[1]
+    was_killed = os.WIFSIGNALED(status) and os.WTERMSIG(status) == signal.SIGKILL
+    assert was_killed or status == 0
+    return was_killed

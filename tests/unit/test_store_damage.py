@@ -1,0 +1,365 @@
+"""Damaged, foreign and hostile files are detected, named and survived: never a wrong number, never a crash."""
+
+from __future__ import annotations
+
+import json
+import random
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from store_support import continue_run, drive, make_model, make_run, run_whole
+
+from multicor_cli.state import State
+from multicor_cli.store import DamagedRun, RunDirectory, StoreError, UnsupportedVersion, open_run, run_info, schema, verify
+from multicor_cli.store.documents import document_line, parse_document, read_document, write_document
+
+FLIPS = 60
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("finished") / "run"
+    run_whole(path)
+    return path
+
+
+@pytest.fixture(scope="module")
+def unfinished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("unfinished") / "run"
+    with make_run(path) as run:
+        drive(run, make_model(), steps=40, checkpoint_every=15, finish=False)
+    return path
+
+
+@pytest.fixture
+def copy(tmp_path: Path, finished: Path) -> Path:
+    return Path(shutil.copytree(finished, tmp_path / "copy"))
+
+
+@pytest.fixture
+def open_copy(tmp_path: Path, unfinished: Path) -> Path:
+    return Path(shutil.copytree(unfinished, tmp_path / "copy"))
+
+
+def replace(path: Path, data: bytes) -> None:
+    path.unlink()
+    path.write_bytes(data)
+
+
+def flips(data: bytes, seed: int) -> list[bytes]:
+    choose = random.Random(seed)
+    found = []
+    for _ in range(FLIPS):
+        changed = bytearray(data)
+        changed[choose.randrange(len(data))] ^= 1 << choose.randrange(8)
+        found.append(bytes(changed))
+    return found
+
+
+def everything(path: Path) -> dict[str, bytes]:
+    """All that a reader can get out of a run."""
+    with open_run(path) as run:
+        data = {name: run.series[name].tobytes() for name in run.series}
+        for frame in run.frames:
+            for spec in schema.FRAME_TABLE:
+                if spec not in schema.OFFSETS:
+                    data[f"{frame.index} {spec.path}"] = frame.column(spec.path).tobytes()
+        model = run.model
+        data["radius"], data["wall"] = model.grains.radius.tobytes(), repr(model.walls.names).encode()
+        data["source"] = run.scenario_source.encode()
+    return data
+
+
+def test_flipped_bits_in_results_are_noticed_or_harmless(copy: Path) -> None:
+    expected, original = everything(copy), (copy / "results.h5").read_bytes()
+    noticed = 0
+    for data in flips(original, 1):
+        replace(copy / "results.h5", data)
+        findings = verify(copy)
+        noticed += bool(findings)
+        try:
+            found = everything(copy)
+        except StoreError as error:
+            assert findings, f"reading failed ({error}) and verify found nothing"
+            continue
+        assert found == expected
+    assert noticed > FLIPS // 2
+
+
+@pytest.mark.parametrize("name", ["segments/000001.h5", "checkpoints/step-00000000040.h5", "model.h5"])
+def test_flipped_bits_in_digested_files_are_always_noticed(open_copy: Path, name: str) -> None:
+    expected, original = everything(open_copy), (open_copy / name).read_bytes()
+    for data in flips(original, 2)[:30]:
+        replace(open_copy / name, data)
+        findings = verify(open_copy)
+        if name != "model.h5":
+            assert any(name.partition(".")[0] in finding.file for finding in findings)
+        try:
+            assert everything(open_copy) == expected
+        except StoreError:
+            assert findings
+
+
+@pytest.mark.parametrize("name", ["results.h5", "run.json", "scenario.toml", "scenario.resolved.toml"])
+def test_shortened_files_are_noticed(copy: Path, name: str) -> None:
+    original = (copy / name).read_bytes()
+    for length in [0, 1, len(original) // 3, len(original) - 1]:
+        replace(copy / name, original[:length])
+        assert [finding.severity for finding in verify(copy)] == ["error"]
+        if name in ("results.h5", "run.json"):
+            with pytest.raises(DamagedRun, match=name):
+                open_run(copy)
+
+
+@pytest.mark.parametrize("damage", [lambda data: data[:-1], lambda data: data[:100] + b"\0" * 4096 + data[4196:]])
+def test_damaged_checkpoint_gives_way_to_the_older_one(open_copy: Path, finished: Path, damage: Callable[[bytes], bytes]) -> None:
+    newest = open_copy / "checkpoints" / "step-00000000040.h5"
+    replace(newest, damage(newest.read_bytes()))
+    with open_run(open_copy) as reader:
+        state = reader.state()
+        assert state is not None
+        assert state.step == 30
+    with RunDirectory.resume(open_copy) as run:
+        found = run.load_checkpoint()
+        assert found is not None
+        assert found.state.step == 30
+        assert "step-00000000040.h5" in found.warnings[0]
+        assert not newest.exists()
+    continue_run(open_copy)
+    assert run_info(open_copy)["data_digest"] == run_info(finished)["data_digest"]
+
+
+@pytest.mark.parametrize("name", ["step-00000000040.json", "step-00000000040.h5"])
+def test_missing_or_edited_part_of_a_checkpoint(open_copy: Path, name: str) -> None:
+    path = open_copy / "checkpoints" / name
+    if name.endswith("json"):
+        replace(path, path.read_bytes().replace(b'"last_frame_step": 40', b'"last_frame_step": 35'))
+    else:
+        path.unlink()
+    with RunDirectory.resume(open_copy) as run:
+        found = run.load_checkpoint()
+        assert found is not None
+        assert found.state.step == 30
+        assert len(found.warnings) == 1
+
+
+def test_damaged_segment_makes_its_checkpoint_unusable(open_copy: Path, finished: Path) -> None:
+    last = sorted((open_copy / "segments").glob("*.h5"))[-1]
+    replace(last, last.read_bytes()[:-7])
+    with RunDirectory.resume(open_copy) as run:
+        found = run.load_checkpoint()
+        assert found is not None
+        assert found.state.step == 30
+        assert last.name in found.warnings[0]
+    continue_run(open_copy)
+    assert run_info(open_copy)["data_digest"] == run_info(finished)["data_digest"]
+
+
+def test_no_usable_checkpoint_is_refused_not_restarted(open_copy: Path) -> None:
+    first = open_copy / "segments" / "000000.h5"
+    replace(first, first.read_bytes()[::-1])
+    with RunDirectory.resume(open_copy) as run, pytest.raises(DamagedRun, match="--overwrite"):
+        run.load_checkpoint()
+    assert len(list((open_copy / "checkpoints").glob("*.h5"))) == 2
+
+
+def test_swapped_segments_are_noticed(open_copy: Path) -> None:
+    directory = open_copy / "segments"
+    (directory / "000000.h5").rename(directory / "x")
+    (directory / "000001.h5").rename(directory / "000000.h5")
+    (directory / "x").rename(directory / "000001.h5")
+    assert len([finding for finding in verify(open_copy) if "00000" in finding.file]) == 2
+    with pytest.raises(DamagedRun), open_run(open_copy) as run:
+        run.frames.time  # noqa: B018
+
+
+def test_manifest_damage(open_copy: Path) -> None:
+    path = open_copy / "segments" / "MANIFEST.jsonl"
+    original = path.read_bytes()
+    replace(path, original + b'{"name": "0000')  # torn by a crash: does not count
+    assert verify(open_copy) == []
+    replace(path, original.replace(b'"frames": 4', b'"frames": 3', 1))
+    with pytest.raises(DamagedRun, match="line 1"):
+        open_run(open_copy)
+    with RunDirectory.resume(open_copy) as run:  # the checkpoint knows the segments: the manifest is restored
+        run.load_checkpoint()
+    assert path.read_bytes() == original
+
+
+def test_manifest_cannot_name_files_elsewhere(open_copy: Path) -> None:
+    path = open_copy / "segments" / "MANIFEST.jsonl"
+    line = parse_document(path.read_bytes().splitlines()[0], "test")
+    replace(path, document_line({**line, "name": "../../outside.h5"}))
+    with pytest.raises(DamagedRun, match="not the name of a segment"):
+        open_run(open_copy)
+
+
+def test_files_of_another_run_are_refused(open_copy: Path, tmp_path: Path) -> None:
+    run_whole(tmp_path / "other")
+    shutil.copy(tmp_path / "other" / "results.h5", open_copy / "results.h5")
+    with make_run(tmp_path / "third") as run:
+        drive(run, make_model(), steps=40, checkpoint_every=15, finish=False)
+    replace(open_copy / "model.h5", (tmp_path / "third" / "model.h5").read_bytes())
+    with open_run(open_copy) as run, pytest.raises(DamagedRun, match="belongs to another run"):
+        run.model  # noqa: B018
+
+
+def edit_document(path: Path, **changes: object) -> None:
+    data = read_document(path)
+    write_document(path, "test", {**data, **changes})
+
+
+def test_other_versions_are_refused_by_name(copy: Path) -> None:
+    with h5py.File(copy / "results.h5", "r+") as file:
+        file.attrs["format_version"] = np.array([2, 0])
+    with pytest.raises(UnsupportedVersion, match=r"format version 2\.0"):
+        open_run(copy / "results.h5")
+    edit_document(copy / "run.json", format_version=[2, 3])
+    with pytest.raises(UnsupportedVersion, match=r"format version 2\.3") as caught:
+        open_run(copy)
+    assert caught.value.exit_code == 7
+
+
+def test_unknown_datasets_of_a_newer_minor_version_are_ignored(copy: Path, finished: Path) -> None:
+    with h5py.File(copy / "results.h5", "r+") as file:
+        file.attrs["format_version"] = np.array([1, 7])
+        file["particles/temperature"] = np.zeros(45)
+    assert everything(copy / "results.h5") == everything(finished)
+
+
+def test_foreign_files_are_refused(tmp_path: Path) -> None:
+    with h5py.File(tmp_path / "foreign.h5", "w") as file:
+        file["x"] = 1
+    (tmp_path / "text.h5").write_text("hello")
+    for name in ("foreign.h5", "text.h5"):
+        with pytest.raises(DamagedRun, match=name):
+            open_run(tmp_path / name)
+        assert [finding.severity for finding in verify(tmp_path / name)] == ["error"]
+
+
+def hostile(change: str, file: h5py.File, elsewhere: Path) -> None:
+    old = file["particles/angle"]
+    rows, attributes = len(old), dict(old.attrs)
+    del file["particles/angle"]
+    if change == "huge":
+        file.create_dataset("particles/angle", shape=(10**12,), dtype="f8", chunks=(10**4,))
+    elif change == "type":
+        file["particles/angle"] = np.zeros(rows, "i8")
+    elif change == "rows":
+        file["particles/angle"] = np.zeros(rows - 1)
+    elif change == "shape":
+        file["particles/angle"] = np.zeros((rows, 1))
+    elif change == "group":
+        file.create_group("particles/angle")
+    elif change == "external":
+        file["particles/angle"] = h5py.ExternalLink(str(elsewhere), "x")
+    elif change == "soft":
+        file["particles/angle"] = h5py.SoftLink("/particles/spin")
+    elif change == "raw":
+        file.create_dataset("particles/angle", shape=(rows,), dtype="f8", external=[(str(elsewhere), 0, 8 * rows)])
+    elif change == "virtual":
+        layout = h5py.VirtualLayout(shape=(rows,), dtype="f8")
+        layout[:] = h5py.VirtualSource(str(elsewhere), "x", shape=(rows,))
+        file.create_virtual_dataset("particles/angle", layout)
+    if isinstance(file.get("particles/angle", getlink=True), h5py.HardLink):
+        file["particles/angle"].attrs.update(attributes)
+
+
+@pytest.mark.parametrize("change", ["huge", "type", "rows", "shape", "group", "external", "soft", "raw", "virtual", "missing"])
+def test_hostile_datasets_are_refused_before_memory_is_taken(copy: Path, tmp_path: Path, change: str) -> None:
+    with h5py.File(tmp_path / "elsewhere.h5", "w") as file:
+        file["x"] = np.zeros(45)
+    with h5py.File(copy / "results.h5", "r+") as file:
+        hostile(change, file, tmp_path / "elsewhere.h5")
+    with pytest.raises(DamagedRun, match=r"particles/angle|particle_row"), open_run(copy / "results.h5") as run:
+        run.frames[0].angle  # noqa: B018
+    assert len(verify(copy / "results.h5")) == 1
+
+
+@pytest.mark.parametrize("values", [[0, 5, 3, 15], [1, 5, 10, 15], [0, 5, 10, 10**9], [0, -5, 10, 15]])
+def test_offsets_that_lie_are_refused(copy: Path, values: list[int]) -> None:
+    with h5py.File(copy / "results.h5", "r+") as file:
+        offsets = file["steps/particle_offset"]
+        offsets[: len(values) - 1] = values[:-1]
+        if values[-1] > 100:
+            offsets[-1] = values[-1]
+    with pytest.raises(DamagedRun, match="particle_offset"), open_run(copy / "results.h5") as run:
+        run.frames[0].position  # noqa: B018
+
+
+def rewrite(file: h5py.File, path: str, row: int, value: float) -> None:
+    """Change a value and its digest, as a faulty program would."""
+    import hashlib
+
+    file[path][row] = value
+    file[path].attrs["blake2b"] = hashlib.blake2b(file[path][...].tobytes(), digest_size=16).hexdigest()
+
+
+@pytest.mark.parametrize(
+    ("path", "row", "value", "message"),
+    [
+        ("particles/spin", 3, np.nan, "not finite"),
+        ("contacts/j", 0, 99, "shape that does not exist"),
+        ("contacts/kind", 0, 1, "does not fit"),
+        ("contacts/sliding", 0, 2, "outside 0"),
+        ("steps/step", 3, 0, "does not ascend"),
+        ("steps/stage", 0, 2, "outside 0"),
+        ("particles/spin", 3, 0.5, "do not match their digest"),
+    ],
+)
+def test_verify_finds_wrong_values_with_right_digests(copy: Path, path: str, row: int, value: float, message: str) -> None:
+    with h5py.File(copy / "results.h5", "r+") as file:
+        rewrite(file, path, row, value)
+    findings = verify(copy / "results.h5")
+    assert len(findings) == 1
+    assert message in findings[0].message
+
+
+def test_model_with_indices_out_of_range_is_refused(copy: Path) -> None:
+    with h5py.File(copy / "results.h5", "r+") as file:
+        rewrite(file, "model/shapes/wall", 0, 5)
+    with open_run(copy / "results.h5") as run, pytest.raises(DamagedRun, match="model/shapes/wall"):
+        run.model  # noqa: B018
+
+
+@pytest.mark.parametrize(
+    "text", ["", "[]", "null", "{", '{"check": 1}', '{"status": "finished", "check": ""}', "[" * 10**5, "\x00", "9" * 5000]
+)
+def test_run_json_that_is_none(copy: Path, text: str) -> None:
+    replace(copy / "run.json", text.encode())
+    with pytest.raises(DamagedRun, match=r"run\.json"):
+        open_run(copy)
+    with pytest.raises(DamagedRun, match=r"run\.json"):
+        RunDirectory.resume(copy)
+    assert len(verify(copy)) == 1
+
+
+@pytest.mark.parametrize(
+    ("key", "value"), [("status", "done"), ("stages", "load"), ("results", {"size": "big"}), ("summary", {}), ("run_id", 3)]
+)
+def test_run_json_with_wrong_types(copy: Path, key: str, value: object) -> None:
+    edit_document(copy / "run.json", **{key: value})
+    with pytest.raises(DamagedRun, match=key):
+        open_run(copy)
+
+
+def test_edited_run_json_is_noticed(copy: Path) -> None:
+    data = json.loads((copy / "run.json").read_text())
+    data["summary"]["max_overlap"] = 0.0001
+    replace(copy / "run.json", json.dumps(data).encode())
+    with pytest.raises(DamagedRun, match="edited"):
+        run_info(copy)
+
+
+def test_every_field_of_the_state_is_in_a_checkpoint(open_copy: Path) -> None:
+    with RunDirectory.resume(open_copy) as run:
+        found = run.load_checkpoint()
+    assert found is not None
+    digest = found.state.digest()
+    for name, value in found.state.as_dict().items():
+        changed = found.state.as_dict() | {name: value + 1 if value.size else np.zeros((1, *value.shape[1:]), value.dtype)}
+        assert State.from_dict(changed).digest() != digest, name

@@ -1,0 +1,124 @@
+"""Kill the process at every named point of the commit protocol: nothing committed is lost, the end is the same to the bit."""
+
+from __future__ import annotations
+
+import random
+from pathlib import Path
+
+import pytest
+from store_support import continue_run, drive, killed_at, make_model, make_run
+
+from multicor_cli.store import RunDirectory, SeriesRow, open_run, run_info, verify
+from multicor_cli.store.manifest import read_manifest
+
+COMMIT = ("mid_tmp", "after_tmp", "before_rename", "after_rename")
+POINTS = [
+    *(f"{label}.{point}" for label in ("runjson", "scenario", "model", "segment", "checkpoint", "results") for point in COMMIT),
+    *(f"checkpointjson.{point}" for point in COMMIT),
+    *("manifest.torn:2", "manifest.after_append:2", "checkpoint.before_prune:3", "cleanup.before", "cleanup.mid:2"),
+    *("segment.after_rename:2", "checkpoint.before_rename:3", "checkpointjson.before_rename:2", "runjson.after_rename:2"),
+    *("runjson.before_rename:3", "runjson.before_rename:6", "runjson.before_rename:7", "scenario.before_rename:2"),
+]
+
+
+@pytest.fixture(scope="module")
+def expected(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    path = tmp_path_factory.mktemp("whole") / "run"
+    continue_run(path)
+    return outcome(path)
+
+
+def outcome(path: Path) -> dict[str, str]:
+    info = run_info(path)
+    assert info["status"] == "finished"
+    files = sorted(str(file.relative_to(path)) for file in path.rglob("*"))
+    return {"data": info["data_digest"], "state": info["state_digest"], "files": " ".join(files)}
+
+
+def assert_nothing_lost(path: Path) -> None:
+    if RunDirectory.is_run(path):
+        assert [finding for finding in verify(path) if finding.severity == "error"] == []
+        with open_run(path) as run:
+            assert run.status in ("interrupted", "finished")
+            for frame in run.frames:
+                assert frame.step == 5 * frame.index
+                assert frame.position.shape == (5, 2)
+
+
+@pytest.mark.parametrize("point", POINTS)
+def test_killed_once(tmp_path: Path, expected: dict[str, str], point: str) -> None:
+    path = tmp_path / "run"
+    assert killed_at(path, point), f"the run never came to {point}"
+    assert_nothing_lost(path)
+    continue_run(path)
+    assert outcome(path) == expected
+    assert verify(path) == []
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_killed_again_and_again(tmp_path: Path, expected: dict[str, str], seed: int) -> None:
+    choose, path = random.Random(seed), tmp_path / "run"
+    for _ in range(8):
+        killed_at(path, f"{choose.choice(POINTS).partition(':')[0]}:{choose.randint(1, 4)}")
+        assert_nothing_lost(path)
+    continue_run(path)
+    assert outcome(path) == expected
+
+
+def test_segments_after_the_checkpoint_are_set_aside(tmp_path: Path, expected: dict[str, str]) -> None:
+    path = tmp_path / "run"
+    killed_at(path, "checkpoint.after_tmp:3")  # the third checkpoint (step 40) is not there, its segment is
+    segments = path / "segments"
+    committed = read_manifest(segments)
+    assert len(committed) == 3
+    before = (segments / "000000.h5").stat()
+    with RunDirectory.resume(path) as run:
+        found = run.load_checkpoint()
+        assert found is not None
+        assert (found.state.step, found.frame_count, found.last_steps) == (30, 7, (30, 30))
+        assert (segments / "000002.h5.orphan").is_file()
+        assert read_manifest(segments) == committed[:2]
+        assert [finding.severity for finding in verify(path)] == ["warning"]
+    after = (segments / "000000.h5").stat()
+    assert (before.st_ino, before.st_mtime_ns) == (after.st_ino, after.st_mtime_ns)
+    continue_run(path)
+    assert outcome(path) == expected
+
+
+def test_killed_while_setting_aside(tmp_path: Path, expected: dict[str, str]) -> None:
+    path = tmp_path / "run"
+    assert killed_at(path, "segment.after_rename:2")  # a file that the manifest does not list
+    assert killed_at(path, "orphan.mid")
+    assert_nothing_lost(path)
+    continue_run(path)
+    assert outcome(path) == expected
+
+
+def test_two_orphans_of_the_same_name(tmp_path: Path, expected: dict[str, str]) -> None:
+    path = tmp_path / "run"
+    for _ in range(3):
+        assert killed_at(path, "manifest.after_append:2" if not path.exists() else "manifest.after_append")
+    assert len(list((path / "segments").glob("000001.h5*.orphan"))) == 2
+    continue_run(path)
+    assert outcome(path) == expected
+
+
+def test_second_checkpoint_at_the_same_step_does_not_harm_the_first(tmp_path: Path) -> None:
+    model = make_model()
+    with make_run(tmp_path / "run") as run:
+        state = drive(run, model, steps=40, checkpoint_every=15, finish=False)
+        assert run._writer is not None
+        run.checkpoint(state, run._writer)  # nothing new: the older one, at step 30, stays
+        assert names(tmp_path) == ["step-00000000030", "step-00000000040"]
+        run._writer.series_row(SeriesRow({**SeriesRow.from_state(state).values, "step": 41}))
+        run.checkpoint(state, run._writer)
+        assert names(tmp_path) == ["step-00000000040", "step-00000000040.1"]
+    with RunDirectory.resume(tmp_path / "run") as again:
+        found = again.load_checkpoint()
+        assert found is not None
+        assert found.name == "step-00000000040.1"
+        assert (found.state.step, found.last_steps) == (40, (40, 41))
+
+
+def names(path: Path) -> list[str]:
+    return sorted(file.stem for file in (path / "run" / "checkpoints").glob("*.json"))

@@ -1,0 +1,127 @@
+"""The contact solver on its own: agreement of methods, budgets of sweeps, files, and an independent solver."""
+
+import os
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from problems import column_problem, dense_delassus, heap_problem, tilted
+
+from multicor_cli.solver import ContactProblem, Settings, solve_contacts
+
+TIGHT = {"tolerance_rms": 1e-11, "tolerance_max": 1e-9, "tolerance_energy": 1e-9, "max_sweeps": 100_000}
+METHODS = [(m, local) for m in ("gauss-seidel", "accelerated") for local in ("exact", "bipotential")]
+
+
+def test_column_from_a_cold_start_meets_the_budget():
+    """116 layers: ≤ 500 sweep-equivalents to rms 10⁻⁴ g Δt, ≤ 700 to a force error of 10⁻⁴ (design §9)."""
+    problem = column_problem(116)
+    loose = {"tolerance_max": 1.0, "tolerance_energy": 1e9, "tolerance_rms": 1e-4}
+    solution = solve_contacts(problem, Settings(**loose), reference_velocity=9.81e-3)
+    assert solution.converged
+    assert solution.sweeps <= 500
+    exact = 9.81e-3 * np.arange(116, 0, -1)
+    tight = solve_contacts(problem, Settings(**{**loose, "tolerance_rms": 1e-6}), reference_velocity=9.81e-3)
+    assert np.abs(tight.impulse[:, 0] - exact).max() / exact[0] < 1e-4
+    assert tight.sweeps <= 700
+
+
+def test_plain_sweeps_need_what_theory_says():
+    """4 ln(10⁴)/π² n² sweeps for a column (physics.md §7), which the accelerated method must beat."""
+    problem = column_problem(20)
+    settings = {"tolerance_max": 1.0, "tolerance_energy": 1e9, "tolerance_rms": 1e-7, "max_sweeps": 100_000}
+    plain = solve_contacts(problem, Settings(method="gauss-seidel", **settings), reference_velocity=9.81e-3)
+    fast = solve_contacts(problem, Settings(**settings), reference_velocity=9.81e-3)
+    assert plain.converged
+    assert plain.sweeps > 1000
+    assert fast.sweeps < 0.2 * plain.sweeps
+
+
+@pytest.mark.parametrize(("restitution", "friction"), [(0.0, 0.5), (0.0, 0.0), (0.4, 0.3)])
+def test_all_methods_agree(restitution, friction):
+    """Plain and accelerated, exact and bipotential, disc and general form: one velocity field, to the tolerance."""
+    problem = heap_problem(friction=friction, restitution=restitution)
+    assert len(problem.pair) > 30
+    reference = solve_contacts(problem, Settings(method="gauss-seidel", **TIGHT))
+    scale = np.abs(reference.velocity[:, :2]).max()
+    for method, local in METHODS:
+        for variant in (problem, tilted(problem)):
+            solution = solve_contacts(variant, Settings(method=method, local=local, **TIGHT), start=0.9 * reference.impulse)
+            assert solution.converged, (method, local)
+            assert np.abs(solution.velocity - reference.velocity)[:, :2].max() < 1e-7 * scale, (method, local)
+
+
+def test_solution_satisfies_the_law_and_the_dynamics():
+    problem = heap_problem()
+    solution = solve_contacts(problem, Settings(**TIGHT))
+    w, q = dense_delassus(problem)
+    u = (w @ solution.impulse.ravel() + q).reshape(-1, 2)
+    p_n, p_t = solution.impulse.T
+    scale = np.abs(q).max()
+    assert (p_n >= 0.0).all()
+    assert (u[:, 0] > -1e-8 * scale).all()
+    assert np.abs(p_n * u[:, 0]).max() < 1e-8 * scale * p_n.max()
+    assert (np.abs(p_t) <= problem.friction * p_n * (1.0 + 1e-12)).all()
+    sliding = np.abs(u[:, 1]) > 1e-6 * scale
+    assert sliding.any()
+    assert p_t[sliding] == pytest.approx(-(problem.friction * p_n * np.sign(u[:, 1]))[sliding], abs=1e-9 * p_n.max())
+    # Momentum: M (v − v_free) = Hᵀ p, seen through the velocities of the contacts.
+    recomputed = ContactProblem(
+        problem.inverse_mass, solution.velocity, problem.pair, problem.normal, problem.lever, problem.bias, problem.friction
+    )
+    assert dense_delassus(recomputed)[1] == pytest.approx(u.ravel(), abs=1e-9 * scale)
+
+
+def test_problem_files_round_trip_and_are_checked(tmp_path):
+    problem = heap_problem()
+    problem.save(tmp_path / "heap.npz")
+    again = ContactProblem.load(tmp_path / "heap.npz")
+    assert np.array_equal(solve_contacts(problem).impulse, solve_contacts(again).impulse)
+    with np.load(tmp_path / "heap.npz") as data:
+        arrays = dict(data)
+    arrays["friction"] = arrays["friction"][:-1]
+    np.savez(tmp_path / "bad.npz", **arrays)
+    with pytest.raises(ValueError, match="friction has shape"):
+        ContactProblem.load(tmp_path / "bad.npz")
+    arrays["friction"] = np.append(arrays["friction"], np.nan)
+    np.savez(tmp_path / "bad.npz", **arrays)
+    with pytest.raises(ValueError, match="friction holds a value that is not finite"):
+        ContactProblem.load(tmp_path / "bad.npz")
+
+
+def test_nothing_to_solve_costs_no_sweep():
+    problem = column_problem(3, weight=0.0)
+    solution = solve_contacts(problem)
+    assert solution.converged
+    assert solution.sweeps == 0
+    assert not solution.impulse.any()
+
+
+def _siconos_python():
+    """The interpreter that can import Siconos, or None."""
+    for name in (os.environ.get("SICONOS_PYTHON"), "/usr/bin/python3", shutil.which("python3")):
+        if name and subprocess.run([name, "-c", "import siconos.numerics"], capture_output=True, check=False).returncode == 0:
+            return name
+    return None
+
+
+@pytest.mark.siconos
+@pytest.mark.parametrize(("seed", "friction"), [(0, 0.5), (1, 0.3), (2, 0.05)])
+def test_siconos_finds_the_same_solution(tmp_path, seed, friction):
+    """The same problems by fc2d_nsgs: the same velocities (forces may differ where they are not unique)."""
+    python = _siconos_python()
+    if python is None:
+        pytest.skip("Siconos is not installed (set SICONOS_PYTHON to an interpreter that has it)")
+    problem = heap_problem(seed, friction=friction)
+    w, q = dense_delassus(problem)
+    np.savez(tmp_path / "in.npz", W=w, q=q, mu=problem.friction, tolerance=1e-12)
+    worker = Path(__file__).parents[1] / "support" / "siconos_worker.py"
+    subprocess.run([python, worker, tmp_path / "in.npz", tmp_path / "out.npz"], check=True, timeout=300)
+    with np.load(tmp_path / "out.npz") as out:
+        theirs, status = out["reaction"], int(out["status"])
+    assert status == 0
+    ours = solve_contacts(problem, Settings(**TIGHT)).impulse.ravel()
+    scale = np.abs(q).max()
+    assert np.abs(w @ (ours - theirs)).max() < 1e-6 * scale
