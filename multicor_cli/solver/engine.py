@@ -15,8 +15,6 @@ from multicor_cli.kernels.contacts import (
     Laws,
     Scene,
     WarmStart,
-    count_contacts,
-    fill_contacts,
     find_missed,
     measure_pairs,
     warm_rows,
@@ -28,6 +26,7 @@ from multicor_cli.physics.drives import WallDrive
 from multicor_cli.solver.books import book_step, start_books, switch_wall_kinetic
 from multicor_cli.solver.contact_table import ContactTable, tabulate_contacts
 from multicor_cli.solver.correction import correct_positions
+from multicor_cli.solver.gather import gather_contacts
 from multicor_cli.solver.neighbour_list import NeighbourList
 from multicor_cli.solver.problem import ContactProblem, problem_of_step
 from multicor_cli.solver.settings import PhysicsError, Settings, StepReport
@@ -218,20 +217,10 @@ class Engine:
     def _gather(self, scene: Scene, margin: float, dt: float) -> tuple[Contacts, Scale]:
         """Contacts with a gap up to ``margin``, with their warm start, and the scale of the residuals."""
         state, model, lists = self.state, self.model, self._list
-        kept = count_contacts(lists.row, lists.gap, margin)
-        count = int(kept[-1])
-        contacts = Contacts(
-            np.empty(count, np.int32), np.empty(count, np.int32), np.empty((count, 5)), np.empty((count, 2)),
-            np.empty((count, 2)), np.empty((count, 2)),
-        )  # fmt: skip
         warm = WarmStart(warm_rows(model.grain_count, state.contact_i), state.contact_j, state.contact_impulse)
         ratio = dt / state.last_dt if state.last_dt > 0.0 else 0.0
-        closing = chunks_for(model.grain_count, 2)
-        fill_contacts(
-            scene, self._laws, lists.row, lists.partner, lists.gap, margin, kept, self._start, dt, warm, ratio, contacts,
-            closing,
-        )  # fmt: skip
-        return contacts, self._scale(dt, *closing.sum(axis=0))
+        contacts, closing = gather_contacts(scene, lists, lists.gap, margin, self._laws, self._start, dt, warm, ratio)
+        return contacts, self._scale(dt, *closing)
 
     def _scale(self, dt: float, squares: float, closing: float) -> Scale:
         """u_ref = max(rms Δt|F|/m, Δt P d̄/m̄, rms of the closing velocities), and ½ M u_ref² (design §2)."""
@@ -268,7 +257,7 @@ class Engine:
             state.wall_position = middle_walls + 0.5 * dt * wall_after
         with self._timed("correct"):
             end = self._scene(state.position, state.wall_position)
-            correction = correct_positions(end, model, self._motion, self._list, reach, self._flagged, state.step)
+            correction = correct_positions(end, model, self._motion, self._list, reach, self._flagged, state.step, self.threads)
             if model.period > 0.0:
                 wrap(state.position, state.image, model.period)
         with self._timed("account"):

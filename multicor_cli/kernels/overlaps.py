@@ -1,0 +1,61 @@
+"""Overlaps that the velocity scheme leaves behind at the end of a step (they grow as Δt²)."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from multicor_cli.kernels.contacts import Scene, pair_geometry
+from multicor_cli.kernels.jit import CHUNK, kernel, parallel_kernel, prange
+from multicor_cli.state.model import Floats, Ints
+
+
+@kernel
+def _overlap(scene: Scene, i: int, j: int) -> float:
+    """Overlap over the smaller radius (of the grain, against a wall shape); negative if there is a gap."""
+    gap = pair_geometry(scene, i, j)[0]
+    smaller = scene.radius[i]
+    if j < scene.radius.size:
+        smaller = min(smaller, scene.radius[j])
+    return -gap / smaller
+
+
+@parallel_kernel
+def measure_overlaps(
+    scene: Scene,
+    row: NDArray[np.int64],
+    partner: Ints,
+    gap: Floats,
+    reach: float,
+    tolerance: float,
+    flagged: NDArray[np.bool_],
+    found: Floats,
+) -> None:
+    """Overlaps at the end of a step among the pairs whose gap at mid-step was below ``reach``.
+
+    Args:
+        scene: Shapes at q⁺.
+        row: Rows of the neighbour list, shape ``(n + 1,)``.
+        partner: Partners.
+        gap: Gaps at q_m [m].
+        reach: Pairs farther apart at q_m cannot overlap now [m].
+        tolerance: Allowed overlap over the smaller radius.
+        flagged: Whether grain i has a pair in its row that overlaps more, shape ``(n,)``. **Modified.**
+        found: For each chunk of grains the largest overlap over the smaller radius (0 if there is none) and the number of flagged
+            grains, shape ``(chunks, 2)``. **Modified.**
+    """
+    count = row.size - 1
+    for chunk in prange(found.shape[0]):
+        flags = 0.0
+        best = 0.0
+        for i in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
+            flagged[i] = False
+            for p in range(row[i], row[i + 1]):
+                if gap[p] < reach:
+                    overlap = _overlap(scene, i, partner[p])
+                    best = max(best, overlap)
+                    if overlap > tolerance:
+                        flagged[i] = True
+            if flagged[i]:
+                flags += 1.0
+        found[chunk, 0], found[chunk, 1] = best, flags
