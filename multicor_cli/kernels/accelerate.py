@@ -2,10 +2,11 @@
 
 The accelerated method extrapolates the sweep as Nesterov does, y = x + ω (x − x_last), on impulses and velocities alike (they are
 linear in each other). Friction makes the problem no minimization, and unguarded momentum cycles in sliding states. Three guards
-keep it no slower than plain sweeps: the momentum restarts when the new change points against the extrapolation (gradient
-restart) and when the change per sweep has grown to `GROWTH` times its lowest value since the last restart, and it rests for a
-while when it has not gained anything for long. (Restarting at any growth costs 1.5 to 3 times as many sweeps in shear; at growth
-by 5 and more, some sliding states cycle.)
+keep it no slower than plain sweeps. The momentum restarts when the new change points against the extrapolation (gradient
+restart), and when the change per sweep has grown to `GROWTH` times its lowest value since the last restart. (Restarting at any
+growth costs 1.5 to 3 times as many sweeps in shear; at growth by 5 and more, some sliding states cycle.) And where a cluster of
+contacts cycles under exact local solves, which plain sweeps do too, the loop goes through other `MODES`, with partial
+corrections and without momentum, that break such cycles.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import numpy as np
 
 from multicor_cli.kernels.jit import CHUNK, kernel, parallel_kernel, prange
 from multicor_cli.kernels.residual import measure_residual
-from multicor_cli.kernels.sweep import System, sweep
+from multicor_cli.kernels.sweep import Relaxation, System, sweep
 from multicor_cli.state.model import Floats
 
 
@@ -33,11 +34,14 @@ class Momentum(NamedTuple):
 
 # Slots of the memory that carries the loop from one slice of sweeps to the next.
 SWEEPS, CHECKS, CONVERGED, RMS, MAXIMUM, ENERGY = range(6)  # for the caller
-ACTIVE, THETA, FACTOR, LOWEST, BEST, BEST_AT, REST, PATIENCE, NEXT_CHECK = range(6, 15)  # for the loop
-MEMORY = 15
+ACTIVE, THETA, FACTOR, LOWEST, BEST, BEST_AT, MODE, NEXT_CHECK = range(6, 14)  # for the loop
+MEMORY = 14
 
 GROWTH = 2.0  # of the change per sweep over its lowest value since the last restart
-PATIENCE_START = 200.0  # sweeps without gain before the momentum rests, and how long it then rests; doubles each time
+GAIN = 0.9  # a mode has gained if the change per sweep is lower by this factor
+PATIENCE = 500.0  # sweeps without gain after which the next mode is tried
+MODES = np.array([[1.0, 1.0, 1.0], [1.0, 0.3, 1.0], [1.0, 0.3, 0.0], [0.5, 1.0, 0.0]])
+"""Rows: factors on the normal and tangential corrections, and whether there is momentum."""
 
 
 @kernel
@@ -48,7 +52,6 @@ def start_memory(contact_count: int) -> Floats:
     memory[THETA] = 1.0
     memory[LOWEST] = np.inf
     memory[BEST] = np.inf
-    memory[PATIENCE] = PATIENCE_START
     return memory
 
 
@@ -140,23 +143,23 @@ def _remember(s: System, m: Momentum) -> None:
 
 
 @kernel
-def _choose_factor(cross: float, square: float, change: float, memory: Floats) -> float:
-    """The factor ω of the next extrapolation, with the guards."""
-    if change < 0.99 * memory[BEST]:
+def _watch_gain(change: float, memory: Floats) -> None:
+    """Go to the next mode if this one has not gained anything for long."""
+    if change < GAIN * memory[BEST]:
         memory[BEST] = change
         memory[BEST_AT] = memory[SWEEPS]
-    if memory[REST] > 0.0:
-        memory[REST] -= 1.0
-        if memory[REST] == 0.0:
-            memory[BEST] = change
-            memory[BEST_AT] = memory[SWEEPS]
-        return 0.0
-    if memory[SWEEPS] - memory[BEST_AT] >= memory[PATIENCE]:
-        memory[REST] = memory[PATIENCE]
-        memory[PATIENCE] *= 2.0
+    elif memory[SWEEPS] - memory[BEST_AT] >= PATIENCE:
+        memory[MODE] = (memory[MODE] + 1.0) % MODES.shape[0]
+        memory[BEST] = change
+        memory[BEST_AT] = memory[SWEEPS]
         memory[THETA] = 1.0
+        memory[FACTOR] = 0.0
         memory[LOWEST] = np.inf
-        return 0.0
+
+
+@kernel
+def _choose_factor(cross: float, square: float, change: float, memory: Floats) -> float:
+    """The factor ω of the next extrapolation, with the two restarts."""
     if change > GROWTH * memory[LOWEST] or memory[FACTOR] * cross > square:
         memory[THETA] = 1.0
         memory[LOWEST] = change
@@ -213,7 +216,9 @@ def iterate(
     if memory[SWEEPS] == 0.0:
         _remember(s, m)
     while memory[SWEEPS] < limit:
-        change = np.sqrt(sweep(s, local, parallel, partial) / memory[ACTIVE])
+        mode = int(memory[MODE])
+        relaxation = Relaxation(MODES[mode, 0], MODES[mode, 1])
+        change = np.sqrt(sweep(s, local, relaxation, parallel, partial) / memory[ACTIVE])
         memory[SWEEPS] += 1.0
         # The change per sweep is cheap; the residual is evaluated only where it may pass.
         if change <= 2.0 * tolerance[0] and memory[SWEEPS] >= memory[NEXT_CHECK]:
@@ -223,8 +228,11 @@ def iterate(
             _is_converged(s, tolerance, memory, parallel)
             return
         if accelerated:
-            cross, square = _change_products(s, m, parallel)
-            factor = _choose_factor(cross, square, change, memory)
+            _watch_gain(change, memory)
+            factor = 0.0
+            if MODES[mode, 2] > 0.0:
+                cross, square = _change_products(s, m, parallel)
+                factor = _choose_factor(cross, square, change, memory)
             memory[FACTOR] = factor
             _extrapolate(s.velocity, m.velocity, m.velocity_change, 3, factor, parallel)
             _extrapolate(s.impulse, m.impulse, m.impulse_change, 2, factor, parallel)

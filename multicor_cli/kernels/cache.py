@@ -31,7 +31,10 @@ KEPT = 3
 MIN_AGE = 3600.0
 """A cache directory used within this time [s] is never pruned: another run may still be compiling into it."""
 
-_NAME = re.compile(r"kernels-[0-9a-f]{16}-numba[\w.+]+-[\w.]+-[0-9a-f]{8}")
+SPACE = 64 << 20
+"""A directory with less free space than this [bytes] is passed over: Numba cannot cope with a full disk."""
+
+_NAME = re.compile(r"kernels-[0-9a-f]{16}-numba[\w.+]+-[\w.-]+-[0-9a-f]{8}")
 
 
 def configure_cache() -> Path | None:
@@ -114,6 +117,9 @@ def _prepare(base: Path, name: str) -> Path | None:
         if any(not _is_ours(path) for path in (base, directory)) or not os.access(directory, os.R_OK | os.W_OK | os.X_OK):
             return None
         os.utime(directory)
+        space = os.statvfs(directory)
+        if space.f_bavail * space.f_frsize < SPACE:
+            return None
     except OSError:
         return None
     return directory

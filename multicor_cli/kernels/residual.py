@@ -4,11 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from multicor_cli.kernels.jit import CHUNK, kernel, parallel_kernel, prange
+from multicor_cli.kernels.jit import CHUNK, kernel, parallel_kernel, prange, scalar
 from multicor_cli.kernels.sweep import EXACT, System, general_solution, general_velocity, solve_exact
 
 
-@kernel
+@scalar
 def _light_residual(k: int, s: System) -> tuple[float, float]:
     """Square of e_c, or -1 if the contact is open and satisfied; and its share of the energy residual."""
     i, j = s.pair[k, 0], s.pair[k, 1]

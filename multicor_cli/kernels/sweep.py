@@ -26,6 +26,13 @@ solve_full = scalar(contact_law.solve_full)
 EXACT, BIPOTENTIAL = 0, 1
 
 
+class Relaxation(NamedTuple):
+    """Factors on the corrections of the exact local solve of light contacts: 1 solves the contact, less goes part of the way."""
+
+    normal: float
+    tangential: float
+
+
 class System(NamedTuple):
     """A contact problem in the order of the sweep; ``k`` light contacts, ``g`` general ones, ``b`` bodies.
 
@@ -58,19 +65,20 @@ class System(NamedTuple):
     spin_factor: float
 
 
-@kernel
+@scalar
 def _push(k: int, d_n: float, d_t: float, velocity: Floats, pair: Ints, frame: Floats, beta: float) -> None:
     """Change the velocities of the two bodies of a light contact by an impulse."""
-    i, j = pair[k, 0], pair[k, 1]
+    i, j = np.uint32(pair[k, 0]), np.uint32(pair[k, 1])
     px = d_n * frame[k, 0] - d_t * frame[k, 1]
     py = d_n * frame[k, 1] + d_t * frame[k, 0]
     mi, mj = velocity[i, 3], velocity[j, 3]
     velocity[i, 0] += mi * px
     velocity[i, 1] += mi * py
-    velocity[i, 2] -= mi * beta * d_t
+    spin = beta * d_t
+    velocity[i, 2] -= mi * spin
     velocity[j, 0] -= mj * px
     velocity[j, 1] -= mj * py
-    velocity[j, 2] -= mj * beta * d_t
+    velocity[j, 2] -= mj * spin
 
 
 @kernel
@@ -87,10 +95,12 @@ def _push_general(g: int, d_n: float, d_t: float, s: System) -> None:
     s.velocity[b, 2] -= s.inverse[b, 2] * (d_n * lever[2] + d_t * lever[3])
 
 
-@kernel
-def _relax_light(k: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats, beta: float, local: int) -> float:
+@scalar
+def _relax_light(
+    k: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats, beta: float, local: int, relaxation: Relaxation
+) -> float:
     """Relax one light contact; returns the square of the velocity correction [m²/s²]."""
-    i, j = pair[k, 0], pair[k, 1]
+    i, j = np.uint32(pair[k, 0]), np.uint32(pair[k, 1])  # unsigned: no wrapping of negative indices in the innermost loop
     nx, ny, w_inverse = frame[k, 0], frame[k, 1], frame[k, 2]
     dx = velocity[i, 0] - velocity[j, 0]
     dy = velocity[i, 1] - velocity[j, 1]
@@ -98,7 +108,8 @@ def _relax_light(k: int, velocity: Floats, pair: Ints, frame: Floats, impulse: F
     u_t = dy * nx - dx * ny - velocity[i, 2] - velocity[j, 2]
     p_n, p_t = impulse[k, 0], impulse[k, 1]
     if local == EXACT:
-        new_n, new_t = solve_exact(p_n, p_t, u_n, u_t, w_inverse, w_inverse / (1.0 + beta), frame[k, 4])
+        w_n, w_t = relaxation.normal * w_inverse, relaxation.tangential * (w_inverse * (1.0 / (1.0 + beta)))
+        new_n, new_t = solve_exact(p_n, p_t, u_n, u_t, w_n, w_t, frame[k, 4])
     else:
         rho = w_inverse / np.sqrt(1.0 + beta)
         mu = frame[k, 4]
@@ -163,33 +174,34 @@ def _relax_general(g: int, s: System, local: int) -> float:
 
 
 @kernel
-def _relax_tile(t: int, s: System, local: int) -> float:
+def _relax_tile(t: int, s: System, local: int, relaxation: Relaxation) -> float:
     total = 0.0
     for k in range(s.tile_start[t], s.tile_start[t + 1]):
-        total += _relax_light(k, s.velocity, s.pair, s.frame, s.impulse, s.spin_factor, local)
+        total += _relax_light(k, s.velocity, s.pair, s.frame, s.impulse, s.spin_factor, local, relaxation)
     return total
 
 
 @kernel
-def _relax_tiles_serially(s: System, local: int, partial: Floats) -> None:
+def _relax_tiles_serially(s: System, local: int, relaxation: Relaxation, partial: Floats) -> None:
     for t in range(s.tile_start.size - 1):
-        partial[t] = _relax_tile(t, s, local)
+        partial[t] = _relax_tile(t, s, local, relaxation)
 
 
 @parallel_kernel
-def _relax_tiles(s: System, local: int, partial: Floats) -> None:
+def _relax_tiles(s: System, local: int, relaxation: Relaxation, partial: Floats) -> None:
     for color in range(s.color_start.size - 1):
         for t in prange(s.color_start[color], s.color_start[color + 1]):
-            partial[t] = _relax_tile(t, s, local)
+            partial[t] = _relax_tile(t, s, local, relaxation)
 
 
 @kernel
-def sweep(s: System, local: int, parallel: bool, partial: Floats) -> float:
+def sweep(s: System, local: int, relaxation: Relaxation, parallel: bool, partial: Floats) -> float:
     """One Gauss–Seidel sweep over all contacts.
 
     Args:
         s: The problem. **Impulses and velocities modified.**
         local: `EXACT` or `BIPOTENTIAL`.
+        relaxation: Factors of the exact local solve.
         parallel: Relax the tiles of one color on several threads; the result is the same.
         partial: Work space, shape ``(tiles,)``.
 
@@ -197,14 +209,14 @@ def sweep(s: System, local: int, parallel: bool, partial: Floats) -> float:
         Sum of the squares of the velocity corrections [m²/s²].
     """
     if parallel:
-        _relax_tiles(s, local, partial)
+        _relax_tiles(s, local, relaxation, partial)
     else:
-        _relax_tiles_serially(s, local, partial)
+        _relax_tiles_serially(s, local, relaxation, partial)
     total = 0.0
     for t in range(partial.size):
         total += partial[t]
     for k in range(s.tile_start[-1], s.pair.shape[0]):
-        total += _relax_light(k, s.velocity, s.pair, s.frame, s.impulse, s.spin_factor, local)
+        total += _relax_light(k, s.velocity, s.pair, s.frame, s.impulse, s.spin_factor, local, relaxation)
     for g in range(s.general_pair.shape[0]):
         total += _relax_general(g, s, local)
     return total

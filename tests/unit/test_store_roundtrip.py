@@ -218,6 +218,25 @@ def test_run_finished_while_it_is_read(tmp_path: Path) -> None:
             assert_same_model(reader.model, model)
 
 
+def test_run_finished_while_it_is_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The segments go between the moment when ``run.json`` is read and that when the manifest is."""
+    from multicor_cli.store import reader
+
+    read, path = reader.read_run_document, tmp_path / "run"
+    with make_run(path) as run:
+        drive(run, make_model(), steps=40, checkpoint_every=15, finish=False)
+
+        def finish_meanwhile(path: Path) -> dict[str, object]:
+            document = read(path)
+            if run.status == "running":
+                run.finish("finished")
+            return document
+
+        monkeypatch.setattr(reader, "read_run_document", finish_meanwhile)
+        with open_run(path) as opened:
+            assert len(opened.frames) == 9
+
+
 def test_info_has_what_the_command_line_promises(tmp_path: Path) -> None:
     state = run_whole(tmp_path / "run")
     info = run_info(tmp_path / "run")

@@ -1,0 +1,48 @@
+"""The command ``multicor``. Nothing heavy is imported before a command needs it, so that ``--help`` is quick."""
+
+from __future__ import annotations
+
+import sys
+from typing import Annotated
+
+import typer
+
+from multicor_cli import __version__
+from multicor_cli.cli import post_commands, reading_commands, run_command, scenario_commands
+from multicor_cli.cli.guard import guarded
+
+app = typer.Typer(
+    name="multicor",
+    no_args_is_help=True,
+    pretty_exceptions_enable=False,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    help="Thermomechanics of two-dimensional granular flows, driven by TOML files.",
+    epilog="Results go to stdout, everything else to stderr. A run can be stopped at any time; the same command continues it.",
+)
+
+
+def _show_version(is_wanted: bool) -> None:
+    if is_wanted:
+        print(f"multicor {__version__}")
+        raise typer.Exit
+
+
+@app.callback()
+def options(
+    version: Annotated[
+        bool, typer.Option("--version", callback=_show_version, is_eager=True, help="Show the version and exit.")
+    ] = False,
+) -> None:
+    """Options before a command."""
+
+
+for module in (scenario_commands, run_command, reading_commands, post_commands):
+    module.register(app, guarded)
+
+
+def main() -> None:
+    """Entry point of the command ``multicor``."""
+    for stream in (sys.stdout, sys.stderr):
+        if hasattr(stream, "reconfigure"):
+            stream.reconfigure(errors="replace")  # a terminal without UTF-8 must not end a run
+    app(prog_name="multicor")

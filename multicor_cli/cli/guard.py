@@ -1,0 +1,109 @@
+"""What happens when a command fails: one clear message and the right exit code, never a traceback on the terminal."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import sys
+import tempfile
+import traceback
+from collections.abc import Callable, Iterator
+from functools import wraps
+from pathlib import Path
+from typing import Any
+
+from multicor_cli.cli.console import complain, say
+from multicor_cli.cli.exit_codes import ExitCode, exit_code_of
+
+_crash_directory: Path | None = None
+
+
+def guarded(function: Callable[..., Any]) -> Callable[..., Any]:
+    """Wrap a command: errors become messages and exit codes; a closed pipe ends it quietly."""
+
+    @wraps(function)
+    def wrapper(*args: Any, **kwargs: Any) -> None:
+        with _failures():
+            function(*args, **kwargs)
+            sys.stdout.flush()
+
+    return wrapper
+
+
+def set_crash_directory(path: Path) -> None:
+    """Where ``crash.txt`` goes if the command crashes; the directory must be a run of ours by then."""
+    global _crash_directory  # noqa: PLW0603  (one command per process)
+    _crash_directory = path
+
+
+@contextlib.contextmanager
+def _failures() -> Iterator[None]:
+    try:
+        yield
+    except BrokenPipeError:
+        _close_stdout()
+        raise SystemExit(ExitCode.DONE) from None
+    except (KeyboardInterrupt, Exception) as error:
+        if _is_control_flow(error):
+            raise
+        code = exit_code_of(error)
+        _report(error, code)
+        raise SystemExit(code) from None
+
+
+def _is_control_flow(error: BaseException) -> bool:
+    """Whether the command-line library uses this exception to leave a command, or formats it itself."""
+    import typer
+
+    usage_error = typer.BadParameter.__mro__[-4]  # the one right below Exception: its name depends on the version
+    return isinstance(error, typer.Exit | typer.Abort | usage_error)
+
+
+def _report(error: BaseException, code: ExitCode) -> None:
+    if code is ExitCode.BUG:
+        where = _write_crash(error)
+        complain(f"internal error ({type(error).__name__}), sorry: this is a bug. Please report it with {where}")
+    elif code is ExitCode.SCENARIO:
+        for problem in error.problems:  # type: ignore[attr-defined]
+            say(str(problem))
+            if problem.excerpt():
+                say(problem.excerpt())
+    elif code is ExitCode.INTERRUPTED:
+        complain("interrupted")
+    elif isinstance(error, MemoryError):
+        complain("not enough memory")
+    else:
+        complain(_describe(error))
+
+
+def _describe(error: BaseException) -> str:
+    """The message of an error; of one of the system: the file and what is wrong with it."""
+    if isinstance(error, OSError) and error.strerror:
+        return f"{error.filename}: {error.strerror}" if error.filename is not None else error.strerror
+    return str(error)
+
+
+def _write_crash(error: BaseException) -> str:
+    """Save the traceback, in the run directory if there is one; returns the name of the file."""
+    text = "".join(traceback.format_exception(error))
+    command = " ".join(sys.argv)
+    content = f"multicor crashed\ncommand: {command}\n\n{text}"
+    if _crash_directory is not None and (_crash_directory / "run.json").is_file():
+        with contextlib.suppress(OSError):
+            path = _crash_directory / "crash.txt"
+            path.write_text(content)
+            return str(path)
+    try:
+        handle, name = tempfile.mkstemp(prefix="multicor-crash-", suffix=".txt")
+        with os.fdopen(handle, "w") as file:
+            file.write(content)
+    except OSError:
+        say(text)
+        return "the lines above"
+    return name
+
+
+def _close_stdout() -> None:
+    """Nobody reads stdout any more: let what is left in its buffer, and Python's flush at exit, go nowhere."""
+    with contextlib.suppress(OSError, ValueError):
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -1,0 +1,96 @@
+"""Commands that look at a run or at the installation: ``info``, ``verify``, ``doctor``."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any
+
+import typer
+
+from multicor_cli.cli.console import emit, emit_json, emit_pairs, format_seconds, say
+from multicor_cli.cli.exit_codes import ExitCode
+from multicor_cli.cli.options import RunPath, count_noun
+
+AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
+
+
+def info(directory: RunPath, is_json: AsJson = False) -> None:
+    """Say what a run holds, how far it is, and how good it is."""
+    from multicor_cli.store import run_info
+
+    found = run_info(directory)
+    if is_json:
+        emit_json(found)
+    else:
+        emit_pairs(_describe(found))
+
+
+def verify(directory: RunPath, is_json: AsJson = False) -> None:
+    """Read everything that a run has stored and compare it with its checksums; exit code 7 if something is damaged."""
+    from multicor_cli.store import verify as verify_run
+
+    findings = verify_run(directory)
+    damaged = [finding for finding in findings if finding.severity == "error"]
+    if is_json:
+        rows = [{"severity": f.severity, "file": f.file, "message": f.message} for f in findings]
+        emit_json({"path": str(directory), "whole": not damaged, "findings": rows})
+    else:
+        for finding in findings:
+            emit(f"{finding.severity}: {_with_file(finding.file, finding.message)}")
+        say(f"{directory}: {count_noun(len(damaged), 'file')} damaged" if damaged else f"{directory}: everything is whole")
+    if damaged:
+        raise typer.Exit(ExitCode.DAMAGED)
+
+
+def doctor(is_json: AsJson = False) -> None:
+    """Describe this installation, for a bug report."""
+    from multicor_cli.cli.diagnosis import diagnose
+
+    found = diagnose()
+    if is_json:
+        emit_json(found)
+    else:
+        emit_pairs([(name, str(value)) for name, value in found.items()])
+
+
+def _with_file(file: str, message: str) -> str:
+    return message if message.startswith(file) else f"{file}: {message}"
+
+
+def _describe(found: dict[str, Any]) -> list[tuple[str, str]]:
+    solver = found["solver"]
+    reason = found["stop_reason"]
+    lines = [
+        ("run", found["path"]),
+        ("status", f"{found['status']} ({reason})" if reason and reason != found["status"] else found["status"]),
+        ("grains", _text(found["grain_count"])),
+        ("walls", ", ".join(found["walls"]) or "none"),
+        ("frames", f"{found['frame_count']} (and {found['series_count']} rows of the time series)"),
+        ("step", _text(found["step"])),
+        ("time", _text(found["time"], " s")),
+        ("stages", ", ".join(found["stages"])),
+        ("wall time", "–" if found["duration"] is None else format_seconds(found["duration"])),
+        ("state digest", _text(found["state_digest"])),
+        ("energy closure", _text(found["energy_closure"])),
+        ("largest overlap", _text(found["max_overlap"], " of the smaller radius")),
+        ("sweeps", _text(solver["sweeps_mean"], " per step")),
+        ("largest residual", _text(solver["residual_rms_max"], " of the reference velocity (rms of a step)")),
+        ("not converged", _text(solver["unconverged_steps"], " steps")),
+        ("negative losses", _text(found["negative_loss_share"], " of the losses at contacts")),
+    ]
+    if found["hertz_deflection"] is not None:
+        lines.append(("Hertz deflection", _text(found["hertz_deflection"], " of a diameter under the largest contact force")))
+    version = found["provenance"].get("multicor_version", "")
+    return [*lines, ("made by", f"multicor {version}, seed {found['provenance'].get('seed')}")]
+
+
+def _text(value: Any, unit: str = "") -> str:
+    if value is None:
+        return "–"
+    return (f"{value:.4g}" if isinstance(value, float) else str(value)) + unit
+
+
+def register(app: typer.Typer, wrap: Any) -> None:
+    """Add the commands."""
+    app.command("info")(wrap(info))
+    app.command("verify")(wrap(verify))
+    app.command("doctor")(wrap(doctor))

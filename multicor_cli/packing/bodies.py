@@ -1,0 +1,37 @@
+"""Masses and moments of inertia of grains."""
+
+from __future__ import annotations
+
+import math
+from typing import Literal
+
+import numpy as np
+
+from multicor_cli.state.model import Floats
+
+Shape = Literal["disc", "sphere"]
+
+SHAPE_FACTOR = {"disc": 2.0, "sphere": 2.5}
+"""m a²/I by shape."""
+
+
+def masses(radius: Floats, density: float, shape: Shape, thickness: float | None) -> Floats:
+    """Mass of each grain [kg]: π a² h ρ of a disc of thickness h, 4/3 π a³ ρ of a sphere.
+
+    Args:
+        radius: Radii a [m].
+        density: ρ [kg/m³].
+        shape: Shape of the grains.
+        thickness: h [m], for discs.
+    """
+    if shape == "sphere":
+        return np.asarray(4.0 / 3.0 * math.pi * radius**3 * density)
+    if thickness is None:
+        message = "discs need a thickness"
+        raise ValueError(message)
+    return np.asarray(math.pi * radius**2 * thickness * density)
+
+
+def inertias(radius: Floats, mass: Floats, shape: Shape) -> Floats:
+    """Moment of inertia of each grain about its center [kg m²]: ½ m a² of a disc, 2/5 m a² of a sphere."""
+    return np.asarray(mass * radius**2 / SHAPE_FACTOR[shape])

@@ -1,0 +1,34 @@
+"""Grains that a packing brings with it: radii, places and motion."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from multicor_cli.state.model import Floats
+
+MAX_GRAINS = 50_000_000
+"""More grains than any machine of today can hold; a file that claims more is refused before memory is taken."""
+
+
+@dataclass(frozen=True)
+class Brought:
+    """Grains at rest or in motion.
+
+    Attributes:
+        radius: Radii [m], shape ``(n,)``.
+        position: x, y [m] and angle [rad], shape ``(n, 3)``.
+        velocity: Velocity [m/s] and spin [rad/s], shape ``(n, 3)``.
+    """
+
+    radius: Floats
+    position: Floats
+    velocity: Floats
+
+    @classmethod
+    def at_rest(cls, radius: Floats, position: Floats) -> Brought:
+        """Grains that do not move; ``position`` has shape ``(n, 2)``."""
+        full = np.zeros((radius.size, 3))
+        full[:, :2] = position
+        return cls(radius, full, np.zeros((radius.size, 3)))

@@ -1,0 +1,151 @@
+"""From a scenario to the initial `Model` and `State`."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from multicor_cli.packing.bodies import SHAPE_FACTOR, Shape, inertias, masses
+from multicor_cli.packing.brought import Brought
+from multicor_cli.packing.errors import PackingError
+from multicor_cli.packing.groups import make_group
+from multicor_cli.packing.laws import Law, contact_laws, touching_pairs
+from multicor_cli.packing.obstacles import Obstacles
+from multicor_cli.packing.overlap import behind_problem, overlap_problems
+from multicor_cli.packing.pairs import wrap
+from multicor_cli.packing.wall_tables import BuiltWalls, build_walls
+from multicor_cli.packing.walls import in_world
+from multicor_cli.scenario import Scenario, ScenarioError
+from multicor_cli.state import Grains, Model, State
+from multicor_cli.state.model import Floats, Ints
+
+_LEAST_DIAMETERS = 4.0
+"""Shortest period over the largest diameter: the engine finds each neighbor once only if it is not its own neighbor's image."""
+
+
+def build(scenario: Scenario) -> tuple[Model, State]:
+    """Make the walls and grains of a scenario as they are at time zero.
+
+    Groups are placed in the order of the file; later ones keep clear of earlier ones or are piled upon them where their packing
+    can. The same scenario gives the same bits.
+
+    Raises:
+        ScenarioError: A packing or a wall cannot be made, or bodies overlap by more than 10⁻³ of the smaller radius.
+    """
+    try:
+        walls = build_walls(scenario)
+    except PackingError as error:
+        raise _refusal(scenario, [error]) from error
+    solid = Obstacles(walls.shapes.kind, in_world(walls.shapes, walls.origins))
+    groups = _make_groups(scenario, solid)
+    model = _model(scenario, walls, groups)
+    state = _state(model, walls, groups)
+    problems = _check(model, state, walls, solid)
+    if problems:
+        raise _refusal(scenario, problems)
+    return model, state
+
+
+def _refusal(scenario: Scenario, errors: list[PackingError]) -> ScenarioError:
+    return ScenarioError([scenario.problem(error.key, error.message, error.remedy) for error in errors])
+
+
+def _make_groups(scenario: Scenario, solid: Obstacles) -> list[Brought]:
+    """The grains of all groups; problems of all groups are reported together."""
+    groups: list[Brought] = []
+    errors = []
+    for k in range(len(scenario.particles)):
+        try:
+            _check_period(scenario, k, None)
+            brought = make_group(scenario, k, solid)
+            _check_period(scenario, k, float(brought.radius.max(initial=0.0)))
+        except PackingError as error:
+            errors.append(PackingError(error.message, error.remedy, ("particles", k, *error.key)))
+            continue
+        groups.append(brought)
+        solid = solid.with_discs(np.column_stack([_wrapped(scenario, brought.position), brought.radius]))
+    if errors:
+        raise _refusal(scenario, errors)
+    return groups
+
+
+def _wrapped(scenario: Scenario, position: Floats) -> Floats:
+    """Centers, with x wrapped into the period."""
+    center = position[:, :2].copy()
+    if scenario.domain.periodic:
+        center[:, 0] = wrap(center[:, 0], scenario.domain.size[0])
+    return center
+
+
+def _check_period(scenario: Scenario, index: int, largest: float | None) -> None:
+    """Refuse a period that is too short for grains of radius ``largest``, or, if None, for the sizes the scenario names."""
+    sizes, domain = scenario.particles[index].sizes, scenario.domain
+    if largest is None:
+        largest = sizes.largest if sizes is not None else 0.0
+    if domain.periodic and domain.size[0] < 2.0 * _LEAST_DIAMETERS * largest:
+        text = f"the period {domain.size[0]:g} m is less than four of the largest diameters, {2.0 * largest:g} m"
+        raise PackingError(text, "widen the domain or use smaller grains", ("sizes",) if sizes is not None else ("packing",))
+
+
+def _model(scenario: Scenario, walls: BuiltWalls, groups: list[Brought]) -> Model:
+    names = list(scenario.materials)
+    grains = _grains(scenario, groups)
+    touching = touching_pairs(grains.material.tolist(), walls.shapes.material.tolist())
+    domain = scenario.domain
+    return Model(
+        grains=grains,
+        shapes=walls.shapes,
+        walls=walls.walls,
+        laws=contact_laws(names, touching, lambda a, b: _law(scenario, a, b)),
+        materials=tuple(names),
+        groups=tuple(group.name for group in scenario.particles),
+        period=domain.size[0] if domain.periodic else 0.0,
+        gravity=np.array(domain.gravity, float),
+        shape_factor=SHAPE_FACTOR[scenario.particles[0].shape],
+    )
+
+
+def _law(scenario: Scenario, a: str, b: str) -> Law:
+    entry = scenario.law(a, b)
+    friction = entry.friction if isinstance(entry.friction, float) else (entry.friction.speed, entry.friction.values)
+    return friction, entry.restitution
+
+
+def _grains(scenario: Scenario, groups: list[Brought]) -> Grains:
+    names = list(scenario.materials)
+    counts = [group.radius.size for group in groups]
+    mass, inertia = [], []
+    for table, group in zip(scenario.particles, groups, strict=True):
+        shape: Shape = table.shape
+        mass.append(masses(group.radius, scenario.materials[table.material].density, shape, table.thickness))
+        inertia.append(inertias(group.radius, mass[-1], shape))
+    return Grains(
+        radius=np.concatenate([group.radius for group in groups]),
+        mass=np.concatenate(mass),
+        inertia=np.concatenate(inertia),
+        material=_repeat([names.index(table.material) for table in scenario.particles], counts),
+        group=_repeat(list(range(len(groups))), counts),
+    )
+
+
+def _repeat(values: list[int], counts: list[int]) -> Ints:
+    return np.repeat(np.array(values, np.int32), counts)
+
+
+def _state(model: Model, walls: BuiltWalls, groups: list[Brought]) -> State:
+    state = State.at_rest(model, np.concatenate([group.position for group in groups]))
+    if model.period > 0.0:
+        state.position[:, 0] = wrap(state.position[:, 0], model.period)
+    state.velocity = np.concatenate([group.velocity for group in groups])
+    state.wall_position[:, :2] = walls.origins
+    return state
+
+
+def _check(model: Model, state: State, walls: BuiltWalls, solid: Obstacles) -> list[PackingError]:
+    """Overlaps of all bodies, and grains on the wrong side of rough walls."""
+    radius, names = model.grains.radius, model.walls.names
+    problems = overlap_problems(state.position, radius, model.grains.group, solid, model.shapes.wall, names, model.period)
+    for w, body in enumerate(walls.bodies):
+        if body.front is not None:
+            found = behind_problem(state.position, body.front, names[w], w, model.period)
+            problems += [found] if found else []
+    return problems

@@ -1,0 +1,102 @@
+"""Rows of touching glued grains: along a line, and along the inside of a circle."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+
+import numpy as np
+
+from multicor_cli.packing.errors import PackingError
+from multicor_cli.packing.sizes import Sizes, diameter, draw_to_total
+from multicor_cli.state.model import Floats
+
+_ROUNDS = 20
+_BISECTIONS = 200
+
+
+def chain_on_line(start: Floats, end: Floats, sizes: Sizes, restart: Callable[[], np.random.Generator]) -> Floats:
+    """Discs with centers on a line, each touching the next: x, y, radius [m], shape ``(k, 3)``.
+
+    The number of discs is the one whose diameters add up best to the length of the line; the radii are then scaled by one
+    factor close to 1, so that the chain begins and ends exactly at the ends of the line (the first and last disc touch them
+    from inside). If the line spans a period, the last disc therefore touches the first.
+
+    Args:
+        start: Where the line begins [m], shape ``(2,)``.
+        end: Where it ends [m], shape ``(2,)``.
+        sizes: Distribution of the radii.
+        restart: Gives the random stream at its beginning.
+
+    Raises:
+        PackingError: The line is shorter than one grain.
+    """
+    length = float(np.hypot(*(end - start)))
+    _check_length(length, 2.0 * sizes.largest, "line")
+    radii = draw_to_total(sizes, diameter, length, restart)
+    radii = radii * (length / float(diameter(radii).sum()))
+    along = np.cumsum(diameter(radii)) - radii
+    return np.column_stack([start + along[:, None] * ((end - start) / length), radii])
+
+
+def chain_in_circle(radius: float, sizes: Sizes, restart: Callable[[], np.random.Generator]) -> Floats:
+    """Discs that touch a circle around the origin from inside, each touching the next: x, y, radius [m], shape ``(k, 3)``.
+
+    As with `chain_on_line`, the radii are scaled by one factor so that the chain closes.
+
+    Args:
+        radius: Radius of the circle [m].
+        sizes: Distribution of the radii.
+        restart: Gives the random stream at its beginning.
+
+    Raises:
+        PackingError: The circle is not at least four times as large as the grains.
+    """
+    _check_length(radius, 4.0 * sizes.largest, "radius of the circle")
+
+    def angles(radii: Floats) -> Floats:
+        # What each grain takes of the full circle; exact for equal grains.
+        return np.asarray(2.0 * np.arcsin(radii / (radius - radii)))
+
+    radii = draw_to_total(sizes, angles, 2.0 * math.pi, restart)
+    found = {}
+    for _ in range(_ROUNDS):  # unequal neighbors take a little less: a few grains more are needed
+        factor = _closing_factor(radii, radius)
+        found[radii.size] = abs(factor - 1.0), factor * radii
+        after = round(radii.size * factor)
+        if after in found:
+            break
+        radii = sizes.draw(after, restart())
+    radii = min(found.values(), key=lambda pair: pair[0])[1]
+    steps = _turns(radii, radius)
+    bearing = np.concatenate([[0.0], np.cumsum(steps[:-1])])
+    return np.column_stack([(radius - radii) * np.cos(bearing), (radius - radii) * np.sin(bearing), radii])
+
+
+def _turns(radii: Floats, radius: float) -> Floats:
+    """Angle at the center of the circle between each disc and the next [rad]."""
+    after = np.roll(radii, -1)
+    a, b, c = radius - radii, radius - after, radii + after
+    return np.asarray(np.arccos(np.clip((a * a + b * b - c * c) / (2.0 * a * b), -1.0, 1.0)))
+
+
+def _closing_factor(radii: Floats, radius: float) -> float:
+    """Factor on the radii with which the turns of the chain add up to a full circle (bisection to the last bit)."""
+    low, high = 0.5, min(2.0, 0.49 * radius / float(radii.max()))
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (low + high)
+        if middle in (low, high):
+            break
+        if float(_turns(middle * radii, radius).sum()) < 2.0 * math.pi:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+def _check_length(length: float, needed: float, what: str) -> None:
+    if length < needed:
+        raise PackingError(
+            f"the {what}, {length:g} m, is too short for glued grains: at least {needed:g} m",
+            "make it longer or the grains smaller",
+        )

@@ -1,0 +1,187 @@
+"""Packings compacted by the engine between a floor and a loaded lid.
+
+A random packing is pressed by a lid without gravity until everything is at rest. Impacts are perfectly inelastic, and a
+background damping takes the energy out of grains that no contact holds. The lid approaches at a speed that is slow against that
+of a grain pushed by the load (an inertial number of about 0.03), so that the result depends on the friction, not on how it was
+made.
+
+Grains with little or no friction never quite come to rest: they creep and rearrange as long as one waits. If the energy has not
+fallen far enough some time after the lid has found its place, the coefficient of friction is raised to hold the grains there.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import replace
+
+import numpy as np
+
+from multicor_cli.packing.bodies import SHAPE_FACTOR, Shape, inertias, masses
+from multicor_cli.packing.errors import PackingError
+from multicor_cli.packing.region import Region
+from multicor_cli.packing.walls import box, join_shapes, join_walls, plane
+from multicor_cli.physics.drives import Constant, DofDrive, WallDrive
+from multicor_cli.state import ContactLaws, Grains, Model, State
+from multicor_cli.state.model import Floats
+
+_STEP = 0.1  # of √(m/P), the time in which the load moves a grain by its size
+_APPROACH = 0.03  # speed of the unhindered lid over H/√(m/P)
+_DAMPING = 0.05  # share of the velocity that a grain loses per step
+_BALANCE = 0.02  # the lid carries its load to this share
+_MOST_STEPS = 20_000
+_PATIENCE = 600  # steps of creep before the grains are held
+_HOLDING_FRICTION = 0.5
+_ALL_THREADS = 5_000  # grains from which several threads pay
+_LID = 1  # index of the lid; the floor is wall 0
+
+
+def compact(
+    position: Floats,
+    radius: Floats,
+    region: Region,
+    *,
+    density: float,
+    shape: Shape,
+    thickness: float | None,
+    pressure: float,
+    friction: float,
+    kinetic_energy_ratio: float,
+) -> Floats:
+    """Press a packing together: new centers [m], shape ``(n, 2)``.
+
+    Args:
+        position: Centers without overlaps inside ``region`` [m], shape ``(n, 2)``.
+        radius: Radii [m], shape ``(n,)``.
+        region: Its bottom is the floor, its top where the lid starts; it has sides unless it is periodic.
+        density: Density of the grains [kg/m³].
+        shape: Shape of the grains.
+        thickness: Thickness of discs [m].
+        pressure: Load on the lid per length [N/m].
+        friction: Coefficient of friction of grains, floor, lid and sides during the compaction.
+        kinetic_energy_ratio: The packing is at rest when its kinetic energy has fallen to this share of its largest value.
+
+    Raises:
+        PackingError: The packing does not come to rest, or the engine fails.
+    """
+    from multicor_cli.solver import PhysicsError
+
+    mass = masses(radius, density, shape, thickness)
+    model, state = _press(position, radius, mass, region, shape, friction)
+    beat = math.sqrt(float(mass.mean()) / pressure)
+    load = pressure * region.width
+    drag = load * beat / (_APPROACH * region.height)
+    lid = WallDrive(y=DofDrive(force=Constant(-load), damping=drag))
+    press = _Press(model, state, lid, load, _STEP * beat)
+    try:
+        press.close()
+        if press.wait(kinetic_energy_ratio, _PATIENCE):
+            return state.position[:, :2].copy()
+        press.hold()
+        if press.wait(kinetic_energy_ratio, _MOST_STEPS):
+            return state.position[:, :2].copy()
+    except PhysicsError as error:
+        raise PackingError(f"the compaction failed: {error}", "start from a lower fill or a larger region", ("packing",)) from error
+    raise PackingError(
+        f"the packing has not come to rest within {press.steps} steps of compaction",
+        "raise kinetic_energy_ratio",
+        ("packing", "kinetic_energy_ratio"),
+    )
+
+
+class _Press:
+    """The engine at work on one packing."""
+
+    def __init__(self, model: Model, state: State, lid: WallDrive, load: float, dt: float) -> None:
+        self.model, self.state, self.load, self.dt = model, state, load, dt
+        self.steps = 0
+        self._drives = [WallDrive(), lid, *[WallDrive()] * (model.wall_count - 2)]
+        self._peak = 0.0
+        self._start(model)
+
+    def _start(self, model: Model) -> None:
+        from multicor_cli.solver import Engine, Settings
+
+        # The result is a place to start from, not a measurement: a step that needs very many sweeps may stay inexact.
+        settings = Settings(tolerance_rms=3e-4, tolerance_max=5e-3, max_sweeps=300)
+        self._engine = Engine(model, self.state, settings, 0 if model.grain_count >= _ALL_THREADS else 1)
+        self._engine.set_drives(self._drives)
+
+    def _advance(self) -> tuple[float, float]:
+        """One step; returns the kinetic energy over its peak, and how far the lid is from carrying its load, over the load."""
+        state = self.state
+        self._engine.step(self.dt, self.steps * self.dt)
+        self.steps += 1
+        kinetic = _kinetic(self.model, state)
+        self._peak = max(self._peak, kinetic)
+        state.velocity *= 1.0 - _DAMPING
+        return kinetic / self._peak if self._peak > 0.0 else 0.0, abs(_carried(self.model, state) / self.load - 1.0)
+
+    def close(self) -> None:
+        """Bring the lid down until the grains carry it and most of the motion is over."""
+        for _ in range(_MOST_STEPS):
+            motion, imbalance = self._advance()
+            if motion < 0.02 and imbalance < 0.2:
+                return
+
+    def wait(self, ratio: float, steps: int) -> bool:
+        """Step until the motion has fallen to ``ratio``; False if it has not after ``steps``."""
+        for _ in range(steps):
+            motion, imbalance = self._advance()
+            if motion <= ratio and imbalance <= _BALANCE:
+                return True
+        return False
+
+    def hold(self) -> None:
+        """Raise the friction."""
+        laws = self.model.laws
+        higher = replace(laws, friction=np.maximum(laws.friction, _HOLDING_FRICTION))
+        self._start(replace(self.model, laws=higher))
+
+
+def _press(position: Floats, radius: Floats, mass: Floats, region: Region, shape: Shape, friction: float) -> tuple[Model, State]:
+    """Grains between a floor and a lid, with sides unless the region is periodic."""
+    extent = (region.width, region.height)
+    low, high = np.array([region.left, region.bottom]), np.array([region.right, region.top])
+    bodies = [
+        plane(low, np.array([0.0, 1.0]), extent),
+        plane(np.array([region.left, region.top]), np.array([0.0, -1.0]), extent),
+    ]
+    names = ["floor", "lid"]
+    if not region.is_periodic:
+        bodies.append(box(low, high, ("bottom", "top")))
+        names.append("sides")
+    # As heavy as one layer of grains: it neither rattles nor drags.
+    lid_mass = float(mass.mean() * region.width / (2.0 * radius.mean()))
+    inertia = [(lid_mass if k == _LID else math.nan, math.nan) for k in range(len(bodies))]
+    count = radius.size
+    one, none = np.full((1, 1), friction), np.zeros(0)
+    laws = ContactLaws(one, np.zeros((1, 1)), np.full((1, 1), -1, np.int32), np.zeros(1, np.int32), none, none)
+    index = np.zeros(count, np.int32)
+    model = Model(
+        grains=Grains(radius, mass, inertias(radius, mass, shape), index, index),
+        shapes=join_shapes(bodies, [0] * len(bodies)),
+        walls=join_walls(names, bodies, inertia, [False] * len(bodies)),
+        laws=laws,
+        materials=("grain",),
+        groups=("grains",),
+        period=region.period,
+        gravity=np.zeros(2),
+        shape_factor=SHAPE_FACTOR[shape],
+    )
+    state = State.at_rest(model, position)
+    state.wall_position[:, :2] = [body.origin for body in bodies]
+    return model, state
+
+
+def _kinetic(model: Model, state: State) -> float:
+    """Kinetic energy of the grains and of the lid [J]."""
+    v = state.velocity
+    grains = 0.5 * (model.grains.mass * (v[:, 0] ** 2 + v[:, 1] ** 2) + model.grains.inertia * v[:, 2] ** 2).sum()
+    return float(grains + 0.5 * model.walls.mass[_LID] * state.wall_velocity[_LID, 1] ** 2)
+
+
+def _carried(model: Model, state: State) -> float:
+    """Force with which the grains hold the lid in the last step [N]."""
+    lid = model.grain_count + int(np.flatnonzero(model.shapes.wall == _LID)[0])
+    on_lid = state.contact_j == lid
+    return float(state.contact_impulse[on_lid, 0].sum() / state.last_dt)

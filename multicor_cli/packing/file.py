@@ -1,0 +1,230 @@
+"""Grains from a CSV or HDF5 file: columns (datasets) x, y, radius and, if wanted, angle, vx, vy, spin.
+
+The file comes from elsewhere and is not trusted: sizes are checked before memory is taken, values are plain numbers (no pickled
+objects, no links to other files), and what is wrong is named with its row.
+"""
+
+from __future__ import annotations
+
+import csv
+import difflib
+import math
+import warnings
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from multicor_cli.packing.brought import MAX_GRAINS, Brought
+from multicor_cli.packing.errors import PackingError
+from multicor_cli.state.model import Floats
+
+REQUIRED = ("x", "y", "radius")
+OPTIONAL = ("angle", "vx", "vy", "spin")
+MAX_BYTES = 2**33
+MAX_COORDINATE = 1e6
+"""Bound on coordinates and radii [m], as in the scenario file."""
+MAX_SPEED = 1e12
+
+_KEY = ("packing", "path")
+_NAMED = 5
+_HEADER_LENGTH = 10_000
+_NUMBERS = "uif"  # kinds of numpy types that are plain numbers
+
+
+def read_grains(path: Path, shift: tuple[float, float]) -> Brought:
+    """Grains from a file whose name ends in .csv, .h5 or .hdf5.
+
+    Args:
+        path: The file.
+        shift: Added to all x and y [m].
+
+    Raises:
+        PackingError: The file is missing, unreadable, too large, or holds something else; rows are named.
+    """
+    _check_file(path)
+    kind = path.suffix.lower()
+    if kind == ".csv":
+        columns = _read_csv(path)
+    elif kind in (".h5", ".hdf5"):
+        columns = _read_hdf5(path)
+    else:
+        raise PackingError(f"cannot tell what kind of file '{path.name}' is", "its name must end in .csv, .h5 or .hdf5", _KEY)
+    n = columns["x"].size
+    values = [columns.get(name, np.zeros(n)) for name in (*REQUIRED, *OPTIONAL)]
+    x, y, radius, angle, vx, vy, spin = values
+    return Brought(radius, np.column_stack([x + shift[0], y + shift[1], angle]), np.column_stack([vx, vy, spin]))
+
+
+def _check_file(path: Path) -> None:
+    try:
+        is_file, size = path.is_file(), path.stat().st_size if path.exists() else 0
+    except (OSError, ValueError) as error:
+        raise PackingError(f"cannot read '{path}': {error}", "give an existing file", _KEY) from None
+    if not is_file:
+        raise PackingError(f"there is no file '{path}'", "give its path relative to the scenario file", _KEY)
+    if size > MAX_BYTES:
+        raise PackingError(f"'{path}' has {size} bytes", f"at most {MAX_BYTES} are read", _KEY)
+
+
+def _check_names(names: list[str], path: Path, what: str) -> None:
+    """All required names once, and no others."""
+    missing = [name for name in REQUIRED if name not in names]
+    if missing:
+        raise PackingError(f"'{path}' has no {what} {', '.join(missing)}", f"it must have {', '.join(REQUIRED)}", _KEY)
+    for k, name in enumerate(names):
+        if name in names[:k]:
+            raise PackingError(f"'{path}' has the {what} '{name}' twice", "remove one", _KEY)
+        if name not in (*REQUIRED, *OPTIONAL):
+            near = difflib.get_close_matches(name, OPTIONAL, 1)
+            hint = f"did you mean '{near[0]}'?" if near else f"remove it; known are {', '.join((*REQUIRED, *OPTIONAL))}"
+            raise PackingError(f"'{path}' has an unknown {what} {name[:40]!r}", hint, _KEY)
+
+
+def _refuse_count(path: Path, n: int) -> None:
+    if n == 0:
+        raise PackingError(f"'{path}' holds no grains", "add one row per grain", _KEY)
+    if n > MAX_GRAINS:
+        raise PackingError(f"'{path}' holds {n} grains", f"at most {MAX_GRAINS} are read", _KEY)
+
+
+def _fault(name: str, value: float) -> str:
+    """What is wrong with a value of a column; empty if nothing is."""
+    if not math.isfinite(value):
+        return f"{name} = {value} is not finite"
+    if name == "radius" and not 0.0 < value <= MAX_COORDINATE:
+        return f"radius = {value:g} m is not between 0 and {MAX_COORDINATE:g} m"
+    if name in ("x", "y") and abs(value) > MAX_COORDINATE:
+        return f"{name} = {value:g} m is beyond {MAX_COORDINATE:g} m"
+    if abs(value) > MAX_SPEED:
+        return f"{name} = {value:g} is beyond {MAX_SPEED:g}"
+    return ""
+
+
+def _faulty(columns: Mapping[str, Floats]) -> NDArray[np.int64]:
+    """Rows with a value that `_fault` finds something wrong with."""
+    bad = np.zeros(columns["x"].size, bool)
+    for name, values in columns.items():
+        bound = MAX_COORDINATE if name in REQUIRED else MAX_SPEED
+        bad |= ~(np.abs(values) <= bound)
+    return np.flatnonzero(bad | ~(columns["radius"] > 0.0))
+
+
+def _refuse_rows(path: Path, faults: list[str], total: str) -> PackingError:
+    return PackingError(f"'{path}': {'; '.join(faults)}{total}", "correct the file", _KEY)
+
+
+def _read_csv(path: Path) -> dict[str, Floats]:
+    try:
+        names, header_line = _read_header(path)
+        _check_names(names, path, "column")
+        table = _parse_rows(path, header_line)
+        if table is not None:
+            _refuse_count(path, len(table) if table.size else 0)
+            if table.shape[1] == len(names):
+                columns = {name: np.ascontiguousarray(table[:, k]) for k, name in enumerate(names)}
+                if not _faulty(columns).size:
+                    return columns
+        raise _explain_csv(path, names, header_line)
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise PackingError(f"cannot read '{path}': {error}", "it must be comma-separated text in UTF-8", _KEY) from None
+
+
+def _parse_rows(path: Path, header_line: int) -> Floats | None:
+    """All rows below the header, at most one more than `MAX_GRAINS`; None if they are no table of numbers."""
+    try:
+        with warnings.catch_warnings(action="ignore"):  # about empty lines and files
+            return np.loadtxt(
+                path, delimiter=",", skiprows=header_line, ndmin=2, max_rows=MAX_GRAINS + 1, encoding="utf-8", dtype=float
+            )
+    except ValueError:
+        return None
+
+
+def _read_header(path: Path) -> tuple[list[str], int]:
+    """Names of the columns and the number of the line they stand in (the first that is neither empty nor a comment)."""
+    with path.open(encoding="utf-8-sig", newline="") as file:
+        number = 0
+        while line := file.readline(_HEADER_LENGTH):
+            number += 1
+            if line.strip() and not line.startswith("#"):
+                cells = next(csv.reader([line]))
+                return [cell.strip() for cell in cells], number
+    raise PackingError(f"'{path}' is empty", f"its first line must name the columns, as {','.join(REQUIRED)}", _KEY)
+
+
+def _explain_csv(path: Path, names: list[str], header_line: int) -> PackingError:
+    """Read a faulty file again, slowly, and name the first faulty lines."""
+    faults: list[str] = []
+    with path.open(encoding="utf-8-sig", newline="") as file:
+        for number, line in enumerate(file, 1):
+            text = line.split("#", 1)[0]
+            if number <= header_line or not text.strip():
+                continue
+            fault = _line_fault(text, names)
+            if fault and len(faults) == _NAMED:
+                return _refuse_rows(path, faults, "; and more")
+            if fault:
+                faults.append(f"line {number}: {fault}")
+    return _refuse_rows(path, faults or ["the rows cannot be read as numbers"], "")
+
+
+def _line_fault(text: str, names: list[str]) -> str:
+    cells = next(csv.reader([text]))
+    if len(cells) != len(names):
+        return f"{len(cells)} values for {len(names)} columns"
+    for name, cell in zip(names, cells, strict=True):
+        try:
+            value = float(cell)
+        except ValueError:
+            return f"{name} = {cell.strip()[:40]!r} is no number"
+        if fault := _fault(name, value):
+            return fault
+    return ""
+
+
+def _read_hdf5(path: Path) -> dict[str, Floats]:
+    import h5py
+
+    try:
+        with h5py.File(path, "r") as file:
+            names = list(file)
+            if "particles" in names and "model" in names:
+                raise PackingError(f"'{path}' is the result of a run", 'use packing kind = "run" with the run directory', _KEY)
+            _check_names(names, path, "dataset")
+            sizes = {name: _dataset_size(file, name, path) for name in names}
+            _refuse_count(path, sizes["x"])
+            for name, size in sizes.items():
+                if size != sizes["x"]:
+                    raise PackingError(f"'{path}': {name} has {size} values and x has {sizes['x']}", "give one per grain", _KEY)
+            columns = {name: np.asarray(file[name][()], float) for name in names}
+    except (OSError, RuntimeError, KeyError) as error:
+        raise PackingError(f"cannot read '{path}' as HDF5: {error}", "check the file, it may be damaged", _KEY) from None
+    bad = _faulty(columns)
+    if bad.size:
+        faults = list(_row_faults(columns, bad[:_NAMED]))
+        raise _refuse_rows(path, faults, f"; and {bad.size - _NAMED} more rows" if bad.size > _NAMED else "")
+    return columns
+
+
+def _dataset_size(file: Any, name: str, path: Path) -> int:
+    """Number of values of a dataset, checked to be a plain one-dimensional array of numbers stored in this file."""
+    import h5py
+
+    link = file.get(name, getlink=True)
+    item = file[name] if isinstance(link, h5py.HardLink) else None
+    if not isinstance(item, h5py.Dataset) or item.is_virtual or item.external:
+        raise PackingError(f"'{path}': {name} is not a dataset stored in this file", "store the numbers themselves", _KEY)
+    if item.dtype.kind not in _NUMBERS or len(item.shape or ()) != 1:
+        raise PackingError(f"'{path}': {name} is not a one-dimensional array of numbers", "store one number per grain", _KEY)
+    return int(item.shape[0])
+
+
+def _row_faults(columns: Mapping[str, Floats], rows: NDArray[np.int64]) -> Iterator[str]:
+    for row in rows:
+        for name, values in columns.items():
+            if fault := _fault(name, float(values[row])):
+                yield f"row {row}: {fault}"
+                break

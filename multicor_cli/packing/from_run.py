@@ -1,0 +1,38 @@
+"""Grains from a frame of another run, with their velocities."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+
+from multicor_cli.packing.brought import Brought
+from multicor_cli.packing.errors import PackingError
+
+_KEY = ("packing", "path")
+
+
+def read_frame(path: Path, frame: int) -> Brought:
+    """Grains of a frame: radii, wrapped centers, angles, velocities and spins. Walls and materials are not taken over.
+
+    Args:
+        path: Run directory (or a ``results.h5``).
+        frame: Index of the frame; negative counts from the last one.
+
+    Raises:
+        PackingError: There is no readable run, or no such frame.
+    """
+    from multicor_cli.store import StoreError, open_run
+
+    try:
+        with open_run(path) as run:
+            count = len(run.frames)
+            if not -count <= frame < count:
+                text = f"the run '{path}' has no frame {frame}"
+                raise PackingError(text, f"it has {count}, from 0 to {count - 1}" if count else "it has none", ("packing", "frame"))
+            chosen = run.frames[frame]
+            position = np.column_stack([chosen.position, chosen.angle]).astype(float)
+            velocity = np.column_stack([chosen.velocity, chosen.spin]).astype(float)
+            return Brought(np.array(run.model.grains.radius, float), position, velocity)
+    except StoreError as error:
+        raise PackingError(f"the run '{path}' cannot be read: {error}", "give the directory of a run", _KEY) from None

@@ -1,0 +1,196 @@
+"""From a ``[[particles]]`` table to grains: their radii, places and motion."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from multicor_cli.packing.bodies import Shape
+from multicor_cli.packing.brought import Brought
+from multicor_cli.packing.compacted import compact
+from multicor_cli.packing.deposited import deposit
+from multicor_cli.packing.errors import PackingError
+from multicor_cli.packing.file import read_grains
+from multicor_cli.packing.from_run import read_frame
+from multicor_cli.packing.lattice import lattice, lattice_capacity
+from multicor_cli.packing.obstacles import Obstacles
+from multicor_cli.packing.random import DEFAULT_ATTEMPTS, random_packing
+from multicor_cli.packing.region import Region, spans_period
+from multicor_cli.packing.size_tables import sizes_of
+from multicor_cli.packing.sizes import Sizes, disc_area, draw_to_total
+from multicor_cli.packing.streams import Purpose, Table, stream
+from multicor_cli.packing.tile import repeat_tile
+from multicor_cli.scenario import Scenario
+from multicor_cli.scenario.models import (
+    CompactedPacking,
+    DepositedPacking,
+    FilePacking,
+    LatticePacking,
+    ParticleGroup,
+    RandomPacking,
+    RunPacking,
+    TilePacking,
+)
+from multicor_cli.state.model import Floats
+
+Source = LatticePacking | RandomPacking | DepositedPacking | CompactedPacking
+
+
+@dataclass(frozen=True)
+class _Task:
+    """One packing to make: of a group, or of the tile of a group.
+
+    Attributes:
+        sizes: Distribution of the radii.
+        count: Number of grains, or None.
+        fill: Area fraction of the region, or None.
+        region: Where the grains go.
+        obstacles: What to keep clear of.
+        random: Gives the stream for a purpose at its beginning.
+        is_periodic_in_y: Whether bottom and top of the region are one and the same.
+    """
+
+    sizes: Sizes
+    count: int | None
+    fill: float | None
+    region: Region
+    obstacles: Obstacles
+    random: Callable[[Purpose], np.random.Generator]
+    is_periodic_in_y: bool = False
+
+    def radii(self) -> Floats:
+        """The radii of all grains [m]."""
+        if self.count is not None:
+            return self.sizes.draw(self.count, self.random(Purpose.SIZES))
+        if self.fill is None:
+            message = "neither a count nor a fill"
+            raise ValueError(message)
+        area = self.fill * self.region.area
+        return draw_to_total(self.sizes, disc_area, area, lambda: self.random(Purpose.SIZES))
+
+
+def make_group(scenario: Scenario, index: int, obstacles: Obstacles) -> Brought:
+    """The grains of a group where they are at the start, moving as the scenario says; x is not wrapped yet.
+
+    Args:
+        scenario: The scenario.
+        index: Index of the group.
+        obstacles: Walls, and the grains of earlier groups.
+
+    Raises:
+        PackingError: The packing cannot be made; its key is relative to the group.
+    """
+    group = scenario.particles[index]
+    region = region_of_group(scenario, group)
+    brought = _place(scenario, group, index, region, obstacles)
+    velocity = brought.velocity + np.array([*group.velocity, group.spin])
+    if group.shear_rate:
+        middle = 0.5 * (region.bottom + region.top)
+        velocity[:, 0] += group.shear_rate * (brought.position[:, 1] - middle)
+        velocity[:, 2] -= 0.5 * group.shear_rate
+    return Brought(brought.radius, brought.position, velocity)
+
+
+def region_of_group(scenario: Scenario, group: ParticleGroup) -> Region:
+    """The rectangle of a group; periodic if the domain is and the rectangle spans it."""
+    table, domain = scenario.region(group), scenario.domain
+    period = domain.size[0] if domain.periodic else 0.0
+    is_periodic = spans_period(table.min[0], table.max[0], period)
+    if is_periodic:  # exactly, so that nothing is lost between the two ends
+        return Region(table.min[0], table.min[1], table.min[0] + period, table.max[1], True)
+    return Region(*table.min, *table.max)
+
+
+def _place(scenario: Scenario, group: ParticleGroup, index: int, region: Region, obstacles: Obstacles) -> Brought:
+    packing = group.packing
+    if isinstance(packing, FilePacking):
+        return read_grains(scenario.resolve_path(packing.path), packing.shift)
+    if isinstance(packing, RunPacking):
+        return read_frame(scenario.resolve_path(packing.path), packing.frame)
+    assert group.sizes is not None  # the scenario has been checked
+
+    def random(purpose: Purpose) -> np.random.Generator:
+        return stream(scenario.seed, Table.PARTICLES, index, purpose)
+
+    sizes = sizes_of(group.sizes, group.shape)
+    if isinstance(packing, TilePacking):
+        return _tile(scenario, group, packing, sizes, region, random)
+    period = scenario.domain.size[0] if scenario.domain.periodic else 0.0
+    task = _Task(sizes, group.count, group.fill, region, obstacles.around(region, period), random)
+    return _make(scenario, group, packing, task)
+
+
+def _tile(
+    scenario: Scenario,
+    group: ParticleGroup,
+    packing: TilePacking,
+    sizes: Sizes,
+    region: Region,
+    random: Callable[[Purpose], np.random.Generator],
+) -> Brought:
+    """One tile, periodic in x (a random one in y too), and its copies."""
+    source = packing.source
+    if packing.repeat[1] > 1 and isinstance(source, DepositedPacking | CompactedPacking):
+        text = f"a {source.kind} tile lies between a floor and a free surface or lid: it cannot be repeated in y"
+        raise PackingError(text, f"use repeat = [{packing.repeat[0]}, 1] and a higher tile", ("packing", "repeat"))
+    width, height = packing.tile
+    if width < 8.0 * sizes.largest:
+        text = f"a tile of width {width:g} m is too narrow for grains of diameter {2.0 * sizes.largest:g} m"
+        raise PackingError(text, "make it at least four of the largest diameters wide", ("packing", "tile"))
+    one = Region(0.0, 0.0, width, height, True)
+    is_random = isinstance(source, RandomPacking)
+    if is_random and height < 8.0 * sizes.largest and packing.repeat[1] > 1:
+        text = f"a tile of height {height:g} m is too low for grains of diameter {2.0 * sizes.largest:g} m"
+        raise PackingError(text, "make it at least four of the largest diameters high", ("packing", "tile"))
+    task = _Task(sizes, packing.tile_count, packing.tile_fill, one, Obstacles.none(), random, is_random and packing.repeat[1] > 1)
+    return repeat_tile(_make(scenario, group, source, task), packing.tile, packing.repeat, region)
+
+
+def _make(scenario: Scenario, group: ParticleGroup, packing: Source, task: _Task) -> Brought:
+    if isinstance(packing, LatticePacking):
+        return _lattice(packing, task)
+    radius = task.radii()
+    places = task.random(Purpose.PLACES)
+    if isinstance(packing, DepositedPacking):
+        return Brought.at_rest(radius, deposit(radius, task.region, task.obstacles, places))
+    if isinstance(packing, RandomPacking):
+        centers = random_packing(
+            radius, task.region, task.obstacles, packing.separation, packing.attempts, places,
+            is_periodic_in_y=task.is_periodic_in_y,
+        )  # fmt: skip
+        return Brought.at_rest(radius, centers)
+    loose = random_packing(radius, task.region, task.obstacles, 0.0, DEFAULT_ATTEMPTS, places)
+    return Brought.at_rest(radius, _compacted(scenario, group, packing, task.region, radius, loose))
+
+
+def _lattice(packing: LatticePacking, task: _Task) -> Brought:
+    layout = (task.sizes.largest, task.region, packing.lattice, packing.spacing, packing.jitter)
+    if task.count is None and task.fill is None:
+        radius = task.sizes.draw(lattice_capacity(*layout), task.random(Purpose.SIZES))
+    else:
+        radius = task.radii()
+    return Brought.at_rest(radius, lattice(radius.size, *layout, task.random(Purpose.JITTER)))
+
+
+def _compacted(
+    scenario: Scenario, group: ParticleGroup, packing: CompactedPacking, region: Region, radius: Floats, loose: Floats
+) -> Floats:
+    friction = packing.friction
+    if friction is None:
+        law = scenario.law(group.material, group.material).friction
+        # A table begins with the value at the lowest speed, and a compaction ends at rest.
+        friction = law if isinstance(law, float) else law.values[0]
+    shape: Shape = group.shape
+    return compact(
+        loose,
+        radius,
+        region,
+        density=scenario.materials[group.material].density,
+        shape=shape,
+        thickness=group.thickness,
+        pressure=packing.pressure,
+        friction=friction,
+        kinetic_energy_ratio=packing.kinetic_energy_ratio,
+    )

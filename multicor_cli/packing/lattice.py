@@ -1,0 +1,173 @@
+"""Triangular and square lattices, filled row by row from the bottom of the region.
+
+The bottom row stands on the bottom of the region (the largest grain touches it) and the rows are centered between its sides. In
+a region that spans the period, a row holds the largest whole number of grains that fits and its spacing is opened to close the
+period exactly; the distance to the neighbors in the rows above and below stays the one asked for. Opening is preferred to
+refusing because a period is rarely a multiple of a diameter, and to narrowing because touching grains would then overlap.
+"""
+
+from __future__ import annotations
+
+import math
+from typing import Literal, NamedTuple
+
+import numpy as np
+
+from multicor_cli.packing.errors import PackingError
+from multicor_cli.packing.region import Region
+from multicor_cli.state.model import Floats
+
+LatticeKind = Literal["triangular", "square"]
+
+_SLACK = 1e-9  # share of a spacing by which rounding may miss a whole number of spacings
+
+
+def lattice(
+    count: int,
+    largest: float,
+    region: Region,
+    kind: LatticeKind,
+    spacing: float | None,
+    jitter: float,
+    rng: np.random.Generator,
+) -> Floats:
+    """Centers of the first ``count`` sites of a lattice [m], shape ``(count, 2)``.
+
+    Args:
+        count: Number of grains.
+        largest: Largest radius [m].
+        region: Where the grains go; discs stay inside it.
+        kind: Arrangement of the sites.
+        spacing: Distance between neighboring centers [m]; default: the largest diameter, so that equal grains touch.
+        jitter: Each center is moved to a random point of a disc around its site whose radius is this share of the spacing.
+        rng: Source of the jitter.
+
+    Raises:
+        PackingError: The region holds fewer sites, or jittered neighbors could overlap.
+    """
+    layout = _lay_out(largest, region, kind, spacing, jitter)
+    if count > layout.capacity:
+        text = f"{count} grains on a {kind} lattice of spacing {layout.step:g} m do not fit into the region of {_extent(region)}"
+        raise PackingError(f"{text}: it holds {layout.capacity}", "enlarge the region or ask for fewer grains")
+    sites = _sites(count, layout)
+    sites += (region.left, region.bottom + layout.margin)
+    if jitter > 0.0:
+        sites += _jitter(count, jitter * layout.step, rng)
+    return sites
+
+
+def lattice_capacity(largest: float, region: Region, kind: LatticeKind, spacing: float | None, jitter: float) -> int:
+    """Number of sites that the region holds; arguments as `lattice`.
+
+    Raises:
+        PackingError: It holds none, or jittered neighbors could overlap.
+    """
+    layout = _lay_out(largest, region, kind, spacing, jitter)
+    if layout.capacity == 0:
+        text = f"the region of {_extent(region)} holds no site of a {kind} lattice for grains of radius {largest:g} m"
+        raise PackingError(text, "enlarge the region")
+    return layout.capacity
+
+
+class _Row(NamedTuple):
+    """First x, from the left side of the region [m], and number of sites of a row."""
+
+    first: float
+    sites: int
+
+
+class _Layout(NamedTuple):
+    """A lattice in its region.
+
+    Attributes:
+        step: Distance between neighbors [m].
+        margin: Distance of the outermost sites from the sides of the region [m].
+        pitch: Distance of neighbors in a row [m].
+        rise: Distance of the rows [m].
+        even: The rows 0, 2, ….
+        odd: The rows 1, 3, ….
+        capacity: Number of sites.
+    """
+
+    step: float
+    margin: float
+    pitch: float
+    rise: float
+    even: _Row
+    odd: _Row
+    capacity: int
+
+
+def _lay_out(largest: float, region: Region, kind: LatticeKind, spacing: float | None, jitter: float) -> _Layout:
+    step = 2.0 * largest if spacing is None else spacing
+    _check_room(step, largest, jitter)
+    margin = largest + jitter * step
+    pitch, rise = _steps(kind, step, region)
+    even, odd = _rows(kind, region, margin, pitch)
+    room = region.height - 2.0 * margin
+    levels = _whole(room / rise) if room >= -_SLACK * region.height else 0
+    capacity = (levels + 1) // 2 * even.sites + levels // 2 * odd.sites
+    return _Layout(step, margin, pitch, rise, even, odd, capacity)
+
+
+def _check_room(step: float, largest: float, jitter: float) -> None:
+    diameter = 2.0 * largest
+    if step < diameter * (1.0 - _SLACK):
+        text = f"{step:g} m is less than the largest diameter, {diameter:g} m: grains would overlap"
+        raise PackingError(text, "leave it out or make it at least the diameter", ("packing", "spacing"))
+    if jitter > 0.0 and step * (1.0 - 2.0 * jitter) < diameter * (1.0 - _SLACK):
+        text = f"{jitter:g} lets neighbors overlap, their spacing is {step:g} m and the largest diameter {diameter:g} m"
+        most = max(0.0, 0.5 * (1.0 - diameter / step))
+        wider = f" or make the spacing at least {diameter / (1.0 - 2.0 * jitter):.4g} m" if jitter < 0.5 else ""
+        raise PackingError(text, f"make it at most {most:.3g}{wider}", ("packing", "jitter"))
+
+
+def _extent(region: Region) -> str:
+    return f"{region.width:g} m x {region.height:g} m"
+
+
+def _whole(steps: float) -> int:
+    """Number of sites in a row that is ``steps`` spacings long."""
+    return max(0, math.floor(steps + _SLACK) + 1)
+
+
+def _steps(kind: LatticeKind, step: float, region: Region) -> tuple[float, float]:
+    """Distance of neighbors in a row and of the rows [m]."""
+    pitch = step
+    if region.is_periodic:
+        fits = max(1, _whole(region.width / step) - 1)
+        pitch = region.width / fits
+    if kind == "square":
+        return pitch, step
+    # A stretched row lies lower between the grains of the row below, so that the distance across rows stays `step`.
+    return pitch, math.sqrt(step * step - 0.25 * pitch * pitch) if pitch < 1.9 * step else step
+
+
+def _rows(kind: LatticeKind, region: Region, margin: float, pitch: float) -> tuple[_Row, _Row]:
+    """The even and the odd rows."""
+    offset = 0.5 * pitch if kind == "triangular" else 0.0
+    if region.is_periodic:
+        count = round(region.width / pitch) if region.width >= 2.0 * margin * (1.0 - _SLACK) else 0
+        return _Row(0.5 * pitch, count), _Row(0.5 * pitch + offset, count)
+    inner = region.width - 2.0 * margin
+    even, odd = _whole(inner / pitch), _whole((inner - offset) / pitch)
+    used = max((even - 1) * pitch, (odd - 1) * pitch + offset)
+    first = margin + max(0.0, 0.5 * (inner - used))
+    return _Row(first, even), _Row(first + offset, odd)
+
+
+def _sites(count: int, layout: _Layout) -> Floats:
+    """The first ``count`` sites; y is 0 in the bottom row."""
+    even, odd = layout.even, layout.odd
+    pair, place = np.divmod(np.arange(count), max(even.sites + odd.sites, 1))
+    is_odd = place >= even.sites
+    column = np.where(is_odd, place - even.sites, place)
+    x = np.where(is_odd, odd.first, even.first) + column * layout.pitch
+    return np.column_stack([x, (2 * pair + is_odd) * layout.rise])
+
+
+def _jitter(count: int, reach: float, rng: np.random.Generator) -> Floats:
+    """Points uniform in a disc of radius ``reach`` [m]."""
+    distance = reach * np.sqrt(rng.random(count))
+    angle = 2.0 * math.pi * rng.random(count)
+    return np.column_stack([distance * np.cos(angle), distance * np.sin(angle)])

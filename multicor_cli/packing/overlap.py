@@ -1,0 +1,145 @@
+"""Refusing initial states in which bodies overlap, or grains lie behind a row of glued grains."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from multicor_cli.kernels.jit import kernel
+from multicor_cli.kernels.neighbours import gap_to_shape
+from multicor_cli.packing.errors import PackingError
+from multicor_cli.packing.obstacles import Obstacles
+from multicor_cli.packing.pairs import find_pairs
+from multicor_cli.packing.walls import Front
+from multicor_cli.state.model import Floats, Ints, ShapeKind
+
+LARGEST = 1e-3
+"""Largest overlap that is accepted, over the smaller radius."""
+
+_NAMED = 5
+_DISC = int(ShapeKind.DISC)
+
+
+@kernel
+def _relative_gaps(
+    position: Floats, radius: Floats, i: Ints, j: Ints, kind: Ints, world: Floats, period: float, out: Floats
+) -> None:
+    """Gap of each pair over its smaller radius into ``out``; ``j`` is a grain below n and a wall shape from n on."""
+    count = radius.size
+    for p in range(i.size):
+        a, b = i[p], j[p]
+        x, y, r = position[a, 0], position[a, 1], radius[a]
+        if b >= count:
+            small = min(r, world[b - count, 2]) if kind[b - count] == _DISC else r
+            out[p] = gap_to_shape(x, y, r, b - count, kind, world, period)[0] / small
+            continue
+        dx, dy = x - position[b, 0], y - position[b, 1]
+        if period > 0.0:
+            dx -= period * np.floor(dx / period + 0.5)
+        out[p] = (np.sqrt(dx * dx + dy * dy) - r - radius[b]) / min(r, radius[b])
+
+
+def overlapping_pairs(position: Floats, radius: Floats, shapes: Obstacles, period: float) -> tuple[Ints, Ints, Floats]:
+    """Pairs that overlap by more than `LARGEST`: worst first.
+
+    Args:
+        position: Centers [m], shape ``(n, 2)``.
+        radius: Radii [m], shape ``(n,)``.
+        shapes: Wall shapes in the world.
+        period: Period in x [m] or 0.
+
+    Returns:
+        First grain, second grain or n + wall shape, and overlap over the smaller radius.
+    """
+    pairs = find_pairs(position, radius, shapes, -0.999 * LARGEST * float(radius.min()), period)
+    i = np.repeat(np.arange(radius.size, dtype=np.int32), np.diff(pairs.row))
+    gap = np.empty(i.size)
+    _relative_gaps(position, radius, i, pairs.partner, shapes.kind, shapes.world, period, gap)
+    order = np.flatnonzero(gap < -LARGEST)
+    order = order[np.lexsort((pairs.partner[order], i[order], gap[order]))]
+    return i[order], pairs.partner[order], -gap[order]
+
+
+def overlap_problems(
+    position: Floats,
+    radius: Floats,
+    group: Ints,
+    shapes: Obstacles,
+    wall: Ints,
+    names: Sequence[str],
+    period: float,
+) -> list[PackingError]:
+    """One problem for all grains that overlap each other and one for each wall that cuts grains.
+
+    Args:
+        position: Centers [m], shape ``(n, 2)``.
+        radius: Radii [m], shape ``(n,)``.
+        group: Index of the particle group of each grain, shape ``(n,)``.
+        shapes: Wall shapes in the world.
+        wall: Wall of each shape.
+        names: Names of the walls.
+        period: Period in x [m] or 0.
+    """
+    count = radius.size
+    i, j, overlap = overlapping_pairs(position, radius, shapes, period)
+    problems = []
+    among = j < count
+    if among.any():
+        a, b, size = i[among], j[among], overlap[among]
+        smaller = np.minimum(radius[a], radius[b])
+        items = [f"grains {a[k]} and {b[k]} by {_amount(size[k], smaller[k])}" for k in range(min(_NAMED, a.size))]
+        text = f"grains overlap at the start: {_listing(items, a.size, 'pairs')}"
+        key = ("particles", int(max(group[a[0]], group[b[0]])))
+        problems.append(PackingError(text, "move them apart: a larger spacing or region, or fewer grains", key))
+    cut_shape = j[~among] - count
+    cut_grain, cut_size = i[~among], overlap[~among]
+    for w in np.unique(wall[cut_shape]):
+        mine = np.flatnonzero(wall[cut_shape] == w)
+        _, first = np.unique(cut_grain[mine], return_index=True)
+        mine = mine[np.sort(first)]
+        problems.append(_wall_problem(names[w], int(w), cut_grain[mine], cut_size[mine], radius))
+    return problems
+
+
+def _wall_problem(name: str, w: int, grain: Ints, overlap: Floats, radius: Floats) -> PackingError:
+    items = [f"grain {grain[k]} by {_amount(overlap[k], radius[grain[k]])}" for k in range(min(_NAMED, grain.size))]
+    text = f"the wall '{name}' cuts grains at the start: {_listing(items, grain.size, 'grains')}"
+    return PackingError(text, "move the wall, or give the grains a region that keeps clear of it", ("walls", w))
+
+
+def behind_problem(position: Floats, front: Front, name: str, w: int, period: float) -> PackingError | None:
+    """The problem of grains that lie behind a row of glued grains, where there is no flow; None if there are none.
+
+    Args:
+        position: Centers [m], shape ``(n, 2)``.
+        front: Where the flow is.
+        name: Name of the wall.
+        w: Its index.
+        period: Period in x [m] or 0.
+    """
+    offset = position[:, :2] - front.start
+    if period > 0.0 and math.isfinite(front.depth):
+        middle = 0.5 * front.length * front.along[0]
+        offset[:, 0] -= period * np.floor((offset[:, 0] - middle) / period + 0.5)
+    across, along = offset @ front.normal, offset @ front.along
+    is_behind = (across < 0.0) & (across > -front.depth)
+    if math.isfinite(front.depth):
+        is_behind &= (along > front.depth) & (along < front.length - front.depth)
+    found = np.flatnonzero(is_behind)
+    if not found.size:
+        return None
+    found = found[np.lexsort((found, across[found]))]
+    items = [f"grain {g} by {-across[g]:.3g} m" for g in found[:_NAMED]]
+    text = f"grains lie behind the rough wall '{name}', whose flow side is the other: {_listing(items, found.size, 'grains')}"
+    return PackingError(text, 'exchange side = "left" and "right", or keep the grains\' region clear of the wall', ("walls", w))
+
+
+def _amount(relative: float, smaller: float) -> str:
+    return f"{relative * smaller:.3g} m ({100.0 * relative:.3g} % of the smaller radius)"
+
+
+def _listing(items: list[str], total: int, what: str) -> str:
+    more = f", and {total - len(items)} more {what}" if total > len(items) else ""
+    return ", ".join(items) + more

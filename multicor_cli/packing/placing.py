@@ -1,0 +1,352 @@
+"""Kernels that place one grain after another among discs already there: at random free places, or dropped and rolled down.
+
+Everything that these kernels call lies in this file or in `multicor_cli.kernels`, so that no compiled copy of it can be stale.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from multicor_cli.kernels.jit import kernel
+from multicor_cli.kernels.neighbours import gap_to_shape, minimum_image
+from multicor_cli.packing.obstacles import Obstacles
+from multicor_cli.packing.pairs import Grids, make_grids, wrap
+from multicor_cli.packing.region import Region
+from multicor_cli.state.model import Floats, Ints, ShapeKind
+
+_DISC = int(ShapeKind.DISC)
+_FALLS = -1
+_FLOOR = -2
+_SIDE = -3
+_MOST_ROLLS = 100_000
+
+
+class Field(NamedTuple):
+    """Discs that are already there, as linked lists by cell, and the fixed shapes.
+
+    Attributes:
+        disc: x, y, radius of all discs, obstacles first [m], shape ``(d, 3)``; rows of grains are filled as they are placed.
+        head: Last disc put into each cell, or -1.
+        next: The disc that was put into the same cell before, or -1, shape ``(d,)``.
+        highest: Highest occupied row of each column of each level, or -1; level k begins at ``first_column[k]``.
+        first_column: Start of each level in ``highest``, shape ``(levels,)``.
+        grids: Cell grids of all discs.
+        kind: `ShapeKind` of the obstacles, shape ``(m,)``.
+        world: Geometry of the obstacles [m], shape ``(m, 4)``.
+        period: Period in x [m] or 0.
+    """
+
+    disc: Floats
+    head: Ints
+    next: Ints
+    highest: Ints
+    first_column: Ints
+    grids: Grids
+    kind: Ints
+    world: Floats
+    period: float
+
+
+@kernel
+def _column_of(x: float, field: Field, level: int) -> int:
+    columns = field.grids.shape[level, 0]
+    return int(min(max(np.floor((x - field.grids.origin[0]) / field.grids.cells[level, 0]), 0.0), columns - 1.0))
+
+
+@kernel
+def _row_of(y: float, field: Field, level: int) -> int:
+    rows = field.grids.shape[level, 1]
+    # Clamped before it becomes an integer: y may be infinite.
+    return int(min(max(np.floor((y - field.grids.origin[1]) / field.grids.cells[level, 1]), 0.0), rows - 1.0))
+
+
+@kernel
+def _columns_between(low: float, high: float, field: Field, level: int) -> tuple[int, int]:
+    """First and last column that [low, high] touches; with a period they may be outside and stand for their remainder."""
+    columns = field.grids.shape[level, 0]
+    first = int(np.floor((low - field.grids.origin[0]) / field.grids.cells[level, 0]))
+    last = int(np.floor((high - field.grids.origin[0]) / field.grids.cells[level, 0]))
+    if field.period > 0.0:
+        return first, min(last, first + columns - 1)
+    return min(max(first, 0), columns - 1), min(max(last, 0), columns - 1)
+
+
+@kernel
+def file_disc(field: Field, d: int) -> None:
+    """Put disc ``d`` into its cell."""
+    level = field.grids.level[d]
+    column, row = _column_of(field.disc[d, 0], field, level), _row_of(field.disc[d, 1], field, level)
+    cell = field.grids.start[level] + row * field.grids.shape[level, 0] + column
+    field.next[d] = field.head[cell]
+    field.head[cell] = d
+    place = field.first_column[level] + column
+    field.highest[place] = max(field.highest[place], row)
+
+
+@kernel
+def _file_first(field: Field, count: int) -> None:
+    for d in range(count):
+        file_disc(field, d)
+
+
+@kernel
+def _hits_disc(x: float, y: float, radius: float, field: Field) -> bool:
+    """Whether a disc at (x, y) overlaps one that is already filed."""
+    for k in range(field.grids.radius.size):
+        reach = radius + field.grids.radius[k]
+        columns = field.grids.shape[k, 0]
+        first, last = _columns_between(x - reach, x + reach, field, k)
+        for row in range(_row_of(y - reach, field, k), _row_of(y + reach, field, k) + 1):
+            base = field.grids.start[k] + row * columns
+            for column in range(first, last + 1):
+                d = field.head[base + column % columns]
+                while d >= 0:
+                    dx = minimum_image(x - field.disc[d, 0], field.period)
+                    dy = y - field.disc[d, 1]
+                    near = radius + field.disc[d, 2]
+                    if dx * dx + dy * dy < near * near:
+                        return True
+                    d = field.next[d]
+    return False
+
+
+@kernel
+def _is_free(x: float, y: float, radius: float, field: Field) -> bool:
+    for shape in range(field.kind.size):
+        if field.kind[shape] != _DISC and gap_to_shape(x, y, radius, shape, field.kind, field.world, field.period)[0] < 0.0:
+            return False
+    return not _hits_disc(x, y, radius, field)
+
+
+@kernel
+def insert_at_random(
+    field: Field, fixed: int, first: int, tried: int, attempts: int, uniform: Floats, box: Floats, blocked: Ints
+) -> tuple[int, int]:
+    """Place grains at random, from number ``first`` on, until all are placed or the random numbers run out.
+
+    Args:
+        field: What is already there; its discs ``fixed + i`` are the grains. **Modified.**
+        fixed: Number of discs that are obstacles.
+        first: Grain to begin with.
+        tried: Attempts already spent on it.
+        attempts: Attempts per grain.
+        uniform: Random numbers in [0, 1), shape ``(k, 2)``; one row is used per attempt.
+        box: Smallest x, y and extents of the region [m], shape ``(4,)``.
+        blocked: 1 for a grain that found no free place; it stays at the last one tried. **Modified.**
+
+    Returns:
+        The grain to go on with and the attempts spent on it.
+    """
+    i = first
+    for k in range(uniform.shape[0]):
+        if fixed + i >= field.disc.shape[0]:
+            break
+        d = fixed + i
+        field.disc[d, 0] = box[0] + uniform[k, 0] * box[2]
+        field.disc[d, 1] = box[1] + uniform[k, 1] * box[3]
+        tried += 1
+        is_free = _is_free(field.disc[d, 0], field.disc[d, 1], field.disc[d, 2], field)
+        if is_free or tried >= attempts:
+            blocked[i] = 0 if is_free else 1
+            file_disc(field, d)
+            i += 1
+            tried = 0
+    return i, tried
+
+
+@kernel
+def _fall(x: float, y: float, radius: float, left_disc: int, floor: float, field: Field) -> tuple[float, int]:
+    """Where a grain falling from (x, y) lands: the height of its center [m] and the disc, or `_FLOOR`.
+
+    ``left_disc`` is the disc it has just rolled off, or -1; ``floor`` the height of the floor [m].
+    """
+    best, support = floor + radius, _FLOOR
+    for k in range(field.grids.radius.size):
+        reach = radius + field.grids.radius[k]
+        columns, height = field.grids.shape[k, 0], field.grids.cells[k, 1]
+        first, last = _columns_between(x - reach, x + reach, field, k)
+        for column in range(first, last + 1):
+            place = column % columns
+            row = min(field.highest[field.first_column[k] + place], _row_of(y, field, k))
+            # Rows whose upper edge lies more than a reach below the best landing cannot beat it.
+            while row >= 0 and field.grids.origin[1] + (row + 1) * height + reach > best:
+                d = field.head[field.grids.start[k] + row * columns + place]
+                while d >= 0:
+                    dx = abs(minimum_image(x - field.disc[d, 0], field.period))
+                    near = radius + field.disc[d, 2]
+                    if d != left_disc and dx < near * (1.0 - 1e-12):
+                        landing = field.disc[d, 1] + np.sqrt(near * near - dx * dx)
+                        if landing > best and landing <= y + 1e-9 * near:
+                            best, support = landing, d
+                    d = field.next[d]
+                row -= 1
+    return best, support
+
+
+@kernel
+def _meeting(angle: float, rolling: float, dx: float, dy: float, near: float) -> float:
+    """Angle at which a grain that rolls around a disc meets another one; ``inf`` if it does not.
+
+    Args:
+        angle: Angle of the grain now, from the vertical towards the side it rolls to [rad].
+        rolling: Distance of its center from that of the disc it rolls on [m].
+        dx: Center of the other disc relative to that disc, towards the side [m].
+        dy: The same, upwards [m].
+        near: Distance of centers at which the grain touches the other disc [m].
+    """
+    apart = np.sqrt(dx * dx + dy * dy)
+    if apart == 0.0:
+        return np.inf
+    bearing = np.arctan2(dx, dy)
+    square = rolling * rolling + apart * apart
+    if square - 2.0 * rolling * apart * np.cos(angle - bearing) <= near * near * (1.0 + 1e-10):
+        # Touching: an obstacle if the grain moves towards it, nothing if it moves away.
+        return angle if np.sin(angle - bearing) < 0.0 else np.inf
+    cosine = (square - near * near) / (2.0 * rolling * apart)
+    if abs(cosine) >= 1.0:
+        return np.inf
+    meeting: float = bearing - np.arccos(cosine)
+    while meeting < angle:
+        meeting += 2.0 * np.pi
+    return meeting
+
+
+@kernel
+def _roll(
+    x: float, y: float, radius: float, j: int, side: float, floor: float, left: float, right: float, field: Field
+) -> tuple[float, float, int]:
+    """Roll a grain at (x, y) down around disc ``j`` towards ``side`` (±1).
+
+    Returns:
+        New center [m], and what stopped it: another disc, `_FLOOR`, `_SIDE`, or `_FALLS` past the widest point of ``j``.
+    """
+    xj, yj = field.disc[j, 0], field.disc[j, 1]
+    rolling = radius + field.disc[j, 2]
+    start = np.arctan2(side * minimum_image(x - xj, field.period), y - yj)
+    best, what = 0.5 * np.pi, _FALLS
+    above = (floor + radius - yj) / rolling
+    if above > 0.0:
+        best, what = max(start, np.arccos(min(1.0, above))), _FLOOR
+    if field.period <= 0.0:
+        room = (right - radius - xj) / rolling if side > 0.0 else (xj - left - radius) / rolling
+        if room < 1.0 and np.arcsin(max(room, 0.0)) < best:
+            best, what = max(start, np.arcsin(max(room, 0.0))), _SIDE
+    for k in range(field.grids.radius.size):
+        reach = radius + field.grids.radius[k]
+        columns = field.grids.shape[k, 0]
+        ends = xj + side * (rolling * np.sin(start) - reach), xj + side * (rolling + reach)
+        first, last = _columns_between(min(ends), max(ends), field, k)
+        for row in range(_row_of(yj - reach, field, k), _row_of(yj + rolling + reach, field, k) + 1):
+            base = field.grids.start[k] + row * columns
+            for column in range(first, last + 1):
+                d = field.head[base + column % columns]
+                while d >= 0:
+                    if d != j:
+                        dx = side * minimum_image(field.disc[d, 0] - xj, field.period)
+                        meeting = _meeting(start, rolling, dx, field.disc[d, 1] - yj, radius + field.disc[d, 2])
+                        if meeting < best:
+                            best, what = meeting, d
+                    d = field.next[d]
+    return xj + side * rolling * np.sin(best), yj + rolling * np.cos(best), what
+
+
+@kernel
+def _wrapped(x: float, period: float) -> float:
+    if period <= 0.0:
+        return x
+    inside = x - period * np.floor(x / period)
+    return 0.0 if inside >= period else inside
+
+
+@kernel
+def _settle(x: float, top: float, radius: float, floor: float, left: float, right: float, field: Field) -> tuple[float, float]:
+    """Where a grain dropped at ``x`` comes to rest [m]."""
+    y, j = _fall(x, top, radius, -1, floor, field)
+    side = 0.0
+    for _ in range(_MOST_ROLLS):
+        if j == _FLOOR:
+            break
+        offset = minimum_image(x - field.disc[j, 0], field.period)
+        if side == 0.0:
+            side = 1.0 if offset >= 0.0 else -1.0
+        x, y, what = _roll(x, y, radius, j, side, floor, left, right, field)
+        x = _wrapped(x, field.period)
+        if what == _FALLS:
+            y, j = _fall(x, y, radius, j, floor, field)
+            side = 0.0
+        elif what < 0 or side * minimum_image(x - field.disc[what, 0], field.period) < 0.0:
+            break  # between two supports
+        else:
+            j = what  # the disc met lies under the grain's rear: roll on over it
+    return x, y
+
+
+@kernel
+def drop_and_roll(
+    field: Field, fixed: int, first: int, tried: int, attempts: int, uniform: Floats, sides: Floats
+) -> tuple[int, int]:
+    """Drop grains one after another, from number ``first`` on, until all rest, one does not fit, or the random numbers run out.
+
+    Args:
+        field: What is already there; its discs ``fixed + i`` are the grains. **Modified.**
+        fixed: Number of discs that are obstacles.
+        first: Grain to begin with.
+        tried: Attempts already spent on it.
+        attempts: Attempts per grain: one that would stick out at the top is dropped again elsewhere.
+        uniform: Random numbers in [0, 1), shape ``(k,)``; one is used per attempt.
+        sides: Left, bottom, right and top of the region [m], shape ``(4,)``.
+
+    Returns:
+        The grain to go on with and the attempts spent on it; ``attempts`` if it does not fit.
+    """
+    left, floor, right, top = sides
+    i = first
+    for k in range(uniform.size):
+        d = fixed + i
+        if d >= field.disc.shape[0] or tried >= attempts:
+            break
+        radius = field.disc[d, 2]
+        inset = radius if field.period <= 0.0 else 0.0
+        x = left + inset + uniform[k] * (right - left - 2.0 * inset)
+        x, y = _settle(x, np.inf, radius, floor, left, right, field)
+        tried += 1
+        if y + radius <= top * (1.0 + 1e-12):
+            field.disc[d, 0], field.disc[d, 1] = x, y
+            file_disc(field, d)
+            i += 1
+            tried = 0
+    return i, tried
+
+
+def make_field(radius: Floats, region: Region, obstacles: Obstacles) -> tuple[Field, int]:
+    """A field for grains of these radii that holds the obstacles so far, and how many discs the obstacles have."""
+    period = region.period
+    left = 0.0 if region.is_periodic else region.left
+    reach = 2.0 * float(radius.max())
+    across = 0.0 if region.is_periodic else reach
+    low = np.array([left - across, region.bottom - reach])
+    high = np.array([left + region.width + across, region.top + reach])
+    discs = obstacles.discs()
+    if period > 0.0:
+        discs = np.column_stack([wrap(discs[:, 0], period), discs[:, 1:]])
+    # Discs far from the region can hit nothing; clamped into the border cells they would only lengthen the lists.
+    near = np.all((discs[:, :2] + discs[:, 2:] > low) & (discs[:, :2] - discs[:, 2:] < high), axis=1)
+    discs = discs[near]
+    disc = np.concatenate([discs, np.column_stack([np.zeros((radius.size, 2)), radius])])
+    grids = make_grids(disc[:, 2], low, high, period, 0.0)
+    columns = np.concatenate([[0], np.cumsum(grids.shape[:, 0])]).astype(np.int32)
+    field = Field(
+        disc=disc,
+        head=np.full(int(grids.start[-1]), -1, np.int32),
+        next=np.full(len(disc), -1, np.int32),
+        highest=np.full(int(columns[-1]), -1, np.int32),
+        first_column=columns[:-1],
+        grids=grids,
+        kind=obstacles.kind,
+        world=obstacles.world,
+        period=period,
+    )
+    _file_first(field, len(discs))
+    return field, len(discs)

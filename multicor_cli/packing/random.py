@@ -1,0 +1,118 @@
+"""Random packings: random sequential addition, followed by a relaxation where the grains are too dense for it.
+
+Up to an area fraction of 0.42 of the free part of the region, grains are put at random free places and stay there. Denser ones
+are first put there with radii shrunk to that fraction, then brought to full size and moved apart. Fractions of 0.80 and a
+little more are reached (frictionless discs jam near 0.84; in narrow regions, whose sides waste space, below that).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from multicor_cli.packing.errors import PackingError
+from multicor_cli.packing.obstacles import Obstacles
+from multicor_cli.packing.pairs import find_pairs
+from multicor_cli.packing.placing import insert_at_random, make_field
+from multicor_cli.packing.region import Region
+from multicor_cli.packing.relaxation import relax
+from multicor_cli.state.model import Floats, ShapeKind
+
+DEFAULT_ATTEMPTS = 1000
+
+_EASY_FRACTION = 0.42
+_USUAL_FRACTION = 0.80
+_DENSEST_FRACTION = math.pi / math.sqrt(12.0)
+_ACCEPTED_OVERLAP = 5e-4
+_PROBES = 96
+_BATCH = 1024
+
+
+def random_packing(
+    radius: Floats,
+    region: Region,
+    obstacles: Obstacles,
+    separation: float,
+    attempts: int,
+    rng: np.random.Generator,
+    *,
+    is_periodic_in_y: bool = False,
+) -> Floats:
+    """Random centers without overlaps inside ``region`` [m], shape ``(n, 2)``.
+
+    Args:
+        radius: Radii [m], shape ``(n,)``.
+        region: Where the grains go; discs stay inside it.
+        obstacles: Walls and earlier grains to stay clear of.
+        separation: Smallest gap, over the mean diameter.
+        attempts: Places tried for each grain before the relaxation has to make room for it.
+        rng: Source of the places.
+        is_periodic_in_y: Whether the lower and the upper side of the region are one and the same.
+
+    Raises:
+        PackingError: No arrangement without overlaps was found; says how many grains would fit.
+    """
+    enlarged = radius + separation * radius.mean()
+    solid = obstacles.with_sides(region, bottom=not is_periodic_in_y, top=not is_periodic_in_y)
+    fraction = _fraction(enlarged, region, solid)
+    if fraction > _DENSEST_FRACTION:
+        raise _refusal(radius.size, fraction, "more than any packing can reach")
+    shrink = min(1.0, math.sqrt(_EASY_FRACTION / fraction))
+    position, is_complete = _insert(shrink * enlarged, region, solid, attempts, rng)
+    if shrink == 1.0 and is_complete and not is_periodic_in_y:
+        return position
+    relaxed = relax(position, enlarged, region, solid, is_periodic_in_y=is_periodic_in_y)
+    if relaxed.overlap > _ACCEPTED_OVERLAP or not _is_inside(relaxed.position, region, is_periodic_in_y):
+        left = f"an overlap of {relaxed.overlap:.1e} of the smaller radius is left after {relaxed.iterations} relaxation steps"
+        raise _refusal(radius.size, fraction, left)
+    return relaxed.position
+
+
+def _insert(radius: Floats, region: Region, obstacles: Obstacles, attempts: int, rng: np.random.Generator) -> tuple[Floats, bool]:
+    """Random sequential addition, largest first: centers [m], and whether every grain found a free place."""
+    order = np.argsort(-radius, kind="stable")
+    field, fixed = make_field(radius[order], region, obstacles)
+    left = 0.0 if region.is_periodic else region.left
+    box = np.array([left, region.bottom, region.width, region.height])
+    blocked = np.zeros(radius.size, np.int32)
+    done, tried = 0, 0
+    while done < radius.size:
+        uniform = rng.random((max(_BATCH, 2 * (radius.size - done)), 2))
+        done, tried = insert_at_random(field, fixed, done, tried, attempts, uniform, box, blocked)
+    position = np.empty((radius.size, 2))
+    position[order] = field.disc[fixed:, :2]
+    return position, not blocked.any()
+
+
+def _refusal(count: int, fraction: float, why: str) -> PackingError:
+    fits = int(count * _USUAL_FRACTION / fraction)
+    text = f"{count} grains do not fit: they would fill {fraction:.3f} of the free area of the region, {why}"
+    remedy = f"about {fits} would fit (fraction {_USUAL_FRACTION:.2f}): enlarge the region or ask for fewer grains"
+    return PackingError(text, remedy)
+
+
+def _is_inside(position: Floats, region: Region, is_periodic_in_y: bool) -> bool:
+    """Whether no center was pushed through a side."""
+    x, y = position[:, 0], position[:, 1]
+    across = region.is_periodic or bool(np.all((x >= region.left) & (x <= region.right)))
+    return across and (is_periodic_in_y or bool(np.all((y >= region.bottom) & (y <= region.top))))
+
+
+def _fraction(radius: Floats, region: Region, obstacles: Obstacles) -> float:
+    """Area of the grains over the area of the region that no obstacle covers (estimated on a grid of points)."""
+    x = region.left + (np.arange(_PROBES) + 0.5) / _PROBES * region.width
+    y = region.bottom + (np.arange(_PROBES) + 0.5) / _PROBES * region.height
+    points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
+    # Segments have no area, and a point is never inside one: treated as points, only discs, planes and circles cover anything.
+    pairs = find_pairs(points, np.full(len(points), 1e-9 * radius.min()), _solid(obstacles), 0.0, region.period)
+    covered = np.zeros(len(points), bool)
+    owner = np.repeat(np.arange(len(points)), np.diff(pairs.row))
+    covered[owner[pairs.partner >= len(points)]] = True
+    free = region.area * (1.0 - covered.mean())
+    return float(np.pi * (radius**2).sum() / free) if free > 0.0 else math.inf
+
+
+def _solid(obstacles: Obstacles) -> Obstacles:
+    keep = np.isin(obstacles.kind, (ShapeKind.DISC, ShapeKind.PLANE, ShapeKind.CIRCLE))
+    return Obstacles(obstacles.kind[keep], obstacles.world[keep])

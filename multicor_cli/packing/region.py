@@ -1,0 +1,41 @@
+"""The rectangle that a packing fills."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(frozen=True)
+class Region:
+    """A rectangle [m]; ``is_periodic``: its left and right sides are one and the same (it spans the period exactly)."""
+
+    left: float
+    bottom: float
+    right: float
+    top: float
+    is_periodic: bool = False
+
+    @property
+    def width(self) -> float:
+        """Extent in x [m]."""
+        return self.right - self.left
+
+    @property
+    def height(self) -> float:
+        """Extent in y [m]."""
+        return self.top - self.bottom
+
+    @property
+    def area(self) -> float:
+        """Area [m²]."""
+        return self.width * self.height
+
+    @property
+    def period(self) -> float:
+        """Period in x [m]; 0 if the region is not periodic."""
+        return self.width if self.is_periodic else 0.0
+
+
+def spans_period(left: float, right: float, period: float) -> bool:
+    """Whether an interval of x covers the period exactly (to 1e-9 of it); never if ``period`` is 0."""
+    return period > 0.0 and abs(right - left - period) <= 1e-9 * period

@@ -1,0 +1,181 @@
+"""Distributions of radii, by number or by mass, and drawing from them.
+
+Lists are drawn by exact quotas (largest remainder, ties by lot), so that the fractions hold as well as whole grains can;
+continuous distributions are drawn by stratified sampling, one grain per interval of equal probability, so that their moments
+hold far better than with independent draws. Both are then shuffled.
+
+"By mass" weights are turned into weights by number: a grain of radius r has a mass ∝ r^p, p = 2 for discs and 3 for spheres, so
+that ``number density ∝ mass density / r^p``. All three continuous families stay in closed form under this.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass
+from statistics import NormalDist
+from typing import Literal, Protocol
+
+import numpy as np
+
+from multicor_cli.state.model import Floats
+
+MASS_POWER = {"disc": 2, "sphere": 3}
+"""p in ``mass ∝ radius^p`` by shape."""
+
+Basis = Literal["number", "mass"]
+
+_PROBES = 4096
+_FITS = 8
+
+
+class Sizes(Protocol):
+    """A distribution of radii."""
+
+    @property
+    def largest(self) -> float:
+        """Largest radius that can be drawn [m]."""
+        ...
+
+    def draw(self, count: int, rng: np.random.Generator) -> Floats:
+        """``count`` radii [m] in random order."""
+        ...
+
+
+@dataclass(frozen=True)
+class ListSizes:
+    """A few radii with fractions by number.
+
+    Attributes:
+        radii: Radii [m], shape ``(k,)``.
+        fractions: Fractions by number, sum 1, shape ``(k,)``.
+    """
+
+    radii: Floats
+    fractions: Floats
+
+    @property
+    def largest(self) -> float:
+        """Largest radius that can be drawn [m]."""
+        return float(self.radii[self.fractions > 0.0].max())
+
+    def draw(self, count: int, rng: np.random.Generator) -> Floats:
+        """``count`` radii [m] in random order; each radius gets its share to the nearest grain (largest remainder)."""
+        if count < self.radii.size:
+            # Fewer grains than radii: the largest remainders would always pick the same few.
+            levels = (np.arange(count) + rng.random(count)) / count
+            place = np.searchsorted(np.cumsum(self.fractions), levels, side="right")
+            return rng.permutation(self.radii[np.minimum(place, self.radii.size - 1)])
+        share = self.fractions * count
+        # Shares that are whole numbers but for rounding must not lose a grain to the next one.
+        whole = np.floor(share + 1e-9).astype(np.int64)
+        missing = count - int(whole.sum())
+        lottery = rng.random(self.radii.size)
+        whole[np.lexsort((lottery, np.round(whole - share, 9)))[:missing]] += 1
+        return rng.permutation(np.repeat(self.radii, whole))
+
+
+@dataclass(frozen=True)
+class ContinuousSizes:
+    """A distribution given by its quantile function.
+
+    Attributes:
+        quantile: Radius [m] as a function of the cumulated fraction by number in [0, 1].
+        largest: Largest radius [m].
+    """
+
+    quantile: Callable[[Floats], Floats]
+    largest: float
+
+    def draw(self, count: int, rng: np.random.Generator) -> Floats:
+        """``count`` radii [m] in random order: one from each of ``count`` intervals of equal probability."""
+        levels = (np.arange(count) + rng.random(count)) / max(count, 1)
+        return rng.permutation(self.quantile(levels))
+
+
+def list_sizes(radii: Floats, fractions: Floats | None, by: Basis, mass_power: int) -> ListSizes:
+    """Radii [m] with ``fractions`` (default: equal) by number or by mass; they are normalized to sum 1."""
+    weights = np.ones(radii.size) if fractions is None else np.array(fractions, float)
+    if by == "mass":
+        weights = weights / (radii / radii.max()) ** mass_power
+    return ListSizes(np.array(radii, float), weights / weights.sum())
+
+
+def power_sizes(exponent: float, smallest: float, largest: float, by: Basis, mass_power: int) -> ContinuousSizes:
+    """Density ∝ r^-exponent between ``smallest`` and ``largest`` [m]."""
+    slope = 1.0 - exponent - (mass_power if by == "mass" else 0)
+    span = math.log(largest / smallest)
+
+    def quantile(level: Floats) -> Floats:
+        if abs(slope * span) < 1e-12:
+            return smallest * np.exp(level * span)
+        # (r/r_min)^slope grows linearly with the level; expm1 and log1p keep it exact for slopes near 0.
+        return smallest * np.exp(np.log1p(level * math.expm1(slope * span)) / slope)
+
+    return ContinuousSizes(quantile, largest)
+
+
+def uniform_sizes(smallest: float, largest: float, by: Basis, mass_power: int) -> ContinuousSizes:
+    """Constant density between ``smallest`` and ``largest`` [m]."""
+    return power_sizes(0.0, smallest, largest, by, mass_power)
+
+
+def lognormal_sizes(median: float, sigma: float, smallest: float, largest: float, by: Basis, mass_power: int) -> ContinuousSizes:
+    """Normal distribution of ln r with mean ln ``median`` and standard deviation ``sigma``.
+
+    Cut to radii between ``smallest`` and ``largest`` [m]. Dividing by r^p shifts the mean of ln r by −p σ² and keeps the form.
+    """
+    center = math.log(median) - (mass_power * sigma * sigma if by == "mass" else 0.0)
+    low, high = (math.log(smallest) - center) / sigma, (math.log(largest) - center) / sigma
+    # Work in the lower tail, where the cumulated probability has full relative precision.
+    side = -1.0 if low + high > 0.0 else 1.0
+    normal = NormalDist()
+    start, end = normal.cdf(side * low), normal.cdf(side * high)
+
+    def quantile(level: Floats) -> Floats:
+        cumulated = np.clip(start + level * (end - start), 1e-300, 1.0 - 1e-16)
+        score = np.fromiter(map(normal.inv_cdf, cumulated.tolist()), float, cumulated.size)
+        return np.clip(np.exp(center + sigma * side * score), smallest, largest)
+
+    return ContinuousSizes(quantile, largest)
+
+
+def disc_area(radii: Floats) -> Floats:
+    """Area that each grain covers in the plane [m²]."""
+    return np.asarray(math.pi * radii * radii)
+
+
+def diameter(radii: Floats) -> Floats:
+    """Length that each grain covers on a line [m]."""
+    return 2.0 * radii
+
+
+def draw_to_total(
+    sizes: Sizes, measure: Callable[[Floats], Floats], total: float, restart: Callable[[], np.random.Generator]
+) -> Floats:
+    """Draw as many grains as bring the sum of their ``measure`` closest to ``total``.
+
+    Args:
+        sizes: Where the radii come from.
+        measure: Area or length of each grain from its radius.
+        total: Sum to reach, same unit.
+        restart: Gives the stream at its beginning: a draw of n+1 grains is not one of n with one more.
+
+    Returns:
+        Radii [m]; at least one.
+    """
+    mean = float(measure(sizes.draw(_PROBES, restart())).mean())
+    count = max(1, round(total / mean))
+    tried: dict[int, tuple[float, Floats]] = {}
+    for _ in range(_FITS):
+        if count in tried:
+            break
+        radii = sizes.draw(count, restart())
+        reached = float(measure(radii).sum())
+        tried[count] = abs(reached - total), radii
+        count = max(1, count + round((total - reached) / mean))
+    for near in (count - 1, count + 1):
+        if near > 0 and near not in tried:
+            radii = sizes.draw(near, restart())
+            tried[near] = abs(float(measure(radii).sum()) - total), radii
+    return min(tried.values(), key=lambda pair: pair[0])[1]

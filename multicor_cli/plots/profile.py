@@ -1,0 +1,59 @@
+"""Figure of a profile: the field across, the height upwards, as one looks at the grains."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from multicor_cli.plots.style import COLORS, COLUMN, check_suffix, house_style, save_figure
+from multicor_cli.post import ProfileTable
+
+
+def plot_profile(table: ProfileTable, path: Path) -> None:
+    """Draw a profile with its standard error as a band.
+
+    Args:
+        table: The profile.
+        path: File to write; its ending (.png, .svg, .pdf) chooses the format.
+
+    Raises:
+        PlotError: If matplotlib is not installed or the ending is not known.
+        OSError: If the file cannot be written.
+    """
+    check_suffix(path)
+    with house_style():
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(COLUMN, 0.9 * COLUMN), layout="constrained")
+        draw_profile(figure.add_subplot(), table)
+        save_figure(figure, path)
+
+
+def draw_profile(axes: Any, table: ProfileTable) -> None:
+    """Draw a profile into matplotlib axes."""
+    error = np.where(np.isfinite(table.error), table.error, 0.0)
+    axes.fill_betweenx(
+        table.y, table.value - error, table.value + error, color=COLORS[0], alpha=0.25, linewidth=0.0, label="standard error"
+    )
+    axes.plot(table.value, table.y, "o-", color=COLORS[0], markeredgewidth=0.0, label="mean")
+    across, upwards = axis_labels(table)
+    axes.set_xlabel(across)
+    axes.set_ylabel(upwards)
+    axes.set_ylim(0.0, 1.0 if table.is_normalized else table.height)
+    if np.isfinite(table.error).any():
+        axes.legend(loc="best")
+
+
+def axis_labels(table: ProfileTable) -> tuple[str, str]:
+    """Labels of the axes: quantity, symbol and unit."""
+    field = table.field
+    if not table.is_normalized:
+        return f"{field.label} ${field.symbol}$ [{field.unit}]", "height $y$ [m]"
+    low = table.wall_values[0]
+    symbol = field.symbol.split("_")[0]
+    scaled = f"${field.symbol}/{symbol}_\\mathrm{{wall}}$"
+    if low:
+        scaled = f"$({field.symbol} - {symbol}_0)/({symbol}_1 - {symbol}_0)$"
+    return f"{field.label} {scaled} [–]", "height $y/H$ [–]"

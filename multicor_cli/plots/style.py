@@ -1,0 +1,85 @@
+"""One look for all figures: a journal column wide, vector-friendly, readable in print and for color-blind eyes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+COLUMN = 3.35
+"""Width of a journal column [inch]."""
+
+COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00")
+"""Line colors that color-blind readers can tell apart (Okabe and Ito)."""
+
+SUFFIXES = (".png", ".svg", ".pdf")
+"""Formats of figures."""
+
+_RC: Any = {
+    "font.size": 8.0,
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans"],
+    "mathtext.fontset": "dejavusans",
+    "axes.linewidth": 0.6,
+    "axes.labelsize": 8.0,
+    "axes.unicode_minus": True,
+    "xtick.direction": "in",
+    "ytick.direction": "in",
+    "xtick.top": True,
+    "ytick.right": True,
+    "xtick.minor.visible": True,
+    "ytick.minor.visible": True,
+    "xtick.labelsize": 7.0,
+    "ytick.labelsize": 7.0,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "xtick.minor.width": 0.4,
+    "ytick.minor.width": 0.4,
+    "legend.fontsize": 7.0,
+    "legend.frameon": False,
+    "lines.linewidth": 1.2,
+    "lines.markersize": 3.0,
+    "savefig.dpi": 300,
+    "svg.fonttype": "none",  # text stays text
+    "pdf.fonttype": 42,
+    "svg.hashsalt": "multicor",  # the same data give the same file
+}
+
+
+class PlotError(Exception):
+    """A figure cannot be made: one message for the user."""
+
+
+@contextmanager
+def house_style() -> Iterator[None]:
+    """Apply the style to figures made inside the context.
+
+    Raises:
+        PlotError: If matplotlib is not installed.
+    """
+    try:
+        import matplotlib as mpl
+    except ImportError as error:
+        message = "figures need matplotlib: pip install 'multicor-cli[plots]'"
+        raise PlotError(message) from error
+    with mpl.rc_context(_RC):
+        yield
+
+
+def check_suffix(path: Path) -> None:
+    """Refuse a file name whose ending is not one of `SUFFIXES`; raises `PlotError`."""
+    if path.suffix.lower() not in SUFFIXES:
+        raise PlotError(f"{path}: the name of a figure ends in {', '.join(SUFFIXES)}")
+
+
+def save_figure(figure: Any, path: Path) -> None:
+    """Write a figure in the format of the file name; the same data give the same bytes.
+
+    Raises:
+        PlotError: If the name has no known ending.
+        OSError: If the file cannot be written.
+    """
+    check_suffix(path)
+    undated = {".png": {"Software": None}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
+    figure.savefig(path, metadata=undated[path.suffix.lower()])

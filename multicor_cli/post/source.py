@@ -1,0 +1,102 @@
+"""What post-processing needs of a run, and which of its frames it looks at."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from multicor_cli.state.model import Floats, Model
+
+
+class PostError(Exception):
+    """What was asked for cannot be computed from this run: one message for the user."""
+
+
+class GrainFrame(Protocol):
+    """The grains and walls at one time."""
+
+    @property
+    def position(self) -> NDArray[Any]:
+        """Centers: x and y come first [m], shape ``(n, 2)`` or more columns."""
+
+    @property
+    def velocity(self) -> NDArray[Any]:
+        """Velocities: x and y come first [m/s], shape ``(n, 2)`` or more columns."""
+
+    @property
+    def wall_position(self) -> NDArray[Any]:
+        """Walls: x, y [m] and angle [rad] of their frames, shape ``(w, 3)``."""
+
+    @property
+    def wall_velocity(self) -> NDArray[Any]:
+        """Walls: velocity [m/s] and spin [rad/s], shape ``(w, 3)``."""
+
+
+class FrameSequence(Protocol):
+    """The frames of a run, read one by one."""
+
+    @property
+    def time(self) -> NDArray[Any]:
+        """Times of the frames [s], shape ``(frames,)``."""
+
+    @property
+    def stage(self) -> NDArray[Any]:
+        """Loading stage of each frame, shape ``(frames,)``."""
+
+    def __getitem__(self, index: int) -> GrainFrame:
+        """Read a frame."""
+
+
+class FrameSource(Protocol):
+    """What post-processing needs of a run; `multicor_cli.open_run` gives it."""
+
+    @property
+    def model(self) -> Model:
+        """What does not change."""
+
+    @property
+    def frames(self) -> FrameSequence:
+        """The frames."""
+
+
+@dataclass(frozen=True)
+class Selection:
+    """Which frames to look at. Without any choice: the later half, in time, of the last stage.
+
+    Attributes:
+        start: Earliest time [s].
+        end: Latest time [s].
+        frames: A slice of the frames, as in Python.
+    """
+
+    start: float | None = None
+    end: float | None = None
+    frames: slice | None = None
+
+    def indices(self, frames: FrameSequence) -> NDArray[np.int64]:
+        """Indices of the selected frames, ascending.
+
+        Raises:
+            PostError: If the run has no frames, or none of them is selected.
+        """
+        times = np.asarray(frames.time)
+        if not times.size:
+            raise PostError("the run has no frames yet")
+        chosen = self._choose(times, np.asarray(frames.stage))
+        if not chosen.size:
+            raise PostError(f"no frame is selected: the run has {times.size} frames from t = {times[0]:g} s to {times[-1]:g} s")
+        return chosen
+
+    def _choose(self, times: Floats, stages: NDArray[np.integer]) -> NDArray[np.int64]:
+        everything = np.arange(times.size)
+        if self.frames is not None:
+            return np.sort(everything[self.frames])
+        if self.start is None and self.end is None:
+            last = everything[stages == stages[-1]]
+            return np.asarray(last[times[last] >= 0.5 * (times[last[0]] + times[-1])])
+        start = -np.inf if self.start is None else self.start
+        end = np.inf if self.end is None else self.end
+        return np.asarray(everything[(times >= start) & (times <= end)])

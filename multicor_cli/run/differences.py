@@ -1,0 +1,48 @@
+"""Whether a run may be continued with a scenario: what differs from the scenario that it began with."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator
+from typing import Any, NamedTuple
+
+from multicor_cli.scenario.problems import KeyPath, format_key, show
+
+FREE_KEYS = frozenset({"scenario.description", "output.checkpoint_interval", "solver.threads"})
+"""Keys that may change between two sessions of a run: no result depends on them."""
+
+_ABSENT = object()
+
+
+class Difference(NamedTuple):
+    """A key with another value than before, as texts for a message."""
+
+    path: KeyPath
+    before: str
+    after: str
+
+
+def find_differences(before: str, after: str) -> list[Difference]:
+    """Keys that differ between two resolved scenarios, `FREE_KEYS` left out.
+
+    Args:
+        before: TOML of the scenario with which the run began.
+        after: TOML of the scenario with which it would continue.
+    """
+    found = _compare((), tomllib.loads(before), tomllib.loads(after))
+    return [difference for difference in found if format_key(difference.path) not in FREE_KEYS]
+
+
+def _compare(path: KeyPath, before: Any, after: Any) -> Iterator[Difference]:
+    if isinstance(before, dict) and isinstance(after, dict):
+        for name in [*before, *(name for name in after if name not in before)]:
+            yield from _compare((*path, name), before.get(name, _ABSENT), after.get(name, _ABSENT))
+    elif isinstance(before, list) and isinstance(after, list) and len(before) == len(after):
+        for k, (old, new) in enumerate(zip(before, after, strict=True)):
+            yield from _compare((*path, k), old, new)
+    elif type(before) is not type(after) or before != after:
+        yield Difference(path, _text(before), _text(after))
+
+
+def _text(value: Any) -> str:
+    return "not given" if value is _ABSENT else show(value)

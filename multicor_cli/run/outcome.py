@@ -1,0 +1,82 @@
+"""How a run ended."""
+
+from __future__ import annotations
+
+import signal
+from dataclasses import dataclass
+from enum import Enum, IntEnum
+from pathlib import Path
+
+
+class ExitCode(IntEnum):
+    """Exit codes of the command line; ``run.json`` records them too."""
+
+    DONE = 0  # also: already finished
+    BUG = 1  # an internal error; the traceback is in crash.txt
+    USAGE = 2  # the command line is wrong
+    SCENARIO = 3  # the scenario is invalid, or not the one that the run began with
+    PHYSICS = 4  # non-finite state, no admissible positions, solver failed by request
+    ENVIRONMENT = 5  # disk full, permission, memory
+    OCCUPIED = 6  # the output exists, or another live run holds it
+    DAMAGED = 7  # data damaged, or made by an incompatible version
+    STOPPED = 75  # time limit reached, resumable (EX_TEMPFAIL: schedulers may requeue)
+    INTERRUPTED = 130  # Ctrl-C, after a checkpoint
+    TERMINATED = 143  # SIGTERM, after a checkpoint
+
+
+class StopReason(Enum):
+    """Why a run stopped; the value is what ``run.json`` says."""
+
+    FINISHED = "finished"
+    ALREADY_FINISHED = "already finished"
+    INTERRUPTED = "interrupted (SIGINT)"
+    TERMINATED = "terminated (SIGTERM)"
+    TIME_LIMIT = "time limit reached"
+
+    @classmethod
+    def of_signal(cls, number: int) -> StopReason:
+        """The reason that a stop signal stands for."""
+        return cls.TERMINATED if number == signal.SIGTERM else cls.INTERRUPTED
+
+    @property
+    def is_end(self) -> bool:
+        """Whether nothing is left to do."""
+        return self in (StopReason.FINISHED, StopReason.ALREADY_FINISHED)
+
+    @property
+    def exit_code(self) -> ExitCode:
+        """Exit code of the command line."""
+        return _EXIT_CODES[self]
+
+
+_EXIT_CODES = {
+    StopReason.FINISHED: ExitCode.DONE,
+    StopReason.ALREADY_FINISHED: ExitCode.DONE,
+    StopReason.INTERRUPTED: ExitCode.INTERRUPTED,
+    StopReason.TERMINATED: ExitCode.TERMINATED,
+    StopReason.TIME_LIMIT: ExitCode.STOPPED,
+}
+
+
+@dataclass(frozen=True)
+class RunOutcome:
+    """Result of `multicor_cli.run`.
+
+    Attributes:
+        reason: Why it stopped.
+        directory: The run directory.
+        step: Steps done since the start of the run.
+        time: Time since the start of the run [s].
+        unconverged_steps: Steps that hit the cap on sweeps.
+    """
+
+    reason: StopReason
+    directory: Path
+    step: int
+    time: float
+    unconverged_steps: int
+
+    @property
+    def is_finished(self) -> bool:
+        """Whether the run is complete; otherwise the same call continues it."""
+        return self.reason.is_end

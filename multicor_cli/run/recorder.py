@@ -1,0 +1,39 @@
+"""From the controller to the files of a run directory."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from multicor_cli.solver.contact_table import ContactTable
+from multicor_cli.state import State
+from multicor_cli.store.frames import ContactRows, FrameData, SeriesRow
+from multicor_cli.store.rundir import RunDirectory
+from multicor_cli.store.segments import FrameWriter
+
+
+class DirectoryRecorder:
+    """Writes what the controller says into a run directory."""
+
+    def __init__(self, directory: RunDirectory, writer: FrameWriter) -> None:
+        self._directory = directory
+        self._writer = writer
+
+    def frame(self, state: State, contacts: ContactTable | None) -> None:
+        """Write a frame; without contacts if they are not recorded. Raises `StoreError`."""
+        rows = None
+        if contacts is not None:
+            c = contacts
+            rows = ContactRows(c.i, c.j, c.normal, c.gap, c.impulse, c.slip, c.sliding)
+        self._writer.frame(FrameData.from_state(state, rows))
+
+    def series(self, state: State) -> None:
+        """Write the row of the time series that ends the window of ``state``. Raises `StoreError`."""
+        self._writer.series_row(SeriesRow.from_state(state))
+
+    def checkpoint(self, state: State) -> None:
+        """Commit the output so far, then the state. Raises `StoreError`."""
+        self._directory.checkpoint(state, self._writer)
+
+    def heartbeat(self, data: dict[str, Any]) -> None:
+        """Replace ``progress.json``."""
+        self._directory.progress(data)

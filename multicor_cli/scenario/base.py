@@ -1,0 +1,83 @@
+"""What all tables of a scenario have in common: strictness, bounded numbers, and how a value is refused."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import Annotated, Any
+
+from pydantic import BaseModel, ConfigDict, Field, Strict
+from pydantic_core import PydanticCustomError
+
+
+class Table(BaseModel):
+    """A TOML table: unknown keys, booleans as numbers, NaN and infinity are refused; values never change."""
+
+    model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
+
+
+Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$", max_length=64)]
+"""A name that can be a bare TOML key."""
+
+Number = Annotated[float, Field(ge=-1e12, le=1e12)]
+Time = Annotated[float, Field(ge=1e-12, le=1e12)]
+Length = Annotated[float, Field(ge=1e-9, le=1e6)]
+Coordinate = Annotated[float, Field(ge=-1e6, le=1e6)]
+Radius = Annotated[float, Field(ge=1e-9, le=1e4)]
+Fraction = Annotated[float, Field(ge=0.0, le=1.0)]
+Ratio = Annotated[float, Field(gt=0.0, lt=1.0)]
+Tolerance = Annotated[float, Field(ge=1e-15, le=1.0)]
+Friction = Annotated[float, Field(ge=0.0, le=10.0)]
+Count = Annotated[int, Field(ge=1, le=50_000_000)]
+GrainCount = Count
+
+# A TOML array is a list, which strict mode does not take for a tuple: strictness is lifted for the array, not its elements.
+Point = Annotated[tuple[Coordinate, Coordinate], Strict(False)]
+Vector = Annotated[tuple[Number, Number], Strict(False)]
+Extent = Annotated[tuple[Length, Length], Strict(False)]
+
+
+def refuse(what: str, remedy: str, key: str | int | None = None) -> PydanticCustomError:
+    """The error that a validator raises to refuse a value.
+
+    Args:
+        what: What is wrong, with the value.
+        remedy: What the user can do about it.
+        key: Key inside the table being validated at which to point; default: the table itself.
+    """
+    return PydanticCustomError("refused", "{what}", {"what": what, "remedy": remedy, "key": key})
+
+
+def require_ascending(values: Sequence[float], what: str) -> None:
+    """Raise unless ``values`` ascend strictly; ``what`` names them."""
+    for k in range(1, len(values)):
+        if not values[k] > values[k - 1]:
+            raise refuse(f"{what} must ascend, {values[k]!r} follows {values[k - 1]!r}", "sort the rows and drop double ones", k)
+
+
+def tag_by_key(*keys: str) -> Callable[[Any], str | None]:
+    """Discriminator of a union whose tables differ by which of ``keys`` is present.
+
+    The tags are ``<key>``; anything but a table gets ``<plain>``. Not exactly one of the keys: no tag, hence an error.
+    """
+
+    def tag(value: Any) -> str | None:
+        if isinstance(value, BaseModel):
+            names: Any = type(value).model_fields
+        elif isinstance(value, dict):
+            names = value
+        else:
+            return "<plain>"
+        present = [key for key in keys if key in names]
+        return f"<{present[0]}>" if len(present) == 1 else None
+
+    return tag
+
+
+def tag_word(value: Any) -> str:
+    """Discriminator of a union of a string and something else: ``<word>`` or ``<plain>``."""
+    return "<word>" if isinstance(value, str) else "<plain>"
+
+
+def tag_table(value: Any) -> str:
+    """Discriminator of a union of one table and something plain: ``<table>`` or ``<plain>``."""
+    return "<table>" if isinstance(value, dict | BaseModel) else "<plain>"

@@ -1,0 +1,14 @@
+"""What no table can tell by itself: whether the tables of a scenario fit together."""
+
+from __future__ import annotations
+
+from multicor_cli.scenario.checks import grains, laws, stages, timing, walls
+from multicor_cli.scenario.checks.draft import Draft
+from multicor_cli.scenario.problems import Finding
+
+__all__ = ["Draft", "check_all"]
+
+
+def check_all(draft: Draft) -> list[Finding]:
+    """All findings about how the tables fit together; tables that are wrong in themselves are passed over."""
+    return [finding for check in (laws.check, grains.check, walls.check, stages.check, timing.check) for finding in check(draft)]

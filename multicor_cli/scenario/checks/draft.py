@@ -1,0 +1,105 @@
+"""The tables of a scenario that are right in themselves: one wrong table must not hide what is wrong with the others."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+from pydantic import ValidationError
+
+from multicor_cli.scenario.base import Table
+from multicor_cli.scenario.loading import Stage
+from multicor_cli.scenario.materials import ContactPair
+from multicor_cli.scenario.models import ScenarioModel
+from multicor_cli.scenario.particles import ParticleGroup
+from multicor_cli.scenario.settings import Domain, Output, Solver
+from multicor_cli.scenario.walls import Wall
+
+T = TypeVar("T", bound=Table)
+
+
+@dataclass(frozen=True)
+class Draft:
+    """Tables of a scenario; ``None`` stands for a table that is missing or wrong in itself.
+
+    Attributes:
+        domain: ``[domain]``.
+        material_names: Names of all materials, right or wrong.
+        contacts: ``[[contacts]]``.
+        particles: ``[[particles]]``.
+        group_names: Names of the groups; ``None`` where there is no name.
+        walls: ``[[walls]]``.
+        wall_names: Names of the walls; ``None`` where there is no name.
+        loading: ``[[loading]]``.
+        solver: ``[solver]``.
+        output: ``[output]``.
+    """
+
+    domain: Domain | None
+    material_names: list[str]
+    contacts: list[ContactPair | None]
+    particles: list[ParticleGroup | None]
+    group_names: list[str | None]
+    walls: list[Wall | None]
+    wall_names: list[str | None]
+    loading: list[Stage | None]
+    solver: Solver | None
+    output: Output | None
+
+    @classmethod
+    def of_model(cls, model: ScenarioModel) -> Draft:
+        """The draft of a scenario whose tables are all right in themselves."""
+        return cls(
+            model.domain,
+            list(model.materials),
+            list(model.contacts),
+            list(model.particles),
+            [group.name for group in model.particles],
+            list(model.walls),
+            [wall.name for wall in model.walls],
+            list(model.loading),
+            model.solver,
+            model.output,
+        )
+
+    @classmethod
+    def of_document(cls, data: dict[str, Any]) -> Draft:
+        """The draft of a parsed document of which some tables are wrong."""
+        materials = data.get("materials")
+        return cls(
+            _table(Domain, data.get("domain")),
+            list(materials) if isinstance(materials, dict) else [],
+            _tables(ContactPair, data.get("contacts")),
+            _tables(ParticleGroup, data.get("particles")),
+            _names(data.get("particles")),
+            _tables(Wall, data.get("walls")),
+            _names(data.get("walls")),
+            _tables(Stage, data.get("loading")),
+            _table(Solver, data.get("solver")),
+            _table(Output, data.get("output")),
+        )
+
+
+_MAX_TABLES = 1000  # more are refused by the models
+
+
+def _table(model: type[T], raw: Any) -> T | None:
+    try:
+        return model.model_validate(raw)
+    except ValidationError:
+        return None
+
+
+def _elements(raw: Any) -> list[Any]:
+    return raw[:_MAX_TABLES] if isinstance(raw, list) else []
+
+
+def _tables(model: type[T], raw: Any) -> list[T | None]:
+    return [_table(model, element) for element in _elements(raw)]
+
+
+def _names(raw: Any) -> list[str | None]:
+    if len(raw if isinstance(raw, list) else ()) > _MAX_TABLES:
+        return [None]  # not all names are known
+    names = [element.get("name") if isinstance(element, dict) else None for element in _elements(raw)]
+    return [name if isinstance(name, str) else None for name in names]

@@ -1,0 +1,136 @@
+"""From the loading stages to the drives of the engine.
+
+A wall that a stage does not name keeps its drive, and so does a degree of freedom left out of a named wall; at first
+everything is fixed. A signal is a function of the time since the start of the stage that names it: one that is kept goes on
+where it is, one that is named again starts anew.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+from multicor_cli.physics.drives import Constant, DofDrive, Ramp, Shifted, Sine, Table, WallDrive
+from multicor_cli.physics.drives import Signal as EngineSignal
+from multicor_cli.scenario.loading import AnyDof, AnySignal, FixedDof, ForceDof, RampSignal, SineSignal, Stage, TableSignal
+
+DOF_NAMES = ("x", "y", "spin")
+NEVER = -1
+
+
+class Kept(NamedTuple):
+    """What drives a degree of freedom, and the index of the stage that says so (`NEVER`: none does, it is fixed)."""
+
+    dof: AnyDof
+    stage: int
+
+
+WallDofs = tuple[Kept, Kept, Kept]
+_AT_FIRST = Kept(FixedDof(fixed=True), NEVER)
+
+
+def resolve_dofs(loading: Sequence[Stage], wall_names: Sequence[str]) -> list[list[WallDofs]]:
+    """What drives each wall in each stage, by stage and wall."""
+    current: list[WallDofs] = [(_AT_FIRST, _AT_FIRST, _AT_FIRST)] * len(wall_names)
+    resolved = []
+    for number, stage in enumerate(loading):
+        current = [_named(stage, number, name, before) for name, before in zip(wall_names, current, strict=True)]
+        resolved.append(current)
+    return resolved
+
+
+def _named(stage: Stage, number: int, wall: str, before: WallDofs) -> WallDofs:
+    drives = stage.drives.get(wall)
+    if drives is None:
+        return before
+    dofs = (drives.x, drives.y, drives.spin)
+    x, y, spin = (kept if dof is None else Kept(dof, number) for dof, kept in zip(dofs, before, strict=True))
+    return x, y, spin
+
+
+@dataclass(frozen=True)
+class StageDrives:
+    """The drives of one stage.
+
+    Attributes:
+        stage: Index of the stage.
+        walls: One drive per wall; signals are functions of the time since the start of the stage that named them.
+        named_by: For each wall the index of the stage that named its x, y and spin; `NEVER` if none has (then it is fixed).
+    """
+
+    stage: int
+    walls: tuple[WallDrive, ...]
+    named_by: tuple[tuple[int, int, int], ...]
+
+    @property
+    def needs_starts(self) -> bool:
+        """Whether a signal that varies with time is kept from an earlier stage, so that `started` needs to know its start."""
+        return any(
+            _varies(dof) and named_by != self.stage
+            for wall, stages in zip(self.walls, self.named_by, strict=True)
+            for dof, named_by in zip(wall.dofs(), stages, strict=True)
+        )
+
+    def started(self, stage_starts: Sequence[float]) -> list[WallDrive]:
+        """The drives as functions of the time since the start of this stage.
+
+        Args:
+            stage_starts: Times at which the stages up to this one have begun [s].
+        """
+        return [
+            WallDrive(*(self._shift(dof, named_by, stage_starts) for dof, named_by in zip(wall.dofs(), stages, strict=True)))
+            for wall, stages in zip(self.walls, self.named_by, strict=True)
+        ]
+
+    def _shift(self, dof: DofDrive, named_by: int, stage_starts: Sequence[float]) -> DofDrive:
+        if named_by == self.stage or not _varies(dof):
+            return dof
+        offset = stage_starts[self.stage] - stage_starts[named_by]
+        return replace(dof, velocity=_shifted(dof.velocity, offset), force=_shifted(dof.force, offset))
+
+
+def stage_drives(loading: Sequence[Stage], wall_names: Sequence[str]) -> list[StageDrives]:
+    """The drives of all stages.
+
+    Args:
+        loading: The stages in time order.
+        wall_names: Names of the walls, in the order of the engine.
+    """
+    resolved = resolve_dofs(loading, wall_names)
+    return [
+        StageDrives(
+            number,
+            tuple(WallDrive(*(_engine_dof(kept.dof) for kept in dofs)) for dofs in walls),
+            tuple((dofs[0].stage, dofs[1].stage, dofs[2].stage) for dofs in walls),
+        )
+        for number, walls in enumerate(resolved)
+    ]
+
+
+def _engine_dof(dof: AnyDof) -> DofDrive:
+    if isinstance(dof, FixedDof):
+        return DofDrive()
+    if isinstance(dof, ForceDof):
+        return DofDrive(force=engine_signal(dof.force), damping=dof.damping)
+    return DofDrive(velocity=engine_signal(dof.velocity))
+
+
+def engine_signal(signal: AnySignal) -> EngineSignal:
+    """The engine's form of a signal."""
+    if isinstance(signal, RampSignal):
+        return Ramp(signal.ramp[0], signal.ramp[1], signal.duration)
+    if isinstance(signal, SineSignal):
+        wave = signal.sine
+        return Sine(wave.mean, wave.amplitude, wave.period, wave.phase)
+    if isinstance(signal, TableSignal):
+        return Table(signal.times, signal.values)
+    return Constant(signal)
+
+
+def _varies(dof: DofDrive) -> bool:
+    return any(signal is not None and not isinstance(signal, Constant) for signal in (dof.velocity, dof.force))
+
+
+def _shifted(signal: EngineSignal | None, offset: float) -> EngineSignal | None:
+    return signal if signal is None or isinstance(signal, Shifted) else Shifted(signal, offset)

@@ -1,0 +1,160 @@
+"""Reading scenario files: everything that is wrong is found at once, with its position."""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from pydantic import ValidationError
+
+from multicor_cli.scenario.checks import Draft, check_all
+from multicor_cli.scenario.locate import MAX_NESTING, Lines, find_deep_nesting
+from multicor_cli.scenario.models import ScenarioModel
+from multicor_cli.scenario.overrides import apply_overrides
+from multicor_cli.scenario.problems import Finding, KeyPath, Problem, ScenarioError, format_key
+from multicor_cli.scenario.scenario import Scenario
+from multicor_cli.scenario.sources import Sources
+from multicor_cli.scenario.translate import translate
+
+MAX_FILE_SIZE = 1_000_000
+"""Largest scenario file [bytes]: what can be parsed and checked in about a second; tables of grains go into other files."""
+
+_MAX_ERRORS = 500
+_SYNTAX_POSITION = re.compile(r"^(.*?) \(at (?:line (\d+), column (\d+)|end of document)\)$", re.DOTALL)
+_QUOTED_PATH = re.compile(r"\((('[^']*'(, |,)?)+)\)")
+_QUOTED_PART = re.compile(r"'([^']*)'")
+_LONG_NUMBER = re.compile(r"[0-9_]{1000,}")
+
+
+def load_scenario(path: str | Path, overrides: Sequence[str] = ()) -> Scenario:
+    """Load and check a scenario file.
+
+    Args:
+        path: The TOML file.
+        overrides: Values set on the command line, each ``key=value`` as in ``loading.1.duration=2.0``.
+
+    Raises:
+        ScenarioError: The file cannot be read or the scenario is wrong; its ``problems`` say all that is wrong.
+    """
+    path = Path(path)
+    return parse_scenario(_read(path), path, overrides)
+
+
+def parse_scenario(text: str, path: str | Path, overrides: Sequence[str] = ()) -> Scenario:
+    """Check the text of a scenario file; as `load_scenario`, with ``path`` used for messages and relative paths only."""
+    path, text = Path(path), text.removeprefix("\ufeff").replace("\r\n", "\n")
+    data = _parse(text, str(path))
+    applied, problems = apply_overrides(data, overrides)
+    sources = Sources(str(path), text, applied)
+    model, findings = check_document(data)
+    if model is None or problems or findings:
+        raise ScenarioError([*problems, *sources.problems(findings)])
+    return Scenario(model, path, sources)
+
+
+def check_document(data: dict[str, Any]) -> tuple[ScenarioModel | None, list[Finding]]:
+    """Everything that is wrong with a parsed document, and its model if each table is right in itself."""
+    try:
+        model = ScenarioModel.model_validate(data)
+    except ValidationError as error:
+        errors = error.errors(include_url=False)
+        findings = translate(ScenarioModel, errors[:_MAX_ERRORS])
+        return None, _add_new(findings, check_all(Draft.of_document(data)))
+    return model, _add_new([], check_all(Draft.of_model(model)))
+
+
+def _add_new(findings: list[Finding], further: list[Finding]) -> list[Finding]:
+    """``findings`` with those of ``further`` that are about other keys."""
+    known = {finding.path for finding in findings}
+    for finding in further:
+        if not _is_within(finding.path, known):
+            findings.append(finding)
+            known.add(finding.path)
+    return findings
+
+
+def _is_within(path: KeyPath, known: set[KeyPath]) -> bool:
+    """Whether a problem at this key or around it is known already."""
+    return any(path[:end] in known for end in range(1, len(path) + 1))
+
+
+def _read(path: Path) -> str:
+    try:
+        if not path.is_file():
+            raise ScenarioError([_no_file(path)])
+        if path.stat().st_size > MAX_FILE_SIZE:
+            size = f"the file is larger than {MAX_FILE_SIZE // 1_000_000} MB"
+            raise ScenarioError([_whole_file(path, size, "put long tables of grains into a CSV file")])
+        content = path.read_bytes()
+    except (OSError, ValueError) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise ScenarioError(
+            [_whole_file(path, f"the file cannot be read: {reason}", "check the path and its permissions")]
+        ) from None
+    try:
+        return content.decode("utf-8")
+    except UnicodeDecodeError as error:
+        raise ScenarioError([_not_utf8(path, content, error.start)]) from None
+
+
+def _whole_file(path: Path, message: str, remedy: str) -> Problem:
+    return Problem(str(path), 0, 0, "", message, remedy)
+
+
+def _no_file(path: Path) -> Problem:
+    if path.is_dir():
+        return _whole_file(path, "this is a directory", "give the path of a scenario file")
+    if path.exists():
+        return _whole_file(path, "this is no regular file", "give the path of a scenario file")
+    return _whole_file(path, "there is no such file", "check the path, or make one with: multicor new NAME")
+
+
+def _not_utf8(path: Path, content: bytes, offset: int) -> Problem:
+    line = content.count(b"\n", 0, offset) + 1
+    begin = content.rfind(b"\n", 0, offset) + 1
+    column = len(content[begin:offset].decode("utf-8", "replace")) + 1
+    message = f"the byte 0x{content[offset]:02x} is not UTF-8"
+    return Problem(str(path), line, column, "", message, "save the file with the encoding UTF-8")
+
+
+def _parse(text: str, file: str) -> dict[str, Any]:
+    if (offset := find_deep_nesting(text)) is not None:
+        message = f"nested more than {MAX_NESTING} deep"
+        raise ScenarioError([_at_offset(file, text, offset, message, "no scenario needs that")])
+    try:
+        return tomllib.loads(text)
+    except tomllib.TOMLDecodeError as error:
+        raise ScenarioError([_syntax_problem(file, text, str(error))]) from None
+    except (ValueError, RecursionError) as error:  # numbers with thousands of digits
+        number = _LONG_NUMBER.search(text)
+        message = "a number has too many digits" if number else f"not TOML: {error}"
+        raise ScenarioError([_at_offset(file, text, number.start() if number else 0, message, "write it as 1e3")]) from None
+
+
+def _at_offset(file: str, text: str, offset: int, message: str, remedy: str) -> Problem:
+    lines = Lines(text)
+    line, column = lines.position(offset)
+    return Problem(file, line, column, "", message, remedy, lines.line(line))
+
+
+def _syntax_problem(file: str, text: str, message: str) -> Problem:
+    lines = Lines(text.rstrip("\n"))
+    line, column, what = lines.count, len(lines.line(lines.count)) + 1, message
+    if match := _SYNTAX_POSITION.match(message):
+        what = match[1]
+        line, column = (int(match[2]), int(match[3])) if match[2] else (line, column)
+    what = _QUOTED_PATH.sub(lambda path: format_key(tuple(_QUOTED_PART.findall(path[1]))), what)
+    return Problem(file, line, column, "", f"not TOML: {what}", _syntax_remedy(text, what), lines.line(line))
+
+
+def _syntax_remedy(text: str, what: str) -> str:
+    if text.lstrip().startswith(("{", "---", "<")):
+        return "this looks like JSON, YAML or XML; write TOML: [table], then key = value lines"
+    if what.startswith(("Cannot declare", "Cannot mutate")):
+        return "write a table once; [[name]] for each of several tables"
+    if what.startswith(("Cannot overwrite", "Duplicate")):
+        return "give each key once"
+    return "write [table], then key = value lines; strings in quotes"

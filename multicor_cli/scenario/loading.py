@@ -1,0 +1,192 @@
+"""Loading stages: how long they last and how they drive the walls."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, Self
+
+from pydantic import AfterValidator, Discriminator, Field, Strict, Tag, field_validator, model_validator
+
+from multicor_cli.scenario.base import (
+    Name,
+    Number,
+    Ratio,
+    Table,
+    Time,
+    Tolerance,
+    Vector,
+    refuse,
+    require_ascending,
+    tag_by_key,
+)
+from multicor_cli.scenario.settings import MAX_SWEEPS
+
+
+class RampSignal(Table):
+    """Linear from the first to the second value within ``duration``, then constant."""
+
+    ramp: Vector = Field(description="first and last value")
+    duration: Time = Field(description="time from the first to the last value [s]")
+
+
+class SineWave(Table):
+    """``mean + amplitude sin(2π t/period + phase)``."""
+
+    mean: Number = Field(0.0, description="mean value")
+    amplitude: Number = Field(description="amplitude")
+    period: Time = Field(description="period [s]")
+    phase: Annotated[float, Field(ge=-1e6, le=1e6)] = Field(0.0, description="phase [rad]")
+
+
+class SineSignal(Table):
+    """A sine of the time since the start of the stage."""
+
+    sine: SineWave = Field(description="{ mean = 0, amplitude, period, phase = 0 }, period in s, phase in rad")
+
+
+class TableSignal(Table):
+    """Linear between the rows of a table, constant before the first and after the last."""
+
+    times: Annotated[tuple[Annotated[float, Field(ge=0.0, le=1e12)], ...], Strict(False)] = Field(
+        min_length=1, max_length=100_000, description="times since the start of the stage [s], ascending"
+    )
+    values: Annotated[tuple[Number, ...], Strict(False)] = Field(
+        min_length=1, max_length=100_000, description="value at each of the times"
+    )
+
+    @field_validator("times")
+    @classmethod
+    def _ascending(cls, times: tuple[float, ...]) -> tuple[float, ...]:
+        require_ascending(times, "times")
+        return times
+
+    @model_validator(mode="after")
+    def _same_length(self) -> Self:
+        if len(self.times) != len(self.values):
+            raise refuse(f"{len(self.values)} values for {len(self.times)} times", "give one value per time", "values")
+        return self
+
+
+Signal = Annotated[
+    Annotated[Number, Tag("<plain>")]
+    | Annotated[RampSignal, Tag("<ramp>")]
+    | Annotated[SineSignal, Tag("<sine>")]
+    | Annotated[TableSignal, Tag("<times>")],
+    Discriminator(
+        tag_by_key("ramp", "sine", "times"),
+        custom_error_type="one_of",
+        custom_error_message="a signal is a number or a table with exactly one of ramp, sine, times",
+    ),
+]
+AnySignal = float | RampSignal | SineSignal | TableSignal
+
+
+class VelocityDof(Table):
+    """A prescribed velocity."""
+
+    velocity: Signal = Field(description="velocity [m/s], spin [rad/s]: a number, or a table with ramp, sine or times")
+
+
+class ForceDof(Table):
+    """A degree of freedom that moves under a load and the grains' push."""
+
+    force: Signal = Field(description="force [N], torque [N m] for the spin: a number, or a table with ramp, sine or times")
+    damping: float = Field(0.0, ge=0.0, le=1e12, description="viscous damping [N s/m], [N m s] for the spin")
+
+
+def _check_fixed(value: bool) -> bool:
+    if not value:
+        raise refuse("fixed = false says nothing", "give velocity or force instead")
+    return value
+
+
+class FixedDof(Table):
+    """A degree of freedom that does not move."""
+
+    fixed: Annotated[bool, AfterValidator(_check_fixed)] = Field(
+        description="true: does not move", json_schema_extra={"const": True}
+    )
+
+
+Dof = Annotated[
+    Annotated[VelocityDof, Tag("<velocity>")] | Annotated[ForceDof, Tag("<force>")] | Annotated[FixedDof, Tag("<fixed>")],
+    Discriminator(
+        tag_by_key("velocity", "force", "fixed"),
+        custom_error_type="one_of",
+        custom_error_message="a degree of freedom is a table with exactly one of velocity, force, fixed",
+    ),
+]
+AnyDof = VelocityDof | ForceDof | FixedDof
+
+
+class WallDrives(Table):
+    """``drives.NAME``: what a stage does to the wall NAME; a degree of freedom left out keeps its drive."""
+
+    x: Dof | None = Field(None, description="horizontal motion, as { velocity = 0.1 }, { force = -5.0 } or { fixed = true }")
+    y: Dof | None = Field(None, description="vertical motion, as { velocity = 0.1 }, { force = -5.0 } or { fixed = true }")
+    spin: Dof | None = Field(None, description="rotation about the wall's reference point, counter-clockwise")
+
+    @model_validator(mode="after")
+    def _not_empty(self) -> Self:
+        if self.x is None and self.y is None and self.spin is None:
+            raise refuse("the table is empty", "name x, y or spin, or remove it: a wall that is not named keeps its drive")
+        return self
+
+
+class StrainEnd(Table):
+    """How strain is measured and when it is enough."""
+
+    walls: Annotated[tuple[Name, Name], Strict(False)] = Field(description="the two walls that shear the grains")
+    value: float = Field(ge=1e-12, le=1e9, description="shear strain of this stage at which it ends")
+
+
+class UntilStrain(Table):
+    """Ends at a shear strain: relative displacement of two walls in x over their distance in y."""
+
+    strain: StrainEnd = Field(description='{ walls = ["bottom", "top"], value = 1.5 }')
+
+
+class UntilRest(Table):
+    """Ends when the grains have come to rest."""
+
+    kinetic_energy_ratio: Ratio = Field(description="share of the stage's largest kinetic energy at which it ends, as 1e-6")
+
+
+Until = Annotated[
+    Annotated[UntilStrain, Tag("<strain>")] | Annotated[UntilRest, Tag("<kinetic_energy_ratio>")],
+    Discriminator(
+        tag_by_key("strain", "kinetic_energy_ratio"),
+        custom_error_type="one_of",
+        custom_error_message="until is a table with exactly one of strain, kinetic_energy_ratio",
+    ),
+]
+
+
+class StageSolver(Table):
+    """Settings of ``[solver]`` that a stage overrides."""
+
+    tolerance_rms: Tolerance | None = Field(None, description="rms of the velocity corrections over the reference velocity")
+    tolerance_max: Tolerance | None = Field(None, description="largest velocity correction over the reference velocity")
+    tolerance_energy: Tolerance | None = Field(None, description="energy error over the reference energy")
+    max_sweeps: int | None = Field(None, ge=1, le=MAX_SWEEPS, description="largest number of sweeps in a step")
+    on_failure: Literal["warn", "error"] | None = Field(None, description="what a step that does not converge does")
+
+
+class Stage(Table):
+    """One entry of ``[[loading]]``; the stages follow each other in time."""
+
+    name: Name | None = Field(None, description="name of the stage")
+    duration: Time | None = Field(None, description="length of the stage [s]; with until: its upper bound")
+    until: Until | None = Field(None, description="condition that ends the stage: strain or kinetic_energy_ratio")
+    dt: Time | None = Field(None, description="time step of this stage [s]; default: that of [solver]")
+    solver: StageSolver | None = Field(None, description="tolerances of [solver] to override in this stage")
+    drives: dict[Name, WallDrives] = Field(
+        default_factory=dict, max_length=1000, description="drives.NAME = { x = ..., y = ..., spin = ... } for the wall NAME"
+    )
+
+    @model_validator(mode="after")
+    def _ends(self) -> Self:
+        if self.duration is None and self.until is None:
+            raise refuse("a stage without end", "give duration [s] or until")
+        if self.duration is None and isinstance(self.until, UntilRest):
+            raise refuse("a stage that waits for rest may never end", "give duration [s] too, as its upper bound", "until")
+        return self

@@ -1,0 +1,113 @@
+"""The whole scenario file as one model, and the names of all its parts.
+
+Attribute names are the TOML keys, except ``from`` and ``to`` of a rough wall, which are ``start`` and ``end``.
+"""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Field, Strict
+
+from multicor_cli.scenario.base import Name, Table
+from multicor_cli.scenario.loading import (
+    FixedDof,
+    ForceDof,
+    RampSignal,
+    SineSignal,
+    SineWave,
+    Stage,
+    StageSolver,
+    StrainEnd,
+    TableSignal,
+    UntilRest,
+    UntilStrain,
+    VelocityDof,
+    WallDrives,
+)
+from multicor_cli.scenario.materials import MAX_MATERIALS, ContactPair, FrictionTable, Material
+from multicor_cli.scenario.packings import (
+    CompactedPacking,
+    DepositedPacking,
+    FilePacking,
+    LatticePacking,
+    RandomPacking,
+    RunPacking,
+    TilePacking,
+)
+from multicor_cli.scenario.particles import ParticleGroup, Region
+from multicor_cli.scenario.settings import Domain, Header, Output, Solver
+from multicor_cli.scenario.sizes import AnySizes, ListSizes, LognormalSizes, PowerSizes, UniformSizes
+from multicor_cli.scenario.walls import (
+    BoxGeometry,
+    CircleGeometry,
+    PlaneGeometry,
+    PolylineGeometry,
+    RoughGeometry,
+    Wall,
+)
+
+
+class ScenarioModel(Table):
+    """A scenario file."""
+
+    scenario: Header = Field(description="name, description and seed")
+    domain: Domain = Field(description="size, periodicity and gravity")
+    materials: dict[Name, Material] = Field(min_length=1, max_length=MAX_MATERIALS, description="materials by name")
+    contacts: Annotated[tuple[ContactPair, ...], Strict(False)] = Field(
+        (), max_length=1000, description="contact laws of pairs of materials"
+    )
+    particles: Annotated[tuple[ParticleGroup, ...], Strict(False)] = Field(
+        min_length=1, max_length=1000, description="groups of grains"
+    )
+    walls: Annotated[tuple[Wall, ...], Strict(False)] = Field((), max_length=1000, description="walls")
+    loading: Annotated[tuple[Stage, ...], Strict(False)] = Field(
+        min_length=1, max_length=1000, description="loading stages in time order"
+    )
+    solver: Solver = Field(description="time step and contact solver")
+    output: Output = Field(description="what is written, and how often")
+
+
+__all__ = [
+    "AnySizes",
+    "BoxGeometry",
+    "CircleGeometry",
+    "CompactedPacking",
+    "ContactPair",
+    "DepositedPacking",
+    "Domain",
+    "FilePacking",
+    "FixedDof",
+    "ForceDof",
+    "FrictionTable",
+    "Header",
+    "LatticePacking",
+    "ListSizes",
+    "LognormalSizes",
+    "Material",
+    "Output",
+    "ParticleGroup",
+    "PlaneGeometry",
+    "PolylineGeometry",
+    "PowerSizes",
+    "RampSignal",
+    "RandomPacking",
+    "Region",
+    "RoughGeometry",
+    "RunPacking",
+    "ScenarioModel",
+    "SineSignal",
+    "SineWave",
+    "Solver",
+    "Stage",
+    "StageSolver",
+    "StrainEnd",
+    "TableSignal",
+    "TilePacking",
+    "UniformSizes",
+    "UntilRest",
+    "UntilStrain",
+    "VelocityDof",
+    "Wall",
+    "WallDrives",
+]

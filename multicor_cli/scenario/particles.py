@@ -1,0 +1,95 @@
+"""Groups of free grains."""
+
+from __future__ import annotations
+
+from typing import Literal, Self
+
+from pydantic import Field, ValidationInfo, field_validator, model_validator
+
+from multicor_cli.scenario.base import GrainCount, Length, Name, Number, Point, Table, Vector, refuse
+from multicor_cli.scenario.packings import AreaFraction, FilePacking, LatticePacking, Packing, RunPacking, TilePacking
+from multicor_cli.scenario.sizes import Sizes
+
+
+class Region(Table):
+    """A rectangle."""
+
+    min: Point = Field(description="lower left corner [m]")
+    max: Point = Field(description="upper right corner [m]")
+
+    @field_validator("max")
+    @classmethod
+    def _above_min(cls, corner: tuple[float, float], info: ValidationInfo) -> tuple[float, float]:
+        low = info.data.get("min")
+        if low is not None and not (corner[0] > low[0] and corner[1] > low[1]):
+            raise refuse(f"max = {list(corner)} is not above and to the right of min = {list(low)}", "exchange the corners")
+        return corner
+
+    @property
+    def width(self) -> float:
+        """Extent in x [m]."""
+        return self.max[0] - self.min[0]
+
+    @property
+    def height(self) -> float:
+        """Extent in y [m]."""
+        return self.max[1] - self.min[1]
+
+
+class ParticleGroup(Table):
+    """One entry of ``[[particles]]``.
+
+    Exactly one of ``count`` and ``fill`` is given, except for packings that bring their own number of grains (file, run,
+    tile: neither) and for a lattice, which without them fills the whole region. Grains from a file or a run bring their radii
+    too, so that ``sizes`` and ``region`` are refused there.
+    """
+
+    name: Name = Field(description="name of the group")
+    material: Name = Field(description="name of a [materials.NAME] table")
+    shape: Literal["disc", "sphere"] = Field(description='"disc" (needs thickness) or "sphere"; the same for all groups')
+    thickness: Length | None = Field(None, description="thickness of the discs [m]; required for discs")
+    sizes: Sizes | None = Field(None, description='distribution of the radii, as { kind = "uniform", min = 0.4e-3, max = 0.6e-3 }')
+    count: GrainCount | None = Field(None, description="number of grains (or give fill)")
+    fill: AreaFraction | None = Field(None, description="area of the grains over the area of the region (or give count)")
+    region: Region | None = Field(None, description="where the grains are placed; default: the whole domain")
+    packing: Packing = Field(description='how the grains are placed, as { kind = "random" }')
+    velocity: Vector = Field((0.0, 0.0), description="initial velocity [m/s], added to what the packing brings")
+    spin: Number = Field(0.0, description="initial spin [rad/s], added to what the packing brings")
+    shear_rate: Number = Field(
+        0.0,
+        description="initial shear rate [1/s]: adds shear_rate (y - y of the region's middle) to vx, -shear_rate/2 to spin",
+    )
+
+    @property
+    def brings_grains(self) -> bool:
+        """Whether the packing tells the number of grains and their radii (from a file or a run)."""
+        return isinstance(self.packing, FilePacking | RunPacking)
+
+    @model_validator(mode="after")
+    def _check_thickness(self) -> Self:
+        if self.shape == "disc" and self.thickness is None:
+            raise refuse("discs need a thickness", "add thickness [m]")
+        if self.shape == "sphere" and self.thickness is not None:
+            raise refuse("spheres have no thickness", 'remove it, or use shape = "disc"', "thickness")
+        return self
+
+    @model_validator(mode="after")
+    def _check_sizes(self) -> Self:
+        if not self.brings_grains and self.sizes is None:
+            raise refuse("the sizes of the grains are missing", 'add sizes, as { kind = "uniform", min = 0.4e-3, max = 0.6e-3 }')
+        for key in ("sizes", "region"):
+            if self.brings_grains and getattr(self, key) is not None:
+                raise refuse(f'{key} has no meaning for packing kind = "{self.packing.kind}"', f"remove {key}", key)
+        return self
+
+    @model_validator(mode="after")
+    def _check_count(self) -> Self:
+        given = [key for key in ("count", "fill") if getattr(self, key) is not None]
+        if len(given) == 2:
+            raise refuse("both count and fill are given", "give one of them", "fill")
+        if given and (self.brings_grains or isinstance(self.packing, TilePacking)):
+            remedy = "use tile_count or tile_fill of the packing" if isinstance(self.packing, TilePacking) else "remove it"
+            raise refuse(f'{given[0]} has no meaning for packing kind = "{self.packing.kind}"', remedy, given[0])
+        if not given and not (self.brings_grains or isinstance(self.packing, TilePacking | LatticePacking)):
+            raise refuse("neither count nor fill is given", "give the number of grains or the area fraction of the region")
+        return self

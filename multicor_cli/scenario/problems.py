@@ -1,0 +1,124 @@
+"""Problems of a scenario: where, what, and what to do about it."""
+
+from __future__ import annotations
+
+import datetime as dt
+import json
+import re
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+KeyPath = tuple[str | int, ...]
+"""Path of a key in the document: names of tables and keys, 0-based indices of array elements."""
+
+OVERRIDE = "--set"
+"""Stands for the file in problems whose value comes from the command line."""
+
+_BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
+_MAX_SHOWN = 60
+_MAX_LINE = 120
+
+
+class Finding(NamedTuple):
+    """Something wrong at a key, before its position is known."""
+
+    path: KeyPath
+    message: str
+    remedy: str = ""
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One thing that is wrong with a scenario.
+
+    Attributes:
+        file: Name of the file, or ``--set``.
+        line: Line, from 1; 0 where there is no position (the file cannot be read, the command line).
+        column: Column, from 1; 0 likewise.
+        key: Dotted path of the key with 0-based indices, as ``--set`` takes it; empty for the whole file.
+        message: What is wrong, with the value.
+        remedy: What to do about it; may be empty.
+        source_line: The line of the file (or the argument of ``--set``); empty if there is none.
+    """
+
+    file: str
+    line: int
+    column: int
+    key: str
+    message: str
+    remedy: str = ""
+    source_line: str = ""
+
+    def __str__(self) -> str:
+        """``file:line:column: key: what is wrong; remedy``, always one line."""
+        where = f"{self.file}:{self.line}:{self.column}" if self.line else self.file
+        what = f"{self.message}; {self.remedy}" if self.remedy else self.message
+        return printable(": ".join(part for part in (where, self.key, what) if part))
+
+    def excerpt(self) -> str:
+        """The quoted source line with a caret under the column, as two lines; empty if there is no source line."""
+        if not self.source_line:
+            return ""
+        column = max(self.column, 1) - 1
+        start = max(0, column - _MAX_LINE * 2 // 3) if len(self.source_line) > _MAX_LINE else 0
+        quoted = printable(self.source_line[start : start + _MAX_LINE].replace("\t", " "))
+        return f"    {quoted}\n    {' ' * (column - start)}^"
+
+
+class ScenarioError(Exception):
+    """A scenario is wrong.
+
+    Attributes:
+        problems: All problems found, in the order of the file.
+    """
+
+    def __init__(self, problems: Iterable[Problem]) -> None:
+        self.problems = list(problems)
+        super().__init__("\n".join(str(problem) for problem in self.problems))
+
+
+def printable(text: str) -> str:
+    """``text`` on one line without characters that could confuse a terminal."""
+    return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)
+
+
+def format_key(path: KeyPath) -> str:
+    """Dotted form of a path, as ``loading.1.drives.lid``; parts that are no bare keys are quoted."""
+    return ".".join(_format_part(part) for part in path)
+
+
+def _format_part(part: str | int) -> str:
+    if isinstance(part, int) or _BARE_KEY.fullmatch(part):
+        return str(part)
+    return _quote(part)
+
+
+def _quote(text: str) -> str:
+    short = text if len(text) <= _MAX_SHOWN else text[:_MAX_SHOWN] + "…"
+    return printable(json.dumps(short, ensure_ascii=False))
+
+
+def show(value: Any) -> str:
+    """A TOML value in a message: short, on one line, whatever it is."""
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, str):
+        return _quote(value)
+    if isinstance(value, int):
+        return str(value) if value.bit_length() < 100 else "an integer of more than 30 digits"
+    if isinstance(value, float):
+        return repr(value)
+    if isinstance(value, dict):
+        return "a table"
+    if isinstance(value, list | tuple):
+        return f"an array of {len(value)}"
+    if isinstance(value, dt.date | dt.time):
+        return f"the date or time {value.isoformat()}"
+    return "something else"
+
+
+def name_list(names: Iterable[str]) -> str:
+    """Names for a message, as ``'a', 'b'``; many are cut short."""
+    shown = [f"'{name}'" for name in names]
+    return ", ".join(shown if len(shown) <= 20 else [*shown[:20], f"… ({len(shown) - 20} more)"])

@@ -1,0 +1,158 @@
+"""A scenario that has been loaded and found right, with everything that other packages ask about it."""
+
+from __future__ import annotations
+
+import secrets
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from multicor_cli.scenario.checks.grains import region_of
+from multicor_cli.scenario.drives import StageDrives, stage_drives
+from multicor_cli.scenario.loading import Stage
+from multicor_cli.scenario.materials import ContactPair, Material
+from multicor_cli.scenario.models import ScenarioModel
+from multicor_cli.scenario.particles import ParticleGroup, Region
+from multicor_cli.scenario.problems import Finding, KeyPath, Problem
+from multicor_cli.scenario.settings import Domain, Output, Solver
+from multicor_cli.scenario.sizes import AnySizes
+from multicor_cli.scenario.sources import Sources
+from multicor_cli.scenario.walls import Wall
+
+SEED_BITS = 53
+
+
+@dataclass(frozen=True)
+class Scenario:
+    """A valid scenario.
+
+    The tables are attributes, named as in the file: ``scenario.domain.size``, ``scenario.particles[0].packing.kind``.
+    Two scenarios are equal if their tables are, wherever they come from.
+
+    Attributes:
+        model: All tables, defaults filled in. A seed ``"random"`` has been replaced by the number drawn.
+        path: The file it comes from.
+        sources: Gives problems found later their positions.
+    """
+
+    model: ScenarioModel
+    path: Path = field(compare=False)
+    sources: Sources = field(compare=False, repr=False)
+
+    def __post_init__(self) -> None:
+        """Draw the seed once if it is ``"random"``."""
+        if self.model.scenario.seed == "random":
+            header = self.model.scenario.model_copy(update={"seed": secrets.randbits(SEED_BITS)})
+            object.__setattr__(self, "model", self.model.model_copy(update={"scenario": header}))
+
+    @property
+    def source(self) -> str:
+        """Text of the file, as it was read (line ends as in Unix, no byte order mark)."""
+        return self.sources.text
+
+    @property
+    def name(self) -> str:
+        """Name of the scenario and of its run directory."""
+        return self.model.scenario.name
+
+    @property
+    def description(self) -> str:
+        """What the scenario is about."""
+        return self.model.scenario.description
+
+    @property
+    def seed(self) -> int:
+        """Seed of all random numbers."""
+        return int(self.model.scenario.seed)
+
+    @property
+    def domain(self) -> Domain:
+        """``[domain]``."""
+        return self.model.domain
+
+    @property
+    def materials(self) -> dict[str, Material]:
+        """``[materials.NAME]`` by name, in the order of the file."""
+        return self.model.materials
+
+    @property
+    def contacts(self) -> tuple[ContactPair, ...]:
+        """``[[contacts]]``."""
+        return self.model.contacts
+
+    @property
+    def particles(self) -> tuple[ParticleGroup, ...]:
+        """``[[particles]]``."""
+        return self.model.particles
+
+    @property
+    def walls(self) -> tuple[Wall, ...]:
+        """``[[walls]]``."""
+        return self.model.walls
+
+    @property
+    def loading(self) -> tuple[Stage, ...]:
+        """``[[loading]]``."""
+        return self.model.loading
+
+    @property
+    def solver(self) -> Solver:
+        """``[solver]``; see `stage_solver` for what holds in a stage."""
+        return self.model.solver
+
+    @property
+    def output(self) -> Output:
+        """``[output]``."""
+        return self.model.output
+
+    def law(self, a: str, b: str) -> ContactPair:
+        """The contact law of the materials ``a`` and ``b``: of the entries that cover the pair the most specific.
+
+        Raises:
+            KeyError: No entry covers the pair (only pairs that can touch need one).
+        """
+        covering = [entry for entry in self.contacts if entry.covers(a, b)]
+        if not covering:
+            raise KeyError(f"no contact law for '{a}' and '{b}'")
+        return max(covering, key=lambda entry: entry.specificity)
+
+    def region(self, group: ParticleGroup) -> Region:
+        """Where a group is placed: its region, or the whole domain."""
+        return region_of(group, self.domain)
+
+    def glued_sizes(self, wall: Wall) -> AnySizes | None:
+        """Sizes of the glued grains of a wall; ``None`` if it has no glued grains."""
+        if not wall.has_glued_grains:
+            return None
+        named = wall.glued_sizes
+        if named is None:
+            return self.particles[0].sizes
+        if isinstance(named, str):
+            return next(group.sizes for group in self.particles if group.name == named)
+        return named
+
+    def stage_solver(self, stage: int) -> Solver:
+        """``[solver]`` with what the stage of this index overrides, its time step included."""
+        table = self.loading[stage]
+        changes = table.solver.model_dump(exclude_none=True) if table.solver else {}
+        if table.dt is not None:
+            changes["dt"] = table.dt
+        return self.solver.model_copy(update=changes)
+
+    def drives(self, wall_names: tuple[str, ...] | None = None) -> list[StageDrives]:
+        """The drives of all stages; walls in the order of the file, or of ``wall_names``."""
+        names = wall_names if wall_names is not None else tuple(wall.name for wall in self.walls)
+        return stage_drives(self.loading, names)
+
+    def resolve_path(self, path: str) -> Path:
+        """A path of the scenario, which is relative to the directory of its file."""
+        return self.path.parent / path
+
+    def problem(self, path: KeyPath, message: str, remedy: str = "") -> Problem:
+        """A problem found later, positioned at a key, as ``("walls", 1, "geometry")``; key and position are found from it."""
+        return self.sources.problem(Finding(path, message, remedy))
+
+    def resolved_toml(self) -> str:
+        """The scenario as TOML with all defaults and overrides filled in; loads back to an equal scenario."""
+        import tomli_w
+
+        return tomli_w.dumps(self.model.model_dump(by_alias=True, exclude_none=True))

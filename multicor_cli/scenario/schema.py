@@ -1,0 +1,48 @@
+"""The JSON Schema of scenario files, for editors that complete and check TOML."""
+
+from __future__ import annotations
+
+import json
+from typing import Any
+
+from multicor_cli.scenario.models import ScenarioModel
+
+SCHEMA_DIALECT = "https://json-schema.org/draft/2020-12/schema"
+
+
+def scenario_schema() -> dict[str, Any]:
+    """The JSON Schema of scenario files; what the tables must have in common is left to `load_scenario`."""
+    schema: dict[str, Any] = _without_null(ScenarioModel.model_json_schema(by_alias=True))
+    schema.pop("description", None)
+    return {
+        "$schema": SCHEMA_DIALECT,
+        "title": "multicor scenario",
+        "description": "A multicor scenario file. SI units, radians; indices count from 0.",
+        **{key: value for key, value in schema.items() if key != "title"},
+    }
+
+
+def schema_text() -> str:
+    """The schema as the text of ``schema/multicor.schema.json``."""
+    return json.dumps(scenario_schema(), indent=2, ensure_ascii=False) + "\n"
+
+
+def _without_null(node: Any) -> Any:
+    """The schema without null, which TOML does not have, and without titles, which only repeat the keys."""
+    if isinstance(node, list):
+        return [_without_null(element) for element in node]
+    if not isinstance(node, dict):
+        return node
+    cleaned = {key: _without_null(value) for key, value in node.items() if not _is_noise(key, value)}
+    choices = cleaned.get("anyOf")
+    if isinstance(choices, list):
+        choices = [choice for choice in choices if choice != {"type": "null"}]
+        if len(choices) == 1:
+            del cleaned["anyOf"]
+            return {**choices[0], **cleaned}
+        cleaned["anyOf"] = choices
+    return cleaned
+
+
+def _is_noise(key: str, value: Any) -> bool:
+    return (key == "default" and value is None) or (key == "title" and isinstance(value, str))

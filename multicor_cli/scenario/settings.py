@@ -1,0 +1,71 @@
+"""The single tables: ``[scenario]``, ``[domain]``, ``[solver]``, ``[output]``."""
+
+from __future__ import annotations
+
+from typing import Annotated, Any, Literal
+
+from pydantic import Discriminator, Field, Tag
+
+from multicor_cli.scenario.base import Extent, Table, Time, Tolerance, Vector, tag_word
+
+MAX_SWEEPS = 10_000_000
+Seed = Annotated[
+    Annotated[int, Field(ge=0, le=2**63 - 1), Tag("<plain>")] | Annotated[Literal["random"], Tag("<word>")],
+    Discriminator(tag_word),
+]
+
+
+class Header(Table):
+    """``[scenario]``: what this is."""
+
+    name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", max_length=100)] = Field(
+        description="name of the scenario and of its run directory: letters, digits and . _ -"
+    )
+    description: str = Field("", max_length=10_000, description="what the scenario is about")
+    seed: Seed = Field(description='seed of all random numbers, or "random": drawn once and recorded')
+
+
+class Domain(Table):
+    """``[domain]``: the rectangle [0, w] × [0, h] and what acts everywhere in it."""
+
+    size: Extent = Field(description="width and height [m]: where grains are placed; the width is the period if periodic")
+    periodic: bool = Field(False, description="whether the domain repeats in x")
+    gravity: Vector = Field((0.0, -9.81), description="acceleration of gravity [m/s²]")
+
+
+class Solver(Table):
+    """``[solver]``: time step and contact solver."""
+
+    dt: Time = Field(description="time step [s]")
+    method: Literal["accelerated", "gauss-seidel"] = Field("accelerated", description="global solution of the contacts")
+    local: Literal["exact", "bipotential"] = Field("exact", description="local solution of one contact")
+    tolerance_rms: Tolerance = Field(1e-3, description="rms of the velocity corrections over the reference velocity")
+    tolerance_max: Tolerance = Field(5e-2, description="largest velocity correction over the reference velocity")
+    tolerance_energy: Tolerance = Field(1e-2, description="energy error over the reference energy")
+    max_sweeps: int = Field(10_000, ge=1, le=MAX_SWEEPS, description="largest number of sweeps in a step")
+    on_failure: Literal["warn", "error"] = Field("warn", description="what a step that does not converge does")
+    threads: int = Field(0, ge=0, le=1024, description="number of threads; 0: all cores")
+
+
+def default_series_interval(frame_interval: float) -> float:
+    """Time between rows of the time series unless the scenario says otherwise [s]: ten per frame (but one per step at most)."""
+    return frame_interval / 10.0
+
+
+def _series_interval(data: dict[str, Any]) -> float:
+    return default_series_interval(data["frame_interval"])
+
+
+class Output(Table):
+    """``[output]``: what is written, and how often."""
+
+    frame_interval: Time = Field(description="time between frames [s]")
+    series_interval: float = Field(
+        default_factory=_series_interval,
+        ge=1e-14,
+        le=1e12,
+        description="time between rows of the time series [s]; default: frame_interval/10",
+    )
+    contacts: bool = Field(True, description="whether frames hold the contact network")
+    checkpoint_interval: float = Field(300.0, ge=1e-3, le=1e9, description="wall-clock time between checkpoints [s]")
+    precision: Literal["double", "single"] = Field("double", description="precision of the frames")

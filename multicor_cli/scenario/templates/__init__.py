@@ -1,0 +1,30 @@
+"""Commented scenarios to start from."""
+
+from __future__ import annotations
+
+import re
+from importlib.resources import files
+
+TEMPLATES = ("shear", "column", "hopper", "drum")
+"""Names of the templates."""
+
+_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
+_PLACE = "NAME"
+
+
+def new_scenario(name: str, template: str = "shear") -> str:
+    """Text of a new scenario file.
+
+    Args:
+        name: Name of the scenario: letters, digits and ``. _ -``.
+        template: One of `TEMPLATES`.
+
+    Raises:
+        ValueError: The name has other characters, or there is no such template; the message is fit for users.
+    """
+    if template not in TEMPLATES:
+        raise ValueError(f"there is no template '{template}': use one of {', '.join(TEMPLATES)}")
+    if not _NAME.fullmatch(name):
+        raise ValueError(f"'{name}' cannot name a scenario: use letters, digits and . _ - (a letter or digit first)")
+    text = files(__package__).joinpath(f"{template}.toml").read_text(encoding="utf-8")
+    return text.replace(f'name = "{_PLACE}"', f'name = "{name}"', 1)

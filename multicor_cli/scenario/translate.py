@@ -1,0 +1,211 @@
+"""From the errors of the validation library to findings in the words of a scenario."""
+
+from __future__ import annotations
+
+import difflib
+import re
+from collections.abc import Callable, Iterable, Sequence
+from typing import Any
+
+from pydantic import BaseModel
+from pydantic_core import ErrorDetails
+
+from multicor_cli.scenario.describe import Spot, find_spot
+from multicor_cli.scenario.problems import Finding, KeyPath, name_list, show
+
+_HEAT_WORDS = re.compile(r"heat|therm|temperature|conductiv|emissiv|effusiv|convect|radiat|biot|frozen|^freeze|ambient|wear")
+_UNIT_SUFFIX = re.compile(
+    r"(.+?)_(mm|cm|um|nm|km|ms|us|min|h|hours|deg|degrees|g|mpa|gpa|kpa|celsius|m|s|kg|pa|rad|k)", re.IGNORECASE
+)
+
+_TYPES = {
+    "float_type": "must be a number",
+    "int_type": "must be a whole number",
+    "int_from_float": "must be a whole number",
+    "bool_type": "must be true or false",
+    "string_type": "must be a string in quotes",
+    "tuple_type": "must be an array",
+    "dict_type": "must be a table",
+    "model_type": "must be a table",
+    "model_attributes_type": "must be a table",
+    "finite_number": "must be a finite number",
+    "string_unicode": "must be valid text",
+}
+_BOUNDS = {
+    "greater_than": ("gt", "must be greater than"),
+    "greater_than_equal": ("ge", "must be at least"),
+    "less_than": ("lt", "must be less than"),
+    "less_than_equal": ("le", "must be at most"),
+}
+_TINY = 1e-6
+
+
+def translate(model: type[BaseModel], errors: Iterable[ErrorDetails]) -> list[Finding]:
+    """Findings for validation errors of ``model``: one per mistake, however many errors it causes."""
+    spotted = [(find_spot(model, error["loc"]), error) for error in errors if not _is_consequence(error)]
+    missing_gone = _explained_tables(spotted)
+    found: dict[KeyPath, Finding] = {}
+    for spot, error in spotted:
+        if error["type"] == "missing" and _is_explained(spot, missing_gone):
+            continue
+        finding = _translate_one(spot, error)
+        found.setdefault(finding.path, finding)
+    return list(found.values())
+
+
+def did_you_mean(word: str, known: Iterable[str]) -> str:
+    """The known word closest to ``word``, as a question; empty if none is close."""
+    return f"did you mean '{match}'?" if (match := _closest(word, known)) else ""
+
+
+def _closest(word: str, known: Iterable[str]) -> str | None:
+    matches = difflib.get_close_matches(word.lower()[:100], list(known)[:200], n=1, cutoff=0.6)
+    return matches[0] if matches else None
+
+
+def _is_consequence(error: ErrorDetails) -> bool:
+    """Whether another error is behind this one: a default that needs a wrong value, elements that were not counted as wrong."""
+    if error["type"] == "default_factory_not_called":
+        return True
+    return error["type"] == "too_short" and len(error["input"]) >= error["ctx"]["min_length"]
+
+
+def _explained_tables(spotted: Sequence[tuple[Spot, ErrorDetails]]) -> dict[KeyPath, set[str]]:
+    """For each table with unknown keys: the keys that are missing only because they are misspelled; ``"*"`` stands for all."""
+    explained: dict[KeyPath, set[str]] = {}
+    for spot, error in spotted:
+        if error["type"] == "extra_forbidden":
+            key = str(spot.path[-1])
+            meant = "*" if _HEAT_WORDS.search(key.lower()) else (_intended(key, spot.known_keys) or "")
+            explained.setdefault(spot.path[:-1], set()).add(meant)
+    return explained
+
+
+def _is_explained(spot: Spot, explained: dict[KeyPath, set[str]]) -> bool:
+    names = explained.get(spot.path[:-1], set())
+    return "*" in names or spot.path[-1] in names
+
+
+def _intended(key: str, known: list[str]) -> str | None:
+    if (match := _UNIT_SUFFIX.fullmatch(key)) and match[1] in known:
+        return match[1]
+    return _closest(key, known)
+
+
+def _translate_one(spot: Spot, error: ErrorDetails) -> Finding:
+    kind = error["type"]
+    if kind in _TYPES:
+        return _wrong_type(spot, error)
+    if kind in _BOUNDS:
+        return _out_of_bounds(spot, error)
+    handler = _HANDLERS.get(kind)
+    if handler is not None:
+        return handler(spot, error)
+    return Finding(spot.path, f"{error['msg']}, is {show(error['input'])}", _expected(spot))
+
+
+def _expected(spot: Spot) -> str:
+    return f"expected: {spot.description}" if spot.description else ""
+
+
+def _wrong_type(spot: Spot, error: ErrorDetails) -> Finding:
+    what = _TYPES[error["type"]]
+    if error["type"] == "tuple_type" and len(spot.path) == 1:
+        return Finding(spot.path, f"must be an array of tables, is {show(error['input'])}", f"write [[{spot.path[0]}]]")
+    return Finding(spot.path, f"{what}, is {show(error['input'])}", _expected(spot))
+
+
+def _out_of_bounds(spot: Spot, error: ErrorDetails) -> Finding:
+    key, what = _BOUNDS[error["type"]]
+    bound, value = error["ctx"][key], error["input"]
+    if 0.0 < bound < _TINY and value <= 0.0:
+        return Finding(spot.path, f"must be positive, is {show(value)}", _expected(spot))
+    return Finding(spot.path, f"{what} {bound:g}, is {show(value)}", _expected(spot))
+
+
+def _missing(spot: Spot, error: ErrorDetails) -> Finding:
+    key = spot.path[-1]
+    if isinstance(key, int):
+        return Finding(spot.path[:-1], f"has too few elements: {show(error['input'])}", _expected(spot))
+    if len(spot.path) == 1:
+        header = f"[[{key}]]" if key in ("particles", "loading") else f"[{key}]"
+        return Finding(spot.path, "is missing", f"add {header}: {spot.description}")
+    return Finding(spot.path, "is missing", f"add {key}: {spot.description}")
+
+
+def _unknown_key(spot: Spot, _error: ErrorDetails) -> Finding:
+    key = str(spot.path[-1])
+    if _HEAT_WORDS.search(key.lower()):
+        return Finding(spot.path, "heat is not available in this version", "remove the key")
+    known = spot.known_keys
+    if (match := _UNIT_SUFFIX.fullmatch(key)) and match[1] in known:
+        return Finding(spot.path, "unknown key: keys carry no unit, all numbers are in SI units", f"did you mean '{match[1]}'?")
+    return Finding(spot.path, "unknown key", did_you_mean(key, known) or f"known here: {name_list(known)}")
+
+
+def _wrong_literal(spot: Spot, error: ErrorDetails) -> Finding:
+    return _not_one_of(spot.path, error["input"], re.findall(r"'([^']*)'", error["ctx"]["expected"]))
+
+
+def _wrong_tag(spot: Spot, error: ErrorDetails) -> Finding:
+    choices = re.findall(r"'([^']*)'", error["ctx"]["expected_tags"])
+    return _not_one_of((*spot.path, "kind"), error["input"].get("kind"), choices)
+
+
+def _not_one_of(path: KeyPath, value: Any, choices: list[str]) -> Finding:
+    what = f"{show(value)} is not {'one of ' if len(choices) > 1 else ''}{name_list(choices)}"
+    remedy = did_you_mean(value, choices) if isinstance(value, str) else ""
+    return Finding(path, what, remedy or f"use {'one of them' if len(choices) > 1 else 'it'}")
+
+
+def _no_tag(spot: Spot, error: ErrorDetails) -> Finding:
+    if isinstance(error["input"], dict):
+        return Finding((*spot.path, "kind"), "is missing", f"add kind: {spot.description}")
+    return Finding(spot.path, f"must be a table, is {show(error['input'])}", _expected(spot))
+
+
+def _not_exactly_one(spot: Spot, error: ErrorDetails) -> Finding:
+    value = error["input"]
+    has = f"has {name_list(map(str, value)) or 'none'}" if isinstance(value, dict) else f"is {show(value)}"
+    return Finding(spot.path, f"{has}", error["msg"])
+
+
+def _wrong_length(spot: Spot, error: ErrorDetails) -> Finding:
+    context, value = error["ctx"], error["input"]
+    bound = f"at most {context['max_length']}" if "max_length" in context else f"at least {context['min_length']}"
+    return Finding(spot.path, f"must have {bound} elements, has {len(value)}", _expected(spot))
+
+
+def _wrong_text_length(spot: Spot, error: ErrorDetails) -> Finding:
+    context, value = error["ctx"], error["input"]
+    bound = f"at most {context['max_length']}" if "max_length" in context else f"at least {context['min_length']}"
+    return Finding(spot.path, f"must have {bound} characters, has {len(value)}", _expected(spot))
+
+
+def _wrong_characters(spot: Spot, error: ErrorDetails) -> Finding:
+    what = f"{show(error['input'])} is empty or has characters that are not allowed here"
+    dot = " ." if "._-" in error["ctx"]["pattern"] else ""
+    rule = f"use letters, digits and{dot} _ - only; " if "A-Za-z" in error["ctx"]["pattern"] else ""
+    return Finding(spot.path, what, f"{rule}{_expected(spot)}")
+
+
+def _refused(spot: Spot, error: ErrorDetails) -> Finding:
+    context = error["ctx"]
+    path = spot.path if context["key"] is None else (*spot.path, context["key"])
+    return Finding(path, context["what"], context["remedy"])
+
+
+_HANDLERS: dict[str, Callable[[Spot, ErrorDetails], Finding]] = {
+    "missing": _missing,
+    "extra_forbidden": _unknown_key,
+    "literal_error": _wrong_literal,
+    "union_tag_invalid": _wrong_tag,
+    "union_tag_not_found": _no_tag,
+    "one_of": _not_exactly_one,
+    "too_long": _wrong_length,
+    "too_short": _wrong_length,
+    "string_too_long": _wrong_text_length,
+    "string_too_short": _wrong_text_length,
+    "string_pattern_mismatch": _wrong_characters,
+    "refused": _refused,
+}

@@ -1,0 +1,273 @@
+"""The commit protocol: a file appears under its name complete and on disk, or not at all.
+
+Write ``NAME.tmp`` in the same directory, close it, verify it, fsync it, rename it over ``NAME``, fsync the directory. Tests
+kill the process at named points of the protocol with the environment variable ``MULTICOR_KILL_AT=LABEL.POINT`` (or
+``LABEL.POINT:N`` for the N-th time that the point is passed), where POINT is one of ``mid_tmp``, ``after_tmp``,
+``before_rename`` and ``after_rename``.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import errno
+import hashlib
+import os
+import signal
+from collections import Counter
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from multicor_cli.store.errors import StorageError, StorageFull
+
+RESERVE = 1 << 20
+"""Bytes that large files leave free, so that ``run.json`` can still say why the run stopped."""
+
+_NO_SPACE = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
+_CANNOT_RESERVE = {errno.EOPNOTSUPP, errno.EINVAL, errno.ENOSYS}
+_BLOCK = 1 << 20
+_passed: Counter[str] = Counter()
+
+
+def kill_point(name: str) -> None:
+    """Kill this process here if ``MULTICOR_KILL_AT`` names this point (for tests of the commit protocol)."""
+    wanted = os.environ.get("MULTICOR_KILL_AT")
+    if not wanted:
+        return
+    point, _, count = wanted.partition(":")
+    if point == name:
+        _passed[name] += 1
+        if _passed[name] == int(count or 1):
+            os.kill(os.getpid(), signal.SIGKILL)
+
+
+@contextlib.contextmanager
+def storage_errors(path: Path) -> Iterator[None]:
+    """Turn an `OSError` about ``path`` into `StorageFull` or `StorageError`."""
+    try:
+        yield
+    except OSError as error:
+        if error.errno in _NO_SPACE:
+            raise StorageFull(path) from error
+        raise StorageError(f"{path}: {error.strerror or error}") from error
+
+
+def require_space(path: Path, size: int) -> None:
+    """Refuse to begin a file of ``size`` bytes that would not fit.
+
+    Raises:
+        StorageFull: If the file system of ``path`` has less than ``size`` plus `RESERVE` bytes free.
+    """
+    with storage_errors(path.parent):
+        stats = os.statvfs(path.parent)
+    free = stats.f_bavail * stats.f_frsize
+    if free < size + RESERVE:
+        raise StorageFull(path, size + RESERVE, free)
+
+
+class GuardedFile:
+    """A binary file that never fails while it is written: it keeps the first error and then swallows what follows.
+
+    The HDF5 library crashes the interpreter at exit when a write fails below it, so it must not see one. The caller asks
+    for the error afterwards (`finish`). The space is reserved beforehand, hence a full disk is noticed before HDF5 begins.
+    """
+
+    def __init__(self, descriptor: int) -> None:
+        self._descriptor = descriptor
+        self._position = 0
+        self._length = 0
+        self.error: OSError | None = None
+
+    def reserve(self, size: int) -> None:
+        """Reserve ``size`` bytes on disk where the file system can.
+
+        Raises:
+            OSError: If there is not enough space, or a quota or file-size limit is below ``size``.
+        """
+        if not hasattr(os, "posix_fallocate"):
+            return
+        try:
+            os.posix_fallocate(self._descriptor, 0, size)
+        except OSError as error:
+            if error.errno not in _CANNOT_RESERVE:
+                raise
+
+    def write(self, data: bytes | memoryview) -> int:
+        """Write at the current position; an error is kept for `finish`."""
+        view = memoryview(data).cast("B")
+        offset = 0
+        try:
+            while self.error is None and offset < len(view):
+                offset += os.pwrite(self._descriptor, view[offset:], self._position + offset)
+        except OSError as error:
+            self.error = error
+        self._position += len(view)
+        self._length = max(self._length, self._position)
+        return len(view)
+
+    def readinto(self, buffer: memoryview) -> int:
+        """Read back into ``buffer``; bytes that could not be written read as zero."""
+        view = memoryview(buffer).cast("B")
+        data = os.pread(self._descriptor, min(len(view), max(self._length - self._position, 0)), self._position)
+        view[: len(data)] = data
+        view[len(data) :] = bytes(len(view) - len(data))
+        self._position += len(view)
+        return len(view)
+
+    def read(self, size: int) -> bytes:
+        """Read back ``size`` bytes."""
+        data = bytearray(size)
+        self.readinto(memoryview(data))
+        return bytes(data)
+
+    def seek(self, offset: int, whence: int = os.SEEK_SET) -> int:
+        """Move to a position; the end is the end of what was written, not of what was reserved."""
+        base = {os.SEEK_SET: 0, os.SEEK_CUR: self._position, os.SEEK_END: self._length}[whence]
+        self._position = base + offset
+        return self._position
+
+    def tell(self) -> int:
+        """Current position."""
+        return self._position
+
+    def truncate(self, size: int) -> int:
+        """Set the length; the file on disk follows in `finish`."""
+        self._length = size
+        return size
+
+    def flush(self) -> None:
+        """Nothing is buffered here."""
+
+    def finish(self) -> None:
+        """Cut the file to what was written.
+
+        Raises:
+            OSError: The first error of any write.
+        """
+        if self.error is not None:
+            raise self.error
+        os.ftruncate(self._descriptor, self._length)
+
+
+def commit_file(
+    path: Path,
+    label: str,
+    write: Callable[[GuardedFile], None],
+    *,
+    size: int = 0,
+    verify: Callable[[Path], None] | None = None,
+    read_only: bool = False,
+) -> None:
+    """Create or replace ``path`` by the commit protocol.
+
+    Args:
+        path: Final name.
+        label: First part of the names of the kill points.
+        write: Writes the content.
+        size: Upper bound of the size [bytes], reserved beforehand; 0 for small files, which may use the `RESERVE`.
+        verify: Raises if the closed temporary file is not what was meant.
+        read_only: Whether to take the write permission away: the file is never changed again.
+
+    Raises:
+        StorageFull: If there is not enough space.
+        StorageError: For any other error of the system.
+    """
+    temporary = path.with_name(path.name + ".tmp")
+    if size:
+        require_space(path, size)
+    try:
+        with storage_errors(path):
+            _write_temporary(temporary, write, size, read_only)
+            kill_point(f"{label}.after_tmp")
+        if verify is not None:
+            verify(temporary)
+        with storage_errors(path):
+            fsync_path(temporary)
+            kill_point(f"{label}.before_rename")
+            temporary.replace(path)
+            kill_point(f"{label}.after_rename")
+            fsync_path(path.parent)
+    finally:
+        with contextlib.suppress(OSError):
+            temporary.unlink(missing_ok=True)
+
+
+def _write_temporary(path: Path, write: Callable[[GuardedFile], None], size: int, read_only: bool) -> None:
+    path.unlink(missing_ok=True)
+    descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_EXCL | getattr(os, "O_CLOEXEC", 0), 0o666)
+    try:
+        file = GuardedFile(descriptor)
+        if size:
+            file.reserve(size)
+        write(file)
+        file.finish()
+        if read_only:
+            os.fchmod(descriptor, os.fstat(descriptor).st_mode & 0o444)
+    finally:
+        os.close(descriptor)
+
+
+def commit_bytes(path: Path, label: str, data: bytes) -> None:
+    """Create or replace a small file by the commit protocol; raises as `commit_file` does."""
+
+    def write(file: GuardedFile) -> None:
+        file.write(data[: len(data) // 2])
+        kill_point(f"{label}.mid_tmp")
+        file.write(data[len(data) // 2 :])
+
+    commit_file(path, label, write)
+
+
+def append_line(path: Path, label: str, line: bytes) -> None:
+    """Append one line with one write, and fsync; nothing of it stays if it cannot be written whole.
+
+    Kill points: ``LABEL.torn`` (half of the line is in the file) and ``LABEL.after_append``.
+
+    Raises:
+        StorageFull: If there is not enough space.
+        StorageError: For any other error of the system.
+    """
+    with storage_errors(path):
+        is_new = not path.exists()
+        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | getattr(os, "O_CLOEXEC", 0), 0o666)
+        try:
+            _append(descriptor, label, line)
+            os.fsync(descriptor)
+        finally:
+            os.close(descriptor)
+        if is_new:
+            fsync_path(path.parent)
+        kill_point(f"{label}.after_append")
+
+
+def _append(descriptor: int, label: str, line: bytes) -> None:
+    before = os.fstat(descriptor).st_size
+    if os.environ.get("MULTICOR_KILL_AT", "").startswith(f"{label}.torn"):
+        os.write(descriptor, line[: len(line) // 2])
+        kill_point(f"{label}.torn")
+        os.ftruncate(descriptor, before)
+    try:
+        written = os.write(descriptor, line)
+    except OSError:
+        os.ftruncate(descriptor, before)
+        raise
+    if written < len(line):
+        os.ftruncate(descriptor, before)
+        raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
+
+
+def fsync_path(path: Path) -> None:
+    """Flush a file or directory to the disk; raises `OSError`."""
+    descriptor = os.open(path, os.O_RDONLY)
+    try:
+        os.fsync(descriptor)
+    finally:
+        os.close(descriptor)
+
+
+def file_digest(path: Path) -> str:
+    """BLAKE2b digest (16 bytes, hexadecimal) of a whole file; raises `StorageError`."""
+    digest = hashlib.blake2b(digest_size=16)
+    with storage_errors(path), path.open("rb") as file:
+        while block := file.read(_BLOCK):
+            digest.update(block)
+    return digest.hexdigest()

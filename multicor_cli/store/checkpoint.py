@@ -1,0 +1,259 @@
+"""Checkpoints: a state, exactly, and how much output belongs to it. Two are kept; a damaged one gives way to the other."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from multicor_cli.state import State
+from multicor_cli.store import schema
+from multicor_cli.store.atomic import file_digest, kill_point, storage_errors
+from multicor_cli.store.checked import CheckedFile
+from multicor_cli.store.documents import Document, read_document, write_document
+from multicor_cli.store.errors import DamagedRun, UnsupportedVersion
+from multicor_cli.store.hdf5 import Hdf5Writer, dtype_of, estimate_size, write_hdf5
+from multicor_cli.store.manifest import Segment, check_segment
+from multicor_cli.store.summary import Summary, summarize
+
+FILETYPE = "multicor-checkpoint"
+KEEP = 2
+"""Number of checkpoints kept."""
+
+_NAME = re.compile(r"step-(\d+)(?:\.(\d+))?\.json")
+
+
+@dataclass(frozen=True)
+class Checkpoint:
+    """A state and the output that belongs to it.
+
+    Attributes:
+        state: The state.
+        segments: Segments committed up to it.
+        last_steps: Steps of the last frame and of the last row of the series in them; -1 if none.
+        summary: See `summarize`.
+        model_digest: Digest of the model of the run.
+        name: Name of its files, without the ending.
+        warnings: What was wrong with newer checkpoints that could not be used.
+    """
+
+    state: State
+    segments: tuple[Segment, ...]
+    last_steps: tuple[int, int]
+    summary: Summary
+    model_digest: str
+    name: str
+    warnings: tuple[str, ...] = ()
+
+    @property
+    def frame_count(self) -> int:
+        """Frames committed up to this checkpoint."""
+        return sum(segment.frames for segment in self.segments)
+
+    @property
+    def series_count(self) -> int:
+        """Rows of the time series committed up to this checkpoint."""
+        return sum(segment.series_rows for segment in self.segments)
+
+
+@dataclass(frozen=True)
+class Identity:
+    """What a checkpoint must share with its run.
+
+    Attributes:
+        run_id: Identity of the run.
+        scenario: Digest of the resolved scenario.
+    """
+
+    run_id: str
+    scenario: str
+
+
+def write_checkpoint(
+    directory: Path,
+    state: State,
+    identity: Identity,
+    *,
+    model_digest: str,
+    segments: list[Segment],
+    last_steps: tuple[int, int],
+) -> Summary:
+    """Commit a checkpoint, verify it by reading it back, then remove all but the newest `KEEP`.
+
+    Returns:
+        The summary of the state.
+
+    Raises:
+        StorageFull: If there is not enough space.
+        StorageError: For any other error of the system.
+        DamagedRun: If what is read back is not the state.
+    """
+    path = _free_name(directory, state.step)
+    summary = summarize(state)
+    columns = _columns(state)
+
+    def fill(writer: Hdf5Writer) -> None:
+        for spec in schema.CHECKPOINT:
+            writer.write(spec, columns[spec.path])
+
+    def verify(temporary: Path, digests: dict[str, str]) -> None:
+        if _read_state(temporary, identity.run_id).digest() != summary["state_digest"]:
+            raise DamagedRun(f"{temporary}: what was read back is not what was written")
+
+    attributes = {"filetype": FILETYPE, "run_id": identity.run_id, "state_digest": summary["state_digest"]}
+    size = estimate_size(schema.CHECKPOINT, sum(values.nbytes for values in columns.values()))
+    write_hdf5(path, "checkpoint", attributes, fill, size=size, verify=verify)
+    document = {
+        "filetype": FILETYPE,
+        "format_version": list(schema.FORMAT_VERSION),
+        "run_id": identity.run_id,
+        "scenario_digest": identity.scenario,
+        "model_digest": model_digest,
+        "size": path.stat().st_size,
+        "blake2b": file_digest(path),
+        "segments": [segment.as_document() for segment in segments],
+        "last_frame_step": last_steps[0],
+        "last_series_step": last_steps[1],
+        "summary": summary,
+    }
+    write_document(path.with_suffix(".json"), "checkpointjson", document)
+    kill_point("checkpoint.before_prune")
+    prune(directory)
+    return summary
+
+
+def load_newest(directory: Path, identity: Identity, segments: Path | None) -> Checkpoint | None:
+    """The newest checkpoint that is whole, with all the segments that it needs.
+
+    Args:
+        directory: Directory of the checkpoints.
+        identity: The run.
+        segments: Directory of the segments; ``None`` if they are not needed any more.
+
+    Returns:
+        The checkpoint, or ``None`` if none was ever written.
+
+    Raises:
+        DamagedRun: If there are checkpoints and none can be used.
+        UnsupportedVersion: If one was made by an incompatible version.
+        StorageError: If a file cannot be read.
+    """
+    problems: list[str] = []
+    for sidecar in newest_first(directory):
+        try:
+            found = load_checkpoint(sidecar, identity)
+            if segments is not None:
+                for segment in found.segments:
+                    check_segment(segments, segment)
+        except UnsupportedVersion:
+            raise
+        except DamagedRun as error:
+            problems.append(str(error))
+            continue
+        warnings = tuple(f"{problem}; going back to an older checkpoint" for problem in problems)
+        return replace(found, warnings=warnings)
+    if problems:
+        remedy = "no usable checkpoint is left; start again with --overwrite"
+        raise DamagedRun("; ".join([*problems, remedy]))
+    return None
+
+
+def load_checkpoint(sidecar: Path, identity: Identity) -> Checkpoint:
+    """Read and check one checkpoint by the name of its ``.json``; raises as `load_newest`."""
+    document = read_document(sidecar)
+    where = str(sidecar)
+    _check_document(document, where, identity)
+    path = sidecar.with_suffix(".h5")
+    if not path.is_file():
+        raise DamagedRun(f"{path}: missing")
+    with storage_errors(path):
+        size = path.stat().st_size
+    if size != document.get("size") or file_digest(path) != document.get("blake2b"):
+        raise DamagedRun(f"{path}: damaged (it does not match its digest in {sidecar.name})")
+    state = _read_state(path, identity.run_id)
+    try:
+        if state.digest() != document["summary"]["state_digest"]:
+            raise DamagedRun(f"{path}: the state does not match its digest")
+        return Checkpoint(
+            state=state,
+            segments=tuple(Segment.from_document(item, where) for item in document["segments"]),
+            last_steps=(int(document["last_frame_step"]), int(document["last_series_step"])),
+            summary=document["summary"],
+            model_digest=str(document["model_digest"]),
+            name=sidecar.stem,
+        )
+    except (KeyError, TypeError, AttributeError) as error:
+        raise DamagedRun(f"{where}: damaged ({error!r})") from error
+
+
+def newest_first(directory: Path) -> list[Path]:
+    """Sidecars of the checkpoints in ``directory``, the newest first."""
+    found = []
+    for path in directory.glob("step-*.json"):
+        match = _NAME.fullmatch(path.name)
+        if match:
+            found.append((int(match[1]), int(match[2] or 0), path))
+    return [path for *_, path in sorted(found, reverse=True)]
+
+
+def prune(directory: Path, newest: str | None = None) -> None:
+    """Remove all but the newest `KEEP` checkpoints, and what a crash has left of others.
+
+    Args:
+        directory: Directory of the checkpoints.
+        newest: Name of the checkpoint from which the run goes on; newer ones, which are damaged, are removed too.
+
+    Raises:
+        StorageError: If a file cannot be removed.
+    """
+    names = [path.stem for path in newest_first(directory)]
+    first = names.index(newest) if newest else 0
+    keep = set(names[first : first + KEEP])
+    with storage_errors(directory):
+        for path in sorted(directory.glob("step-*")):
+            if path.suffix == ".tmp" or path.name.removesuffix(".json").removesuffix(".h5") not in keep:
+                path.unlink()
+
+
+def _free_name(directory: Path, step: int) -> Path:
+    """Never the name of an existing checkpoint: a second one at the same step gets a number."""
+    path, count = directory / f"step-{step:011d}.h5", 0
+    while path.exists() or path.with_suffix(".json").exists():
+        count += 1
+        path = directory / f"step-{step:011d}.{count}.h5"
+    return path
+
+
+def _columns(state: State) -> dict[str, NDArray[Any]]:
+    data = state.as_dict()
+    columns = {}
+    for spec in schema.CHECKPOINT:
+        values = np.atleast_1d(data.pop(spec.name))
+        columns[spec.path] = values.astype(dtype_of(spec, "double"), casting="equiv")
+    if data:
+        raise ValueError(f"the format of checkpoints lacks {sorted(data)}")
+    return columns
+
+
+def _read_state(path: Path, run_id: str) -> State:
+    with CheckedFile(path, FILETYPE, run_id=run_id) as file:
+        data = {}
+        for spec in schema.CHECKPOINT:
+            values = file.read(spec)
+            data[spec.name] = values[0] if spec.dims == ("one",) else values
+    return State.from_dict(data)
+
+
+def _check_document(document: Document, where: str, identity: Identity) -> None:
+    if document.get("filetype") != FILETYPE:
+        raise DamagedRun(f"{where}: not the description of a checkpoint")
+    if list(document.get("format_version", []))[:1] != [schema.FORMAT_VERSION[0]]:
+        raise UnsupportedVersion(f"{where}: made by an incompatible version of multicor; use that version to continue")
+    if document.get("run_id") != identity.run_id:
+        raise DamagedRun(f"{where}: belongs to another run")
+    if document.get("scenario_digest") != identity.scenario:
+        raise DamagedRun(f"{where}: belongs to another scenario than scenario.resolved.toml")

@@ -1,0 +1,65 @@
+"""What can go wrong with the files of a run; each class carries the exit code that the command line gives it."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+
+class StoreError(Exception):
+    """Base class: one message for the user, naming the file and the remedy.
+
+    Attributes:
+        exit_code: Exit code of the command line for this kind of problem.
+    """
+
+    exit_code = 5
+
+
+class StorageError(StoreError):
+    """A file or directory cannot be read or written: permission, I/O error, missing directory (exit code 5)."""
+
+
+class StorageFull(StorageError):
+    """There is not enough free space, or a quota or file-size limit is reached (exit code 5).
+
+    Attributes:
+        path: The file that could not be written.
+        needed: Bytes that were needed, 0 if unknown.
+        free: Bytes that were free, 0 if unknown.
+    """
+
+    def __init__(self, path: Path, needed: int = 0, free: int = 0) -> None:
+        self.path, self.needed, self.free = path, needed, free
+        sizes = f" ({needed / 1e6:.1f} MB needed, {free / 1e6:.1f} MB free)" if needed else ""
+        super().__init__(f"{path}: no space left{sizes}; free some space and give the same command again to continue")
+
+
+class DirectoryRefused(StoreError):
+    """The directory exists and is not one that may be used: not a run, a run already, or it holds foreign files (code 6)."""
+
+    exit_code = 6
+
+
+class RunLocked(StoreError):
+    """Another process is running in this directory (exit code 6).
+
+    Attributes:
+        pid: Process number of the holder, -1 if unknown.
+        host: Host of the holder, empty if unknown.
+    """
+
+    exit_code = 6
+
+    def __init__(self, message: str, pid: int = -1, host: str = "") -> None:
+        self.pid, self.host = pid, host
+        super().__init__(message)
+
+
+class DamagedRun(StoreError):
+    """A file is damaged, incomplete, or not what its name says (exit code 7)."""
+
+    exit_code = 7
+
+
+class UnsupportedVersion(DamagedRun):
+    """A file was made by an incompatible version of the program (exit code 7)."""

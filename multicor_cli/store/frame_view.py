@@ -1,0 +1,230 @@
+"""Frames of a run as lazy numpy arrays."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from functools import cached_property
+from typing import Any, overload
+
+import numpy as np
+from numpy.typing import NDArray
+
+from multicor_cli.state import Model
+from multicor_cli.store import schema
+from multicor_cli.store.parts import Parts
+
+Array = NDArray[Any]
+
+_SPECS = {spec.path: spec for spec in schema.FRAME_TABLE}
+
+
+class Contacts:
+    """The contacts of a frame, ordered by ``(i, j)``; ``c`` of them. Every array is read when it is first used."""
+
+    def __init__(self, frame: Frame) -> None:
+        self._frame = frame
+
+    def __len__(self) -> int:
+        return len(self.gap)
+
+    @property
+    def count(self) -> int:
+        """Number of contacts."""
+        return len(self)
+
+    @cached_property
+    def recorded(self) -> bool:
+        """Whether the contacts of this frame are in the file; if not, all arrays are empty."""
+        return bool(self._frame.column("steps/contacts_recorded")[0])
+
+    @cached_property
+    def i(self) -> Array:
+        """First shape, a grain, shape ``(c,)``."""
+        return self._frame.column("contacts/i")
+
+    @cached_property
+    def j(self) -> Array:
+        """Second shape: a grain if below the number of grains n, else wall shape ``j - n``, shape ``(c,)``."""
+        return self._frame.column("contacts/j")
+
+    @cached_property
+    def kind(self) -> Array:
+        """0 grain–grain, 1 grain–wall, shape ``(c,)``."""
+        return self._frame.column("contacts/kind")
+
+    @cached_property
+    def normal(self) -> Array:
+        """Unit normal from j to i, shape ``(c, 2)``; the tangent is the normal turned by +90°."""
+        return self._frame.column("contacts/normal")
+
+    @cached_property
+    def gap(self) -> Array:
+        """Gap [m], negative where shapes overlap, shape ``(c,)``."""
+        return self._frame.column("contacts/gap")
+
+    @cached_property
+    def impulse(self) -> Array:
+        """Normal and tangential impulse on i in the last step [N s], shape ``(c, 2)``."""
+        return self._frame.column("contacts/impulse")
+
+    @property
+    def force(self) -> Array:
+        """Mean normal and tangential force on i over the last step [N], shape ``(c, 2)``; zero before the first step."""
+        dt = self._frame.dt
+        return self.impulse / dt if dt > 0.0 else np.zeros_like(self.impulse)
+
+    @cached_property
+    def slip(self) -> Array:
+        """Tangential velocity of i relative to j after the step [m/s], shape ``(c,)``."""
+        return self._frame.column("contacts/slip")
+
+    @cached_property
+    def sliding(self) -> NDArray[np.bool_]:
+        """Whether the contact slides, shape ``(c,)``."""
+        return self._frame.column("contacts/sliding").astype(np.bool_)
+
+
+class Frame:
+    """One frame; ``n`` grains, ``w`` walls. Every array is read when it is first used, and kept.
+
+    Attributes:
+        index: Number of the frame in the run.
+    """
+
+    def __init__(self, parts: Parts, index: int, period: Period) -> None:
+        self._parts, self._period = parts, period
+        self.index = index
+
+    def column(self, path: str) -> Array:
+        """The rows of any dataset of ``schema.FRAME_TABLE`` that belong to this frame, as stored.
+
+        Raises:
+            KeyError: If there is no such dataset.
+            DamagedRun: If the file is damaged.
+            StorageError: If it cannot be read.
+        """
+        return self._parts.frame_rows(_SPECS[path], self.index)
+
+    @cached_property
+    def step(self) -> int:
+        """Steps done since the start of the run."""
+        return int(self.column("steps/step")[0])
+
+    @cached_property
+    def time(self) -> float:
+        """Time [s]."""
+        return float(self.column("steps/time")[0])
+
+    @cached_property
+    def dt(self) -> float:
+        """Length of the last step [s]; 0 before the first."""
+        return float(self.column("steps/dt")[0])
+
+    @cached_property
+    def stage(self) -> int:
+        """Index of the loading stage."""
+        return int(self.column("steps/stage")[0])
+
+    @cached_property
+    def position(self) -> Array:
+        """Centers of the grains, x wrapped into the period [m], shape ``(n, 2)``."""
+        return self.column("particles/position")[:, :2]
+
+    @property
+    def unwrapped(self) -> Array:
+        """Centers of the grains with the periods added by which x was wrapped [m], shape ``(n, 2)``."""
+        position = np.array(self.position, np.float64)
+        position[:, 0] += self.image * self._period.value
+        return position
+
+    @cached_property
+    def angle(self) -> Array:
+        """Rotation of the grains since the start [rad], shape ``(n,)``."""
+        return self.column("particles/angle")
+
+    @cached_property
+    def image(self) -> Array:
+        """Periods by which x was wrapped, shape ``(n,)``."""
+        return self.column("particles/image")
+
+    @cached_property
+    def velocity(self) -> Array:
+        """Velocities of the grains [m/s], shape ``(n, 2)``."""
+        return self.column("particles/velocity")[:, :2]
+
+    @cached_property
+    def spin(self) -> Array:
+        """Angular velocities of the grains [rad/s], shape ``(n,)``."""
+        return self.column("particles/spin")
+
+    @cached_property
+    def wall_position(self) -> Array:
+        """Displacement [m] and angle [rad] of the walls since the start, shape ``(w, 3)``."""
+        return self.column("walls/position").reshape(-1, 3)
+
+    @cached_property
+    def wall_velocity(self) -> Array:
+        """Velocity [m/s] and spin [rad/s] of the walls, shape ``(w, 3)``."""
+        return self.column("walls/velocity").reshape(-1, 3)
+
+    @cached_property
+    def contacts(self) -> Contacts:
+        """Contacts of the last step."""
+        return Contacts(self)
+
+
+class Period:
+    """The period of the domain, taken from the model when it is first needed."""
+
+    def __init__(self, model: Any) -> None:
+        self._model = model
+
+    @cached_property
+    def value(self) -> float:
+        """Period in x [m]; 0 if the domain is not periodic."""
+        model: Model = self._model()
+        return model.period
+
+
+class Frames(Sequence[Frame]):
+    """All frames of a run: a sequence of `Frame`; a slice gives a list of lazy frames."""
+
+    def __init__(self, parts: Parts, period: Period) -> None:
+        self._parts, self._period = parts, period
+
+    def __len__(self) -> int:
+        return self._parts.frame_count
+
+    @overload
+    def __getitem__(self, index: int) -> Frame: ...
+    @overload
+    def __getitem__(self, index: slice) -> list[Frame]: ...
+    def __getitem__(self, index: int | slice) -> Frame | list[Frame]:
+        if isinstance(index, slice):
+            return [self[k] for k in range(*index.indices(len(self)))]
+        count = len(self)
+        if not -count <= index < count:
+            raise IndexError(f"frame {index} of a run with {count} frames")
+        return Frame(self._parts, index % count, self._period)
+
+    def __iter__(self) -> Iterator[Frame]:
+        return (self[k] for k in range(len(self)))
+
+    @cached_property
+    def step(self) -> Array:
+        """Step of every frame, shape ``(K,)``."""
+        return self._parts.column(_SPECS["steps/step"])
+
+    @cached_property
+    def time(self) -> Array:
+        """Time of every frame [s], shape ``(K,)``."""
+        return self._parts.column(_SPECS["steps/time"])
+
+    @cached_property
+    def stage(self) -> Array:
+        """Loading stage of every frame, shape ``(K,)``."""
+        return self._parts.column(_SPECS["steps/stage"])
+
+    def column(self, path: str) -> Array:
+        """A dataset of ``schema`` with one row per frame (``steps/*``, ``walls/*``), over the whole run."""
+        return self._parts.column(_SPECS[path])

@@ -1,0 +1,186 @@
+"""What the controller hands to the writer: one frame, or one row of the time series, in the layout of the engine."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from multicor_cli.state import BOOK_NAMES, TALLY_NAMES, WINDOW_NAMES, State
+from multicor_cli.state.model import Floats, Ints
+
+Columns = dict[str, NDArray[Any]]
+"""Arrays by path of the schema."""
+
+
+@dataclass(frozen=True)
+class ContactRows:
+    """The contacts of one step, ordered by ``(i, j)``; ``c`` of them.
+
+    Attributes:
+        i: First shape, a grain, shape ``(c,)``.
+        j: Second shape: a grain if below the number of grains, else a wall shape, shape ``(c,)``.
+        normal: Unit normal from j to i, shape ``(c, 2)``.
+        gap: Gap, negative where shapes overlap [m], shape ``(c,)``.
+        impulse: Normal and tangential impulse on i [N s], shape ``(c, 2)``.
+        slip: Tangential velocity of i relative to j after the step [m/s], shape ``(c,)``.
+        sliding: Whether the contact slides, shape ``(c,)``.
+    """
+
+    i: Ints
+    j: Ints
+    normal: Floats
+    gap: Floats
+    impulse: Floats
+    slip: Floats
+    sliding: NDArray[np.bool_]
+
+    def columns(self, grain_count: int) -> Columns:
+        """Arrays by path of the schema; ``grain_count`` tells grains from wall shapes."""
+        return {
+            "contacts/i": self.i,
+            "contacts/j": self.j,
+            "contacts/kind": (np.asarray(self.j) >= grain_count).astype(np.uint8),
+            "contacts/normal": self.normal,
+            "contacts/gap": self.gap,
+            "contacts/impulse": self.impulse,
+            "contacts/slip": self.slip,
+            "contacts/sliding": np.asarray(self.sliding).astype(np.uint8),
+        }
+
+
+@dataclass(frozen=True)
+class FrameData:
+    """A frame: the grains, walls and, if recorded, contacts at the end of a step.
+
+    Attributes:
+        step: Steps done since the start of the run.
+        time: Time [s].
+        dt: Length of the last step [s].
+        stage: Index of the loading stage.
+        position: Grains: x, y [m] (x wrapped) and angle [rad], shape ``(n, 3)``.
+        image: Grains: periods by which x was wrapped, shape ``(n,)``.
+        velocity: Grains: velocity [m/s] and spin [rad/s], shape ``(n, 3)``.
+        wall_position: Walls: displacement [m] and angle [rad], shape ``(w, 3)``.
+        wall_velocity: Walls: velocity [m/s] and spin [rad/s], shape ``(w, 3)``.
+        contacts: Contacts of the last step, or ``None`` if they are not recorded.
+    """
+
+    step: int
+    time: float
+    dt: float
+    stage: int
+    position: Floats
+    image: NDArray[np.int64]
+    velocity: Floats
+    wall_position: Floats
+    wall_velocity: Floats
+    contacts: ContactRows | None = None
+
+    @classmethod
+    def from_state(cls, state: State, contacts: ContactRows | None = None) -> FrameData:
+        """The frame of a state. Arrays are shared, not copied: the writer copies them."""
+        return cls(
+            step=state.step,
+            time=state.time,
+            dt=state.last_dt,
+            stage=state.stage,
+            position=state.position,
+            image=state.image,
+            velocity=state.velocity,
+            wall_position=state.wall_position,
+            wall_velocity=state.wall_velocity,
+            contacts=contacts,
+        )
+
+    def columns(self) -> Columns:
+        """Arrays by path of the schema; those of one value per frame have a first dimension of 1."""
+        data: Columns = {
+            "steps/step": np.array([self.step], np.int64),
+            "steps/time": np.array([self.time]),
+            "steps/dt": np.array([self.dt]),
+            "steps/stage": np.array([self.stage], np.int32),
+            "steps/contacts_recorded": np.array([self.contacts is not None], np.uint8),
+            "particles/position": _in_plane(self.position),
+            "particles/angle": self.position[:, 2],
+            "particles/image": self.image,
+            "particles/velocity": _in_plane(self.velocity),
+            "particles/spin": self.velocity[:, 2],
+            "walls/position": self.wall_position[np.newaxis],
+            "walls/velocity": self.wall_velocity[np.newaxis],
+        }
+        rows = self.contacts if self.contacts is not None else _no_contacts()
+        return data | rows.columns(len(self.position))
+
+
+@dataclass(frozen=True)
+class SeriesRow:
+    """A row of the time series: values by the names of the table ``schema.SERIES``.
+
+    Attributes:
+        values: One value per name, a number or an array of the shape that the table gives after the first dimension.
+    """
+
+    values: dict[str, float | int | Floats]
+
+    @classmethod
+    def from_state(cls, state: State) -> SeriesRow:
+        """The row that ends the window of ``state``; the caller then clears the window.
+
+        A window without steps (the row at the start of a run) has means, rates and forces of zero.
+        """
+        tallies = dict(zip(TALLY_NAMES, state.tallies.tolist(), strict=True))
+        return cls(
+            {
+                "step": state.step,
+                "time": state.time,
+                "stage": state.stage,
+                "strain": state.stage_strain,
+                **dict(zip(BOOK_NAMES, state.books.tolist(), strict=True)),
+                "max_overlap": tallies["max_overlap"],
+                "max_impulse_rate": tallies["max_impulse_rate"],
+                "corrected_steps": round(tallies["corrected_steps"]),
+                **_window_values(state),
+                "wall_position": state.wall_position,
+                "wall_velocity": state.wall_velocity,
+            }
+        )
+
+    def columns(self) -> Columns:
+        """Arrays by path of the schema, each with a first dimension of 1."""
+        return {f"series/{name}": np.asarray(value)[np.newaxis] for name, value in self.values.items()}
+
+
+def _window_values(state: State) -> dict[str, float | int | Floats]:
+    window = dict(zip(WINDOW_NAMES, state.window.tolist(), strict=True))
+    steps, duration = round(window["steps"]), window["duration"]
+    per_step = 1.0 / steps if steps else 0.0
+    virial = np.array([[window["virial_xx"], window["virial_xy"]], [window["virial_yx"], window["virial_yy"]]])
+    rate = virial / duration if duration > 0.0 else np.zeros((2, 2))
+    impulse = state.window_wall_impulse
+    return {
+        "window_duration": duration,
+        "window_steps": steps,
+        "sweeps_mean": window["sweeps"] * per_step,
+        "unconverged": round(window["unconverged"]),
+        "residual_rms": window["residual_rms"],
+        "residual_max": window["residual_max"],
+        "residual_energy": window["residual_energy"],
+        "contacts_mean": window["contacts"] * per_step,
+        "virial_rate": rate,
+        "wall_force": impulse / duration if duration > 0.0 else np.zeros_like(impulse),
+    }
+
+
+def _in_plane(values: Floats) -> Floats:
+    """Points of a 3D viewer from ``(x, y, rotation)``: x, y and z = 0."""
+    full = np.zeros((len(values), 3))
+    full[:, :2] = values[:, :2]
+    return full
+
+
+def _no_contacts() -> ContactRows:
+    none = np.zeros(0, np.int32)
+    return ContactRows(none, none, np.zeros((0, 2)), np.zeros(0), np.zeros((0, 2)), np.zeros(0), np.zeros(0, np.bool_))

@@ -1,0 +1,118 @@
+"""What ``multicor info`` reports about a run."""
+
+from __future__ import annotations
+
+import tomllib
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from multicor_cli.store.errors import DamagedRun, StoreError
+from multicor_cli.store.reader import Run, open_run
+from multicor_cli.store.summary import empty_summary
+
+
+def run_info(path: Path | str) -> dict[str, Any]:
+    """Status, size and quality of a run as JSON types.
+
+    ``step, time, state_digest``, the books and the counters are those of the newest checkpoint (the last state of a finished
+    run); ``frame_count`` is what has been committed. Values that do not exist yet are ``None``.
+
+    Returns:
+        ``path, run_id, status, stop_reason, exit_code, grain_count, frame_count, series_count, step, time, stage, stages,
+        walls, state_digest, energy_closure, heat_closure, max_overlap, solver.{sweeps_mean, residual_rms_max,
+        residual_max_max, unconverged_steps}, books, negative_loss_share, corrected_steps, max_contact_force,
+        hertz_deflection, started, finished, duration`` (from the first start to the last sign of life, s),
+        ``timings, data_digest, provenance``.
+
+    Raises:
+        DirectoryRefused: If there is no run.
+        DamagedRun: If a file that is needed is damaged.
+        StorageError: If a file cannot be read.
+    """
+    with open_run(path) as run:
+        info = run.info
+        summary = {**empty_summary(), **(info["summary"] or {})}
+        results = info["results"] or {}
+        return {
+            "path": str(run.path),
+            "run_id": run.run_id,
+            "status": run.status,
+            "stop_reason": info["stop_reason"],
+            "exit_code": info["exit_code"],
+            **{name: summary[name] for name in ("grain_count", "step", "time", "stage", "state_digest")},
+            "frame_count": len(run.frames),
+            "series_count": run.series.row_count,
+            "stages": list(run.stages),
+            "walls": _walls(run),
+            **{name: value for name, value in summary.items() if name not in ("grain_count", "step", "time", "stage")},
+            "hertz_deflection": hertz_deflection(run, summary["max_contact_force"]),
+            "started": info["started"],
+            "finished": info["finished"],
+            "duration": _seconds(info["started"], info["finished"] or info.get("updated", "")),
+            "timings": info["timings"],
+            "data_digest": results.get("data_digest"),
+            "provenance": info["provenance"],
+        }
+
+
+def hertz_deflection(run: Run, force: float | None) -> float | None:
+    """How much the rigid grains would flatten: δ/(2a) of the largest mean contact force of a step.
+
+    Two equal elastic spheres, δ = (3F/(4E* √a*))^⅔ with a* = a/2 and E* = E/(2(1−ν²)); the smallest grain of each material that
+    has ``young`` and ``poisson``, and of these the largest value. Discs are treated as spheres of their radius.
+
+    Args:
+        run: The run.
+        force: Largest mean contact force of a step [N].
+
+    Returns:
+        The ratio, or ``None`` if no grain has an elastic material or no force is known.
+    """
+    if force is None:
+        return None
+    try:
+        materials = tomllib.loads(run.scenario_resolved).get("materials", {})
+        model = run.model
+    except (StoreError, ValueError):
+        return None
+    found = []
+    for index, name in enumerate(model.materials):
+        radii = model.grains.radius[model.grains.material == index]
+        elastic = _elastic(materials.get(name))
+        if radii.size and elastic is not None:
+            found.append(_flattening(force, float(radii.min()), *elastic))
+    return max(found, default=None)
+
+
+def _elastic(material: Any) -> tuple[float, float] | None:
+    if not isinstance(material, dict):
+        return None
+    young, poisson = material.get("young"), material.get("poisson")
+    if not isinstance(young, int | float) or not isinstance(poisson, int | float) or young <= 0.0:
+        return None
+    return float(young), float(poisson)
+
+
+def _flattening(force: float, radius: float, young: float, poisson: float) -> float:
+    modulus = young / (2.0 * (1.0 - poisson**2))
+    deflection = (3.0 * force / (4.0 * modulus * np.sqrt(radius / 2.0))) ** (2.0 / 3.0)
+    return float(deflection / (2.0 * radius))
+
+
+def _walls(run: Run) -> list[str]:
+    try:
+        return list(run.wall_names)
+    except DamagedRun:
+        if run.info["summary"] is None:
+            return []
+        raise
+
+
+def _seconds(start: str, end: str) -> float | None:
+    try:
+        return (datetime.fromisoformat(end) - datetime.fromisoformat(start)).total_seconds()
+    except (ValueError, TypeError):
+        return None

@@ -1,0 +1,48 @@
+"""Names of the files of a run directory, and which files may be removed because only this program makes them."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+RUN = "run.json"
+LOCK = "lock"
+SOURCE = "scenario.toml"
+RESOLVED = "scenario.resolved.toml"
+MODEL = "model.h5"
+RESULTS = "results.h5"
+VTKHDF = "results.vtkhdf"
+PROGRESS = "progress.json"
+LOG = "log.jsonl"
+CRASH = "crash.txt"
+SEGMENTS = "segments"
+CHECKPOINTS = "checkpoints"
+
+_FILES = {RUN, LOCK, SOURCE, RESOLVED, MODEL, RESULTS, VTKHDF, PROGRESS, LOG, CRASH}
+_IN_DIRECTORY = {
+    SEGMENTS: re.compile(r"(\d{6,}\.h5(\.tmp|(\.\d+)?\.orphan)?|MANIFEST\.jsonl(\.tmp)?)"),
+    CHECKPOINTS: re.compile(r"step-\d{11,}(\.\d+)?\.(h5|json)(\.tmp)?"),
+}
+
+
+def foreign_entries(directory: Path) -> list[str]:
+    """Names in a run directory that are not files of a run, links to other directories included."""
+    foreign = []
+    for entry in sorted(directory.iterdir()):
+        if entry.name in _IN_DIRECTORY and entry.is_dir() and not entry.is_symlink():
+            known = _IN_DIRECTORY[entry.name]
+            foreign += [f"{entry.name}/{f.name}" for f in sorted(entry.iterdir()) if not known.fullmatch(f.name)]
+        elif entry.name.removesuffix(".tmp") not in _FILES or (entry.is_dir() and not entry.is_symlink()):
+            foreign.append(entry.name)
+    return foreign
+
+
+def known_files(directory: Path) -> list[Path]:
+    """All files of a run in ``directory`` except ``run.json`` and the lock; call only if `foreign_entries` is empty."""
+    found = []
+    for entry in sorted(directory.iterdir()):
+        if entry.name in _IN_DIRECTORY:
+            found += sorted(entry.iterdir())
+        elif entry.name not in (RUN, LOCK):
+            found.append(entry)
+    return found

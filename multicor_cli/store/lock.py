@@ -1,0 +1,149 @@
+"""The lock of a run directory: one live run at a time, taken over from a process that has died."""
+
+from __future__ import annotations
+
+import fcntl
+import json
+import os
+import socket
+import time
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from multicor_cli.store.atomic import storage_errors
+from multicor_cli.store.errors import RunLocked
+
+_RETRIES, _PAUSE = 5, 0.05
+
+
+class RunLock:
+    """Holds the lock of a run directory until `release`; the kernel gives it back when the process dies.
+
+    The file ``lock`` is locked with ``flock`` and names the holder. ``flock`` may not reach across hosts, so a file that
+    names another host counts as held, unless ``force`` is given. A clean release empties the file.
+
+    Args:
+        path: The lock file.
+        force: Take the lock although the file names a process on another host.
+
+    Raises:
+        RunLocked: If another process holds it.
+        StorageError: If the file cannot be opened.
+    """
+
+    def __init__(self, path: Path, *, force: bool = False) -> None:
+        self.path = path
+        self._descriptor = _acquire(path)
+        try:
+            with storage_errors(path):
+                holder = _parse(os.pread(self._descriptor, 4096, 0))
+                if holder and holder.get("host") != socket.gethostname() and not force:
+                    raise _locked(path, holder, is_elsewhere=True)
+                _write(self._descriptor, json.dumps(_own_identity()).encode())
+        except BaseException:
+            os.close(self._descriptor)
+            raise
+
+    def release(self) -> None:
+        """Give the lock back; does nothing the second time."""
+        if self._descriptor < 0:
+            return
+        try:
+            os.ftruncate(self._descriptor, 0)
+        finally:
+            os.close(self._descriptor)
+            self._descriptor = -1
+
+
+def read_holder(path: Path) -> dict[str, Any]:
+    """Who holds (or held, if it died) the lock: ``pid, host, started``; empty if nobody."""
+    try:
+        return _parse(path.read_bytes()[:4096])
+    except OSError:
+        return {}
+
+
+def is_alive(path: Path) -> bool:
+    """Whether a run is going on under this lock; one on another host counts as alive. Takes no lock itself."""
+    holder = read_holder(path)
+    if not holder:
+        return False
+    if holder.get("host") != socket.gethostname():
+        return True
+    pid = holder.get("pid")
+    return isinstance(pid, int) and _start_ticks(pid) is not None and _start_ticks(pid) == holder.get("start_ticks")
+
+
+def _acquire(path: Path) -> int:
+    for attempt in range(_RETRIES + 1):
+        with storage_errors(path):
+            descriptor = os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_CLOEXEC", 0), 0o666)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if _is_current(path, descriptor):
+                return descriptor
+        except BlockingIOError:
+            pass
+        except OSError as error:
+            os.close(descriptor)
+            with storage_errors(path):
+                raise error
+        os.close(descriptor)
+        if attempt < _RETRIES:
+            time.sleep(_PAUSE)
+    raise _locked(path, read_holder(path), is_elsewhere=False)
+
+
+def _is_current(path: Path, descriptor: int) -> bool:
+    """Whether the file that is locked is still the one under this name."""
+    try:
+        return path.stat().st_ino == os.fstat(descriptor).st_ino
+    except FileNotFoundError:
+        return False
+
+
+def _own_identity() -> dict[str, Any]:
+    started = datetime.now(UTC).isoformat(timespec="seconds")
+    return {"pid": os.getpid(), "host": socket.gethostname(), "started": started, "start_ticks": _start_ticks(os.getpid())}
+
+
+def _start_ticks(pid: int) -> int | None:
+    """Start time of a process in clock ticks since boot; 0 where the system does not tell; ``None`` if there is none."""
+    try:
+        fields = Path(f"/proc/{pid}/stat").read_bytes().rpartition(b")")[2].split()
+        return None if fields[0] in (b"Z", b"X") else int(fields[19])
+    except FileNotFoundError:
+        if Path("/proc/self/stat").exists():
+            return None
+    except (OSError, ValueError, IndexError):
+        pass
+    try:
+        os.kill(pid, 0)
+    except ProcessLookupError:
+        return None
+    except OSError:
+        return 0
+    return 0
+
+
+def _parse(data: bytes) -> dict[str, Any]:
+    try:
+        value = json.loads(data.decode() or "{}")
+    except ValueError:
+        return {}
+    return value if isinstance(value, dict) else {}
+
+
+def _write(descriptor: int, data: bytes) -> None:
+    os.ftruncate(descriptor, 0)
+    os.pwrite(descriptor, data, 0)
+    os.fsync(descriptor)
+
+
+def _locked(path: Path, holder: dict[str, Any], *, is_elsewhere: bool) -> RunLocked:
+    pid, host = holder.get("pid", -1), str(holder.get("host", ""))
+    pid = pid if isinstance(pid, int) else -1
+    who = f"process {pid} on {host or 'an unknown host'}" if holder else "another process"
+    remedy = f"; if it is no longer alive, delete {path}" if is_elsewhere else "; wait for it, or use another directory with -o"
+    return RunLocked(f"{path.parent}: in use by {who}{remedy}", pid, host)

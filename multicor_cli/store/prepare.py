@@ -1,0 +1,80 @@
+"""Making, checking and cleaning a run directory before anything is computed."""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+from pathlib import Path
+
+from multicor_cli.store import layout
+from multicor_cli.store.atomic import commit_bytes, storage_errors
+from multicor_cli.store.documents import Document, read_document, write_document
+from multicor_cli.store.errors import DamagedRun, DirectoryRefused
+from multicor_cli.store.run_document import CREATING
+
+
+def is_run(path: Path) -> bool:
+    """Whether ``path`` holds a run that can be resumed or is finished; False if there is nothing, or only a beginning."""
+    file = path / layout.RUN
+    if not file.is_file():
+        return False
+    try:
+        return bool(read_document(file).get("status") != CREATING)
+    except DamagedRun:
+        return True
+
+
+def lay_out(path: Path, document: Document, source: bytes, resolved: bytes) -> None:
+    """Write what every run has. Status ``creating`` comes first: a crash in between leaves nothing that looks like a run."""
+    write_document(path / layout.RUN, "runjson", document)
+    with storage_errors(path):
+        for entry in layout.known_files(path):
+            entry.unlink()
+        for name in (layout.SEGMENTS, layout.CHECKPOINTS):
+            (path / name).mkdir(exist_ok=True)
+    commit_bytes(path / layout.SOURCE, "scenario", source)
+    commit_bytes(path / layout.RESOLVED, "scenario", resolved)
+    document["status"] = "running"
+    write_document(path / layout.RUN, "runjson", document)
+
+
+def check_usable(path: Path, *, overwrite: bool) -> None:
+    """Refuse a directory in which no run may begin; changes nothing.
+
+    Raises:
+        DirectoryRefused: If it is not a directory, holds foreign files, or a run and ``overwrite`` is False.
+        StorageError: If it cannot be read.
+    """
+    with storage_errors(path):
+        if not path.exists() and not path.is_symlink():
+            return
+        if not path.is_dir():
+            raise DirectoryRefused(f"{path}: exists and is not a directory; choose another with -o")
+        names = {entry.name for entry in path.iterdir()}
+        foreign = layout.foreign_entries(path)
+    if layout.RUN not in names:
+        if names <= {layout.LOCK, layout.RUN + ".tmp"}:
+            return
+        raise DirectoryRefused(f"{path}: exists and is not a run directory; choose another with -o, or empty it")
+    if is_run(path) and not overwrite:
+        raise DirectoryRefused(f"{path}: holds a run; continue it, choose another directory with -o, or give --overwrite")
+    if foreign:
+        listed = ", ".join(foreign[:5]) + (" …" if len(foreign) > 5 else "")
+        raise DirectoryRefused(f"{path}: holds files that no run has made ({listed}); move them away before overwriting")
+
+
+def read_scenario(path: Path, sha256: str) -> str:
+    """Text of a scenario file; raises `DamagedRun` if it was changed, `StorageError` if it cannot be read."""
+    with storage_errors(path):
+        data = path.read_bytes()
+    if hashlib.sha256(data).hexdigest() != sha256:
+        raise DamagedRun(f"{path}: was changed after the run had begun; put the original back, or start another run")
+    return data.decode()
+
+
+def remove_temporaries(path: Path) -> None:
+    """Remove what interrupted commits have left; one that cannot be removed does no harm."""
+    for directory in (path, path / layout.SEGMENTS, path / layout.CHECKPOINTS):
+        for entry in directory.glob("*.tmp"):
+            with contextlib.suppress(OSError):
+                entry.unlink()

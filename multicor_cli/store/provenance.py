@@ -1,0 +1,98 @@
+"""Where a run comes from: versions, machine, command."""
+
+from __future__ import annotations
+
+import os
+import platform
+import shlex
+import socket
+import subprocess
+import sys
+from collections.abc import Sequence
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+from multicor_cli import __version__
+
+_LIBRARIES = ("numpy", "numba", "llvmlite", "h5py", "pydantic")
+
+
+def collect_provenance(command: Sequence[str], *, seed: int, threads: int, threading_layer: str = "") -> dict[str, Any]:
+    """Provenance of a run.
+
+    Args:
+        command: Command line.
+        seed: Seed of the random numbers, drawn or given.
+        threads: Number of threads of the solver.
+        threading_layer: Numba's threading layer.
+
+    Returns:
+        ``multicor_version, git_sha1, git_dirty, versions, platform, cpu, cores, threads, threading_layer, host,
+        command, seed``; the commit is empty where the program was not started from its repository.
+    """
+    sha1, is_dirty = _commit(Path(__file__).resolve().parents[2])
+    return {
+        "multicor_version": __version__,
+        "git_sha1": sha1,
+        "git_dirty": is_dirty,
+        "versions": _versions(),
+        "platform": platform.platform(),
+        "cpu": _processor(),
+        "cores": os.cpu_count() or 0,
+        "threads": threads,
+        "threading_layer": threading_layer,
+        "host": socket.gethostname(),
+        "command": shlex.join(command),
+        "seed": seed,
+    }
+
+
+def _versions() -> dict[str, str]:
+    import h5py
+
+    found = {"python": platform.python_version(), "hdf5": h5py.version.hdf5_version}
+    for name in _LIBRARIES:
+        try:
+            found[name] = metadata.version(name)
+        except metadata.PackageNotFoundError:
+            found[name] = ""
+    return found
+
+
+def _processor() -> str:
+    try:
+        for line in Path("/proc/cpuinfo").read_text(errors="replace").splitlines():
+            if line.startswith("model name"):
+                return line.partition(":")[2].strip()
+    except OSError:
+        pass
+    return platform.processor() or platform.machine()
+
+
+def _commit(root: Path) -> tuple[str, bool]:
+    """Commit of the repository at ``root`` and whether files differ from it; empty if it is no repository."""
+    if not (root / ".git").exists():
+        return "", False
+    sha1 = _git(root, "rev-parse", "HEAD")
+    return (sha1, bool(_git(root, "status", "--porcelain", "--untracked-files=no"))) if sha1 else ("", False)
+
+
+def _git(root: Path, *arguments: str) -> str:
+    try:
+        done = subprocess.run(
+            ["git", "-C", str(root), *arguments],
+            capture_output=True,
+            text=True,
+            timeout=5,
+            check=False,
+            stdin=subprocess.DEVNULL,
+        )
+    except (OSError, subprocess.SubprocessError):
+        return ""
+    return done.stdout.strip() if done.returncode == 0 else ""
+
+
+def current_command() -> list[str]:
+    """The command line of this process."""
+    return [Path(sys.argv[0]).name or "python", *sys.argv[1:]]

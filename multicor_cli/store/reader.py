@@ -1,0 +1,233 @@
+"""Reading a run: finished, running, or interrupted, through one class."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from functools import cached_property
+from pathlib import Path
+from types import TracebackType
+from typing import Any
+
+from numpy.typing import NDArray
+
+from multicor_cli.state import Model, State
+from multicor_cli.store import layout, schema
+from multicor_cli.store.checked import CheckedFile
+from multicor_cli.store.checkpoint import Identity, load_newest
+from multicor_cli.store.documents import Document
+from multicor_cli.store.errors import DamagedRun
+from multicor_cli.store.frame_view import Frames, Period
+from multicor_cli.store.lock import is_alive
+from multicor_cli.store.manifest import read_manifest
+from multicor_cli.store.model_file import load_model, read_model
+from multicor_cli.store.parts import Part, Parts, results_part, segment_part
+from multicor_cli.store.prepare import read_scenario
+from multicor_cli.store.results import FILETYPE as RESULTS_FILETYPE
+from multicor_cli.store.run_document import read_run_document
+
+
+class Series(Mapping[str, NDArray[Any]]):
+    """The time series: one array per name of ``schema.SERIES``, with one row per point; read when first used."""
+
+    def __init__(self, parts: Parts) -> None:
+        self._parts = parts
+        self._loaded: dict[str, NDArray[Any]] = {}
+
+    def __getitem__(self, name: str) -> NDArray[Any]:
+        if name not in _SERIES:
+            raise KeyError(name)
+        if name not in self._loaded:
+            # From segments all columns are read at once, so that each file is opened once.
+            wanted = [_SERIES[name]] if len(self._parts.parts) == 1 else list(schema.SERIES)
+            columns = self._parts.columns(wanted)
+            self._loaded |= {spec.name: columns[spec.path] for spec in wanted}
+        return self._loaded[name]
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(_SERIES)
+
+    def __len__(self) -> int:
+        return len(_SERIES)
+
+    @property
+    def row_count(self) -> int:
+        """Number of points."""
+        return self._parts.series_count
+
+
+_SERIES = {spec.name: spec for spec in schema.SERIES}
+
+
+class Run:
+    """A run on disk, read lazily; made by `open_run`. Close it, or use it as a context manager.
+
+    What a running run writes after it was opened is seen when it is opened again.
+
+    Attributes:
+        path: The run directory, or the ``results.h5`` that was opened.
+        info: What ``run.json`` says: ``run_id, status, stop_reason, exit_code, started, finished, provenance, stages,
+            summary`` …; for a ``results.h5`` alone, the same from its attributes.
+        frames: The frames.
+        series: The time series.
+    """
+
+    def __init__(self, path: Path, info: Document, results: Path | None) -> None:
+        self.path, self.info = path, info
+        self._results = results
+        self._parts = Parts(self._find_parts(), self.run_id, self._find_parts_again)
+        self.frames = Frames(self._parts, Period(lambda: self.model))
+        self.series = Series(self._parts)
+
+    def __enter__(self) -> Run:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Close the files."""
+        self._parts.close()
+
+    @property
+    def run_id(self) -> str:
+        """Identity of the run."""
+        return str(self.info["run_id"])
+
+    @property
+    def status(self) -> str:
+        """``running``, ``finished``, ``stopped``, ``failed``, or ``interrupted``: it was running and its process is gone."""
+        status = str(self.info["status"])
+        if status != "running" or is_alive(self.path / layout.LOCK):
+            return status
+        status = str(read_run_document(self.path)["status"])  # it may have ended since it was opened
+        return "interrupted" if status == "running" else status
+
+    @cached_property
+    def model(self) -> Model:
+        """Grains, walls and laws; raises `DamagedRun` if it is missing or damaged."""
+        if self._results is None:
+            try:
+                return load_model(self.path / layout.MODEL, self.run_id)
+            except DamagedRun:
+                if (self.path / layout.MODEL).exists() or self._find_results() is None:
+                    raise
+        assert self._results is not None
+        with CheckedFile(self._results, RESULTS_FILETYPE, run_id=self.run_id) as file:
+            return read_model(file)
+
+    @property
+    def wall_names(self) -> tuple[str, ...]:
+        """Names of the walls."""
+        return self.model.walls.names
+
+    @property
+    def period(self) -> float:
+        """Period in x [m]; 0 if the domain is not periodic."""
+        return self.model.period
+
+    @property
+    def stages(self) -> tuple[str, ...]:
+        """Names of the loading stages."""
+        return tuple(str(name) for name in self.info["stages"])
+
+    @property
+    def scenario_source(self) -> str:
+        """The scenario file as given; raises `DamagedRun` if it was changed."""
+        return self._scenario("source", layout.SOURCE)
+
+    @property
+    def scenario_resolved(self) -> str:
+        """The scenario with all defaults; raises `DamagedRun` if it was changed."""
+        return self._scenario("resolved", layout.RESOLVED)
+
+    def state(self) -> State | None:
+        """The state of the newest whole checkpoint, exactly; ``None`` if there is none.
+
+        Raises:
+            DamagedRun: If there are checkpoints and none can be used.
+            StorageError: If a file cannot be read.
+        """
+        directory = self.path / layout.CHECKPOINTS
+        if not directory.is_dir():
+            return None
+        identity = Identity(self.run_id, str(self.info["resolved_sha256"]))
+        found = load_newest(directory, identity, None)
+        return found.state if found else None
+
+    def _scenario(self, kind: str, name: str) -> str:
+        if self.path.is_dir():
+            return read_scenario(self.path / name, str(self.info[f"{kind}_sha256"]))
+        spec = next(spec for spec in schema.SCENARIO if spec.name == kind)
+        with CheckedFile(self.path, RESULTS_FILETYPE) as file:
+            return file.strings(spec)[0]
+
+    def _find_parts(self) -> list[Part]:
+        if self._results is not None:
+            return [results_part(self._results, self.run_id)]
+        directory = self.path / layout.SEGMENTS
+        return [segment_part(directory, segment) for segment in read_manifest(directory)]
+
+    def _find_parts_again(self) -> list[Part]:
+        """The files of a run that was finished, or resumed from a checkpoint, since it was opened."""
+        self._find_results()
+        return self._find_parts()
+
+    def _find_results(self) -> Path | None:
+        self.info = read_run_document(self.path)
+        self._results = _results_of(self.path, self.info)
+        return self._results
+
+
+def open_run(path: Path | str) -> Run:
+    """Open a run directory, or a ``results.h5`` on its own.
+
+    Works on a finished run, on one that is running (what has been committed so far), and on one that was interrupted.
+
+    Raises:
+        DirectoryRefused: If the directory holds no run.
+        DamagedRun: If a file is damaged; `UnsupportedVersion` if it was made by an incompatible version.
+        StorageError: If a file cannot be read.
+    """
+    path = Path(path)
+    if path.is_file():
+        return Run(path, _info_of_results(path), path)
+    if not (path / layout.RUN).exists() and (path / layout.RESULTS).is_file():
+        return open_run(path / layout.RESULTS)
+    for attempt in range(3):
+        info = read_run_document(path)
+        try:
+            run = Run(path, info, _results_of(path, info))
+        except DamagedRun:
+            if attempt == 2 or read_run_document(path) == info:
+                raise
+            continue
+        if info["results"] or not read_run_document(path)["results"]:
+            return run
+        run.close()  # the run was finished, and its segments removed, while it was opened
+    raise DamagedRun(f"{path}: changes while it is opened; try again")
+
+
+def _results_of(path: Path, info: Document) -> Path | None:
+    """``results.h5`` if ``run.json`` says that it is complete."""
+    results = info["results"]
+    if not results:
+        return None
+    file = path / layout.RESULTS
+    try:
+        size, expected = file.stat().st_size, results["size"]
+    except FileNotFoundError as error:
+        raise DamagedRun(f"{file}: missing") from error
+    if size != expected:
+        raise DamagedRun(f"{file}: has {size} bytes instead of {expected}; it was cut or replaced")
+    return file
+
+
+def _info_of_results(path: Path) -> Document:
+    with CheckedFile(path, RESULTS_FILETYPE) as file:
+        texts = {name: file.text(name) for name in ("run_id", "status", "stop_reason", "started", "finished", "precision")}
+        documents = {name: file.json(name) for name in ("provenance", "summary")}
+        stages = file.strings(next(spec for spec in schema.SCENARIO if spec.name == "stages"))
+        frames = int(file.dataset(next(spec for spec in schema.STEPS if spec.name == "step")).shape[0])
+        digest = file.text("data_digest")
+    results = {"size": path.stat().st_size, "data_digest": digest, "frames": frames}
+    return {**texts, **documents, "stages": stages, "exit_code": 0, "timings": {}, "results": results}

@@ -1,0 +1,188 @@
+"""``results.h5``: all segments of a finished run in one file, written as a stream and verified before the segments go."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from multicor_cli.state import Model
+from multicor_cli.store import schema
+from multicor_cli.store.checked import CheckedFile
+from multicor_cli.store.errors import DamagedRun
+from multicor_cli.store.hdf5 import (
+    DatasetStream,
+    Hdf5Writer,
+    Precision,
+    data_digest,
+    dtype_of,
+    encode_strings,
+    estimate_size,
+    write_hdf5,
+)
+from multicor_cli.store.manifest import Segment, check_segment
+from multicor_cli.store.model_file import model_columns, write_model_into
+from multicor_cli.store.schema import Dataset
+from multicor_cli.store.segments import FILETYPE as SEGMENT_FILETYPE
+
+FILETYPE = "multicor-results"
+
+_ROWS = tuple(spec for spec in schema.SEGMENT_TABLE if spec not in schema.OFFSETS)
+
+
+@dataclass(frozen=True)
+class Texts:
+    """What ``/scenario`` holds.
+
+    Attributes:
+        source: The scenario as given.
+        resolved: The scenario with all defaults.
+        stages: Names of the loading stages.
+    """
+
+    source: str
+    resolved: str
+    stages: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class ResultsInfo:
+    """A verified ``results.h5``.
+
+    Attributes:
+        size: Size of the file [bytes].
+        data_digest: Digest over all datasets.
+        frames: Number of frames.
+        series_rows: Rows of the time series.
+    """
+
+    size: int
+    data_digest: str
+    frames: int
+    series_rows: int
+
+
+def write_results(
+    path: Path,
+    directory: Path,
+    segments: Sequence[Segment],
+    model: Model,
+    texts: Texts,
+    *,
+    run_id: str,
+    attributes: Mapping[str, Any],
+    precision: Precision,
+) -> ResultsInfo:
+    """Merge segments into one file, one segment in memory at a time.
+
+    Args:
+        path: Where to write.
+        directory: Directory of the segments.
+        segments: The segments in order.
+        model: The model of the run.
+        texts: Scenario and names of the stages.
+        run_id: Identity of the run.
+        attributes: More root attributes.
+        precision: How datasets of type ``float`` are stored in the segments and here.
+
+    Raises:
+        DamagedRun: If a segment does not match its digest, or the file does not read back as written.
+        StorageFull: If there is not enough space for the file beside the segments.
+        StorageError: For any other error of the system.
+    """
+    merger = _Merger(directory, segments, model, texts, run_id, precision)
+    root = {"filetype": FILETYPE, "run_id": run_id, "precision": precision, "data_digest": "", **attributes}
+    digests = write_hdf5(
+        path,
+        "results",
+        root,
+        merger.fill,
+        size=estimate_size(schema.RESULTS_TABLE, merger.bytes),
+        precision=precision,
+        compress_integers=True,
+        verify=_verify,
+        read_only=False,
+    )
+    rows = merger.rows
+    return ResultsInfo(path.stat().st_size, data_digest(digests), rows["frame"], rows["series_row"])
+
+
+def _verify(path: Path, digests: dict[str, str]) -> None:
+    with CheckedFile(path, FILETYPE) as file:
+        for spec in schema.RESULTS_TABLE:
+            file.check_digest(spec, digests[spec.path])
+
+
+class _Merger:
+    def __init__(
+        self, directory: Path, segments: Sequence[Segment], model: Model, texts: Texts, run_id: str, precision: Precision
+    ) -> None:
+        self._directory, self._segments, self._run_id = directory, segments, run_id
+        self._scenario = {
+            "scenario/source": encode_strings([texts.source]),
+            "scenario/resolved": encode_strings([texts.resolved]),
+            "scenario/stages": encode_strings(list(texts.stages)),
+        }
+        self._model = model_columns(model)
+        self._walls = model.wall_count
+        self.rows = {
+            "frame": sum(s.frames for s in segments),
+            "particle_row": sum(s.particle_rows for s in segments),
+            "contact_row": sum(s.contact_rows for s in segments),
+            "series_row": sum(s.series_rows for s in segments),
+        }
+        constant = sum(values.nbytes for values in [*self._scenario.values(), *self._model.values()])
+        rows = sum(int(np.prod(self._shape(s), dtype=np.int64)) * dtype_of(s, precision).itemsize for s in _ROWS)
+        self.bytes = constant + rows + 16 * (self.rows["frame"] + 1)
+
+    def fill(self, writer: Hdf5Writer) -> None:
+        for spec in schema.SCENARIO:
+            writer.write(spec, self._scenario[spec.path])
+        write_model_into(writer, self._model)
+        streams = {spec: writer.stream(spec, self._shape(spec)) for spec in _ROWS}
+        counts: dict[Dataset, list[NDArray[np.int64]]] = {spec: [np.zeros(1, np.int64)] for spec in schema.OFFSETS}
+        for segment in self._segments:
+            self._copy(segment, streams, counts)
+        for spec, stream in streams.items():
+            writer.finish(spec, stream)
+        for spec, parts in counts.items():
+            writer.write(spec, np.cumsum(np.concatenate(parts)))
+
+    def _copy(
+        self, segment: Segment, streams: dict[Dataset, DatasetStream], counts: dict[Dataset, list[NDArray[np.int64]]]
+    ) -> None:
+        check_segment(self._directory, segment)
+        dims = segment_dims(segment) | {"wall": self._walls}
+        with CheckedFile(self._directory / segment.name, SEGMENT_FILETYPE, run_id=self._run_id, dims=dims) as file:
+            for spec, stream in streams.items():
+                for block in file.blocks(spec):
+                    stream.append(block)
+            for spec, parts in counts.items():
+                rows = segment.particle_rows if spec.name == "particle_offset" else segment.contact_rows
+                parts.append(np.diff(read_offsets(file, spec, rows)))
+
+    def _shape(self, spec: Dataset) -> tuple[int, ...]:
+        lengths = {**self.rows, "wall": self._walls}
+        return tuple(d if isinstance(d, int) else lengths[d] for d in spec.dims)
+
+
+def segment_dims(segment: Segment) -> dict[str, int]:
+    """Named lengths of the datasets in a segment, as its line in the manifest tells them."""
+    return {
+        "frame": segment.frames,
+        "particle_row": segment.particle_rows,
+        "contact_row": segment.contact_rows,
+        "series_row": segment.series_rows,
+    }
+
+
+def read_offsets(file: CheckedFile, spec: Dataset, rows: int) -> NDArray[np.int64]:
+    """Offsets of the frames, checked against the number of rows; raises `DamagedRun`."""
+    values: NDArray[np.int64] = file.read(spec)
+    if not values.size or values[0] != 0 or values[-1] != rows or (np.diff(values) < 0).any():
+        raise DamagedRun(f"{file.path}: {spec.path} does not fit {rows} rows")
+    return values

@@ -1,0 +1,109 @@
+"""``run.json``: what a run is, where it comes from, and how it ended."""
+
+from __future__ import annotations
+
+import hashlib
+import shlex
+import uuid
+from collections.abc import Callable, Mapping, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+
+from multicor_cli.store import layout
+from multicor_cli.store.checked import check_version
+from multicor_cli.store.documents import Document, plain, read_document
+from multicor_cli.store.errors import DamagedRun, DirectoryRefused
+from multicor_cli.store.hdf5 import Precision
+from multicor_cli.store.provenance import current_command
+from multicor_cli.store.schema import FORMAT_VERSION
+from multicor_cli.store.summary import empty_summary
+
+FILETYPE = "multicor-run"
+CREATING = "creating"
+"""Status of a run of which not all files are there yet; nothing has been computed."""
+
+
+def read_run_document(path: Path) -> Document:
+    """``run.json`` of a run directory, checked.
+
+    Raises:
+        DirectoryRefused: If there is no run.
+        DamagedRun: If it is damaged, or of an incompatible version (`UnsupportedVersion`).
+        StorageError: If it cannot be read.
+    """
+    file = path / layout.RUN
+    if not file.is_file():
+        raise DirectoryRefused(f"{path}: holds no run")
+    document = read_document(file)
+    if document.get("filetype") != FILETYPE:
+        raise DamagedRun(f"{file}: not the description of a run")
+    check_version(file, list(document.get("format_version", [])))
+    missing = _KEYS - document.keys()
+    if missing:
+        raise DamagedRun(f"{file}: lacks {', '.join(sorted(missing))}")
+    wrong = [name for name, is_right in _TYPES.items() if not is_right(document[name])]
+    if wrong:
+        raise DamagedRun(f"{file}: {wrong[0]} is {document[wrong[0]]!r}")
+    return document
+
+
+def new_document(
+    source: bytes, resolved: str, provenance: Mapping[str, Any], stages: Sequence[str], precision: Precision
+) -> Document:
+    """The document of a run that begins now; arguments as for ``RunDirectory.create``."""
+    return {
+        "filetype": FILETYPE,
+        "format_version": list(FORMAT_VERSION),
+        "run_id": uuid.uuid4().hex,
+        "status": CREATING,
+        "stop_reason": "",
+        "exit_code": None,
+        "started": now(),
+        "finished": "",
+        "updated": now(),
+        "precision": precision,
+        "stages": list(stages),
+        "source_sha256": hashlib.sha256(source).hexdigest(),
+        "resolved_sha256": hashlib.sha256(resolved.encode()).hexdigest(),
+        "provenance": plain(dict(provenance)),
+        "sessions": [new_session()],
+        "timings": {},
+        "summary": None,
+        "results": None,
+    }
+
+
+def new_session() -> Document:
+    """When and by which command this process began to work on a run."""
+    return {"started": now(), "command": shlex.join(current_command())}
+
+
+def now() -> str:
+    """This moment in UTC, to the second."""
+    return datetime.now(UTC).isoformat(timespec="seconds")
+
+
+_KEYS = set(new_document(b"", "", {}, (), "double"))
+
+
+def _is_results(value: Any) -> bool:
+    return value is None or (isinstance(value, dict) and all(isinstance(value.get(k), int) for k in ("size", "frames")))
+
+
+def _is_summary(value: Any) -> bool:
+    return value is None or (isinstance(value, dict) and value.keys() >= empty_summary().keys())
+
+
+_TYPES: dict[str, Callable[[Any], bool]] = {
+    "run_id": lambda value: isinstance(value, str),
+    "status": lambda value: value in (CREATING, "running", "finished", "stopped", "failed"),
+    "stages": lambda value: isinstance(value, list) and all(isinstance(name, str) for name in value),
+    "sessions": lambda value: isinstance(value, list),
+    "provenance": lambda value: isinstance(value, dict),
+    "timings": lambda value: isinstance(value, dict),
+    "started": lambda value: isinstance(value, str),
+    "updated": lambda value: isinstance(value, str),
+    "results": _is_results,
+    "summary": _is_summary,
+}

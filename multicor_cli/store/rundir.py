@@ -1,0 +1,363 @@
+"""A run directory, from the side of the run: create, resume, checkpoint, finish."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+from types import TracebackType
+from typing import Any, Literal
+
+from multicor_cli.state import Model, State
+from multicor_cli.store import layout
+from multicor_cli.store.atomic import kill_point, storage_errors
+from multicor_cli.store.checkpoint import Checkpoint, Identity, load_newest, prune, write_checkpoint
+from multicor_cli.store.documents import Document, plain, write_document
+from multicor_cli.store.errors import DamagedRun, DirectoryRefused, StoreError
+from multicor_cli.store.hdf5 import Precision
+from multicor_cli.store.lock import RunLock
+from multicor_cli.store.manifest import keep_segments
+from multicor_cli.store.model_file import load_model, model_digest, write_model
+from multicor_cli.store.prepare import check_usable, is_run, lay_out, read_scenario, remove_temporaries
+from multicor_cli.store.results import Texts, write_results
+from multicor_cli.store.run_document import new_document, new_session, now, read_run_document
+from multicor_cli.store.segments import FrameWriter
+
+Status = Literal["finished", "stopped", "failed"]
+
+
+class RunDirectory:
+    """The directory of one run, locked by this process. Make one with `create` or `resume`; use it as a context manager.
+
+    Attributes:
+        path: The directory.
+    """
+
+    def __init__(self, path: Path, lock: RunLock, document: Document) -> None:
+        self.path = path
+        self._lock = lock
+        self._document = document
+        self._checkpoint: Checkpoint | None = None
+        self._is_loaded = False
+        self._writer: FrameWriter | None = None
+        self._model: Model | None = None
+        self._model_digest = ""
+        self._newest: tuple[str, int] | None = None
+
+    @staticmethod
+    def is_run(path: Path) -> bool:
+        """Whether ``path`` holds a run that can be resumed or is finished; False if there is nothing, or only a beginning."""
+        return is_run(Path(path))
+
+    @classmethod
+    def create(
+        cls,
+        path: Path,
+        source_text: str | bytes,
+        resolved_text: str,
+        provenance: Mapping[str, Any],
+        *,
+        stages: Sequence[str] = (),
+        precision: Precision = "double",
+        overwrite: bool = False,
+        force_unlock: bool = False,
+    ) -> RunDirectory:
+        """Begin a run in a new or empty directory, and lock it.
+
+        Args:
+            path: The directory; it is made, with its parents.
+            source_text: The scenario file as given, kept byte by byte.
+            resolved_text: The scenario with all defaults and overrides.
+            provenance: See `collect_provenance`.
+            stages: Names of the loading stages.
+            precision: How datasets of type ``float`` are stored.
+            overwrite: Remove the run that is there.
+            force_unlock: Ignore a lock held on another host.
+
+        Raises:
+            DirectoryRefused: If there is something that is not a run, foreign files in a run, or a run and no ``overwrite``.
+            RunLocked: If another process is running there.
+            StorageError: If a file cannot be written; `StorageFull` if there is no space.
+        """
+        path = Path(path)
+        check_usable(path, overwrite=overwrite)
+        with storage_errors(path):
+            path.mkdir(parents=True, exist_ok=True)
+        lock = RunLock(path / layout.LOCK, force=force_unlock)
+        try:
+            check_usable(path, overwrite=overwrite)
+            source = source_text.encode() if isinstance(source_text, str) else source_text
+            document = new_document(source, resolved_text, provenance, stages, precision)
+            lay_out(path, document, source, resolved_text.encode())
+        except BaseException:
+            lock.release()
+            raise
+        run = cls(path, lock, document)
+        run._is_loaded = True
+        return run
+
+    @classmethod
+    def resume(cls, path: Path, *, force_unlock: bool = False) -> RunDirectory:
+        """Lock an existing run to continue it, or to find that it is finished.
+
+        Raises:
+            DirectoryRefused: If there is no run.
+            RunLocked: If another process is running there.
+            DamagedRun: If ``run.json`` is damaged, or of an incompatible version.
+            StorageError: If a file cannot be read or written.
+        """
+        path = Path(path)
+        if not (path / layout.RUN).is_file():
+            raise DirectoryRefused(f"{path}: holds no run")
+        lock = RunLock(path / layout.LOCK, force=force_unlock)
+        try:
+            run = cls(path, lock, read_run_document(path))
+            run._begin_session()
+        except BaseException:
+            lock.release()
+            raise
+        return run
+
+    def __enter__(self) -> RunDirectory:
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Give the lock back. A run that was not finished, stopped or failed before counts as interrupted."""
+        self._lock.release()
+
+    @property
+    def status(self) -> str:
+        """``running``, ``finished``, ``stopped`` or ``failed``."""
+        return str(self._document["status"])
+
+    @property
+    def is_finished(self) -> bool:
+        """Whether the run is complete."""
+        return self.status == "finished"
+
+    @property
+    def run_id(self) -> str:
+        """Identity of the run, the same in all its files."""
+        return str(self._document["run_id"])
+
+    @property
+    def precision(self) -> Precision:
+        """How datasets of type ``float`` are stored."""
+        return "single" if self._document["precision"] == "single" else "double"
+
+    @property
+    def stages(self) -> tuple[str, ...]:
+        """Names of the loading stages."""
+        return tuple(self._document["stages"])
+
+    @property
+    def provenance(self) -> dict[str, Any]:
+        """Provenance of the first start."""
+        return dict(self._document["provenance"])
+
+    @property
+    def timings(self) -> dict[str, Any]:
+        """Timings given to the last `finish`; empty before."""
+        return dict(self._document["timings"])
+
+    @property
+    def source_text(self) -> str:
+        """The scenario file as given; raises `DamagedRun` if it was changed."""
+        return read_scenario(self.path / layout.SOURCE, self._document["source_sha256"])
+
+    @property
+    def resolved_text(self) -> str:
+        """The scenario with all defaults; raises `DamagedRun` if it was changed."""
+        return read_scenario(self.path / layout.RESOLVED, self._document["resolved_sha256"])
+
+    @property
+    def log_path(self) -> Path:
+        """Where the log goes."""
+        return self.path / layout.LOG
+
+    @property
+    def crash_path(self) -> Path:
+        """Where the traceback of an internal error goes."""
+        return self.path / layout.CRASH
+
+    def load_model(self) -> Model | None:
+        """The model of the run if it was stored; raises `DamagedRun` or `StorageError`."""
+        path = self.path / layout.MODEL
+        return load_model(path, self.run_id) if path.exists() else None
+
+    def load_checkpoint(self) -> Checkpoint | None:
+        """The newest whole checkpoint; output committed after it is set aside as ``*.orphan``, it will be computed again.
+
+        Returns:
+            ``None`` if none was ever written: the run starts from its beginning.
+
+        Raises:
+            DamagedRun: If there are checkpoints and none can be used.
+            StorageError: If a file cannot be read or renamed.
+        """
+        if not self._is_loaded:
+            segments = self.path / layout.SEGMENTS
+            found = load_newest(self.path / layout.CHECKPOINTS, self._identity(), None if self.is_finished else segments)
+            if not self.is_finished:
+                keep_segments(segments, list(found.segments) if found else [])
+                prune(self.path / layout.CHECKPOINTS, found.name if found else None)
+                self._document["summary"] = found.summary if found else None
+                self._save()
+            self._checkpoint, self._is_loaded = found, True
+            if found:
+                self._newest = (str(found.summary["state_digest"]), len(found.segments))
+        return self._checkpoint
+
+    def writer(self, model: Model) -> FrameWriter:
+        """The writer of frames and series, after the output of the checkpoint; stores the model the first time.
+
+        Raises:
+            DamagedRun: If the run goes on from a checkpoint made with another model.
+            StorageError: If the model cannot be written.
+        """
+        checkpoint = self.load_checkpoint()
+        digest = model_digest(model)
+        if checkpoint and checkpoint.model_digest != digest:
+            raise DamagedRun(f"{self.path}: the checkpoint belongs to another model; start again with --overwrite")
+        if checkpoint is None or not (self.path / layout.MODEL).exists():
+            write_model(self.path / layout.MODEL, model, self.run_id)
+        self._model, self._model_digest = model, digest
+        self._writer = FrameWriter(
+            self.path / layout.SEGMENTS,
+            self.run_id,
+            grain_count=model.grain_count,
+            wall_count=model.wall_count,
+            shape_count=model.shape_count,
+            precision=self.precision,
+            committed=checkpoint.segments if checkpoint else (),
+            last_steps=checkpoint.last_steps if checkpoint else (-1, -1),
+        )
+        return self._writer
+
+    def checkpoint(self, state: State, writer: FrameWriter) -> None:
+        """Commit what ``writer`` holds, then the state; the two newest checkpoints are kept.
+
+        Does nothing if the newest checkpoint holds this state and all output already.
+
+        Raises:
+            StorageFull: If there is not enough space; what was committed before stays.
+            StorageError: For any other error of the system.
+            DamagedRun: If the checkpoint does not read back as written.
+        """
+        if self._model is None:
+            raise ValueError("checkpoint before writer")
+        writer.flush()
+        identity = (state.digest(), len(writer.segments))
+        if identity == self._newest:
+            return
+        self._document["summary"] = write_checkpoint(
+            self.path / layout.CHECKPOINTS,
+            state,
+            self._identity(),
+            model_digest=self._model_digest,
+            segments=writer.segments,
+            last_steps=(writer.last_frame_step, writer.last_series_step),
+        )
+        self._newest = identity
+        self._save()
+
+    def progress(self, values: Mapping[str, Any]) -> None:
+        """Replace ``progress.json``, a heartbeat for people and scripts; a failure to write it does not matter."""
+        path = self.path / layout.PROGRESS
+        temporary = path.with_name(path.name + ".tmp")
+        with contextlib.suppress(OSError):
+            temporary.write_text(json.dumps(plain({**values, "updated": now()}), indent=1) + "\n")
+            temporary.replace(path)
+
+    def finish(
+        self,
+        status: Status,
+        *,
+        stop_reason: str = "",
+        exit_code: int = 0,
+        timings: Mapping[str, Any] | None = None,
+    ) -> None:
+        """Say how the run ended; ``finished`` also makes ``results.h5`` and then removes the segments.
+
+        Call `checkpoint` with the last state before, except where that state is not to be trusted.
+
+        Raises:
+            StorageFull: If there is not enough space; the run can be resumed when there is.
+            StorageError: For any other error of the system.
+            DamagedRun: If a segment is damaged.
+        """
+        self._document |= {"stop_reason": stop_reason, "exit_code": exit_code, "timings": dict(timings or {})}
+        if status == "finished":
+            self.consolidate()
+        elif self._writer is not None:
+            # Frames after the last checkpoint are there to look at; they will be computed again, so a failure does not matter.
+            with contextlib.suppress(StoreError):
+                self._writer.flush()
+        self._document |= {"status": status, "finished": now()}
+        self._save()
+        if status == "finished":
+            self._remove_segments()
+
+    def consolidate(self) -> Path:
+        """Make ``results.h5`` of all segments, verified; does nothing if that is done. Raises as `finish` does."""
+        path = self.path / layout.RESULTS
+        if self._document["results"]:
+            return path
+        checkpoint = self.load_checkpoint()
+        model = self._model or self.load_model()
+        if model is None:
+            raise DamagedRun(f"{self.path / layout.MODEL}: missing")
+        if self._writer is not None:
+            self._writer.flush()
+            segments = self._writer.segments
+        else:
+            segments = list(checkpoint.segments) if checkpoint else []
+        names = ("provenance", "started", "stop_reason", "summary")
+        info = write_results(
+            path,
+            self.path / layout.SEGMENTS,
+            segments,
+            model,
+            Texts(self.source_text, self.resolved_text, self.stages),
+            run_id=self.run_id,
+            attributes={**{name: self._document[name] for name in names}, "status": "finished", "finished": now()},
+            precision=self.precision,
+        )
+        self._document["results"] = {"size": info.size, "data_digest": info.data_digest, "frames": info.frames}
+        self._save()
+        return path
+
+    def _identity(self) -> Identity:
+        return Identity(self.run_id, str(self._document["resolved_sha256"]))
+
+    def _save(self) -> None:
+        self._document["updated"] = now()
+        write_document(self.path / layout.RUN, "runjson", self._document)
+
+    def _begin_session(self) -> None:
+        remove_temporaries(self.path)
+        if self.is_finished:
+            self._remove_segments()
+            return
+        with storage_errors(self.path):
+            for name in (layout.SEGMENTS, layout.CHECKPOINTS):
+                (self.path / name).mkdir(exist_ok=True)
+        self._document |= {"status": "running", "stop_reason": "", "exit_code": None, "finished": "", "results": None}
+        self._document["sessions"] = [*self._document["sessions"], new_session()]
+        self._save()
+
+    def _remove_segments(self) -> None:
+        """Everything is in ``results.h5``, and ``run.json`` says so; what a crash leaves of this goes at the next start."""
+        kill_point("cleanup.before")
+        directory = self.path / layout.SEGMENTS
+        with storage_errors(directory):
+            if directory.is_dir():
+                for entry in sorted(directory.iterdir()):
+                    entry.unlink()
+                    kill_point("cleanup.mid")
+                directory.rmdir()
+            (self.path / layout.MODEL).unlink(missing_ok=True)

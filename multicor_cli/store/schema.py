@@ -1,0 +1,285 @@
+"""The table of every dataset in the files of a run: one row each, the same for segments, `model.h5` and `results.h5`.
+
+A new quantity (a temperature, a heat rate, a heat book) is one more row here; writers and readers follow the table.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Literal
+
+from multicor_cli.state import BOOK_NAMES, TALLY_NAMES, WINDOW_NAMES
+
+FORMAT_VERSION = (1, 0)
+"""Major and minor version of the file format. A reader refuses another major version and ignores unknown datasets."""
+
+Dim = Literal[
+    "one",
+    "frame",
+    "frame_edge",
+    "particle_row",
+    "contact_row",
+    "series_row",
+    "grain",
+    "shape",
+    "wall",
+    "material",
+    "group",
+    "stage",
+    "table_edge",
+    "table_row",
+]
+"""Named lengths. ``frame_edge`` is ``frame + 1``: row ``offset[k]:offset[k+1]`` belongs to frame ``k``."""
+
+DType = Literal["f8", "float", "i8", "i4", "u1", "str"]
+"""Stored types. ``float`` is f8 or f4 after ``output.precision``; ``str`` is UTF-8 of fixed length."""
+
+
+@dataclass(frozen=True)
+class Dataset:
+    """One row of the table.
+
+    Attributes:
+        path: Name inside the file, without the leading slash.
+        dtype: Stored type.
+        dims: Shape: named lengths and numbers.
+        unit: SI unit, one per column (separated by commas) where they differ; ``1`` if dimensionless.
+        long_name: What it is, in a sentence.
+        finite: Whether every value must be finite.
+        since: Format version in which the dataset appeared.
+    """
+
+    path: str
+    dtype: DType
+    dims: tuple[Dim | int, ...]
+    unit: str
+    long_name: str
+    finite: bool = True
+    since: tuple[int, int] = (1, 0)
+
+    @property
+    def name(self) -> str:
+        """Last part of the path."""
+        return self.path.rsplit("/", 1)[-1]
+
+    @property
+    def group(self) -> str:
+        """Path without its last part."""
+        return self.path.rsplit("/", 1)[0]
+
+    @property
+    def row(self) -> Dim | int:
+        """What one row of the dataset stands for."""
+        return self.dims[0]
+
+
+MODEL: tuple[Dataset, ...] = (
+    Dataset("model/radius", "f8", ("grain",), "m", "radius of each grain"),
+    Dataset("model/mass", "f8", ("grain",), "kg", "mass of each grain"),
+    Dataset("model/inertia", "f8", ("grain",), "kg m2", "moment of inertia of each grain about its center"),
+    Dataset("model/material", "i4", ("grain",), "1", "material of each grain, a row of model/material_names"),
+    Dataset("model/group", "i4", ("grain",), "1", "particle group of each grain, a row of model/group_names"),
+    Dataset("model/material_names", "str", ("material",), "1", "names of the materials"),
+    Dataset("model/group_names", "str", ("group",), "1", "names of the particle groups"),
+    Dataset("model/walls/names", "str", ("wall",), "1", "names of the walls"),
+    Dataset("model/walls/mass", "f8", ("wall",), "kg", "mass that a load moves; nan if none was given", finite=False),
+    Dataset("model/walls/inertia", "f8", ("wall",), "kg m2", "moment of inertia of a wall; nan if none", finite=False),
+    Dataset("model/walls/has_gravity", "u1", ("wall",), "1", "whether gravity acts on the wall: 0 or 1"),
+    Dataset("model/walls/length", "f8", ("wall",), "m", "length over which a load on the wall spreads"),
+    Dataset("model/shapes/kind", "i4", ("shape",), "1", "0 disc, 1 plane, 2 segment, 3 vertex, 4 circle (inside)"),
+    Dataset("model/shapes/wall", "i4", ("shape",), "1", "wall that carries the shape, a row of model/walls/names"),
+    Dataset("model/shapes/geometry", "f8", ("shape", 4), "m", "four numbers in the frame of the wall; see the table of kinds"),
+    Dataset("model/shapes/material", "i4", ("shape",), "1", "material of the shape, a row of model/material_names"),
+    Dataset("model/laws/friction", "f8", ("material", "material"), "1", "coefficient of friction where laws/table is -1"),
+    Dataset("model/laws/restitution", "f8", ("material", "material"), "1", "coefficient of normal restitution"),
+    Dataset("model/laws/table", "i4", ("material", "material"), "1", "table of friction against sliding speed, or -1"),
+    Dataset("model/laws/table_start", "i4", ("table_edge",), "1", "first row of each table in the two below"),
+    Dataset("model/laws/table_speed", "f8", ("table_row",), "m/s", "sliding speeds, ascending within a table"),
+    Dataset("model/laws/table_friction", "f8", ("table_row",), "1", "coefficient of friction at these speeds"),
+    Dataset("model/period", "f8", ("one",), "m", "period in x; 0 if the domain is not periodic"),
+    Dataset("model/gravity", "f8", (2,), "m/s2", "acceleration of gravity (x, y)"),
+    Dataset("model/shape_factor", "f8", ("one",), "1", "m a2/I of every grain: 2 for discs, 5/2 for spheres"),
+)
+"""Written once (`state.Model`)."""
+
+STEPS: tuple[Dataset, ...] = (
+    Dataset("steps/step", "i8", ("frame",), "1", "steps done since the start of the run"),
+    Dataset("steps/time", "f8", ("frame",), "s", "time since the start of the run"),
+    Dataset("steps/dt", "f8", ("frame",), "s", "length of the last step; impulse/dt is its mean contact force; 0 before it"),
+    Dataset("steps/stage", "i4", ("frame",), "1", "loading stage, a row of scenario/stages"),
+    Dataset("steps/contacts_recorded", "u1", ("frame",), "1", "1 if the contacts of the frame are in the file, 0 if not"),
+)
+"""One row per frame."""
+
+OFFSETS: tuple[Dataset, ...] = (
+    Dataset("steps/particle_offset", "i8", ("frame_edge",), "1", "rows offset[k]:offset[k+1] of particles/* are frame k"),
+    Dataset("steps/contact_offset", "i8", ("frame_edge",), "1", "rows offset[k]:offset[k+1] of contacts/* are frame k"),
+)
+"""Where the rows of each frame lie."""
+
+PARTICLES: tuple[Dataset, ...] = (
+    Dataset("particles/position", "float", ("particle_row", 3), "m", "centers x, y, z; x wrapped into the period, z = 0"),
+    Dataset("particles/angle", "float", ("particle_row",), "rad", "rotation since the start of the run"),
+    Dataset("particles/image", "i8", ("particle_row",), "1", "periods by which x was wrapped: x + image*period is unwrapped"),
+    Dataset("particles/velocity", "float", ("particle_row", 3), "m/s", "velocities x, y, z of the centers; z = 0"),
+    Dataset("particles/spin", "float", ("particle_row",), "rad/s", "angular velocity, counter-clockwise positive"),
+)
+"""One row per grain and frame, in the order of the grains."""
+
+CONTACTS: tuple[Dataset, ...] = (
+    Dataset("contacts/i", "i4", ("contact_row",), "1", "first shape of the contact: a grain"),
+    Dataset("contacts/j", "i4", ("contact_row",), "1", "second shape: a grain if < n, else wall shape j - n"),
+    Dataset("contacts/kind", "u1", ("contact_row",), "1", "0 grain-grain, 1 grain-wall"),
+    Dataset(
+        "contacts/normal",
+        "float",
+        ("contact_row", 2),
+        "1",
+        "unit normal n from j to i; the tangent is n turned by +90 deg",
+    ),
+    Dataset("contacts/gap", "float", ("contact_row",), "m", "gap, negative where shapes overlap"),
+    Dataset("contacts/impulse", "float", ("contact_row", 2), "N s", "normal and tangential impulse on i in the last step"),
+    Dataset("contacts/slip", "float", ("contact_row",), "m/s", "tangential velocity of i relative to j after the step"),
+    Dataset("contacts/sliding", "u1", ("contact_row",), "1", "1 if the contact slides, 0 if it sticks or carries nothing"),
+)
+"""One row per contact of the last step and frame, ordered by (i, j)."""
+
+WALLS: tuple[Dataset, ...] = (
+    Dataset("walls/position", "f8", ("frame", "wall", 3), "m, m, rad", "displacement since the start and angle of the wall"),
+    Dataset("walls/velocity", "f8", ("frame", "wall", 3), "m/s, m/s, rad/s", "velocity and spin of the wall"),
+)
+"""One row per frame and wall."""
+
+
+def _scalar(name: str, unit: str, long_name: str, dtype: DType = "f8") -> Dataset:
+    return Dataset(f"series/{name}", dtype, ("series_row",), unit, long_name)
+
+
+SERIES: tuple[Dataset, ...] = (
+    _scalar("step", "1", "steps done since the start of the run", "i8"),
+    _scalar("time", "s", "time since the start of the run, the end of the window", "f8"),
+    _scalar("stage", "1", "loading stage, a row of scenario/stages", "i4"),
+    _scalar("strain", "1", "shear strain accumulated in this stage"),
+    _scalar("kinetic", "J", "kinetic energy of the free degrees of freedom"),
+    _scalar("kinetic_start", "J", "kinetic energy at the start of the run"),
+    _scalar("gravity_work", "J", "work of gravity since the start, position correction included"),
+    _scalar("wall_work", "J", "work done on the grains by prescribed wall velocities since the start"),
+    _scalar("load_work", "J", "work of the loads on driven walls since the start, position correction included"),
+    _scalar("friction_loss", "J", "energy lost to friction since the start, signed"),
+    _scalar("impact_loss", "J", "energy lost to impacts since the start, signed"),
+    _scalar("damping_loss", "J", "energy lost in the damping of loads since the start"),
+    _scalar("correction_work", "J", "energy moved by the projection of positions since the start"),
+    _scalar("friction_sliding", "J", "mu |u_t+| p_n summed since the start: the end-of-step rule"),
+    _scalar("negative_loss", "J", "negative part of friction_loss + impact_loss since the start"),
+    _scalar("terms", "J", "sum of the absolute terms of the energy balance since the start"),
+    _scalar("imbalance", "J", "kinetic - kinetic_start - works + losses now"),
+    _scalar("closure", "1", "largest |imbalance|/terms so far"),
+    _scalar("max_overlap", "1", "largest overlap over the smaller radius so far"),
+    _scalar("max_impulse_rate", "N", "largest normal impulse over dt so far"),
+    _scalar("corrected_steps", "1", "steps so far after which positions were projected", "i8"),
+    _scalar("window_duration", "s", "length of the window since the row before; 0 in a row without steps"),
+    _scalar("window_steps", "1", "steps in the window", "i8"),
+    _scalar("sweeps_mean", "1", "sweep-equivalents per step of the window; 0 in a row without steps"),
+    _scalar("unconverged", "1", "steps of the window that hit the cap on sweeps", "i8"),
+    _scalar("residual_rms", "1", "largest rms velocity correction over u_ref in the window"),
+    _scalar("residual_max", "1", "largest velocity correction over u_ref in the window"),
+    _scalar("residual_energy", "1", "largest energy residual G in the window"),
+    _scalar("contacts_mean", "1", "loaded contacts per step of the window"),
+    Dataset(
+        "series/virial_rate",
+        "f8",
+        ("series_row", 2, 2),
+        "N m",
+        "window mean of sum f_a l_b over grain-grain contacts, l from j to i; over an area: mean stress, compression positive",
+    ),
+    Dataset(
+        "series/wall_force",
+        "f8",
+        ("series_row", "wall", 3),
+        "N, N, N m",
+        "window mean of the force and torque exerted by the grains on each wall",
+    ),
+    Dataset(
+        "series/wall_position",
+        "f8",
+        ("series_row", "wall", 3),
+        "m, m, rad",
+        "displacement since the start and angle of the wall",
+    ),
+    Dataset("series/wall_velocity", "f8", ("series_row", "wall", 3), "m/s, m/s, rad/s", "velocity and spin of the wall"),
+)
+"""One row per point of the time series, which has its own, denser cadence than the frames."""
+
+SCENARIO: tuple[Dataset, ...] = (
+    Dataset("scenario/source", "str", ("one",), "1", "the scenario file as given"),
+    Dataset("scenario/resolved", "str", ("one",), "1", "the scenario with all defaults and overrides"),
+    Dataset("scenario/stages", "str", ("stage",), "1", "names of the loading stages"),
+)
+"""Only in ``results.h5``; a running run has the same texts as files beside it."""
+
+FRAME_TABLE = STEPS + OFFSETS + PARTICLES + CONTACTS + WALLS
+"""Everything that a frame consists of."""
+
+SEGMENT_TABLE = FRAME_TABLE + SERIES
+"""Everything in a segment."""
+
+RESULTS_TABLE = SCENARIO + MODEL + FRAME_TABLE + SERIES
+"""Everything in ``results.h5``."""
+
+CHECKPOINT: tuple[Dataset, ...] = (
+    Dataset("state/position", "f8", ("grain", 3), "m, m, rad", "centers (x wrapped into the period) and angles of the grains"),
+    Dataset("state/image", "i8", ("grain",), "1", "periods by which x was wrapped"),
+    Dataset("state/velocity", "f8", ("grain", 3), "m/s, m/s, rad/s", "velocities and spins of the grains"),
+    Dataset("state/wall_position", "f8", ("wall", 3), "m, m, rad", "displacements and angles of the walls"),
+    Dataset("state/wall_velocity", "f8", ("wall", 3), "m/s, m/s, rad/s", "velocities and spins of the walls"),
+    Dataset("state/contact_i", "i4", ("contact_row",), "1", "first shape of each contact that carried an impulse"),
+    Dataset("state/contact_j", "i4", ("contact_row",), "1", "second shape of each of these contacts"),
+    Dataset("state/contact_impulse", "f8", ("contact_row", 2), "N s", "normal and tangential impulse of the last step"),
+    Dataset("state/books", "f8", (len(BOOK_NAMES),), "J", "energy books, in the order of state.BOOK_NAMES"),
+    Dataset("state/tallies", "f8", (len(TALLY_NAMES),), "mixed", "counters, in the order of state.TALLY_NAMES"),
+    Dataset("state/window", "f8", (len(WINDOW_NAMES),), "mixed", "sums, in the order of state.WINDOW_NAMES"),
+    Dataset("state/window_wall_impulse", "f8", ("wall", 3), "N s, N s, N m s", "impulse on each wall since the last series row"),
+    Dataset("state/step", "i8", ("one",), "1", "steps done since the start of the run"),
+    Dataset("state/stage", "i8", ("one",), "1", "current loading stage"),
+    Dataset("state/stage_step", "i8", ("one",), "1", "steps done in this stage"),
+    Dataset("state/stage_start", "f8", ("one",), "s", "time at which this stage began"),
+    Dataset("state/stage_peak", "f8", ("one",), "J", "largest kinetic energy in this stage"),
+    Dataset("state/stage_strain", "f8", ("one",), "1", "shear strain accumulated in this stage"),
+    Dataset("state/time", "f8", ("one",), "s", "time since the start of the run"),
+    Dataset("state/last_dt", "f8", ("one",), "s", "length of the last step"),
+)
+"""A checkpoint: every field of `state.State` (a test compares the two)."""
+
+
+def names(table: tuple[Dataset, ...]) -> tuple[str, ...]:
+    """Last parts of the paths of a table, in order."""
+    return tuple(row.name for row in table)
+
+
+def markdown(table: tuple[Dataset, ...]) -> str:
+    """A table of the format documents: path, type, shape, unit, meaning, version in which it appeared."""
+    lines = ["| path | type | shape | unit | meaning | since |", "|---|---|---|---|---|---|"]
+    for row in table:
+        shape = ", ".join(_DIM_SYMBOL[d] if isinstance(d, str) else str(d) for d in row.dims)
+        since = ".".join(map(str, row.since))
+        meaning = row.long_name.replace("|", "\\|")
+        lines.append(f"| `{row.path}` | {row.dtype} | ({shape}) | {row.unit} | {meaning} | {since} |")
+    return "\n".join(lines)
+
+
+_DIM_SYMBOL: dict[str, str] = {
+    "one": "1",
+    "frame": "K",
+    "frame_edge": "K+1",
+    "particle_row": "P",
+    "contact_row": "C",
+    "series_row": "S",
+    "grain": "n",
+    "shape": "m",
+    "wall": "w",
+    "material": "k",
+    "group": "g",
+    "stage": "L",
+    "table_edge": "T+1",
+    "table_row": "R",
+}

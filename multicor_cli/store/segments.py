@@ -1,0 +1,191 @@
+"""Writing frames and rows of the time series: collected in memory, committed as immutable segments."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from multicor_cli.store import schema
+from multicor_cli.store.atomic import file_digest
+from multicor_cli.store.checked import CheckedFile
+from multicor_cli.store.frames import Columns, FrameData, SeriesRow
+from multicor_cli.store.hdf5 import Hdf5Writer, Precision, dtype_of, estimate_size, write_hdf5
+from multicor_cli.store.manifest import Segment, append_segment, segment_name
+from multicor_cli.store.schema import Dataset
+
+FILETYPE = "multicor-segment"
+FRAME_LIMIT = 64
+"""Most frames in a segment."""
+BYTE_LIMIT = 64 << 20
+"""A segment is committed as soon as it holds this much (one frame may be larger) [bytes]."""
+
+_FRAME_ROWS = schema.STEPS + schema.PARTICLES + schema.CONTACTS + schema.WALLS
+
+
+class FrameWriter:
+    """Collects frames and rows of the time series and commits them as segments.
+
+    Args:
+        directory: Directory of the segments.
+        run_id: Identity of the run.
+        grain_count: Number of grains n.
+        wall_count: Number of walls w.
+        shape_count: Number of wall shapes m.
+        precision: How datasets of type ``float`` are stored.
+        committed: Segments that are there already.
+        last_steps: Steps of the last frame and of the last row of the series that were committed; -1 if none.
+
+    Attributes:
+        segments: Committed segments.
+        last_frame_step: Step of the last frame, -1 if there is none.
+        last_series_step: Step of the last row of the series, -1 if there is none.
+    """
+
+    def __init__(
+        self,
+        directory: Path,
+        run_id: str,
+        *,
+        grain_count: int,
+        wall_count: int,
+        shape_count: int,
+        precision: Precision = "double",
+        committed: Iterable[Segment] = (),
+        last_steps: tuple[int, int] = (-1, -1),
+    ) -> None:
+        self._directory, self._run_id, self._precision = directory, run_id, precision
+        self._dims = {"grain": grain_count, "wall": wall_count, "particle_row": grain_count, "frame": 1, "series_row": 1}
+        self._shape_count = shape_count
+        self.segments = list(committed)
+        self.last_frame_step, self.last_series_step = last_steps
+        self._frames: list[Columns] = []
+        self._rows: list[Columns] = []
+        self._bytes = 0
+
+    @property
+    def frame_count(self) -> int:
+        """Frames since the start of the run, committed and pending."""
+        return sum(segment.frames for segment in self.segments) + len(self._frames)
+
+    @property
+    def series_count(self) -> int:
+        """Rows of the time series since the start of the run, committed and pending."""
+        return sum(segment.series_rows for segment in self.segments) + len(self._rows)
+
+    def frame(self, frame: FrameData) -> None:
+        """Add a frame (the arrays are copied).
+
+        Raises:
+            ValueError: If a value is not finite, an array has the wrong shape, or the step does not follow the last one.
+            StorageFull: If a segment is due and there is no space for it.
+            StorageError: If it cannot be written.
+        """
+        if frame.step <= self.last_frame_step:
+            raise ValueError(f"frame at step {frame.step} after one at step {self.last_frame_step}")
+        columns = frame.columns()
+        self._check_contacts(columns, frame.step)
+        stored = self._stored(_FRAME_ROWS, columns, f"frame at step {frame.step}")
+        self.last_frame_step = frame.step
+        self._frames.append(stored)
+        self._grow(stored)
+
+    def series_row(self, row: SeriesRow) -> None:
+        """Add a row of the time series (arrays are copied); raises as `frame` does."""
+        columns = row.columns()
+        step = int(columns["series/step"][0])
+        if step <= self.last_series_step:
+            raise ValueError(f"row of the time series at step {step} after one at step {self.last_series_step}")
+        stored = self._stored(schema.SERIES, columns, f"time series at step {step}")
+        self.last_series_step = step
+        self._rows.append(stored)
+        self._grow(stored)
+
+    def flush(self) -> None:
+        """Commit what is pending; raises `StorageFull` or `StorageError`, and then keeps it pending."""
+        if not self._frames and not self._rows:
+            return
+        path = self._directory / segment_name(len(self.segments))
+        attributes = {"filetype": FILETYPE, "run_id": self._run_id}
+        size = estimate_size(schema.SEGMENT_TABLE, self._bytes)
+        write_hdf5(path, "segment", attributes, self._fill, size=size, precision=self._precision, verify=self._verify)
+        segment = self._describe(path)
+        append_segment(self._directory, segment)
+        self.segments.append(segment)
+        self._frames, self._rows, self._bytes = [], [], 0
+
+    def _grow(self, columns: Columns) -> None:
+        self._bytes += sum(values.nbytes for values in columns.values()) + 16
+        if len(self._frames) >= FRAME_LIMIT or self._bytes >= BYTE_LIMIT:
+            self.flush()
+
+    def _stored(self, specs: tuple[Dataset, ...], columns: Columns, where: str) -> Columns:
+        unknown = columns.keys() - {spec.path for spec in specs}
+        if unknown:
+            raise ValueError(f"{where}: unknown quantities {sorted(unknown)}")
+        dims = dict(self._dims)
+        return {spec.path: self._copy(spec, columns[spec.path], dims, where) for spec in specs}
+
+    def _copy(self, spec: Dataset, values: NDArray[Any], dims: dict[str, int], where: str) -> NDArray[Any]:
+        expected = tuple(d if isinstance(d, int) else dims.setdefault(d, len(values)) for d in spec.dims)
+        if values.shape != expected:
+            raise ValueError(f"{where}: {spec.path} has shape {values.shape}, expected {expected}")
+        copy = np.array(values, dtype=dtype_of(spec, self._precision), order="C")
+        if copy.dtype.kind == "f" and not np.isfinite(copy).all():
+            row = int(np.argwhere(~np.isfinite(copy))[0][0])
+            raise ValueError(f"{where}: {spec.path} is not finite in row {row}")
+        return copy
+
+    def _check_contacts(self, columns: Columns, step: int) -> None:
+        i, j = np.asarray(columns["contacts/i"]), np.asarray(columns["contacts/j"])
+        n = self._dims["grain"]
+        if i.shape == j.shape and i.size and not ((i >= 0) & (i < n) & (j > i) & (j < n + self._shape_count)).all():
+            raise ValueError(f"frame at step {step}: a contact names a shape that does not exist")
+
+    def _fill(self, writer: Hdf5Writer) -> None:
+        for spec in schema.SEGMENT_TABLE:
+            if spec in schema.OFFSETS:
+                writer.write(spec, self._offsets(spec))
+            else:
+                self._write_pieces(writer, spec, self._rows if spec in schema.SERIES else self._frames)
+
+    def _write_pieces(self, writer: Hdf5Writer, spec: Dataset, pieces: list[Columns]) -> None:
+        rows = sum(len(piece[spec.path]) for piece in pieces)
+        tail = tuple(d if isinstance(d, int) else self._dims[d] for d in spec.dims[1:])
+        stream = writer.stream(spec, (rows, *tail))
+        for piece in pieces:
+            stream.append(piece[spec.path])
+        writer.finish(spec, stream)
+
+    def _offsets(self, spec: Dataset) -> NDArray[np.int64]:
+        path = "particles/angle" if spec.name == "particle_offset" else "contacts/gap"
+        counts = [len(frame[path]) for frame in self._frames]
+        return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
+
+    def _verify(self, path: Path, digests: dict[str, str]) -> None:
+        with CheckedFile(path, FILETYPE, run_id=self._run_id) as file:
+            for spec in schema.SEGMENT_TABLE:
+                file.check_digest(spec, digests[spec.path])
+
+    def _describe(self, path: Path) -> Segment:
+        steps = list(self._pending_steps())
+        return Segment(
+            name=path.name,
+            frames=len(self._frames),
+            particle_rows=sum(len(frame["particles/angle"]) for frame in self._frames),
+            contact_rows=sum(len(frame["contacts/gap"]) for frame in self._frames),
+            series_rows=len(self._rows),
+            first_step=min(steps),
+            last_step=max(steps),
+            size=path.stat().st_size,
+            blake2b=file_digest(path),
+        )
+
+    def _pending_steps(self) -> Iterator[int]:
+        for frame in self._frames:
+            yield int(frame["steps/step"][0])
+        for row in self._rows:
+            yield int(row["series/step"][0])

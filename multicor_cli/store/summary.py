@@ -1,0 +1,56 @@
+"""The few numbers about a state that ``run.json``, checkpoints and ``results.h5`` carry, and that `run_info` reports."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from multicor_cli.state import BOOK_NAMES, TALLY_NAMES, State
+
+Summary = dict[str, Any]
+
+
+def summarize(state: State) -> Summary:
+    """Counters, books and digest of a state.
+
+    Returns:
+        ``step, time, stage, grain_count, state_digest, energy_closure, heat_closure`` (null: no heat),
+        ``max_overlap`` (over the smaller radius), ``max_contact_force`` [N], ``corrected_steps``,
+        ``negative_loss_share``, ``solver`` and ``books`` [J].
+    """
+    tallies = dict(zip(TALLY_NAMES, state.tallies.tolist(), strict=True))
+    books = dict(zip(BOOK_NAMES, state.books.tolist(), strict=True))
+    return {
+        "step": state.step,
+        "time": state.time,
+        "stage": state.stage,
+        "grain_count": len(state.position),
+        "state_digest": state.digest(),
+        "energy_closure": books["closure"],
+        "heat_closure": None,
+        "max_overlap": tallies["max_overlap"],
+        "max_contact_force": tallies["max_impulse_rate"],
+        "corrected_steps": round(tallies["corrected_steps"]),
+        "negative_loss_share": _negative_share(books),
+        "solver": {
+            "sweeps_mean": tallies["sweeps"] / state.step if state.step else 0.0,
+            "residual_rms_max": tallies["residual_rms_max"],
+            "residual_max_max": tallies["residual_max_max"],
+            "unconverged_steps": round(tallies["unconverged_steps"]),
+        },
+        "books": books,
+    }
+
+
+def empty_summary() -> Summary:
+    """The summary of a run of which no state has been stored: the same keys, without values."""
+    names = ("step", "time", "stage", "grain_count", "state_digest", "energy_closure", "heat_closure", "max_overlap")
+    more = ("max_contact_force", "corrected_steps", "negative_loss_share")
+    solver = ("sweeps_mean", "residual_rms_max", "residual_max_max", "unconverged_steps")
+    return {**dict.fromkeys(names + more), "solver": dict.fromkeys(solver), "books": dict.fromkeys(BOOK_NAMES)}
+
+
+def _negative_share(books: dict[str, float]) -> float:
+    """Energy gained at contacts over energy lost there; ``negative_loss`` is their signed sum's negative part."""
+    negative = abs(books["negative_loss"])
+    positive = books["friction_loss"] + books["impact_loss"] + negative
+    return negative / positive if positive > 0.0 else 0.0

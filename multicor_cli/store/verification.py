@@ -1,0 +1,217 @@
+"""Checking all files of a run: digests, checksums, counts, ranges, finite values."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any, Literal
+
+import numpy as np
+from numpy.typing import NDArray
+
+from multicor_cli.store import layout, schema
+from multicor_cli.store.checked import CheckedFile
+from multicor_cli.store.checkpoint import Identity, load_checkpoint, newest_first
+from multicor_cli.store.documents import Document
+from multicor_cli.store.errors import DamagedRun, StoreError
+from multicor_cli.store.hdf5 import data_digest
+from multicor_cli.store.manifest import Segment, check_segment, read_manifest
+from multicor_cli.store.model_file import load_model, read_model
+from multicor_cli.store.prepare import read_scenario
+from multicor_cli.store.results import FILETYPE as RESULTS_FILETYPE
+from multicor_cli.store.results import read_offsets, segment_dims
+from multicor_cli.store.run_document import read_run_document
+from multicor_cli.store.schema import Dataset
+from multicor_cli.store.segments import FILETYPE as SEGMENT_FILETYPE
+
+
+@dataclass(frozen=True)
+class Finding:
+    """Something wrong, or worth knowing.
+
+    Attributes:
+        severity: ``error``: data are lost or not to be trusted; ``warning``: nothing is lost.
+        file: The file.
+        message: What was found.
+    """
+
+    severity: Literal["error", "warning"]
+    file: str
+    message: str
+
+
+Check = Callable[[], None]
+
+_CONTACT_BLOCK = 1 << 20
+
+
+def verify(path: Path | str) -> list[Finding]:
+    """Read everything that a run has stored and compare it with its digests; changes nothing.
+
+    Args:
+        path: A run directory, or a ``results.h5`` on its own.
+
+    Returns:
+        What is wrong; empty if nothing is.
+
+    Raises:
+        DirectoryRefused: If there is no run.
+    """
+    path = Path(path)
+    if path.is_file():
+        return _run_checks([(path, lambda: _check_results(path, None, None))])
+    if not (path / layout.RUN).exists() and (path / layout.RESULTS).is_file():
+        return verify(path / layout.RESULTS)
+    try:
+        document = read_run_document(path)
+    except DamagedRun as error:
+        return [Finding("error", str(path / layout.RUN), str(error))]
+    findings = _run_checks(_scenario_checks(path, document))
+    if document["results"]:
+        results = path / layout.RESULTS
+        findings += _run_checks([(results, lambda: _check_results(results, str(document["run_id"]), document["results"]))])
+    else:
+        findings += _verify_segments(path, document)
+    return findings + _verify_checkpoints(path, document) + list(_leftovers(path, document))
+
+
+def _run_checks(checks: list[tuple[Path, Check]]) -> list[Finding]:
+    findings = []
+    for file, check in checks:
+        try:
+            check()
+        except StoreError as error:
+            findings.append(Finding("error", str(file), str(error)))
+    return findings
+
+
+def _scenario_checks(path: Path, document: Document) -> list[tuple[Path, Check]]:
+    def check(name: str, key: str) -> tuple[Path, Check]:
+        return path / name, lambda: _discard(read_scenario(path / name, str(document[key])))
+
+    return [check(layout.SOURCE, "source_sha256"), check(layout.RESOLVED, "resolved_sha256")]
+
+
+def _discard(_: Any) -> None:
+    return None
+
+
+def _verify_segments(path: Path, document: Document) -> list[Finding]:
+    directory, run_id = path / layout.SEGMENTS, str(document["run_id"])
+    try:
+        segments = read_manifest(directory)
+        if not segments and not (path / layout.MODEL).exists():
+            return []
+        model = load_model(path / layout.MODEL, run_id)
+    except StoreError as error:
+        return [Finding("error", str(path), str(error))]
+    limits = Limits(model.grain_count, model.shape_count, model.wall_count, len(document["stages"]))
+    return _run_checks([(directory / s.name, _segment_check(directory, s, run_id, limits)) for s in segments])
+
+
+def _segment_check(directory: Path, segment: Segment, run_id: str, limits: Limits) -> Check:
+    def check() -> None:
+        check_segment(directory, segment)
+        dims = {**segment_dims(segment), "wall": limits.walls}
+        with CheckedFile(directory / segment.name, SEGMENT_FILETYPE, run_id=run_id, dims=dims) as file:
+            _check_tables(file, schema.SEGMENT_TABLE, limits)
+
+    return check
+
+
+def _check_results(path: Path, run_id: str | None, recorded: Document | None) -> None:
+    with CheckedFile(path, RESULTS_FILETYPE, run_id=run_id) as file:
+        model = read_model(file)
+        stages = len(file.strings(schema.SCENARIO[-1]))
+        limits = Limits(model.grain_count, model.shape_count, model.wall_count, stages)
+        digest = data_digest(_check_tables(file, schema.RESULTS_TABLE, limits))
+        expected = {file.text("data_digest"), *([recorded["data_digest"]] if recorded else [])}
+    if expected != {digest}:
+        raise DamagedRun(f"{path}: the data do not match their digest")
+    if recorded and path.stat().st_size != recorded["size"]:
+        raise DamagedRun(f"{path}: has {path.stat().st_size} bytes instead of {recorded['size']}")
+
+
+@dataclass(frozen=True)
+class Limits:
+    """Counts that values are compared with: grains, wall shapes, walls, stages."""
+
+    grains: int
+    shapes: int
+    walls: int
+    stages: int
+
+
+def _check_tables(file: CheckedFile, specs: tuple[Dataset, ...], limits: Limits) -> dict[str, str]:
+    """Digest, finite values, counts and ranges of every dataset; returns the digests."""
+    digests = {spec.path: file.check_digest(spec) for spec in specs}
+    for spec in specs:
+        if spec.finite and file.dataset(spec).dtype.kind == "f":
+            _check_finite(file, spec)
+    _check_rows(file, limits)
+    _check_contacts(file, limits)
+    for path, highest in (
+        ("contacts/sliding", 2),
+        ("steps/contacts_recorded", 2),
+        ("steps/stage", max(limits.stages, 1)),
+    ):
+        _check_range(file, path, highest)
+    return digests
+
+
+_SPECS = {spec.path: spec for spec in schema.RESULTS_TABLE}
+
+
+def _check_finite(file: CheckedFile, spec: Dataset) -> None:
+    for block in file.blocks(spec):
+        if not np.isfinite(block).all():
+            raise DamagedRun(f"{file.path}: {spec.path} holds a value that is not finite")
+
+
+def _check_range(file: CheckedFile, path: str, highest: int) -> None:
+    for block in file.blocks(_SPECS[path]):
+        if ((block < 0) | (block >= highest)).any():
+            raise DamagedRun(f"{file.path}: {path} holds a value outside 0 … {highest - 1}")
+
+
+def _check_rows(file: CheckedFile, limits: Limits) -> None:
+    rows: NDArray[np.int64] = read_offsets(file, _SPECS["steps/particle_offset"], file.dims["particle_row"])
+    read_offsets(file, _SPECS["steps/contact_offset"], file.dims["contact_row"])
+    if (np.diff(rows) != limits.grains).any():
+        raise DamagedRun(f"{file.path}: a frame does not hold {limits.grains} grains")
+    if file.dims["wall"] != limits.walls:
+        raise DamagedRun(f"{file.path}: holds {file.dims['wall']} walls instead of {limits.walls}")
+    for path in ("steps/step", "series/step"):
+        if (np.diff(file.read(_SPECS[path])) <= 0).any():
+            raise DamagedRun(f"{file.path}: {path} does not ascend")
+
+
+def _check_contacts(file: CheckedFile, limits: Limits) -> None:
+    for start in range(0, file.dims["contact_row"], _CONTACT_BLOCK):
+        stop = min(start + _CONTACT_BLOCK, file.dims["contact_row"])
+        i, j, kind = (file.read(_SPECS[f"contacts/{name}"], start, stop) for name in ("i", "j", "kind"))
+        if ((i < 0) | (i >= limits.grains) | (j <= i) | (j >= limits.grains + limits.shapes)).any():
+            raise DamagedRun(f"{file.path}: a contact names a shape that does not exist")
+        if (kind != (j >= limits.grains)).any():
+            raise DamagedRun(f"{file.path}: contacts/kind does not fit contacts/j")
+
+
+def _verify_checkpoints(path: Path, document: Document) -> list[Finding]:
+    identity = Identity(str(document["run_id"]), str(document["resolved_sha256"]))
+    sidecars = newest_first(path / layout.CHECKPOINTS)
+    return _run_checks([(sidecar, _checkpoint_check(sidecar, identity)) for sidecar in sidecars])
+
+
+def _checkpoint_check(sidecar: Path, identity: Identity) -> Check:
+    return lambda: _discard(load_checkpoint(sidecar, identity))
+
+
+def _leftovers(path: Path, document: Document) -> Iterator[Finding]:
+    for directory in (path, path / layout.SEGMENTS, path / layout.CHECKPOINTS):
+        for entry in sorted(directory.glob("*.tmp")):
+            yield Finding("warning", str(entry), "left by an interrupted write; the next start removes it")
+    for entry in sorted((path / layout.SEGMENTS).glob("*.orphan")):
+        yield Finding("warning", str(entry), "written after the checkpoint from which the run was continued; not used")
+    if document["results"] and (path / layout.SEGMENTS).exists() and document["status"] == "finished":
+        yield Finding("warning", str(path / layout.SEGMENTS), "not needed beside results.h5; the next start removes it")

@@ -1,0 +1,20 @@
+"""One finished run that all tests of the command line look at."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+from small_run import call, write_small
+
+
+@pytest.fixture(scope="session")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Directory of an uninterrupted run of the small scenario."""
+    directory = tmp_path_factory.mktemp("finished")
+    write_small(directory)
+    done = call("run", "small.toml", "-o", "full", cwd=directory)
+    assert done.returncode == 0, done.stderr
+    assert done.stdout == ""
+    assert "finished: step" in done.stderr
+    return directory / "full"

@@ -1,0 +1,69 @@
+"""Help is quick because nothing heavy is imported for it."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from small_run import call, environment
+
+from multicor_cli import __version__
+
+HEAVY = {"numpy", "numba", "h5py", "pydantic", "matplotlib", "scipy"}
+COMMANDS = ["new", "validate", "run", "info", "verify", "post", "schema", "doctor"]
+
+
+SCRIPT = """
+import sys
+try:
+    {code}
+except SystemExit:
+    pass
+print(*sorted({{name.split('.')[0] for name in sys.modules}}), file=sys.stderr)
+"""
+
+
+def loaded_after(code: str) -> set[str]:
+    """Top-level modules that are loaded after ``code`` has run in a process of its own."""
+    done = subprocess.run(
+        [sys.executable, "-c", SCRIPT.format(code=code)], env=environment(), capture_output=True, text=True, timeout=60, check=True
+    )
+    return set(done.stderr.split())
+
+
+@pytest.mark.parametrize("arguments", [["--help"], ["run", "--help"], ["post", "profile", "--help"], ["--version"]])
+def test_help_imports_nothing_heavy(arguments: list[str]) -> None:
+    modules = loaded_after(f"sys.argv = ['multicor', *{arguments}]; from multicor_cli.cli.app import main; main()")
+    assert "typer" in modules
+    # The command-line library itself looks for pydantic as soon as a command has options.
+    assert not modules & (HEAVY - {"pydantic"} if len(arguments) > 1 else HEAVY)
+
+
+def test_importing_the_package_imports_nothing_heavy() -> None:
+    modules = loaded_after("import multicor_cli, multicor_cli.run, multicor_cli.cli.app, multicor_cli.store; multicor_cli.run")
+    assert not modules & HEAVY
+
+
+def test_help_names_every_command(tmp_path: Path) -> None:
+    done = call("--help", cwd=tmp_path)
+    assert done.returncode == 0
+    for name in COMMANDS:
+        assert f" {name} " in done.stdout
+
+
+def test_version(tmp_path: Path) -> None:
+    done = call("--version", cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (0, f"multicor {__version__}\n")
+
+
+@pytest.mark.parametrize(
+    "arguments", [["nosuch"], ["run"], ["run", "a.toml", "--nosuch"], ["run", "a.toml", "--threads", "x"], ["post", "theta"]]
+)
+def test_wrong_usage_is_code_2(arguments: list[str], tmp_path: Path) -> None:
+    done = call(*arguments, cwd=tmp_path)
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert "Usage" in done.stderr
+    assert "Traceback" not in done.stderr

@@ -1,0 +1,78 @@
+"""Scenarios and measures for the tests of packings."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from multicor_cli.packing.obstacles import Obstacles
+from multicor_cli.packing.pairs import find_pairs
+from multicor_cli.scenario import Scenario, parse_scenario
+
+BASE = """\
+[scenario]
+name = "packing"
+seed = 5
+
+[domain]
+size = [0.06, 0.08]
+
+[materials.glass]
+density = 2500.0
+
+[materials.steel]
+density = 7800.0
+
+[[contacts]]
+pair = ["*", "*"]
+friction = 0.4
+
+[[particles]]
+name = "grains"
+material = "glass"
+shape = "disc"
+thickness = 2e-3
+sizes = { kind = "uniform", min = 0.8e-3, max = 1.2e-3 }
+count = 200
+packing = { kind = "random" }
+
+[[loading]]
+duration = 1.0
+
+[solver]
+dt = 1e-4
+
+[output]
+frame_interval = 0.1
+"""
+
+
+def generator(seed: int = 3) -> np.random.Generator:
+    return np.random.Generator(np.random.Philox(seed))
+
+
+def scenario(*overrides: str, extra: str = "", path: str = "test.toml") -> Scenario:
+    return parse_scenario(BASE + extra, path, overrides)
+
+
+def wall(name: str, geometry: str, rest: str = "") -> str:
+    return f'\n[[walls]]\nname = "{name}"\nmaterial = "steel"\ngeometry = {{ {geometry} }}\n{rest}\n'
+
+
+def pair_gaps(position: np.ndarray, radius: np.ndarray, cutoff: float, period: float = 0.0) -> tuple[np.ndarray, ...]:
+    """Grains i, j and the gaps of all pairs closer than ``cutoff``, independently of how the packing was made."""
+    pairs = find_pairs(position[:, :2].copy(), radius, Obstacles.none(), cutoff, period)
+    i = np.repeat(np.arange(radius.size), np.diff(pairs.row))
+    j = pairs.partner
+    d = position[i, :2] - position[j, :2]
+    if period:
+        d[:, 0] -= period * np.round(d[:, 0] / period)
+    return i, j, np.hypot(d[:, 0], d[:, 1]) - radius[i] - radius[j]
+
+
+def smallest_gap(position: np.ndarray, radius: np.ndarray, period: float = 0.0) -> float:
+    """Smallest gap of any two grains, by comparing all of them (few grains only) [m]."""
+    d = position[:, None, :2] - position[None, :, :2]
+    if period:
+        d[..., 0] -= period * np.round(d[..., 0] / period)
+    gap = np.hypot(d[..., 0], d[..., 1]) - radius[:, None] - radius[None, :]
+    return float(gap[~np.eye(radius.size, dtype=bool)].min())

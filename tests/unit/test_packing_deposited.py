@@ -1,0 +1,87 @@
+"""Deposits: every grain is supported, nothing overlaps, the fill is that of the construction."""
+
+import numpy as np
+import pytest
+from packing_support import generator, pair_gaps, smallest_gap
+
+from multicor_cli.packing.deposited import deposit
+from multicor_cli.packing.errors import PackingError
+from multicor_cli.packing.obstacles import Obstacles
+from multicor_cli.packing.region import Region
+from multicor_cli.packing.sizes import uniform_sizes
+
+WIDTH = 0.06
+
+
+def drop(radius, periodic=False, obstacles=None, height=10.0, seed=3):
+    region = Region(0.0, 0.0, WIDTH, height, periodic)
+    return deposit(radius, region, obstacles if obstacles is not None else Obstacles.none(), generator(seed))
+
+
+def supports(position, radius, periodic):
+    """For each grain: is it on the floor, and has it contacts on its left and right, at least one of them below."""
+    n, tolerance = radius.size, 1e-9 * radius.max()
+    i, j, _ = pair_gaps(position, radius, tolerance, WIDTH if periodic else 0.0)
+    a, b = np.concatenate([i, j]), np.concatenate([j, i])
+    d = position[b] - position[a]
+    if periodic:
+        d[:, 0] -= WIDTH * np.round(d[:, 0] / WIDTH)
+    left, right, below = (np.zeros(n, bool) for _ in range(3))
+    # As deposited, a grain can only be held by earlier ones.
+    earlier = b < a
+    left[a[earlier & (d[:, 0] < 0)]] = True
+    right[a[earlier & (d[:, 0] > 0)]] = True
+    below[a[earlier & (d[:, 1] < 0)]] = True
+    if not periodic:
+        left |= position[:, 0] - radius < tolerance
+        right |= position[:, 0] + radius > WIDTH - tolerance
+    return position[:, 1] - radius < tolerance, left & right & below
+
+
+@pytest.mark.parametrize("periodic", [False, True])
+@pytest.mark.parametrize(("low", "high", "count"), [(1e-3, 1e-3, 3000), (0.8e-3, 1.2e-3, 3000), (0.1e-3, 2e-3, 3000)])
+def test_every_grain_rests_and_none_overlap(periodic, low, high, count):
+    radius = uniform_sizes(low, high, "number", 2).draw(count, generator())
+    position = drop(radius, periodic)
+    assert smallest_gap(position, radius, WIDTH if periodic else 0.0) > -1e-9 * 2 * low
+    assert (position[:, 1] - radius).min() > -1e-15
+    if not periodic:
+        assert (position[:, 0] - radius).min() > -1e-15
+        assert (position[:, 0] + radius).max() < WIDTH + 1e-15
+    on_floor, held = supports(position, radius, periodic)
+    assert np.all(on_floor | held)
+    assert on_floor.sum() > 5
+    surface = position[:, 1].max()
+    deep = position[:, 1] < 0.8 * surface
+    fill = np.pi * (radius[deep] ** 2).sum() / (WIDTH * 0.8 * surface)
+    assert 0.77 < fill < 0.85
+
+
+def test_second_layer_falls_on_obstacles():
+    radius = np.full(300, 1e-3)
+    discs = np.column_stack([np.arange(0.5, 30) * 2e-3, np.zeros(30), np.full(30, 1e-3)])
+    position = drop(radius, True, Obstacles.none().with_discs(discs))
+    together, both = np.concatenate([discs[:, :2], position]), np.concatenate([discs[:, 2], radius])
+    assert smallest_gap(together, both, WIDTH) > -1e-12
+    assert position[:, 1].min() == pytest.approx(np.sqrt(3) * 1e-3, rel=1e-9)
+
+
+def test_same_seed_same_bits_other_seed_other_heap():
+    radius = np.full(500, 1e-3)
+    np.testing.assert_array_equal(drop(radius), drop(radius))
+    assert not np.array_equal(drop(radius), drop(radius, seed=4))
+
+
+def test_full_region_is_refused_with_the_number_that_fits():
+    radius = np.full(2000, 1e-3)
+    with pytest.raises(PackingError, match="full with") as caught:
+        drop(radius, height=0.06)
+    fits = int(caught.value.message.split("full with ")[1].split()[0])
+    assert 0.75 < fits * np.pi * 1e-6 / (WIDTH * 0.06) < 0.85
+    position = drop(radius[:fits], height=0.06)
+    assert (position[:, 1] + 1e-3).max() <= 0.06 * (1 + 1e-9)
+
+
+def test_grain_wider_than_the_region_is_refused():
+    with pytest.raises(PackingError, match="width of the region"):
+        drop(np.array([0.04]))

@@ -1,0 +1,92 @@
+"""Random packings: no overlaps at any fill that is reached, clear of obstacles, reproducible, refused where impossible."""
+
+import numpy as np
+import pytest
+from packing_support import generator, smallest_gap
+
+from multicor_cli.packing.errors import PackingError
+from multicor_cli.packing.obstacles import Obstacles
+from multicor_cli.packing.random import random_packing
+from multicor_cli.packing.region import Region
+from multicor_cli.packing.sizes import disc_area, draw_to_total, uniform_sizes
+from multicor_cli.state import ShapeKind
+
+WIDTH = 0.05
+
+
+def radii(fill, low=0.8e-3, high=1.2e-3):
+    return draw_to_total(uniform_sizes(low, high, "number", 2), disc_area, fill * WIDTH * WIDTH, generator)
+
+
+def pack(radius, periodic=False, obstacles=None, separation=0.0, seed=3, **options):
+    region = Region(0.0, 0.0, WIDTH, WIDTH, periodic)
+    obstacles = Obstacles.none() if obstacles is None else obstacles
+    return random_packing(radius, region, obstacles, separation, 1000, generator(seed), **options)
+
+
+@pytest.mark.parametrize("periodic", [False, True])
+@pytest.mark.parametrize(("fill", "low"), [(0.3, 0.8e-3), (0.55, 0.8e-3), (0.75, 0.8e-3), (0.8, 0.8e-3), (0.75, 0.1e-3)])
+def test_fill_is_reached_without_overlap(periodic, fill, low):
+    radius = radii(fill, low)
+    assert disc_area(radius).sum() == pytest.approx(fill * WIDTH**2, rel=2e-3)
+    position = pack(radius, periodic)
+    assert smallest_gap(position, radius, WIDTH if periodic else 0.0) >= -1e-9 * low
+    assert np.all((position[:, 1] - radius >= -1e-12) & (position[:, 1] + radius <= WIDTH + 1e-12))
+    if periodic:
+        assert np.all((position[:, 0] >= 0.0) & (position[:, 0] < WIDTH))
+        assert np.any(position[:, 0] < radius)  # some reach across the boundary
+    else:
+        assert np.all((position[:, 0] - radius >= -1e-12) & (position[:, 0] + radius <= WIDTH + 1e-12))
+
+
+def test_dense_packing_is_disordered():
+    position = pack(radii(0.75), True)
+    # A lattice would show a strong peak here; the structure factor of a disordered packing stays of the order of one.
+    k = 2 * np.pi * np.arange(1, 60) / WIDTH
+    factor = np.abs(np.exp(1j * np.outer(k, position[:, 0])).sum(axis=1)) ** 2 / len(position)
+    assert factor.max() < 0.05 * len(position)
+
+
+def test_separation_is_kept():
+    for fill, separation in ((0.3, 0.2), (0.5, 0.1)):
+        radius = radii(fill)
+        gap = smallest_gap(pack(radius, separation=separation), radius)
+        assert gap >= separation * 2 * radius.mean() * (1 - 1e-9)
+
+
+def test_same_seed_same_bits_other_seed_other_places():
+    radius = radii(0.75)
+    np.testing.assert_array_equal(pack(radius), pack(radius))
+    assert not np.array_equal(pack(radius), pack(radius, seed=4))
+
+
+def test_obstacles_are_kept_clear_of():
+    discs = np.array([[0.01, 0.01, 4e-3], [0.03, 0.035, 6e-3]])
+    kind = np.array([ShapeKind.CIRCLE, ShapeKind.SEGMENT, ShapeKind.VERTEX, ShapeKind.VERTEX], np.int32)
+    world = np.array([[0.025, 0.025, 0.025, 0.0], [0.01, 0.04, 0.04, 0.01], [0.01, 0.04, -1, 1], [0.04, 0.01, 1, -1]])
+    radius = radii(0.4)
+    position = pack(radius, obstacles=Obstacles(kind, world).with_discs(discs))
+    for x, y, r in discs:
+        assert np.all(np.hypot(position[:, 0] - x, position[:, 1] - y) >= radius + r - 1e-12)
+    assert np.all(np.hypot(position[:, 0] - 0.025, position[:, 1] - 0.025) + radius <= 0.025 + 1e-12)
+    along = np.clip(((position - world[1, :2]) @ (world[1, 2:] - world[1, :2])) / (2 * 0.03**2), 0, 1)
+    foot = world[1, :2] + along[:, None] * (world[1, 2:] - world[1, :2])
+    assert np.all(np.hypot(*(position - foot).T) >= radius - 1e-12)
+
+
+def test_periodic_in_both_directions():
+    radius = radii(0.78)
+    position = pack(radius, True, is_periodic_in_y=True)
+    images = np.concatenate([position, position + np.array([0.0, WIDTH])])
+    assert smallest_gap(images, np.tile(radius, 2), WIDTH) >= -1e-9 * radius.min()
+    assert np.any(position[:, 1] < radius)  # no floor
+
+
+@pytest.mark.parametrize(("fill", "words"), [(0.95, "more than any packing"), (0.88, "overlap")])
+def test_impossible_fill_is_refused_with_the_number_that_fits(fill, words):
+    radius = radii(fill)
+    with pytest.raises(PackingError, match=words) as caught:
+        pack(radius, True)
+    fits = int(caught.value.remedy.split()[1])
+    assert fits == pytest.approx(0.8 / fill * radius.size, rel=0.02)
+    pack(radius[:fits], True)

@@ -1,0 +1,157 @@
+"""Wall geometries: chains of glued grains close, polylines know their corners, inertia and lengths."""
+
+import math
+
+import numpy as np
+import pytest
+from packing_support import generator, scenario, wall
+
+from multicor_cli.packing.chain import chain_in_circle, chain_on_line
+from multicor_cli.packing.errors import PackingError
+from multicor_cli.packing.sizes import list_sizes, uniform_sizes
+from multicor_cli.packing.wall_tables import build_walls
+from multicor_cli.packing.walls import box, circle, in_world, join_shapes, plane, polyline
+from multicor_cli.state import ShapeKind
+
+SIZES = {
+    "equal": list_sizes(np.array([1e-3]), None, "number", 2),
+    "list": list_sizes(np.array([0.5e-3, 1e-3, 1.5e-3]), None, "mass", 2),
+    "uniform": uniform_sizes(0.4e-3, 1.6e-3, "number", 2),
+}
+
+
+@pytest.mark.parametrize("sizes", SIZES)
+@pytest.mark.parametrize("length", [0.08, 0.0813, 0.0037])
+def test_chain_on_a_line_touches_and_ends_exactly(sizes, length):
+    start, end = np.array([0.01, 0.02]), np.array([0.01 + 0.6 * length, 0.02 + 0.8 * length])
+    chain = chain_on_line(start, end, SIZES[sizes], generator)
+    step = np.hypot(*np.diff(chain[:, :2], axis=0).T)
+    np.testing.assert_allclose(step, chain[1:, 2] + chain[:-1, 2], rtol=1e-12)
+    assert 2 * chain[:, 2].sum() == pytest.approx(length, rel=1e-13)
+    assert np.hypot(*(chain[0, :2] - start)) == pytest.approx(chain[0, 2], rel=1e-10)
+    assert np.hypot(*(chain[-1, :2] - end)) == pytest.approx(chain[-1, 2], rel=1e-9)
+    drawn = SIZES[sizes].draw(len(chain), generator())
+    factor = chain[0, 2] / drawn[0]
+    np.testing.assert_allclose(chain[:, 2], factor * drawn, rtol=1e-12)  # one factor for all
+    assert abs(factor - 1) <= 0.51 * 2 * SIZES[sizes].largest / length
+
+
+def test_chain_over_the_period_closes():
+    chain = chain_on_line(np.zeros(2), np.array([0.03, 0.0]), SIZES["uniform"], generator)
+    across = chain[0, 0] + 0.03 - chain[-1, 0]
+    assert across == pytest.approx(chain[0, 2] + chain[-1, 2], rel=1e-11)
+
+
+@pytest.mark.parametrize("sizes", SIZES)
+def test_chain_in_a_circle_touches_the_circle_and_closes(sizes):
+    chain = chain_in_circle(0.02, SIZES[sizes], generator)
+    np.testing.assert_allclose(np.hypot(chain[:, 0], chain[:, 1]) + chain[:, 2], 0.02, rtol=1e-13)
+    after = np.roll(chain, -1, axis=0)
+    gap = np.hypot(*(after[:, :2] - chain[:, :2]).T) - chain[:, 2] - after[:, 2]
+    assert np.abs(gap).max() < 1e-12
+    assert chain[:, 2].mean() == pytest.approx(
+        SIZES[sizes].draw(len(chain), generator()).mean(), rel=0.51 * 2 * SIZES[sizes].largest / (2 * math.pi * 0.019)
+    )
+
+
+def test_line_shorter_than_a_grain_is_refused():
+    with pytest.raises(PackingError, match="too short"):
+        chain_on_line(np.zeros(2), np.array([1e-3, 0.0]), SIZES["equal"], generator)
+
+
+def test_open_polyline_corners_name_their_segments():
+    body = polyline(np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 2.0]]), False)
+    assert body.kind.tolist() == [ShapeKind.SEGMENT] * 2 + [ShapeKind.VERTEX] * 3
+    assert body.geometry[2:, 2:].tolist() == [[-1, 0], [0, 1], [1, -1]]
+    np.testing.assert_allclose(body.origin, [2 / 3, 2 / 3])
+    assert body.length == 3.0
+    for k, (before, after) in enumerate(body.geometry[2:, 2:].astype(int)):
+        corner = body.geometry[2 + k, :2]
+        assert before < 0 or np.array_equal(body.geometry[before, 2:], corner)
+        assert after < 0 or np.array_equal(body.geometry[after, :2], corner)
+
+
+def test_closed_polyline_has_no_loose_end():
+    body = polyline(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]), True)
+    assert body.geometry[3:, 2:].tolist() == [[2, 0], [0, 1], [1, 2]]
+    assert body.length == pytest.approx(2 + math.sqrt(2))
+
+
+def test_corners_refer_to_rows_of_the_joined_table():
+    bodies = [plane(np.zeros(2), np.array([0.0, 2.0]), (1.0, 1.0)), polyline(np.array([[0.0, 0.0], [1.0, 0.0]]), False)]
+    shapes = join_shapes(bodies, [0, 1])
+    assert shapes.geometry[2:, 2:].tolist() == [[-1, 1], [1, -1]]
+    assert bodies[1].geometry[1:, 2:].tolist() == [[-1, 0], [0, -1]]  # the body itself is not changed
+    assert shapes.wall.tolist() == [0, 1, 1, 1]
+    assert shapes.material.tolist() == [0, 1, 1, 1]
+
+
+def test_simple_shapes_in_the_world():
+    bodies = [
+        plane(np.array([0.3, 0.1]), np.array([3.0, 4.0]), (2.0, 1.0)),
+        box(np.array([0.0, 0.0]), np.array([2.0, 1.0]), ("top",)),
+        circle(np.array([0.5, 0.6]), 0.25),
+    ]
+    shapes = join_shapes(bodies, [0, 0, 0])
+    world = in_world(shapes, np.array([body.origin for body in bodies]))
+    np.testing.assert_allclose(world[0], [0.3, 0.1, 0.6, 0.8])
+    assert bodies[0].length == pytest.approx(0.8 * 2.0 + 0.6 * 1.0)
+    np.testing.assert_allclose(world[1:4], [[0, 0.5, 1, 0], [2, 0.5, -1, 0], [1, 0, 0, 1]])
+    assert bodies[1].length == 4.0
+    np.testing.assert_allclose(world[4], [0.5, 0.6, 0.25, 0])
+    assert bodies[2].length == pytest.approx(math.pi / 2)
+
+
+ROUGH = 'kind = "rough", from = [0.0, 0.0], to = [0.06, 0.0], side = "left"'
+
+
+def built(geometry, rest="", *overrides):
+    return build_walls(scenario(*overrides, extra=wall("w", geometry, rest)))
+
+
+def test_mass_of_a_rough_wall_is_that_of_its_glued_grains():
+    result = built(ROUGH)
+    glued = result.bodies[0].glued
+    mass = math.pi * glued[:, 2] ** 2 * 2e-3 * 7800.0
+    assert result.walls.mass[0] == pytest.approx(mass.sum(), rel=1e-12)
+    about = 0.5 * mass * glued[:, 2] ** 2 + mass * (glued[:, 0] ** 2 + glued[:, 1] ** 2)
+    assert result.walls.inertia[0] == pytest.approx(about.sum(), rel=1e-12)
+    assert result.walls.length[0] == pytest.approx(0.06)
+    np.testing.assert_allclose(result.origins, [[0.03, 0.0]])
+
+
+def test_given_mass_wins_and_scales_the_inertia():
+    default, given = built(ROUGH), built(ROUGH, "mass = 2.0")
+    assert given.walls.mass[0] == 2.0
+    ratio = 2.0 / default.walls.mass[0]
+    assert given.walls.inertia[0] == pytest.approx(ratio * default.walls.inertia[0], rel=1e-12)
+    assert built(ROUGH, "inertia = 7.0").walls.inertia[0] == 7.0
+
+
+def test_mass_of_a_smooth_wall_is_unknown_unless_given():
+    geometry = 'kind = "plane", point = [0.0, 0.0], normal = [0.0, 1.0]'
+    walls = built(geometry).walls
+    assert math.isnan(walls.mass[0])
+    assert math.isnan(walls.inertia[0])
+    walls = built(geometry, "mass = 1.5\ngravity = true", "loading.0.drives.w={y={force=0.0}}").walls
+    assert walls.mass[0] == 1.5
+    assert math.isnan(walls.inertia[0])
+    assert walls.has_gravity[0]
+
+
+def test_rough_drum_keeps_its_circle():
+    result = built('kind = "circle", center = [0.03, 0.04], radius = 0.03, rough = "grains"')
+    kinds = result.shapes.kind
+    assert np.count_nonzero(kinds == ShapeKind.CIRCLE) == 1
+    assert np.count_nonzero(kinds == ShapeKind.DISC) > 60
+    assert result.walls.mass[0] > 0.0
+
+
+def test_glued_sizes_depend_on_seed_and_wall_only():
+    alone = built(ROUGH).bodies[0].geometry
+    second = wall("other", ROUGH.replace("0.0], to", "0.01], to").replace("0.06, 0.0", "0.06, 0.01"))
+    extra = wall("w", ROUGH) + second
+    both = build_walls(scenario(extra=extra))
+    np.testing.assert_array_equal(alone, both.bodies[0].geometry)
+    assert not np.array_equal(both.bodies[0].geometry[:, 2], both.bodies[1].geometry[:, 2])
+    assert not np.array_equal(alone, built(ROUGH, "", "scenario.seed=6").bodies[0].geometry)

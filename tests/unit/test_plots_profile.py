@@ -1,0 +1,86 @@
+"""Figures of profiles: what is drawn, labeled and written. How they look is for eyes."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from multicor_cli.plots import PlotError, draw_profile, plot_profile
+from multicor_cli.plots.profile import axis_labels
+from multicor_cli.plots.style import COLUMN, house_style
+from multicor_cli.post import FIELDS, ProfileTable
+
+
+def make_table(*, error: float = 0.01, low: float = 0.0) -> ProfileTable:
+    y = np.linspace(0.05, 0.95, 10)
+    return ProfileTable(
+        FIELDS["velocity"],
+        y,
+        0.3 * y,
+        np.full(10, error),
+        np.ones(10),
+        0.1,
+        1.0,
+        (low, 0.3),
+        ("bottom", "top"),
+        np.arange(5),
+        (0.0, 1.0),
+    )
+
+
+def test_axes_carry_quantity_and_unit() -> None:
+    assert axis_labels(make_table()) == ("velocity $v_x$ [m/s]", "height $y$ [m]")
+    across, upwards = axis_labels(make_table().normalized())
+    assert "wall" in across
+    assert upwards == "height $y/H$ [–]"
+    assert "v_0" in axis_labels(make_table(low=-0.3).normalized())[0]
+
+
+def test_band_is_the_standard_error_around_the_mean() -> None:
+    from matplotlib.figure import Figure
+
+    with house_style():
+        axes = Figure().add_subplot()
+        draw_profile(axes, make_table())
+    line, band = axes.lines[0], axes.collections[0]
+    assert np.allclose(line.get_xdata(), make_table().value)
+    edges = band.get_paths()[0].vertices
+    assert edges[:, 0].min() == pytest.approx(make_table().value[0] - 0.01)
+    assert edges[:, 0].max() == pytest.approx(make_table().value[-1] + 0.01)
+    assert axes.get_ylim() == (0.0, 1.0)
+    assert axes.get_legend() is not None
+
+
+def test_without_errors_there_is_no_band_to_explain() -> None:
+    from matplotlib.figure import Figure
+
+    with house_style():
+        axes = Figure().add_subplot()
+        draw_profile(axes, make_table(error=np.nan))
+    assert axes.get_legend() is None
+
+
+def test_figures_are_a_column_wide_and_reproducible(tmp_path: Path) -> None:
+    from PIL import Image
+
+    for name in ("a.png", "b.png", "a.svg", "b.svg", "a.pdf", "b.pdf"):
+        plot_profile(make_table(), tmp_path / name)
+    for suffix in ("png", "svg", "pdf"):
+        assert (tmp_path / f"a.{suffix}").read_bytes() == (tmp_path / f"b.{suffix}").read_bytes()
+    with Image.open(tmp_path / "a.png") as image:
+        assert image.width == pytest.approx(300 * COLUMN, abs=2)
+    assert "velocity" in (tmp_path / "a.svg").read_text()  # text stays text
+
+
+def test_unknown_format_is_refused(tmp_path: Path) -> None:
+    with pytest.raises(PlotError, match=r"\.png, \.svg, \.pdf"):
+        plot_profile(make_table(), tmp_path / "a.jpg")
+
+
+def test_missing_library_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "matplotlib", None)
+    with pytest.raises(PlotError, match="pip install"):
+        plot_profile(make_table(), tmp_path / "a.png")
