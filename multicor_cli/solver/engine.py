@@ -36,6 +36,7 @@ from multicor_cli.solver.walls import WallMotion
 from multicor_cli.state.model import Floats, Model
 from multicor_cli.state.state import State
 
+PARALLEL_GRAINS = 4_000  # below this, starting threads costs more than they save; results are the same
 STAGES = ("predict", "detect", "prepare", "solve", "account", "move", "correct")
 
 
@@ -66,7 +67,8 @@ class Engine:
         self.settings = settings or Settings()
         self.timers = dict.fromkeys(STAGES, 0.0)
         available = int(numba.config.NUMBA_NUM_THREADS)  # type: ignore[attr-defined]
-        self.threads = min(threads, available) if threads > 0 else available
+        wanted = min(threads, available) if threads > 0 else available
+        self.threads = wanted if model.grain_count >= PARALLEL_GRAINS else 1
         largest = float(model.grains.radius.max())
         if 0.0 < model.period < 8.0 * largest:
             message = f"the period {model.period:g} m is less than four times the largest diameter {2.0 * largest:g} m"

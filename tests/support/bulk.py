@@ -1,0 +1,60 @@
+"""State of the bulk of a plane shear flow, from a run directory: inertial number, μ*, solid fraction, spin."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from multicor_cli import open_run
+from multicor_cli.post.binning import area_below
+
+MARGIN = 5.0  # mean diameters next to a rough wall that do not count as bulk
+
+
+@dataclass
+class Bulk:
+    """Means and standard errors (from ten blocks) over the frames after a strain."""
+
+    inertial_number: float
+    friction: float
+    friction_error: float
+    solid_fraction: float
+    solid_fraction_error: float
+    spin_ratio: float
+    spin_ratio_error: float
+
+
+def _blocks(values, count=10):
+    means = np.array([block.mean(axis=0) for block in np.array_split(np.asarray(values), count)])
+    return means.mean(axis=0), means.std(axis=0, ddof=1) / np.sqrt(count)
+
+
+def _frame(frame, model):
+    """Shear rate (least squares), solid fraction and mean spin of the grains between the margins of one frame."""
+    diameter = model.mean_diameter
+    low = frame.wall_position[0, 1] + 0.5 * diameter + MARGIN * diameter
+    high = frame.wall_position[1, 1] - 0.5 * diameter - MARGIN * diameter
+    y, radius = frame.position[:, 1], model.grains.radius
+    area = area_below(high - y, radius) - area_below(low - y, radius)
+    inside = (y > low) & (y < high)
+    rate = np.polyfit(y[inside], frame.velocity[inside, 0], 1)[0]
+    return rate, area.sum() / ((high - low) * model.period), frame.spin[inside].mean()
+
+
+def measure_bulk(directory, *, load, strain=6.0):
+    """Average over the frames whose shear strain exceeds ``strain``; ``load`` is the force on the upper wall [N]."""
+    with open_run(directory) as run:
+        model, series = run.model, run.series
+        moved = series["strain"] > strain
+        force = series["wall_force"][moved]
+        began = series["time"][np.argmax(moved)]
+        frames = [_frame(frame, model) for frame in run.frames if frame.time >= began]
+        mass = model.grains.mass.mean()
+        pressure = load / model.period
+    rates, fractions, spins = np.array(frames).T
+    rate = rates.mean()
+    friction, friction_error = _blocks(0.5 * (force[:, 0, 0] - force[:, 1, 0]) / force[:, 1, 1].mean())
+    fraction, fraction_error = _blocks(fractions)
+    spin, spin_error = _blocks(spins / rate)
+    return Bulk(
+        rate * np.sqrt(mass / pressure), friction, friction_error, fraction, fraction_error, spin, spin_error
+    )  # fmt: skip
