@@ -101,11 +101,12 @@ class BarObserver(QuietObserver):
             return
         self._next = now + BAR_INTERVAL
         with contextlib.suppress(OSError):
+            line = describe(status, with_stage=False) + _remaining(status)
+            self._progress.update(self._task, completed=status.progress, description=status.stage, line=line)
             if not self._is_running:
                 self._is_running = True
                 self._progress.start()
-            line = describe(status, with_stage=False) + _remaining(status)
-            self._progress.update(self._task, completed=status.progress, description=status.stage, line=line, refresh=True)
+            self._progress.refresh()
 
     def closed(self) -> None:
         """Give the terminal back."""
@@ -126,4 +127,4 @@ def describe(status: Status, *, with_stage: bool = True) -> str:
 
 
 def _remaining(status: Status) -> str:
-    return "" if status.remaining is None else f"  {format_seconds(status.remaining)} left"
+    return "" if status.remaining is None or status.progress >= 1.0 else f"  {format_seconds(status.remaining)} left"

@@ -14,29 +14,32 @@ from multicor_cli.state import Model, State
 from multicor_cli.store import schema
 from multicor_cli.store.schema import Dataset
 
-CONTACTS_PER_GRAIN = 2.5
+CONTACTS_PER_GRAIN = 2.0
 """Contacts within reach, loaded or not, per grain of a dense packing."""
 
-SWEEPS = 40.0
-"""Sweeps of a step of a dense flow at the default tolerances."""
+SWEEPS = 300.0
+"""Sweeps of a step of a dense flow under gravity at the default tolerances: 150 to 500 in the shipped scenarios."""
 
-SECONDS_PER_CONTACT = 20e-9
+SECONDS_PER_CONTACT = 15e-9
 """One sweep over one contact on one core [s]."""
 
-SECONDS_PER_GRAIN = 1.5e-6
+SECONDS_PER_GRAIN = 2.5e-6
 """Everything but the sweeps, per grain and step, on one core [s]."""
 
-SECONDS_PER_STEP = 1e-3
+SECONDS_PER_STEP = 0.6e-3
 """What a step costs however few grains there are [s]."""
 
-BYTES_AT_REST = 300e6
+BYTES_AT_REST = 220e6
 """Memory of the interpreter with its libraries and kernels [bytes]."""
 
-BYTES_PER_GRAIN = 1200.0
+BYTES_PER_GRAIN = 1000.0
 """Memory per grain: state, contacts, neighbor list, solver [bytes]."""
 
 BUFFER = 64e6
 """Frames that wait to be written take up to this much, or one frame [bytes]."""
+
+PARALLEL_FROM = 5000
+"""Number of grains from which several threads pay."""
 
 _SHORTEST_MARCH = 20_000  # evaluations of a signal before the interval is doubled
 _DOUBLINGS = 30
@@ -52,7 +55,7 @@ class Estimate:
         frames: Frames at most; None likewise.
         memory: Memory in use [bytes].
         frame_bytes: Size of one frame [bytes].
-        disk: Size of ``results.h5`` [bytes]; None if the number of steps is not known.
+        disk: Size of the finished run directory [bytes]; None if the number of steps is not known.
         disk_peak: Largest size of the run directory [bytes], while ``results.h5`` is made; None likewise.
         seconds: Wall-clock time, compilation left out [s]; None likewise.
         flattening: Elastic deflection that rigid grains neglect, over the diameter; None without elastic materials or load.
@@ -82,8 +85,9 @@ def estimate(scenario: Scenario, plan: RunPlan, model: Model, state: State, thre
         frames = 1 + sum(-(-count // stage.frame_every) for count, stage in zip(known, plan.stages, strict=True))
         rows = 1 + sum(-(-count // stage.series_every) for count, stage in zip(known, plan.stages, strict=True))
         series = rows * _row_bytes(schema.SERIES, model.wall_count, is_single=False)
-        disk = frames * frame + series + n * 32.0
-        peak = 2.0 * disk + 2.0 * _checkpoint_bytes(model)
+        results = frames * frame + series + n * 32.0
+        disk = results + 2.0 * _checkpoint_bytes(model)
+        peak = disk + results
         seconds = sum(known) * seconds_per_step(n, threads)
     return Estimate(
         steps=None if known is None else sum(known),
@@ -101,12 +105,12 @@ def estimate(scenario: Scenario, plan: RunPlan, model: Model, state: State, thre
 def seconds_per_step(grains: int, threads: int) -> float:
     """Rough wall-clock time of a step [s]; small problems do not profit from threads."""
     work = grains * (CONTACTS_PER_GRAIN * SWEEPS * SECONDS_PER_CONTACT + SECONDS_PER_GRAIN)
-    return SECONDS_PER_STEP + (work / (0.8 * threads) if threads > 1 and grains > 5000 else work)
+    return SECONDS_PER_STEP + (work / (0.8 * threads) if threads > 1 and grains >= PARALLEL_FROM else work)
 
 
 def _basis(grains: int, threads: int) -> str:
     return (
-        f"rough: {1e3 * seconds_per_step(grains, threads):.3g} ms per step with {threads} threads from "
+        f"rough, to a factor of two or three: {1e3 * seconds_per_step(grains, threads):.3g} ms per step from "
         f"{CONTACTS_PER_GRAIN:g} contacts per grain, {SWEEPS:g} sweeps per step and {1e9 * SECONDS_PER_CONTACT:g} ns per "
         f"contact and sweep; dilute flows need fewer sweeps, cold starts more. Memory: {BYTES_PER_GRAIN:g} B per grain"
     )

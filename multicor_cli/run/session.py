@@ -160,7 +160,8 @@ class Session:
         return RunOutcome(reason, self._path, state.step, state.time, round(float(state.tallies[_UNCONVERGED])))
 
     def _announce(self, model: Model, engine: Engine) -> None:
-        self._observer.message(f"{model.grain_count} grains, {model.wall_count} walls, {engine.threads} threads")
+        plural = "thread" if engine.threads == 1 else "threads"
+        self._observer.message(f"{model.grain_count} grains, {model.wall_count} walls, {engine.threads} {plural}")
         if not is_compiled():
             self._observer.message("compiling the kernels; this happens once and takes up to half a minute")
 

@@ -28,16 +28,21 @@ def _blocks(values, count=10):
     return means.mean(axis=0), means.std(axis=0, ddof=1) / np.sqrt(count)
 
 
-def _frame(frame, model):
-    """Shear rate (least squares), solid fraction and mean spin of the grains between the margins of one frame."""
-    diameter = model.mean_diameter
-    low = frame.wall_position[0, 1] + 0.5 * diameter + MARGIN * diameter
-    high = frame.wall_position[1, 1] - 0.5 * diameter - MARGIN * diameter
-    y, radius = frame.position[:, 1], model.grains.radius
+def _interval(first, second, model):
+    """Shear rate (least squares), solid fraction and mean spin of the grains between the margins, between two frames.
+
+    Velocity and spin are displacements over the interval, so nothing of the fluctuations in between is missed.
+    """
+    diameter, period, lapse = model.mean_diameter, model.period, second.time - first.time
+    low = second.wall_position[0, 1] + 0.5 * diameter + MARGIN * diameter
+    high = second.wall_position[1, 1] - 0.5 * diameter - MARGIN * diameter
+    y, radius = second.position[:, 1], model.grains.radius
     area = area_below(high - y, radius) - area_below(low - y, radius)
+    x = [frame.position[:, 0] + period * frame.image for frame in (first, second)]
     inside = (y > low) & (y < high)
-    rate = np.polyfit(y[inside], frame.velocity[inside, 0], 1)[0]
-    return rate, area.sum() / ((high - low) * model.period), frame.spin[inside].mean()
+    rate = np.polyfit(y[inside], (x[1] - x[0])[inside] / lapse, 1)[0]
+    spin = (second.angle - first.angle)[inside].mean() / lapse
+    return rate, area.sum() / ((high - low) * period), spin
 
 
 def measure_bulk(directory, *, load, strain=6.0):
@@ -47,10 +52,11 @@ def measure_bulk(directory, *, load, strain=6.0):
         moved = series["strain"] > strain
         force = series["wall_force"][moved]
         began = series["time"][np.argmax(moved)]
-        frames = [_frame(frame, model) for frame in run.frames if frame.time >= began]
+        frames = [frame for frame in run.frames if frame.time >= began]
+        intervals = [_interval(*pair, model) for pair in zip(frames[:-1], frames[1:], strict=True)]
         mass = model.grains.mass.mean()
         pressure = load / model.period
-    rates, fractions, spins = np.array(frames).T
+    rates, fractions, spins = np.array(intervals).T
     rate = rates.mean()
     friction, friction_error = _blocks(0.5 * (force[:, 0, 0] - force[:, 1, 0]) / force[:, 1, 1].mean())
     fraction, fraction_error = _blocks(fractions)

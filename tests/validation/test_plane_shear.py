@@ -1,0 +1,42 @@
+"""μ*(I), solid fraction and mean spin of gravity-free plane shear against the independent soft-disc results of physics.md §1.3."""
+
+from pathlib import Path
+
+import pytest
+from bulk import measure_bulk
+
+import multicor_cli as multicor
+
+CONFIG = Path(__file__).parents[2] / "configs" / "shear-gravity-free.toml"
+SLOW = [
+    "loading.0.drives.top.x.velocity=0.4",
+    "particles.0.velocity=[0.2,0.0]",
+    "particles.0.shear_rate=14.5",
+    "output.frame_interval=0.01",
+]
+
+
+def friction_of(inertial_number):
+    """Curved fit through the table for μ = 0.4 (residuals ≤ 0.003)."""
+    return 0.2567 + 0.775 * inertial_number**0.768
+
+
+def solid_fraction_of(inertial_number):
+    """Straight line through the table for μ = 0.4."""
+    return 0.8135 - 0.307 * inertial_number
+
+
+@pytest.mark.validation
+@pytest.mark.timeout(1800)
+@pytest.mark.parametrize("seed", [2005, 7])
+@pytest.mark.parametrize(("overrides", "expected"), [([], 0.1), (SLOW, 0.01)], ids=["I=0.1", "I=0.01"])
+def test_rheology(tmp_path, overrides, expected, seed):
+    scenario = multicor.load_scenario(CONFIG, overrides=[*overrides, f"scenario.seed={seed}"])
+    multicor.run(scenario, tmp_path / "run")
+    bulk = measure_bulk(tmp_path / "run", load=0.3)
+    print(bulk)
+    number = bulk.inertial_number
+    assert number == pytest.approx(expected, rel=0.25)
+    assert abs(bulk.friction - friction_of(number)) < 0.04
+    assert abs(bulk.solid_fraction - solid_fraction_of(number)) < 0.01
+    assert abs(bulk.spin_ratio + 0.5) < 0.03
