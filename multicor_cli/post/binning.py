@@ -61,9 +61,7 @@ def share_discs(y: Floats, radius: Floats, bottom: float, width: float, count: i
     return Shares(*(np.concatenate(column) for column in zip(*pieces, strict=True)))
 
 
-def _overlap(
-    grain: NDArray[np.int64], bin_: NDArray[np.int64], y: Floats, radius: Floats, bottom: float, width: float
-) -> Shares:
+def _overlap(grain: NDArray[np.int64], bin_: NDArray[np.int64], y: Floats, radius: Floats, bottom: float, width: float) -> Shares:
     edge = bottom + bin_ * width - y[grain]
     area = area_below(edge + width, radius[grain]) - area_below(edge, radius[grain])
     return Shares(grain, bin_, np.maximum(area, 0.0))

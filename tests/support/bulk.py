@@ -7,7 +7,7 @@ import numpy as np
 from multicor_cli import open_run
 from multicor_cli.post.binning import area_below
 
-MARGIN = 5.0  # mean diameters next to a rough wall that do not count as bulk
+MARGIN = 8.0  # mean diameters next to a rough wall that do not count as bulk: spins are disturbed that far
 
 
 @dataclass

@@ -184,6 +184,18 @@ def test_floor_without_lid_measures_from_the_floor() -> None:
     assert table.height == pytest.approx(0.55)
 
 
+def test_heights_follow_the_lower_wall() -> None:
+    """Grains that move with the floor stay in their bins, and the height is that between the walls."""
+    rise = np.array([0.0, 0.4, 0.8])
+    source = make_source(rise[:, np.newaxis] + [[0.13, 0.87]], np.full(2, 0.1), np.full((3, 2), [1.0, 2.0]))
+    for frame, up in zip(source.frames, rise, strict=True):
+        frame.wall_position[:, 1] = up
+    table = profile(source, selection=Selection(start=0.0), bins=4)
+    assert table.height == pytest.approx(1.0)
+    assert table.value[[0, 1, 2, 3]] == pytest.approx([1.0, np.nan, np.nan, 2.0], nan_ok=True)
+    assert table.area.sum() == pytest.approx(2 * np.pi * 0.1**2)
+
+
 def _with_shapes(source: Source, kinds: list[ShapeKind], geometry: list[list[float]]) -> Source:
     shapes = WallShapes(
         np.array(kinds, np.int32),

@@ -236,6 +236,18 @@ def test_strain_counts_to_and_fro() -> None:
     assert total == pytest.approx(0.15)
 
 
+def test_strain_and_peak_begin_anew_in_each_stage() -> None:
+    model = make_model()
+    gauge = ShearGauge.between(model, "bottom", "top")
+    stages = tuple(
+        StagePlan(name, 0.025, None, StrainReached(gauge, 0.5), 100, 100, Settings(), shear(1.0)) for name in ("forth", "on")
+    )
+    engine, recorder = FakeEngine(model), MemoryRecorder()
+    run_all(RunPlan("twice", stages, 1e9, True), recorder, engine)
+    assert [frame[0] for frame in recorder.frames] == [0, 20, 40]
+    assert (engine.state.stage_strain, engine.state.stage_peak) == (0.0, 0.0)
+
+
 def test_gauge_refuses_unknown_and_equal_walls() -> None:
     model = make_model()
     with pytest.raises(ValueError, match="no wall 'lid'"):

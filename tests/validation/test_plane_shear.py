@@ -9,9 +9,9 @@ import multicor_cli as multicor
 
 CONFIG = Path(__file__).parents[2] / "configs" / "shear-gravity-free.toml"
 SLOW = [
-    "loading.0.drives.top.x.velocity=0.4",
-    "particles.0.velocity=[0.2,0.0]",
-    "particles.0.shear_rate=14.5",
+    "loading.0.drives.top.x.velocity=0.59",
+    "particles.0.velocity=[0.295,0.0]",
+    "particles.0.shear_rate=13.1",
     "output.frame_interval=0.01",
 ]
 
