@@ -9,6 +9,7 @@ import tomllib
 from collections.abc import Iterator
 from pathlib import Path
 
+from multicor_cli import __version__
 from multicor_cli.kernels.cache import is_compiled
 from multicor_cli.packing import build
 from multicor_cli.run.controller import Controller
@@ -120,11 +121,16 @@ class Session:
                 if checkpoint is None:
                     model, state = self._build(scenario)
                     return self._carry_on(directory, scenario, model, state, is_new=True)
+                self._compare_versions(str(directory.provenance.get("multicor_version", "")))
                 for warning in checkpoint.warnings:
                     self._observer.warning(warning)
                 model = directory.load_model() or build(scenario)[0]
                 self._observer.message(f"continuing from step {checkpoint.state.step} (t = {checkpoint.state.time:g} s)")
                 return self._carry_on(directory, scenario, model, checkpoint.state, is_new=False)
+
+    def _compare_versions(self, before: str) -> None:
+        if before != __version__:
+            self._observer.warning(f"the run began with multicor {before}, this is {__version__}: its bits may differ from here on")
 
     def _build(self, scenario: Scenario) -> tuple[Model, State]:
         self._observer.message("placing the grains")

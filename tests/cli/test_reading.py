@@ -133,6 +133,15 @@ def test_closed_pipe_is_quiet(arguments: list[str], finished: Path) -> None:
     assert errors == ""
 
 
+def test_closed_stderr_does_not_stop_a_run(finished: Path) -> None:
+    process = subprocess.Popen(
+        command("run", "small.toml", "-o", "full"), cwd=finished.parent, env=environment(), stderr=subprocess.PIPE, text=True
+    )
+    assert process.stderr is not None
+    process.stderr.close()
+    assert process.wait(timeout=60) == 0
+
+
 def test_no_color_and_no_escapes_off_a_terminal(finished: Path) -> None:
     done = call("post", "profile", finished, cwd=finished.parent)
     assert "\x1b" not in done.stdout + done.stderr

@@ -1,5 +1,6 @@
 """State of the bulk of a plane shear flow, from a run directory: inertial number, μ*, solid fraction, spin."""
 
+import itertools
 from dataclasses import dataclass
 
 import numpy as np
@@ -28,6 +29,13 @@ def _blocks(values, count=10):
     return means.mean(axis=0), means.std(axis=0, ddof=1) / np.sqrt(count)
 
 
+def _block_ratios(above, below, count=10):
+    """Ratio of the means and its standard error from the ratios of blocks (both fluctuate together)."""
+    pairs = zip(np.array_split(above, count), np.array_split(below, count), strict=True)
+    ratios = np.array([a.mean() / b.mean() for a, b in pairs])
+    return above.mean() / below.mean(), ratios.std(ddof=1) / np.sqrt(count)
+
+
 def _interval(first, second, model):
     """Shear rate (least squares), solid fraction and mean spin of the grains between the margins, between two frames.
 
@@ -41,7 +49,9 @@ def _interval(first, second, model):
     x = [frame.position[:, 0] + period * frame.image for frame in (first, second)]
     inside = (y > low) & (y < high)
     rate = np.polyfit(y[inside], (x[1] - x[0])[inside] / lapse, 1)[0]
-    spin = (second.angle - first.angle)[inside].mean() / lapse
+    # A least-squares slope weighs the local shear rate with (y − low)(high − y); so must the spin it is compared with.
+    weight = ((y - low) * (high - y))[inside]
+    spin = np.average((second.angle - first.angle)[inside], weights=weight) / lapse
     return rate, area.sum() / ((high - low) * period), spin
 
 
@@ -53,14 +63,14 @@ def measure_bulk(directory, *, load, strain=6.0):
         force = series["wall_force"][moved]
         began = series["time"][np.argmax(moved)]
         frames = [frame for frame in run.frames if frame.time >= began]
-        intervals = [_interval(*pair, model) for pair in zip(frames[:-1], frames[1:], strict=True)]
+        intervals = [_interval(*pair, model) for pair in itertools.pairwise(frames)]
         mass = model.grains.mass.mean()
         pressure = load / model.period
     rates, fractions, spins = np.array(intervals).T
     rate = rates.mean()
     friction, friction_error = _blocks(0.5 * (force[:, 0, 0] - force[:, 1, 0]) / force[:, 1, 1].mean())
     fraction, fraction_error = _blocks(fractions)
-    spin, spin_error = _blocks(spins / rate)
+    spin, spin_error = _block_ratios(spins, rates)
     return Bulk(
         rate * np.sqrt(mass / pressure), friction, friction_error, fraction, fraction_error, spin, spin_error
     )  # fmt: skip

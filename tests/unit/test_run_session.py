@@ -248,6 +248,16 @@ def test_observer_and_heartbeat(scenario_path: Path, tmp_path: Path) -> None:
     assert json.loads((tmp_path / "run" / "progress.json").read_text())["step"] == outcome.step
 
 
+def test_another_version_may_continue_with_a_warning(scenario_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with monkeypatch.context() as patch:
+        stop_at(patch, 3, lambda: signal.raise_signal(signal.SIGINT))
+        run_scenario(scenario_path, tmp_path / "run")
+    monkeypatch.setattr(session_module, "__version__", "9.9.9")
+    observer = Recorder()
+    assert run_scenario(scenario_path, tmp_path / "run", observer=observer).is_finished
+    assert any("9.9.9" in text for text in observer.warnings)
+
+
 def test_overrides_need_a_path(scenario_path: Path, tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="give them to load_scenario"):
         run_scenario(load_scenario(scenario_path), tmp_path / "run", overrides=["solver.dt=1e-4"])
