@@ -69,7 +69,7 @@ class State:
         position: Grains: x, y [m] (x wrapped into the period) and angle [rad], shape ``(n, 3)``.
         image: Grains: how many periods x has been wrapped, shape ``(n,)``.
         velocity: Grains: velocity [m/s] and spin ω [rad/s], shape ``(n, 3)``.
-        wall_position: Walls: displacement of the frame [m] and its angle [rad], shape ``(w, 3)``; starts at 0.
+        wall_position: Walls: reference point x, y [m] and angle [rad] of the frame, shape ``(w, 3)``.
         wall_velocity: Walls: velocity [m/s] and spin [rad/s] at the end of the last step, shape ``(w, 3)``.
         contact_i: First shape (a grain) of each contact that carried an impulse, ascending, shape ``(c,)``.
         contact_j: Second shape, ascending within equal ``contact_i``, shape ``(c,)``.

@@ -7,8 +7,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
+from multicor_cli.physics.hertz import hertz_flattening
 from multicor_cli.store.errors import DamagedRun, StoreError
 from multicor_cli.store.reader import Run, open_run
 from multicor_cli.store.summary import empty_summary
@@ -83,7 +82,7 @@ def hertz_deflection(run: Run, force: float | None) -> float | None:
         radii = model.grains.radius[model.grains.material == index]
         elastic = _elastic(materials.get(name))
         if radii.size and elastic is not None:
-            found.append(_flattening(force, float(radii.min()), *elastic))
+            found.append(hertz_flattening(force, float(radii.min()), *elastic))
     return max(found, default=None)
 
 
@@ -94,12 +93,6 @@ def _elastic(material: Any) -> tuple[float, float] | None:
     if not isinstance(young, int | float) or not isinstance(poisson, int | float) or young <= 0.0:
         return None
     return float(young), float(poisson)
-
-
-def _flattening(force: float, radius: float, young: float, poisson: float) -> float:
-    modulus = young / (2.0 * (1.0 - poisson**2))
-    deflection = (3.0 * force / (4.0 * modulus * np.sqrt(radius / 2.0))) ** (2.0 / 3.0)
-    return float(deflection / (2.0 * radius))
 
 
 def _walls(run: Run) -> list[str]:

@@ -145,7 +145,7 @@ CONTACTS: tuple[Dataset, ...] = (
 """One row per contact of the last step and frame, ordered by (i, j)."""
 
 WALLS: tuple[Dataset, ...] = (
-    Dataset("walls/position", "f8", ("frame", "wall", 3), "m, m, rad", "displacement since the start and angle of the wall"),
+    Dataset("walls/position", "f8", ("frame", "wall", 3), "m, m, rad", "reference point and angle of the wall"),
     Dataset("walls/velocity", "f8", ("frame", "wall", 3), "m/s, m/s, rad/s", "velocity and spin of the wall"),
 )
 """One row per frame and wall."""
@@ -204,7 +204,7 @@ SERIES: tuple[Dataset, ...] = (
         "f8",
         ("series_row", "wall", 3),
         "m, m, rad",
-        "displacement since the start and angle of the wall",
+        "reference point and angle of the wall",
     ),
     Dataset("series/wall_velocity", "f8", ("series_row", "wall", 3), "m/s, m/s, rad/s", "velocity and spin of the wall"),
 )
@@ -230,7 +230,7 @@ CHECKPOINT: tuple[Dataset, ...] = (
     Dataset("state/position", "f8", ("grain", 3), "m, m, rad", "centers (x wrapped into the period) and angles of the grains"),
     Dataset("state/image", "i8", ("grain",), "1", "periods by which x was wrapped"),
     Dataset("state/velocity", "f8", ("grain", 3), "m/s, m/s, rad/s", "velocities and spins of the grains"),
-    Dataset("state/wall_position", "f8", ("wall", 3), "m, m, rad", "displacements and angles of the walls"),
+    Dataset("state/wall_position", "f8", ("wall", 3), "m, m, rad", "reference points and angles of the walls"),
     Dataset("state/wall_velocity", "f8", ("wall", 3), "m/s, m/s, rad/s", "velocities and spins of the walls"),
     Dataset("state/contact_i", "i4", ("contact_row",), "1", "first shape of each contact that carried an impulse"),
     Dataset("state/contact_j", "i4", ("contact_row",), "1", "second shape of each of these contacts"),
