@@ -21,6 +21,7 @@ from multicor_cli.state.model import Floats, Ints
 
 solve_exact = scalar(contact_law.solve_exact)
 project_on_cone = scalar(contact_law.project_on_cone)
+bipotential_parameter = scalar(contact_law.bipotential_parameter)
 solve_full = scalar(contact_law.solve_full)
 
 EXACT, BIPOTENTIAL = 0, 1
@@ -111,8 +112,7 @@ def _relax_light(
         w_n, w_t = relaxation.normal * w_inverse, relaxation.tangential * (w_inverse * (1.0 / (1.0 + beta)))
         new_n, new_t = solve_exact(p_n, p_t, u_n, u_t, w_n, w_t, frame[k, 4])
     else:
-        rho = w_inverse / np.sqrt(1.0 + beta)
-        mu = frame[k, 4]
+        rho, mu = bipotential_parameter(w_inverse, w_inverse * (1.0 / (1.0 + beta))), frame[k, 4]
         new_n, new_t = project_on_cone(p_n - rho * (u_n + mu * abs(u_t)), p_t - rho * u_t, mu)
     d_n, d_t = new_n - p_n, new_t - p_t
     if d_n == 0.0 and d_t == 0.0:

@@ -115,6 +115,13 @@ MISTAKES = {
         "gravity = true\n\n[[loading]]",
         "paddle",
     ),
+    "turning wall": (
+        ("[solver]", "[[loading]]\nduration = 1.0\ndrives.top = { spin = { velocity = 1.0 } }\n\n[solver]"),
+        "loading.3.drives.top.spin",
+        "spin = { velocity = 1.0",
+        "cannot turn",
+        "periodic = false",
+    ),
     "stage without end": (("duration = 0.5\n", ""), "loading.2", "[[loading]]\ndrives.bottom", "without end", "duration"),
     "rest without bound": (("duration = 1.0\n", ""), "loading.0.until", "until = { kinetic", "may never end", "duration"),
     "strain without motion": (("ramp = [0.0, 0.1]", "ramp = [0, 0]"), "loading.1.until.strain", "strain = {", "moves in x"),

@@ -37,8 +37,9 @@ def test_isolated_cluster_keeps_momentum_and_angular_momentum(restitution):
     scale = (grains.mass * np.hypot(*state.velocity[:, :2].T)).sum()
     assert tally(state, "sweeps") > 0
     assert moments()[:2] == pytest.approx(before[:2], abs=1e-12 * scale)
-    # A contact with a small gap or overlap acts at one point of each grain; the couple of that gap is of order Δt.
-    assert moments()[2] == pytest.approx(before[2], abs=2e-2 * scale)
+    # A contact with a small gap or overlap acts at one point of each grain; the couple of that gap vanishes with Δt
+    # (measured: 8e-3, 1.3e-3, 4e-4 for Δt = 4, 2, 1 ms, where the scale is about 15).
+    assert moments()[2] == pytest.approx(before[2], abs=1e-3 * scale)
 
 
 @pytest.mark.parametrize(("restitution", "gravity", "damping"), [(0.0, 0.0, 0.0), (0.5, -0.05, 0.0), (0.2, -0.05, 3.0)])

@@ -20,7 +20,7 @@ from multicor_cli.scenario.loading import (
 )
 from multicor_cli.scenario.problems import Finding, KeyPath, name_list, show
 from multicor_cli.scenario.translate import did_you_mean
-from multicor_cli.scenario.walls import PlaneGeometry, RoughGeometry, Wall
+from multicor_cli.scenario.walls import BoxGeometry, PlaneGeometry, RoughGeometry, Wall
 
 
 def check(draft: Draft) -> Iterator[Finding]:
@@ -34,6 +34,7 @@ def check(draft: Draft) -> Iterator[Finding]:
         for index, wall in enumerate(draft.walls):
             if wall is not None:
                 yield from _check_inertia(("walls", index), wall, draft)
+                yield from _check_turning(wall, draft)
         yield from _check_strains(draft)
 
 
@@ -50,6 +51,21 @@ def _unknown_walls(path: KeyPath, stage: Stage, draft: Draft) -> Iterator[Findin
         if name not in known:
             remedy = did_you_mean(name, known) or f"the walls are {name_list(known) or 'none'}"
             yield Finding(place, f"there is no wall {show(name)}", remedy)
+
+
+def _check_turning(wall: Wall, draft: Draft) -> Iterator[Finding]:
+    """A wall that reaches from one period to the next has no center to turn about."""
+    if draft.domain is None or not draft.domain.periodic:
+        return
+    if not isinstance(wall.geometry, PlaneGeometry | RoughGeometry | BoxGeometry):
+        return
+    if isinstance(wall.geometry, PlaneGeometry) and wall.geometry.normal[0] != 0.0:
+        return  # refused as it stands
+    for k, stage in _stages(draft):
+        drives = stage.drives.get(wall.name)
+        if drives is not None and drives.spin is not None and _moves(drives.spin):
+            what = f"the wall '{wall.name}' of a periodic domain cannot turn: it has no center"
+            yield Finding(("loading", k, "drives", wall.name, "spin"), what, "remove spin, or use periodic = false")
 
 
 def _check_inertia(path: KeyPath, wall: Wall, draft: Draft) -> Iterator[Finding]:
