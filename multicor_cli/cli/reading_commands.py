@@ -10,6 +10,20 @@ from multicor_cli.cli.console import emit, emit_json, emit_pairs, format_seconds
 from multicor_cli.cli.exit_codes import ExitCode
 from multicor_cli.cli.options import RunPath, count_noun
 
+_LARGEST_BIOT = 0.1
+"""Above it the temperature within a grain is no longer nearly uniform."""
+
+_HEAT_LABELS = {
+    "friction": "  of friction",
+    "impact": "  of impacts",
+    "to_walls": "  of these to walls",
+    "from_walls": "  from walls",
+    "from_ambient": "  from the fluid",
+    "from_surroundings": "  from surroundings",
+    "undelivered": "  not delivered",
+}
+"""Heat books for people, by name; those that are zero are not shown."""
+
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 
 
@@ -20,8 +34,13 @@ def info(directory: RunPath, is_json: AsJson = False) -> None:
     found = run_info(directory)
     if is_json:
         emit_json(found)
-    else:
-        emit_pairs(_describe(found))
+        return
+    emit_pairs(_describe(found))
+    if found["heat"] is not None:
+        emit("")
+        emit_pairs(_describe_heat(found["heat"]))
+        if (biot := found["heat"]["max_biot"]) > _LARGEST_BIOT:
+            say(f"warning: one temperature per grain is questionable: Bi = H/(λ a) = {biot:.2g} > {_LARGEST_BIOT:g}")
 
 
 def verify(directory: RunPath, is_json: AsJson = False) -> None:
@@ -81,6 +100,20 @@ def _describe(found: dict[str, Any]) -> list[tuple[str, str]]:
         lines.append(("Hertz deflection", _text(found["hertz_deflection"], " of a diameter under the largest contact force")))
     version = found["provenance"].get("multicor_version", "")
     return [*lines, ("made by", f"multicor {version}, seed {found['provenance'].get('seed')}")]
+
+
+def _describe_heat(heat: dict[str, Any]) -> list[tuple[str, str]]:
+    books, temperature = heat["books"], heat["temperature"]
+    lines = [
+        ("heat closure", _text(books["closure"])),
+        ("temperature", f"{temperature['mean']:.6g} K on average, {temperature['min']:.6g} to {temperature['max']:.6g} K"),
+        ("largest Biot number", _text(heat["max_biot"])),
+        ("heat stored", _text(books["stored"], " J")),
+    ]
+    lines += [(label, _text(books[name], " J")) for name, label in _HEAT_LABELS.items() if books[name]]
+    if heat["solid_gas_max"] is not None:
+        lines.append(("solid to gas", f"λ_s s/(λ_f a) from {_text(heat['solid_gas_min'])} to {_text(heat['solid_gas_max'])}"))
+    return [*lines, ("heat sub-steps", _text(heat["sub_steps"]))]
 
 
 def _text(value: Any, unit: str = "") -> str:

@@ -14,9 +14,11 @@ from numpy.typing import NDArray
 from multicor_cli.kernels.jit import CHUNK, kernel, parallel_kernel, prange, scalar
 from multicor_cli.kernels.neighbours import disc_disc, gap_to_shape, minimum_image, nearest_image
 from multicor_cli.physics import contact_law
-from multicor_cli.state.model import Floats, Ints
+from multicor_cli.physics.thermal import friction
+from multicor_cli.state.model import ContactLaws, Floats, Ints
 
 bias_of = scalar(contact_law.bias)
+softened_friction = scalar(friction.softened_friction)
 
 
 class Scene(NamedTuple):
@@ -44,7 +46,7 @@ class Scene(NamedTuple):
 
 
 class Laws(NamedTuple):
-    """`multicor_cli.state.ContactLaws` as the kernels see it."""
+    """`multicor_cli.state.ContactLaws` as the kernels see it; the last five are empty if friction does not depend on temperature."""
 
     friction: Floats
     restitution: Floats
@@ -52,6 +54,22 @@ class Laws(NamedTuple):
     table_start: Ints
     table_speed: Floats
     table_friction: Floats
+    softening: Floats
+    softening_start: Floats
+    lowest: Floats
+    highest: Floats
+    temperature: Floats
+
+
+def kernel_laws(laws: ContactLaws, temperature: Floats) -> Laws:
+    """The laws as the kernels see them; ``temperature`` [K] of all shapes counts only where friction depends on it."""
+    softening = laws.softening
+    none = np.empty((0, 0))
+    parts = (none,) * 4 if softening is None else (softening.rate, softening.start, softening.lowest, softening.highest)
+    return Laws(
+        laws.friction, laws.restitution, laws.table, laws.table_start, laws.table_speed, laws.table_friction, *parts,
+        np.empty(0) if softening is None else temperature,
+    )  # fmt: skip
 
 
 class Contacts(NamedTuple):
@@ -186,6 +204,15 @@ def friction_of(laws: Laws, a: int, b: int, speed: float) -> float:
 
 
 @kernel
+def _softened(laws: Laws, a: int, b: int, mu: float, first: float, second: float) -> float:
+    """μ at the mean of two temperatures [K]; the second may be nan (a wall without temperature), then the first counts."""
+    if laws.softening[a, b] == 0.0:
+        return mu
+    mean = first if np.isnan(second) else 0.5 * (first + second)
+    return softened_friction(mu, laws.softening[a, b], mean, laws.softening_start[a, b], laws.lowest[a, b], laws.highest[a, b])
+
+
+@kernel
 def _fill_contact(
     c: int, i: int, j: int, scene: Scene, laws: Laws, start: Floats, dt: float, warm: WarmStart, scale: float, out: Contacts
 ) -> float:
@@ -203,7 +230,10 @@ def _fill_contact(
     out.i[c], out.j[c] = i, j
     out.frame[c, 0], out.frame[c, 1], out.frame[c, 2] = nx, ny, gap
     out.frame[c, 3] = bias_of(gap, u_n, laws.restitution[a, b], dt)
-    out.frame[c, 4] = friction_of(laws, a, b, abs(u_t))
+    mu = friction_of(laws, a, b, abs(u_t))
+    if laws.temperature.size:
+        mu = _softened(laws, a, b, mu, laws.temperature[i], laws.temperature[j])
+    out.frame[c, 4] = mu
     out.before[c, 0], out.before[c, 1] = u_n, u_t
     out.lever[c, 0], out.lever[c, 1] = lx, ly
     out.impulse[c, 0], out.impulse[c, 1] = 0.0, 0.0

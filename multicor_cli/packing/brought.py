@@ -1,4 +1,4 @@
-"""Grains that a packing brings with it: radii, places and motion."""
+"""Grains that a packing brings with it: radii, places, motion and, from a run with heat, temperatures."""
 
 from __future__ import annotations
 
@@ -20,11 +20,13 @@ class Brought:
         radius: Radii [m], shape ``(n,)``.
         position: x, y [m] and angle [rad], shape ``(n, 3)``.
         velocity: Velocity [m/s] and spin [rad/s], shape ``(n, 3)``.
+        temperature: Temperatures [K], shape ``(n,)``; None if the packing does not tell them.
     """
 
     radius: Floats
     position: Floats
     velocity: Floats
+    temperature: Floats | None = None
 
     @classmethod
     def at_rest(cls, radius: Floats, position: Floats) -> Brought:

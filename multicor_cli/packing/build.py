@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from multicor_cli.packing.bodies import SHAPE_FACTOR, Shape, inertias, masses
@@ -12,10 +14,12 @@ from multicor_cli.packing.laws import Law, contact_laws, touching_pairs
 from multicor_cli.packing.obstacles import Obstacles
 from multicor_cli.packing.overlap import behind_problem, overlap_problems
 from multicor_cli.packing.pairs import wrap
+from multicor_cli.packing.thermal import group_thermal, joined, sizes_problems, softening_law
 from multicor_cli.packing.wall_tables import BuiltWalls, build_walls
 from multicor_cli.packing.walls import in_world
 from multicor_cli.scenario import Scenario, ScenarioError
-from multicor_cli.state import Grains, Model, State
+from multicor_cli.scenario.models import FrictionTable
+from multicor_cli.state import Grains, Model, State, Thermal
 from multicor_cli.state.model import Floats, Ints
 
 _LEAST_DIAMETERS = 4.0
@@ -37,7 +41,7 @@ def build(scenario: Scenario) -> tuple[Model, State]:
         raise _refusal(scenario, [error]) from error
     solid = Obstacles(walls.shapes.kind, in_world(walls.shapes, walls.origins))
     groups = _make_groups(scenario, solid)
-    model = _model(scenario, walls, groups)
+    model = replace(_model(scenario, walls, groups), thermal=_thermal(scenario, groups))
     state = _state(model, walls, groups)
     problems = _check(model, state, walls, solid)
     if problems:
@@ -106,8 +110,25 @@ def _model(scenario: Scenario, walls: BuiltWalls, groups: list[Brought]) -> Mode
 
 def _law(scenario: Scenario, a: str, b: str) -> Law:
     entry = scenario.law(a, b)
-    friction = entry.friction if isinstance(entry.friction, float) else (entry.friction.speed, entry.friction.values)
-    return friction, entry.restitution
+    table = entry.friction
+    friction = (table.speed, table.values) if isinstance(table, FrictionTable) else entry.coefficient
+    return Law(friction, entry.restitution, softening_law(entry))
+
+
+def _thermal(scenario: Scenario, groups: list[Brought]) -> Thermal | None:
+    """Heat capacities and initial temperatures, if there is heat; problems of all groups are reported together."""
+    if scenario.heat is None:
+        return None
+    errors = sizes_problems(scenario, groups)
+    parts = []
+    for k, group in enumerate(groups):
+        try:
+            parts.append(group_thermal(scenario, k, group, _wrapped(scenario, group.position)))
+        except PackingError as error:
+            errors.append(PackingError(error.message, error.remedy, ("particles", k, *error.key)))
+    if errors:
+        raise _refusal(scenario, errors)
+    return joined(parts)
 
 
 def _grains(scenario: Scenario, groups: list[Brought]) -> Grains:

@@ -1,4 +1,4 @@
-"""Grains from a frame of another run, with their velocities."""
+"""Grains from a frame of another run, with their velocities and temperatures."""
 
 from __future__ import annotations
 
@@ -13,7 +13,9 @@ _KEY = ("packing", "path")
 
 
 def read_frame(path: Path, frame: int) -> Brought:
-    """Grains of a frame: radii, wrapped centers, angles, velocities and spins. Walls and materials are not taken over.
+    """Grains of a frame: radii, wrapped centers, angles, velocities, spins and, if that run had heat, temperatures.
+
+    Walls and materials are not taken over.
 
     Args:
         path: Run directory (or a ``results.h5``).
@@ -33,6 +35,8 @@ def read_frame(path: Path, frame: int) -> Brought:
             chosen = run.frames[frame]
             position = np.column_stack([chosen.position, chosen.angle]).astype(float)
             velocity = np.column_stack([chosen.velocity, chosen.spin]).astype(float)
-            return Brought(np.array(run.model.grains.radius, float), position, velocity)
+            warmth = chosen.temperature
+            temperature = None if warmth is None else np.array(warmth, float)
+            return Brought(np.array(run.model.grains.radius, float), position, velocity, temperature)
     except StoreError as error:
         raise PackingError(f"the run '{path}' cannot be read: {error}", "give the directory of a run", _KEY) from None

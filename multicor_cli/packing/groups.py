@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -90,7 +90,7 @@ def make_group(scenario: Scenario, index: int, obstacles: Obstacles) -> Brought:
         middle = 0.5 * (region.bottom + region.top)
         velocity[:, 0] += group.shear_rate * (brought.position[:, 1] - middle)
         velocity[:, 2] -= 0.5 * group.shear_rate
-    return Brought(brought.radius, brought.position, velocity)
+    return replace(brought, velocity=velocity)
 
 
 def region_of_group(scenario: Scenario, group: ParticleGroup) -> Region:
@@ -179,9 +179,7 @@ def _compacted(
 ) -> Floats:
     friction = packing.friction
     if friction is None:
-        law = scenario.law(group.material, group.material).friction
-        # A table begins with the value at the lowest speed, and a compaction ends at rest.
-        friction = law if isinstance(law, float) else law.values[0]
+        friction = scenario.law(group.material, group.material).coefficient  # at rest, as a compaction ends
     shape: Shape = group.shape
     return compact(
         loose,

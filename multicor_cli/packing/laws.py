@@ -2,17 +2,50 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from typing import NamedTuple
 
 import numpy as np
 
-from multicor_cli.state.model import ContactLaws
+from multicor_cli.state.model import ContactLaws, Floats
+from multicor_cli.state.model import Softening as SofteningLaws
 
 Points = tuple[tuple[float, ...], tuple[float, ...]]
 """Sliding speeds [m/s], ascending, and the coefficients of friction at them."""
 
-Law = tuple[float | Points, float]
-"""Coefficient of friction, or its table, and coefficient of restitution."""
+
+class Softening(NamedTuple):
+    """How the coefficient of friction of a pair depends on temperature.
+
+    Attributes:
+        rate: Relative decrease c [1/K].
+        start: Temperature T_r at which the coefficient is as given [K].
+        lowest: Smallest coefficient.
+        highest: Largest coefficient.
+    """
+
+    rate: float
+    start: float
+    lowest: float
+    highest: float
+
+
+class Law(NamedTuple):
+    """The law of a pair of materials.
+
+    Attributes:
+        friction: Coefficient of friction, or its table.
+        restitution: Coefficient of normal restitution.
+        softening: How the friction depends on temperature, or None.
+    """
+
+    friction: float | Points
+    restitution: float
+    softening: Softening | None = None
+
+
+_NO_SOFTENING = Softening(0.0, 293.15, 0.0, 10.0)
+"""Leaves every coefficient that a scenario can have as it is, at any temperature."""
 
 
 def touching_pairs(grains: Iterable[int], walls: Iterable[int]) -> list[tuple[int, int]]:
@@ -32,8 +65,11 @@ def contact_laws(materials: Sequence[str], touching: Iterable[tuple[int, int]], 
     k = len(materials)
     friction, restitution, table = np.zeros((k, k)), np.zeros((k, k)), np.full((k, k), -1, np.int32)
     number: dict[Points, int] = {}
+    softening: dict[tuple[int, int], Softening] = {}
     for a, b in touching:
-        mu, e = law_of(materials[a], materials[b])
+        mu, e, soft = law_of(materials[a], materials[b])
+        if soft is not None:
+            softening[a, b] = softening[b, a] = soft
         restitution[a, b] = restitution[b, a] = e
         if isinstance(mu, tuple):
             table[a, b] = table[b, a] = number.setdefault(mu, len(number))
@@ -47,4 +83,13 @@ def contact_laws(materials: Sequence[str], touching: Iterable[tuple[int, int]], 
         table_start=np.cumsum([0, *sizes]).astype(np.int32),
         table_speed=np.array([speed for speeds, _ in number for speed in speeds], float),
         table_friction=np.array([value for _, values in number for value in values], float),
+        softening=_softening(k, softening) if softening else None,
     )
+
+
+def _softening(k: int, pairs: Mapping[tuple[int, int], Softening]) -> SofteningLaws:
+    table: Floats = np.empty((4, k, k))
+    table[:] = np.array(_NO_SOFTENING)[:, None, None]
+    for (a, b), soft in pairs.items():
+        table[:, a, b] = soft
+    return SofteningLaws(*table)

@@ -50,10 +50,18 @@ def axis_labels(table: ProfileTable) -> tuple[str, str]:
     """Labels of the axes: quantity, symbol and unit."""
     field = table.field
     if not table.is_normalized:
-        return f"{field.label} ${field.symbol}$ [{field.unit}]", "height $y$ [m]"
-    low = table.wall_values[0]
+        return f"{field.label} ${field.symbol}$ [{_unit(field.unit)}]", "height $y$ [m]"
+    return f"{field.label} ${_scaled_symbol(table)}$ [–]", "height $y/H$ [–]"
+
+
+def _scaled_symbol(table: ProfileTable) -> str:
+    field, low = table.field, table.wall_values[0]
+    if field.scaling == "shear":
+        return rf"{field.symbol}/\dot{{\gamma}}"
     symbol = field.symbol.split("_")[0]
-    scaled = f"${field.symbol}/{symbol}_\\mathrm{{wall}}$"
-    if low:
-        scaled = f"$({field.symbol} - {symbol}_0)/({symbol}_1 - {symbol}_0)$"
-    return f"{field.label} {scaled} [–]", "height $y/H$ [–]"
+    return f"({field.symbol} - {symbol}_0)/({symbol}_1 - {symbol}_0)" if low else f"{field.symbol}/{symbol}_\\mathrm{{wall}}"
+
+
+def _unit(unit: str) -> str:
+    """A unit as figures print it: powers raised, nothing for numbers."""
+    return "–" if unit == "1" else unit.replace("m2", "m²").replace("s2", "s²")

@@ -10,6 +10,9 @@ from typing import Any
 COLUMN = 3.35
 """Width of a journal column [inch]."""
 
+PAGE = 7.0
+"""Width of a page of two columns [inch]."""
+
 COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00")
 """Line colors that color-blind readers can tell apart (Okabe and Ito)."""
 

@@ -46,7 +46,7 @@ def find_extent(source: FrameSource, indices: NDArray[np.int64]) -> Extent:
     """The extent over the selected frames."""
     model = source.model
     radius = model.grains.radius
-    lows, highs = _spans(model)
+    lows, highs = wall_spans(model)
     first = source.frames[int(indices[0])]
     middle = float(np.median(first.position[:, 1]))
     wall_y = np.asarray(first.wall_position)[:, 1]
@@ -78,7 +78,7 @@ def _nearest(reach: Floats, below: float) -> int | None:
     return int(candidates.argmax())
 
 
-def _spans(model: Model) -> tuple[Floats, Floats]:
+def wall_spans(model: Model) -> tuple[Floats, Floats]:
     """Lowest and highest reference point of each wall in its frame [m]; infinite where a wall goes on upwards or downwards."""
     low, high = np.full(model.wall_count, np.inf), np.full(model.wall_count, -np.inf)
     shapes = model.shapes

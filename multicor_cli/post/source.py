@@ -16,7 +16,7 @@ class PostError(Exception):
 
 
 class GrainFrame(Protocol):
-    """The grains and walls at one time."""
+    """The grains and walls at one time; what belongs to heat is None in a run without."""
 
     @property
     def position(self) -> NDArray[Any]:
@@ -25,6 +25,22 @@ class GrainFrame(Protocol):
     @property
     def velocity(self) -> NDArray[Any]:
         """Velocities: x and y come first [m/s], shape ``(n, 2)`` or more columns."""
+
+    @property
+    def spin(self) -> NDArray[Any]:
+        """Spins of the grains [rad/s], shape ``(n,)``."""
+
+    @property
+    def temperature(self) -> NDArray[Any] | None:
+        """Temperatures of the grains [K], shape ``(n,)``."""
+
+    @property
+    def generated(self) -> NDArray[Any] | None:
+        """Heat of friction and impacts that the grains have received since the start [J], shape ``(n,)``."""
+
+    @property
+    def wall_temperature(self) -> NDArray[Any] | None:
+        """Temperatures of the walls [K], nan where none is prescribed, shape ``(w,)``."""
 
     @property
     def wall_position(self) -> NDArray[Any]:
@@ -60,6 +76,23 @@ class FrameSource(Protocol):
     @property
     def frames(self) -> FrameSequence:
         """The frames."""
+
+
+def need_heat(values: NDArray[Any] | None) -> Floats:
+    """Values of a frame that only a run with heat has; raises `PostError` in a run without."""
+    if values is None:
+        raise PostError("the run has no heat: give its scenario a table [heat] and run it again")
+    return np.asarray(values, np.float64)
+
+
+def frame_index(frames: FrameSequence, frame: int) -> int:
+    """A frame counted from the first one, of one that may count from the last (negative); raises `PostError`."""
+    count = np.asarray(frames.time).size
+    if not count:
+        raise PostError("the run has no frames yet")
+    if not -count <= frame < count:
+        raise PostError(f"there is no frame {frame}: the run has {count}, from 0 to {count - 1}")
+    return frame % count
 
 
 @dataclass(frozen=True)

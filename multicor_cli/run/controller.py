@@ -6,6 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
+from multicor_cli.heat.settings import WallHeat
 from multicor_cli.physics.drives import WallDrive
 from multicor_cli.run.conditions import KINETIC, update_peak
 from multicor_cli.run.observer import Observer, SilentObserver, Status
@@ -23,16 +24,22 @@ HEARTBEAT = 2.0
 
 
 class Stepper(Protocol):
-    """What the controller needs of `multicor_cli.solver.Engine`."""
+    """What the controller needs of `multicor_cli.heat.coupled.CoupledEngine`."""
 
-    state: State
     settings: Settings
+
+    @property
+    def state(self) -> State:
+        """What is advanced."""
 
     def set_drives(self, drives: list[WallDrive]) -> None:
         """Choose what the walls do, at the start of a stage."""
 
     def resume_drives(self, drives: list[WallDrive]) -> None:
         """Choose what the walls do, in the middle of a stage."""
+
+    def set_heat(self, conditions: list[WallHeat], *, is_on: bool, is_frozen: bool) -> None:
+        """Choose what heat does, at the start of a stage or in its middle."""
 
     def step(self, dt: float, t: float, should_stop: Callable[[], bool] | None = None) -> StepReport:
         """Advance the state by one step."""
@@ -141,6 +148,9 @@ class Controller:
         """Carry out the rest of a stage; None if it came to its end."""
         state = self._engine.state
         self._engine.settings = stage.settings
+        if stage.heat is not None:
+            conditions = stage.heat.conditions.started(self._starts)
+            self._engine.set_heat(conditions, is_on=stage.heat.is_on, is_frozen=stage.heat.is_frozen)
         if state.stage_step > 0:
             self._engine.resume_drives(stage.drives.started(self._starts))
         while True:

@@ -84,7 +84,7 @@ def estimate(scenario: Scenario, plan: RunPlan, model: Model, state: State, thre
     if known is not None:
         frames = 1 + sum(-(-count // stage.frame_every) for count, stage in zip(known, plan.stages, strict=True))
         rows = 1 + sum(-(-count // stage.series_every) for count, stage in zip(known, plan.stages, strict=True))
-        series = rows * _row_bytes(schema.SERIES, model.wall_count, is_single=False)
+        series = rows * _row_bytes(schema.SERIES, model, is_single=False)
         results = frames * frame + series + n * 32.0
         disk = results + 2.0 * _checkpoint_bytes(model)
         peak = disk + results
@@ -157,24 +157,23 @@ def _velocity(drive: WallDrive) -> Signal:
 
 
 def _frame_bytes(model: Model, has_contacts: bool, *, is_single: bool) -> float:
-    walls = model.wall_count
-    size = model.grain_count * _row_bytes(schema.PARTICLES, walls, is_single=is_single)
+    size = model.grain_count * _row_bytes(schema.PARTICLES, model, is_single=is_single)
     if has_contacts:
-        size += CONTACTS_PER_GRAIN * model.grain_count * _row_bytes(schema.CONTACTS, walls, is_single=is_single)
-    return size + _row_bytes(schema.STEPS + schema.OFFSETS + schema.WALLS, walls, is_single=is_single)
+        size += CONTACTS_PER_GRAIN * model.grain_count * _row_bytes(schema.CONTACTS, model, is_single=is_single)
+    return size + _row_bytes(schema.STEPS + schema.OFFSETS + schema.WALLS, model, is_single=is_single)
 
 
 def _checkpoint_bytes(model: Model) -> float:
     return model.grain_count * (7 * 8.0 + CONTACTS_PER_GRAIN * 24.0)
 
 
-def _row_bytes(table: Sequence[Dataset], walls: int, *, is_single: bool) -> float:
-    """Bytes of one row of all datasets of a table."""
+def _row_bytes(table: tuple[Dataset, ...], model: Model, *, is_single: bool) -> float:
+    """Bytes of one row of all datasets of a table that a run of this model has."""
     total = 0.0
-    for spec in table:
+    for spec in schema.select(table, schema.features_of(model)):
         width = (4 if is_single else 8) if spec.dtype == "float" else _WIDTH[spec.dtype]
         for dim in spec.dims[1:]:
-            width *= dim if isinstance(dim, int) else walls
+            width *= dim if isinstance(dim, int) else model.wall_count
         total += width
     return total
 

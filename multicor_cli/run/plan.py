@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
+from multicor_cli.heat.settings import WallHeat
 from multicor_cli.physics.drives import WallDrive
 from multicor_cli.run.conditions import Condition, ShearGauge, StrainReached
 from multicor_cli.solver.settings import Settings
@@ -17,6 +18,28 @@ class Drives(Protocol):
 
     def started(self, stage_starts: Sequence[float]) -> list[WallDrive]:
         """The drives, one per wall, given the times at which the stages up to this one have begun [s]."""
+
+
+class WallConditions(Protocol):
+    """Thermal conditions of the walls in a stage; see `multicor_cli.run.heat_plan.StageWallHeat`."""
+
+    def started(self, stage_starts: Sequence[float]) -> list[WallHeat]:
+        """The conditions, one per wall, given the times at which the stages up to this one have begun [s]."""
+
+
+@dataclass(frozen=True)
+class StageHeat:
+    """What heat does in a stage.
+
+    Attributes:
+        conditions: Thermal conditions of the walls.
+        is_on: Whether temperatures change.
+        is_frozen: Whether grains and walls stand still.
+    """
+
+    conditions: WallConditions
+    is_on: bool = True
+    is_frozen: bool = False
 
 
 @dataclass(frozen=True)
@@ -32,6 +55,7 @@ class StagePlan:
         series_every: Steps between rows of the time series, at least 1; likewise.
         settings: Choices of the contact solver.
         drives: What happens to the walls.
+        heat: What heat does, or None if the run has none.
     """
 
     name: str
@@ -42,6 +66,7 @@ class StagePlan:
     series_every: int
     settings: Settings
     drives: Drives
+    heat: StageHeat | None = None
 
     @property
     def gauge(self) -> ShearGauge | None:

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from multicor_cli.run.conditions import Condition, RestReached, ShearGauge, StrainReached
-from multicor_cli.run.plan import RunPlan, StagePlan, count_steps
+from multicor_cli.run.heat_plan import wall_heat
+from multicor_cli.run.plan import RunPlan, StageHeat, StagePlan, count_steps
 from multicor_cli.scenario.loading import Stage, UntilStrain
 from multicor_cli.scenario.scenario import Scenario
 from multicor_cli.scenario.settings import Solver
@@ -22,6 +23,7 @@ def make_plan(scenario: Scenario, model: Model) -> RunPlan:
         ValueError: If the strain of a stage is not defined; loading a scenario excludes it.
     """
     drives = scenario.drives(model.walls.names)
+    heat = _stage_heat(scenario, model)
     output = scenario.output
     stages = []
     for number, stage in enumerate(scenario.loading):
@@ -36,9 +38,20 @@ def make_plan(scenario: Scenario, model: Model) -> RunPlan:
                 series_every=count_steps(output.series_interval, solver.dt),
                 settings=_settings(solver),
                 drives=drives[number],
+                heat=heat[number],
             )
         )
     return RunPlan(scenario.name, tuple(stages), output.checkpoint_interval, output.contacts)
+
+
+def _stage_heat(scenario: Scenario, model: Model) -> list[StageHeat | None]:
+    if scenario.heat is None:
+        return [None] * len(scenario.loading)
+    conditions = wall_heat(scenario, model.walls.names)
+    return [
+        StageHeat(condition, is_on=stage.heat is not False, is_frozen=stage.frozen)
+        for condition, stage in zip(conditions, scenario.loading, strict=True)
+    ]
 
 
 def stage_name(stage: Stage, number: int) -> str:

@@ -23,12 +23,12 @@ class DirectoryRecorder:
         rows = None
         if contacts is not None:
             c = contacts
-            rows = ContactRows(c.i, c.j, c.normal, c.gap, c.impulse, c.slip, c.sliding)
-        self._writer.frame(FrameData.from_state(state, rows))
+            rows = ContactRows(c.i, c.j, c.normal, c.gap, c.impulse, c.slip, c.sliding, c.heat, c.conductance)
+        self._writer.frame(FrameData.from_state(state, self._writer.model, rows))
 
     def series(self, state: State) -> None:
         """Write the row of the time series that ends the window of ``state``. Raises `StoreError`."""
-        self._writer.series_row(SeriesRow.from_state(state))
+        self._writer.series_row(SeriesRow.from_state(state, self._writer.model))
 
     def checkpoint(self, state: State) -> None:
         """Commit the output so far, then the state. Raises `StoreError`."""

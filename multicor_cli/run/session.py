@@ -10,10 +10,13 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from multicor_cli import __version__
+from multicor_cli.heat.coupled import CoupledEngine
+from multicor_cli.heat.engine import HeatEngine
 from multicor_cli.kernels.cache import is_compiled
 from multicor_cli.packing import build
 from multicor_cli.run.controller import Controller
 from multicor_cli.run.differences import find_differences
+from multicor_cli.run.heat_plan import heat_settings
 from multicor_cli.run.observer import Observer, SilentObserver
 from multicor_cli.run.outcome import ExitCode, RunOutcome, StopReason
 from multicor_cli.run.planning import make_plan
@@ -165,9 +168,10 @@ class Session:
             )
         return RunOutcome(reason, self._path, state.step, state.time, round(float(state.tallies[_UNCONVERGED])))
 
-    def _announce(self, model: Model, engine: Engine) -> None:
-        plural = "thread" if engine.threads == 1 else "threads"
-        self._observer.message(f"{model.grain_count} grains, {model.wall_count} walls, {engine.threads} {plural}")
+    def _announce(self, model: Model, engine: CoupledEngine) -> None:
+        threads = engine.mechanics.threads
+        plural = "thread" if threads == 1 else "threads"
+        self._observer.message(f"{model.grain_count} grains, {model.wall_count} walls, {threads} {plural}")
         if not is_compiled():
             self._observer.message("compiling the kernels; this happens once and takes up to half a minute")
 
@@ -187,12 +191,14 @@ class Session:
             raise
 
 
-def make_engine(scenario: Scenario, model: Model, state: State, threads: int) -> Engine:
+def make_engine(scenario: Scenario, model: Model, state: State, threads: int) -> CoupledEngine:
     """The engine of a run; raises `ScenarioError` if the domain is too small for the grains."""
     try:
-        return Engine(model, state, threads=threads)
+        mechanics = Engine(model, state, threads=threads)
     except ValueError as error:
         raise ScenarioError([scenario.problem(("domain", "size"), str(error), "widen the domain")]) from error
+    settings = heat_settings(scenario, model)
+    return CoupledEngine(mechanics, None if settings is None else HeatEngine(model, state, settings))
 
 
 def failure_code(error: BaseException) -> ExitCode:

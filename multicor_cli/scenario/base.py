@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from typing import Annotated, Any
 
-from pydantic import BaseModel, ConfigDict, Field, Strict
+from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
 
@@ -45,6 +45,32 @@ def refuse(what: str, remedy: str, key: str | int | None = None) -> PydanticCust
         key: Key inside the table being validated at which to point; default: the table itself.
     """
     return PydanticCustomError("refused", "{what}", {"what": what, "remedy": remedy, "key": key})
+
+
+KELVIN_BOUNDS = (1.0, 1e5)
+
+
+def check_kelvin(value: float) -> float:
+    """The value if it can be a temperature in kelvin.
+
+    Raises:
+        PydanticCustomError: It cannot; if it looks like degrees Celsius, the remedy says so.
+    """
+    low, high = KELVIN_BOUNDS
+    if value <= 0.0:
+        hint = f"did you mean {value + 273.15:g} (from degrees Celsius)?" if value > -273.0 else "give it in kelvin"
+        raise refuse(f"{value:g} K is not above absolute zero: temperatures are in kelvin", hint)
+    if not low <= value <= high:
+        raise refuse(f"{value:g} K is outside {low:g} to {high:g} K", "give it in kelvin")
+    return value
+
+
+Kelvin = Annotated[
+    float,
+    AfterValidator(check_kelvin),
+    WithJsonSchema({"type": "number", "minimum": KELVIN_BOUNDS[0], "maximum": KELVIN_BOUNDS[1]}),
+]
+"""A temperature [K]."""
 
 
 def require_ascending(values: Sequence[float], what: str) -> None:

@@ -13,7 +13,8 @@ from typing import NamedTuple
 
 from multicor_cli.physics.drives import Constant, DofDrive, Ramp, Shifted, Sine, Table, WallDrive
 from multicor_cli.physics.drives import Signal as EngineSignal
-from multicor_cli.scenario.loading import AnyDof, AnySignal, FixedDof, ForceDof, RampSignal, SineSignal, Stage, TableSignal
+from multicor_cli.scenario.loading import AnyDof, FixedDof, ForceDof, Stage
+from multicor_cli.scenario.signals import AnySignal, RampSignal, SineSignal, TableSignal
 
 DOF_NAMES = ("x", "y", "spin")
 NEVER = -1

@@ -2,82 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal, Self
 
-from pydantic import AfterValidator, Discriminator, Field, Strict, Tag, field_validator, model_validator
+from pydantic import AfterValidator, Discriminator, Field, Strict, Tag, model_validator
 
-from multicor_cli.scenario.base import (
-    Name,
-    Number,
-    Ratio,
-    Table,
-    Time,
-    Tolerance,
-    Vector,
-    refuse,
-    require_ascending,
-    tag_by_key,
-)
-from multicor_cli.scenario.settings import MAX_SWEEPS
-
-
-class RampSignal(Table):
-    """Linear from the first to the second value within ``duration``, then constant."""
-
-    ramp: Vector = Field(description="first and last value")
-    duration: Time = Field(description="time from the first to the last value [s]")
-
-
-class SineWave(Table):
-    """``mean + amplitude sin(2π t/period + phase)``."""
-
-    mean: Number = Field(0.0, description="mean value")
-    amplitude: Number = Field(description="amplitude")
-    period: Time = Field(description="period [s]")
-    phase: Annotated[float, Field(ge=-1e6, le=1e6)] = Field(0.0, description="phase [rad]")
-
-
-class SineSignal(Table):
-    """A sine of the time since the start of the stage."""
-
-    sine: SineWave = Field(description="{ mean = 0, amplitude, period, phase = 0 }, period in s, phase in rad")
-
-
-class TableSignal(Table):
-    """Linear between the rows of a table, constant before the first and after the last."""
-
-    times: Annotated[tuple[Annotated[float, Field(ge=0.0, le=1e12)], ...], Strict(False)] = Field(
-        min_length=1, max_length=100_000, description="times since the start of the stage [s], ascending"
-    )
-    values: Annotated[tuple[Number, ...], Strict(False)] = Field(
-        min_length=1, max_length=100_000, description="value at each of the times"
-    )
-
-    @field_validator("times")
-    @classmethod
-    def _ascending(cls, times: tuple[float, ...]) -> tuple[float, ...]:
-        require_ascending(times, "times")
-        return times
-
-    @model_validator(mode="after")
-    def _same_length(self) -> Self:
-        if len(self.times) != len(self.values):
-            raise refuse(f"{len(self.values)} values for {len(self.times)} times", "give one value per time", "values")
-        return self
-
-
-Signal = Annotated[
-    Annotated[Number, Tag("<plain>")]
-    | Annotated[RampSignal, Tag("<ramp>")]
-    | Annotated[SineSignal, Tag("<sine>")]
-    | Annotated[TableSignal, Tag("<times>")],
-    Discriminator(
-        tag_by_key("ramp", "sine", "times"),
-        custom_error_type="one_of",
-        custom_error_message="a signal is a number or a table with exactly one of ramp, sine, times",
-    ),
-]
-AnySignal = float | RampSignal | SineSignal | TableSignal
+from multicor_cli.scenario.base import Name, Ratio, Table, Time, Tolerance, refuse, tag_by_key
+from multicor_cli.scenario.settings import MAX_SWEEPS, Output
+from multicor_cli.scenario.signals import Signal
+from multicor_cli.scenario.wall_heat import WallCondition
 
 
 class VelocityDof(Table):
@@ -177,10 +110,24 @@ class Stage(Table):
     name: Name | None = Field(None, description="name of the stage")
     duration: Time | None = Field(None, description="length of the stage [s]; with until: its upper bound")
     until: Until | None = Field(None, description="condition that ends the stage: strain or kinetic_energy_ratio")
-    dt: Time | None = Field(None, description="time step of this stage [s]; default: that of [solver]")
+    dt: Time | None = Field(
+        None,
+        description="time step of this stage [s]; default: that of [solver]. In a frozen stage the time between looks at the "
+        "temperatures, and the least time between frames and rows; default: the smaller interval of [output]",
+    )
     solver: StageSolver | None = Field(None, description="tolerances of [solver] to override in this stage")
     drives: dict[Name, WallDrives] = Field(
         default_factory=dict, max_length=1000, description="drives.NAME = { x = ..., y = ..., spin = ... } for the wall NAME"
+    )
+
+    thermal: dict[Name, WallCondition] = Field(
+        default_factory=dict,
+        max_length=1000,
+        description="thermal.NAME = { temperature = ... }, { flow = ... } or { insulated = true } for the wall NAME, from here on",
+    )
+    frozen: bool = Field(False, description="whether the grains and walls stand still while the heat goes on; needs [heat]")
+    heat: bool | None = Field(
+        None, description="whether temperatures change in this stage; default: they do if there is a table [heat]"
     )
 
     @model_validator(mode="after")
@@ -190,3 +137,24 @@ class Stage(Table):
         if self.duration is None and isinstance(self.until, UntilRest):
             raise refuse("a stage that waits for rest may never end", "give duration [s] too, as its upper bound", "until")
         return self
+
+    @model_validator(mode="after")
+    def _still(self) -> Self:
+        if not self.frozen:
+            return self
+        if self.heat is False:
+            raise refuse("nothing happens in a stage with frozen = true and heat = false", "remove one of the two", "heat")
+        for key in ("until", "drives", "solver"):
+            if getattr(self, key):
+                raise refuse(f"{key} has no meaning with frozen = true: nothing moves", f"remove {key} or frozen", key)
+        return self
+
+
+def frozen_dt(stage: Stage, output: Output) -> float:
+    """Time between looks at the temperatures in a frozen stage [s].
+
+    That of the stage, or the smaller interval of ``output``; shortened so that the duration is a whole number of them.
+    """
+    assert stage.duration is not None  # a frozen stage has no other end
+    longest = stage.dt if stage.dt is not None else min(output.series_interval, output.frame_interval)
+    return stage.duration / max(1, math.ceil(stage.duration / longest * (1.0 - 1e-9)))

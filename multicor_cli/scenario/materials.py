@@ -2,15 +2,20 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Self
+from collections.abc import Callable
+from typing import Annotated, Any, Self
 
-from pydantic import AfterValidator, Discriminator, Field, Strict, Tag, field_validator, model_validator
+from pydantic import AfterValidator, BaseModel, Discriminator, Field, Strict, Tag, WithJsonSchema, field_validator, model_validator
 
-from multicor_cli.scenario.base import Fraction, Friction, Table, refuse, require_ascending, tag_table
+from multicor_cli.scenario.base import Fraction, Friction, Kelvin, Table, refuse, require_ascending
+from multicor_cli.scenario.heat import ROOM_TEMPERATURE
 
 MAX_MATERIALS = 100
 DENSITY_BOUNDS = (1.0, 30_000.0)
 YOUNG_BOUNDS = (1e3, 1e13)
+HEAT_CAPACITY_BOUNDS = (10.0, 1e5)
+HARDNESS_BOUNDS = (1e5, 1e12)
+MAX_FRICTION = 10.0
 
 
 def _check_density(value: float) -> float:
@@ -34,6 +39,33 @@ def _check_young(value: float) -> float:
     return value
 
 
+def _check_heat_capacity(value: float) -> float:
+    low, high = HEAT_CAPACITY_BOUNDS
+    if value <= 0.0:
+        raise refuse(f"the heat capacity must be positive, is {value:g} J/(kg K)", "give it in J/(kg K), for steel 500")
+    if not low <= value <= high:
+        hint = f"did you mean {value * 1000.0:g} (from J/(g K))?" if value < low else "is it in J/(kg K)?"
+        raise refuse(f"{value:g} J/(kg K) is no heat capacity of a solid ({low:g} to {high:g})", hint)
+    return value
+
+
+def _check_hardness(value: float) -> float:
+    low, high = HARDNESS_BOUNDS
+    if value <= 0.0:
+        raise refuse(f"a hardness must be positive, is {value:g} Pa", "give it in Pa, for steel 2e9")
+    if not low <= value <= high:
+        hint = f"did you mean {value:g}e9?" if value < low else "give it in Pa, for steel 2e9"
+        raise refuse(f"{value:g} Pa is no hardness of a solid ({low:g} to {high:g})", hint)
+    return value
+
+
+Hardness = Annotated[
+    float,
+    AfterValidator(_check_hardness),
+    WithJsonSchema({"type": "number", "minimum": HARDNESS_BOUNDS[0], "maximum": HARDNESS_BOUNDS[1]}),
+]
+
+
 class Material(Table):
     """``[materials.NAME]``: what grains and walls are made of."""
 
@@ -47,6 +79,25 @@ class Material(Table):
     )
     poisson: Annotated[float, Field(gt=-1.0, lt=0.5)] | None = Field(None, description="Poisson's ratio, between -1 and 0.5")
 
+    conductivity: Annotated[float, Field(ge=1e-4, le=1e5)] | None = Field(None, description="thermal conductivity [W/(m K)]")
+    heat_capacity: Annotated[float, AfterValidator(_check_heat_capacity)] | None = Field(
+        None,
+        description="specific heat capacity [J/(kg K)]",
+        json_schema_extra={"minimum": HEAT_CAPACITY_BOUNDS[0], "maximum": HEAT_CAPACITY_BOUNDS[1]},
+    )
+    emissivity: Annotated[float, Field(gt=0.0, le=1.0)] | None = Field(None, description="emissivity, for radiation")
+    roughness: Annotated[float, Field(ge=1e-10, le=1e-2)] | None = Field(
+        None, description="rms roughness of the surface [m], for rough contacts"
+    )
+    asperity_slope: Annotated[float, Field(ge=1e-4, le=10.0)] | None = Field(
+        None, description="mean absolute slope of the asperities, for rough contacts"
+    )
+    microhardness: Hardness | None = Field(None, description="microhardness [Pa], for rough contacts")
+    hardness: Hardness | None = Field(None, description="hardness [Pa], for wear")
+    resistivity: Annotated[float, Field(ge=1e-10, le=1e20)] | None = Field(
+        None, description='electrical resistivity [Ω m], for partition = "electrothermal"'
+    )
+
     @model_validator(mode="after")
     def _both_or_none(self) -> Self:
         if (self.young is None) != (self.poisson is None):
@@ -55,7 +106,52 @@ class Material(Table):
         return self
 
 
-class FrictionTable(Table):
+def _when_softening(value: float) -> Callable[[dict[str, Any]], float | None]:
+    """A default that holds only where the friction softens."""
+    return lambda data: value if data.get("softening") is not None else None
+
+
+class Softening(Table):
+    """How a coefficient of friction depends on temperature: times 1 - softening (T - reference), cut to [min, max]."""
+
+    softening: Annotated[float, Field(ge=-1.0, le=1.0)] | None = Field(
+        None, description="relative decrease of the coefficient of friction per kelvin [1/K]; needs [heat]"
+    )
+    reference: Kelvin | None = Field(
+        default_factory=_when_softening(ROOM_TEMPERATURE),
+        description="temperature at which the coefficient is as given [K]; default with softening: 293.15",
+    )
+    min: Friction | None = Field(
+        default_factory=_when_softening(0.0), description="smallest coefficient of friction; default with softening: 0"
+    )
+    max: Friction | None = Field(
+        default_factory=_when_softening(MAX_FRICTION), description="largest coefficient of friction; default with softening: 10"
+    )
+
+    @model_validator(mode="after")
+    def _softens(self) -> Self:
+        if self.softening is None:
+            for key in ("reference", "min", "max"):
+                if getattr(self, key) is not None:
+                    raise refuse(f"{key} has no meaning without softening", "add softening [1/K], or remove it", key)
+        elif self.min is not None and self.max is not None and self.max < self.min:
+            raise refuse(f"max = {self.max:g} is below min = {self.min:g}", "exchange the two", "max")
+        return self
+
+
+class SofteningFriction(Softening):
+    """Coefficient of friction that depends on temperature."""
+
+    value: Friction = Field(description="coefficient of friction at the reference temperature")
+
+    @model_validator(mode="after")
+    def _is_softening(self) -> Self:
+        if self.softening is None:
+            raise refuse("the softening of the friction is missing", "add softening [1/K], or give the coefficient as a number")
+        return self
+
+
+class FrictionTable(Softening):
     """Coefficient of friction that depends on the sliding speed: linear between the rows, constant beyond."""
 
     speed: Annotated[tuple[Annotated[float, Field(ge=0.0, le=1e12)], ...], Strict(False)] = Field(
@@ -64,6 +160,17 @@ class FrictionTable(Table):
     values: Annotated[tuple[Friction, ...], Strict(False)] = Field(
         min_length=1, max_length=1000, description="coefficient of friction at each speed"
     )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _no_temperatures(cls, data: Any) -> Any:
+        if isinstance(data, dict) and "temperature" in data:
+            raise refuse(
+                "friction is no table of temperatures",
+                "use { value = 0.5, softening = 1e-3, reference = 293.15 }: it falls by softening per kelvin",
+                "temperature",
+            )
+        return data
 
     @field_validator("speed")
     @classmethod
@@ -82,9 +189,18 @@ class FrictionTable(Table):
         return self
 
 
+def _tag_friction(value: Any) -> str:
+    """Discriminator of `AnyFriction`: a table of speeds unless it has the keys of a softening number and none of speeds."""
+    if not isinstance(value, dict | BaseModel):
+        return "<plain>"
+    names = type(value).model_fields if isinstance(value, BaseModel) else value
+    is_table = "speed" in names or "values" in names or not ("value" in names or "softening" in names)
+    return "<speed>" if is_table else "<value>"
+
+
 AnyFriction = Annotated[
-    Annotated[Friction, Tag("<plain>")] | Annotated[FrictionTable, Tag("<table>")],
-    Discriminator(tag_table),
+    Annotated[Friction, Tag("<plain>")] | Annotated[SofteningFriction, Tag("<value>")] | Annotated[FrictionTable, Tag("<speed>")],
+    Discriminator(_tag_friction),
 ]
 MaterialOrAny = Annotated[str, Field(pattern=r"^([A-Za-z0-9_-]+|\*)$", max_length=64)]
 
@@ -96,9 +212,27 @@ class ContactPair(Table):
         description='the two materials, as ["glass", "steel"]; "*" stands for any; the more specific pair wins'
     )
     friction: AnyFriction = Field(
-        description="coefficient of friction (0 to 10), or a table { speed = [...], values = [...] } of the sliding speed [m/s]"
+        description="coefficient of friction (0 to 10), or a table: { speed = [...], values = [...] } of the sliding speed [m/s], "
+        "{ value = 0.5, softening = 1e-3 } of the temperature, or both: speed, values and softening"
     )
     restitution: Fraction = Field(0.0, description="coefficient of normal restitution, 0 to 1")
+    wear: Annotated[float, Field(ge=1e-15, le=1.0)] | None = Field(
+        None, description="Archard's coefficient of wear K: volume = K force distance/hardness; needs [heat]; default: no wear"
+    )
+
+    @property
+    def coefficient(self) -> float:
+        """Coefficient of friction at rest and at the reference temperature."""
+        if isinstance(self.friction, SofteningFriction):
+            return self.friction.value
+        # A table begins with the value at the lowest speed.
+        return self.friction.values[0] if isinstance(self.friction, FrictionTable) else self.friction
+
+    @property
+    def softening(self) -> Softening | None:
+        """How the coefficient of friction depends on temperature, if it does."""
+        law = self.friction
+        return law if isinstance(law, Softening) and law.softening is not None else None
 
     @property
     def specificity(self) -> int:

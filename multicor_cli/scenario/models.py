@@ -10,22 +10,27 @@ from typing import Annotated
 from pydantic import Field, Strict
 
 from multicor_cli.scenario.base import Name, Table
+from multicor_cli.scenario.heat import (
+    AmbientCoefficient,
+    AmbientCorrelation,
+    AverageForce,
+    Gas,
+    Heat,
+    PrescribedForce,
+    Radiation,
+)
 from multicor_cli.scenario.loading import (
     FixedDof,
     ForceDof,
-    RampSignal,
-    SineSignal,
-    SineWave,
     Stage,
     StageSolver,
     StrainEnd,
-    TableSignal,
     UntilRest,
     UntilStrain,
     VelocityDof,
     WallDrives,
 )
-from multicor_cli.scenario.materials import MAX_MATERIALS, ContactPair, FrictionTable, Material
+from multicor_cli.scenario.materials import MAX_MATERIALS, ContactPair, FrictionTable, Material, SofteningFriction
 from multicor_cli.scenario.packings import (
     CompactedPacking,
     DepositedPacking,
@@ -35,9 +40,20 @@ from multicor_cli.scenario.packings import (
     RunPacking,
     TilePacking,
 )
-from multicor_cli.scenario.particles import ParticleGroup, Region
+from multicor_cli.scenario.particles import ParticleGroup
+from multicor_cli.scenario.region import Region
 from multicor_cli.scenario.settings import Domain, Header, Output, Solver
+from multicor_cli.scenario.signals import RampSignal, SineSignal, SineWave, TableSignal
 from multicor_cli.scenario.sizes import AnySizes, ListSizes, LognormalSizes, PowerSizes, UniformSizes
+from multicor_cli.scenario.temperatures import (
+    AnyTemperature,
+    FileTemperature,
+    GradientTemperature,
+    RegionsTemperature,
+    TemperatureRegion,
+    ValuesTemperature,
+)
+from multicor_cli.scenario.wall_heat import FlowCondition, InsulatedCondition, TemperatureCondition
 from multicor_cli.scenario.walls import (
     BoxGeometry,
     CircleGeometry,
@@ -64,12 +80,17 @@ class ScenarioModel(Table):
     loading: Annotated[tuple[Stage, ...], Strict(False)] = Field(
         min_length=1, max_length=1000, description="loading stages in time order"
     )
+    heat: Heat | None = Field(None, description="heat: its presence switches temperatures on")
     solver: Solver = Field(description="time step and contact solver")
     output: Output = Field(description="what is written, and how often")
 
 
 __all__ = [
+    "AmbientCoefficient",
+    "AmbientCorrelation",
     "AnySizes",
+    "AnyTemperature",
+    "AverageForce",
     "BoxGeometry",
     "CircleGeometry",
     "CompactedPacking",
@@ -77,10 +98,16 @@ __all__ = [
     "DepositedPacking",
     "Domain",
     "FilePacking",
+    "FileTemperature",
     "FixedDof",
+    "FlowCondition",
     "ForceDof",
     "FrictionTable",
+    "Gas",
+    "GradientTemperature",
     "Header",
+    "Heat",
+    "InsulatedCondition",
     "LatticePacking",
     "ListSizes",
     "LognormalSizes",
@@ -90,23 +117,30 @@ __all__ = [
     "PlaneGeometry",
     "PolylineGeometry",
     "PowerSizes",
+    "PrescribedForce",
+    "Radiation",
     "RampSignal",
     "RandomPacking",
     "Region",
+    "RegionsTemperature",
     "RoughGeometry",
     "RunPacking",
     "ScenarioModel",
     "SineSignal",
     "SineWave",
+    "SofteningFriction",
     "Solver",
     "Stage",
     "StageSolver",
     "StrainEnd",
     "TableSignal",
+    "TemperatureCondition",
+    "TemperatureRegion",
     "TilePacking",
     "UniformSizes",
     "UntilRest",
     "UntilStrain",
+    "ValuesTemperature",
     "VelocityDof",
     "Wall",
     "WallDrives",

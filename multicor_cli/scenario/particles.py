@@ -4,36 +4,13 @@ from __future__ import annotations
 
 from typing import Literal, Self
 
-from pydantic import Field, ValidationInfo, field_validator, model_validator
+from pydantic import Field, model_validator
 
-from multicor_cli.scenario.base import GrainCount, Length, Name, Number, Point, Table, Vector, refuse
+from multicor_cli.scenario.base import GrainCount, Length, Name, Number, Table, Vector, refuse
 from multicor_cli.scenario.packings import AreaFraction, FilePacking, LatticePacking, Packing, RunPacking, TilePacking
+from multicor_cli.scenario.region import Region
 from multicor_cli.scenario.sizes import Sizes
-
-
-class Region(Table):
-    """A rectangle."""
-
-    min: Point = Field(description="lower left corner [m]")
-    max: Point = Field(description="upper right corner [m]")
-
-    @field_validator("max")
-    @classmethod
-    def _above_min(cls, corner: tuple[float, float], info: ValidationInfo) -> tuple[float, float]:
-        low = info.data.get("min")
-        if low is not None and not (corner[0] > low[0] and corner[1] > low[1]):
-            raise refuse(f"max = {list(corner)} is not above and to the right of min = {list(low)}", "exchange the corners")
-        return corner
-
-    @property
-    def width(self) -> float:
-        """Extent in x [m]."""
-        return self.max[0] - self.min[0]
-
-    @property
-    def height(self) -> float:
-        """Extent in y [m]."""
-        return self.max[1] - self.min[1]
+from multicor_cli.scenario.temperatures import Temperature
 
 
 class ParticleGroup(Table):
@@ -58,6 +35,12 @@ class ParticleGroup(Table):
     shear_rate: Number = Field(
         0.0,
         description="initial shear rate [1/s]: adds shear_rate (y - y of the region's middle) to vx, -shear_rate/2 to spin",
+    )
+
+    temperature: Temperature | None = Field(
+        None,
+        description="initial temperature [K]: a number, or a table with gradient, regions, values or file; default: that of the "
+        "frame for a packing from a run with heat, else that of [heat]",
     )
 
     @property

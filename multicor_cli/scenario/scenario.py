@@ -8,14 +8,17 @@ from pathlib import Path
 
 from multicor_cli.scenario.checks.grains import region_of
 from multicor_cli.scenario.drives import StageDrives, stage_drives
-from multicor_cli.scenario.loading import Stage
+from multicor_cli.scenario.heat import Heat
+from multicor_cli.scenario.loading import Stage, frozen_dt
 from multicor_cli.scenario.materials import ContactPair, Material
 from multicor_cli.scenario.models import ScenarioModel
-from multicor_cli.scenario.particles import ParticleGroup, Region
+from multicor_cli.scenario.particles import ParticleGroup
 from multicor_cli.scenario.problems import Finding, KeyPath, Problem
+from multicor_cli.scenario.region import Region
 from multicor_cli.scenario.settings import Domain, Output, Solver
 from multicor_cli.scenario.sizes import AnySizes
 from multicor_cli.scenario.sources import Sources
+from multicor_cli.scenario.wall_heat import KeptCondition, resolve_conditions
 from multicor_cli.scenario.walls import Wall
 
 SEED_BITS = 53
@@ -95,6 +98,11 @@ class Scenario:
         return self.model.loading
 
     @property
+    def heat(self) -> Heat | None:
+        """``[heat]``; None if there is no heat."""
+        return self.model.heat
+
+    @property
     def solver(self) -> Solver:
         """``[solver]``; see `stage_solver` for what holds in a stage."""
         return self.model.solver
@@ -131,10 +139,15 @@ class Scenario:
         return named
 
     def stage_solver(self, stage: int) -> Solver:
-        """``[solver]`` with what the stage of this index overrides, its time step included."""
+        """``[solver]`` with what the stage of this index overrides, its time step included.
+
+        The time step of a frozen stage is the time between looks at the temperatures.
+        """
         table = self.loading[stage]
         changes = table.solver.model_dump(exclude_none=True) if table.solver else {}
-        if table.dt is not None:
+        if table.frozen:
+            changes["dt"] = frozen_dt(table, self.output)
+        elif table.dt is not None:
             changes["dt"] = table.dt
         return self.solver.model_copy(update=changes)
 
@@ -142,6 +155,11 @@ class Scenario:
         """The drives of all stages; walls in the order of the file, or of ``wall_names``."""
         names = wall_names if wall_names is not None else tuple(wall.name for wall in self.walls)
         return stage_drives(self.loading, names)
+
+    def wall_conditions(self, wall_names: tuple[str, ...] | None = None) -> list[list[KeptCondition]]:
+        """The thermal condition of each wall in each stage; walls in the order of the file, or of ``wall_names``."""
+        first = {wall.name: wall.thermal for wall in self.walls}
+        return resolve_conditions(self.loading, first, wall_names if wall_names is not None else tuple(first))
 
     def resolve_path(self, path: str) -> Path:
         """A path of the scenario, which is relative to the directory of its file."""

@@ -13,7 +13,6 @@ from pydantic_core import ErrorDetails
 from multicor_cli.scenario.describe import Spot, find_spot
 from multicor_cli.scenario.problems import Finding, KeyPath, name_list, show
 
-_HEAT_WORDS = re.compile(r"heat|therm|temperature|conductiv|emissiv|effusiv|convect|radiat|biot|frozen|^freeze|ambient|wear")
 _UNIT_SUFFIX = re.compile(
     r"(.+?)_(mm|cm|um|nm|km|ms|us|min|h|hours|deg|degrees|g|mpa|gpa|kpa|celsius|m|s|kg|pa|rad|k)", re.IGNORECASE
 )
@@ -71,19 +70,17 @@ def _is_consequence(error: ErrorDetails) -> bool:
 
 
 def _explained_tables(spotted: Sequence[tuple[Spot, ErrorDetails]]) -> dict[KeyPath, set[str]]:
-    """For each table with unknown keys: the keys that are missing only because they are misspelled; ``"*"`` stands for all."""
+    """For each table with unknown keys: the keys that are missing only because they are misspelled."""
     explained: dict[KeyPath, set[str]] = {}
     for spot, error in spotted:
         if error["type"] == "extra_forbidden":
             key = str(spot.path[-1])
-            meant = "*" if _HEAT_WORDS.search(key.lower()) else (_intended(key, spot.known_keys) or "")
-            explained.setdefault(spot.path[:-1], set()).add(meant)
+            explained.setdefault(spot.path[:-1], set()).add(_intended(key, spot.known_keys) or "")
     return explained
 
 
 def _is_explained(spot: Spot, explained: dict[KeyPath, set[str]]) -> bool:
-    names = explained.get(spot.path[:-1], set())
-    return "*" in names or spot.path[-1] in names
+    return spot.path[-1] in explained.get(spot.path[:-1], set())
 
 
 def _intended(key: str, known: list[str]) -> str | None:
@@ -135,8 +132,6 @@ def _missing(spot: Spot, error: ErrorDetails) -> Finding:
 
 def _unknown_key(spot: Spot, _error: ErrorDetails) -> Finding:
     key = str(spot.path[-1])
-    if _HEAT_WORDS.search(key.lower()):
-        return Finding(spot.path, "heat is not available in this version", "remove the key")
     known = spot.known_keys
     if (match := _UNIT_SUFFIX.fullmatch(key)) and match[1] in known:
         return Finding(spot.path, "unknown key: keys carry no unit, all numbers are in SI units", f"did you mean '{match[1]}'?")

@@ -9,6 +9,7 @@ from pydantic import Discriminator, Field, Strict, Tag, ValidationInfo, field_va
 
 from multicor_cli.scenario.base import Length, Name, Point, Table, Vector, refuse, tag_table
 from multicor_cli.scenario.sizes import Sizes
+from multicor_cli.scenario.wall_heat import WallCondition
 
 Side = Literal["left", "right", "bottom", "top"]
 SizesOrGroup = Annotated[Annotated[Name, Tag("<plain>")] | Annotated[Sizes, Tag("<table>")], Discriminator(tag_table)]
@@ -140,6 +141,12 @@ class Wall(Table):
         description="moment of inertia [kg m²]; default: that of its glued grains; required for others that a torque drives",
     )
     gravity: bool = Field(False, description="whether gravity acts on the degrees of freedom that a force drives")
+
+    thermal: WallCondition | None = Field(
+        None,
+        description="thermal condition from the start of the run: { temperature = 323.15 }, { flow = 5.0 } or { insulated = true } "
+        "(the default)",
+    )
 
     @property
     def has_glued_grains(self) -> bool:

@@ -25,6 +25,8 @@ class ContactTable:
         impulse: p_n, p_t of j on i [N s], shape ``(c, 2)``.
         slip: Tangential velocity u_t⁺ of i relative to j [m/s], shape ``(c,)``.
         sliding: Whether |p_t| has reached μ p_n > 0, shape ``(c,)``.
+        heat: Heat generated in the contact in the step [J], shape ``(c,)``; None if no heat was computed.
+        conductance: Conductance of the contact in the step [W/K], shape ``(c,)``; None if no heat was computed.
     """
 
     i: Ints
@@ -34,6 +36,8 @@ class ContactTable:
     impulse: Floats
     slip: Floats
     sliding: NDArray[np.bool_]
+    heat: Floats | None = None
+    conductance: Floats | None = None
 
 
 @kernel

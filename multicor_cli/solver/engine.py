@@ -12,10 +12,10 @@ import numpy as np
 from multicor_cli.kernels import account
 from multicor_cli.kernels.contacts import (
     Contacts,
-    Laws,
     Scene,
     WarmStart,
     find_missed,
+    kernel_laws,
     measure_pairs,
     warm_rows,
 )
@@ -48,6 +48,7 @@ class Engine:
         state: What does; updated in place by `step`, untouched by a step that is interrupted.
         settings: Choices of the contact solver; may be replaced between steps.
         timers: Seconds spent in each stage since the start.
+        shape_temperature: Temperatures of all shapes [K], for friction that depends on them; nan where a wall has none.
     """
 
     def __init__(self, model: Model, state: State, settings: Settings | None = None, threads: int = 0) -> None:
@@ -82,7 +83,7 @@ class Engine:
         self._flagged = np.zeros(n, np.bool_)
         self._world = np.empty((model.shape_count, 4))
         self._material = np.concatenate([model.grains.material, model.shapes.material]).astype(np.int32)
-        self._laws = Laws(*(getattr(model.laws, name) for name in Laws._fields))
+        self.shape_temperature: Floats = np.empty(0)
         self._contacts: Contacts | None = None
         self._after: Floats = np.empty((0, 4))
         self._last_scene: Scene | None = None
@@ -148,6 +149,13 @@ class Engine:
             )
             raise PhysicsError(state.step, message)
         return self._finish(scene, contacts, after, outcome, reach, dt, middle_walls)
+
+    @property
+    def moved(self) -> tuple[Scene, Contacts, Floats] | None:
+        """Shapes at q_m, contacts and velocities v⁺ of the last step, valid until the next; None if there is none."""
+        if self._last_scene is None or self._contacts is None:
+            return None
+        return self._last_scene, self._contacts, self._after
 
     def contacts(self) -> ContactTable:
         """Contacts of the last step, sorted by (i, j): those within reach, loaded or not.
@@ -221,7 +229,8 @@ class Engine:
         state, model, lists = self.state, self.model, self._list
         warm = WarmStart(warm_rows(model.grain_count, state.contact_i), state.contact_j, state.contact_impulse)
         ratio = dt / state.last_dt if state.last_dt > 0.0 else 0.0
-        contacts, closing = gather_contacts(scene, lists, lists.gap, margin, self._laws, self._start, dt, warm, ratio)
+        laws = kernel_laws(model.laws, self.shape_temperature)
+        contacts, closing = gather_contacts(scene, lists, lists.gap, margin, laws, self._start, dt, warm, ratio)
         return contacts, self._scale(dt, *closing)
 
     def _scale(self, dt: float, squares: float, closing: float) -> Scale:

@@ -5,12 +5,24 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.kernels.contacts import Contacts, Laws, Scene, WarmStart, count_contacts, fill_contacts, measure_pairs
+from multicor_cli.kernels.contacts import (
+    Contacts,
+    Laws,
+    Scene,
+    WarmStart,
+    count_contacts,
+    fill_contacts,
+    kernel_laws,
+    measure_pairs,
+)
 from multicor_cli.kernels.jit import chunks_for
 from multicor_cli.solver.neighbour_list import NeighbourList
-from multicor_cli.state.model import Floats
+from multicor_cli.state.model import ContactLaws, Floats
 
-_NO_LAWS = Laws(np.zeros((1, 1)), np.zeros((1, 1)), np.full((1, 1), -1, np.int32), np.zeros(1, np.int32), np.empty(0), np.empty(0))
+_NOTHING = np.zeros((1, 1))
+_NO_LAWS = kernel_laws(
+    ContactLaws(_NOTHING, _NOTHING, np.full((1, 1), -1, np.int32), np.zeros(1, np.int32), np.empty(0), np.empty(0)), np.empty(0)
+)
 
 
 def gather_contacts(

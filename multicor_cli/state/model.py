@@ -82,6 +82,23 @@ class Walls:
 
 
 @dataclass(frozen=True)
+class Softening:
+    """Friction that depends on temperature: μ = μ₀ [1 − c (T − T_r)], cut to a range; every array has shape ``(k, k)``.
+
+    Attributes:
+        rate: c [1/K]; 0 for pairs without it.
+        start: T_r, the temperature at which μ = μ₀ [K].
+        lowest: Smallest μ.
+        highest: Largest μ.
+    """
+
+    rate: Floats
+    start: Floats
+    lowest: Floats
+    highest: Floats
+
+
+@dataclass(frozen=True)
 class ContactLaws:
     """Coulomb friction and Newton restitution for each pair of materials; ``k`` materials.
 
@@ -92,6 +109,7 @@ class ContactLaws:
         table_start: First row of each table in the two arrays below, shape ``(tables + 1,)``.
         table_speed: Sliding speeds [m/s], ascending within a table.
         table_friction: μ at these speeds; linear between, constant beyond.
+        softening: How μ depends on temperature, or None.
     """
 
     friction: Floats
@@ -100,6 +118,24 @@ class ContactLaws:
     table_start: Ints
     table_speed: Floats
     table_friction: Floats
+    softening: Softening | None = None
+
+
+@dataclass(frozen=True)
+class Thermal:
+    """What the grains' temperatures need that does not change; every array has shape ``(n,)``.
+
+    The temperature of a grain is ``start + State.heat / capacity``.
+
+    Attributes:
+        capacity: Heat capacity C = m c_p [J/K].
+        start: Temperature at the start of the run T₀ [K].
+        surface: Area through which a grain meets fluid and surroundings [m²]: 4π a² of a sphere, 2π a h of a disc.
+    """
+
+    capacity: Floats
+    start: Floats
+    surface: Floats
 
 
 @dataclass(frozen=True)
@@ -116,6 +152,7 @@ class Model:
         period: Period in x [m]; 0 if the domain is not periodic.
         gravity: Acceleration of gravity [m/s²], shape ``(2,)``.
         shape_factor: m a²/I, the same for all grains: 2 for discs, 5/2 for spheres.
+        thermal: Heat capacities and initial temperatures, or None if the run has no heat.
     """
 
     grains: Grains
@@ -127,6 +164,7 @@ class Model:
     period: float
     gravity: Floats
     shape_factor: float
+    thermal: Thermal | None = None
 
     @property
     def grain_count(self) -> int:

@@ -8,7 +8,7 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.state.model import Floats, Ints, Model
+from multicor_cli.state.model import Floats, Ints, Model, Thermal
 
 BOOK_NAMES = (
     "kinetic",  # kinetic energy now (free degrees of freedom) [J]
@@ -56,6 +56,25 @@ WINDOW_NAMES = (
 )
 """Names of the sums kept between two rows of the time series, in the order of `State.window`."""
 
+HEAT_BOOK_NAMES = (
+    "stored",  # ΣQ_i, the heat content of the grains since the start [J]
+    "friction",  # heat of friction at the contacts, by the rule in use [J]
+    "impact",  # heat of impacts at the contacts [J]
+    "to_walls",  # share of friction and impact that went into the walls [J]
+    "from_walls",  # from the walls into the grains: conduction, gas, radiation; signed [J]
+    "from_ambient",  # by convection from the ambient fluid; signed [J]
+    "from_surroundings",  # by radiation from the surroundings; signed [J]
+    "exchanged",  # Σ|terms| of the exchange with the outside, step by step [J]
+    "undelivered",  # heat that walls of prescribed flow could not pass on because nothing touched them [J]
+    "imbalance",  # stored − (friction + impact − to_walls + from_walls + from_ambient + from_surroundings) now [J]
+    "closure",  # largest |imbalance| / (exchanged + Σ C_i|T_i − T_i0|) over the run
+    "sub_steps",  # sub-steps of the heat integrator so far
+    "max_biot",  # largest Biot number of a contact so far
+    "solid_gas_min",  # smallest λ_s s/(λ_f a) of a contact in the last step; 0 without gas
+    "solid_gas_max",  # largest λ_s s/(λ_f a) of a contact in the last step; 0 without gas
+)
+"""Names of the heat books, in the order of `State.heat_books`."""
+
 
 def _empty(*shape: int) -> Floats:
     return np.zeros(shape)
@@ -80,6 +99,7 @@ class State:
         window_wall_impulse: Walls: impulse and angular impulse exerted by the grains since the last row [N s, N m s],
             shape ``(w, 3)``.
         step: Number of steps done since the start of the run.
+        frozen_steps: How many of them were steps of frozen stages, in which nothing moved.
         stage: Index of the current loading stage.
         stage_step: Steps done in this stage.
         stage_start: Time at which this stage began [s].
@@ -87,6 +107,18 @@ class State:
         stage_strain: Shear strain accumulated in this stage.
         time: Time since the start of the run [s].
         last_dt: Time step of the last step [s]; scales the warm start.
+        heat: Grains: heat content since the start Q [J], shape ``(n,)``; this and what follows is empty without heat.
+        generated: Grains: heat of friction and impacts received since the start [J], shape ``(n,)``.
+        wear: Grains: volume worn off since the start [m³], shape ``(n,)``.
+        wall_heat: Walls: heat given to the grains, and heat of friction and impacts received, since the start [J], shape
+            ``(w, 2)``.
+        wall_wear: Walls: volume worn off since the start [m³], shape ``(w,)``.
+        wall_temperature: Walls: temperature at the end of the last step [K]; nan where none is prescribed, shape ``(w,)``.
+        heat_books: Heat books in the order of `HEAT_BOOK_NAMES`.
+        mean_i: First shape of each contact with a running average of the force, ascending, shape ``(a,)``.
+        mean_j: Second shape, ascending within equal ``mean_i``, shape ``(a,)``.
+        mean_force: Running average of the normal force [N], shape ``(a,)``.
+        heat_dt: Sub-step that the heat integrator tries first [s]; 0: the whole step.
     """
 
     position: Floats
@@ -102,6 +134,7 @@ class State:
     window: Floats = field(default_factory=lambda: _empty(len(WINDOW_NAMES)))
     window_wall_impulse: Floats = field(default_factory=lambda: _empty(0, 3))
     step: int = 0
+    frozen_steps: int = 0
     stage: int = 0
     stage_step: int = 0
     stage_start: float = 0.0
@@ -109,6 +142,17 @@ class State:
     stage_strain: float = 0.0
     time: float = 0.0
     last_dt: float = 0.0
+    heat: Floats = field(default_factory=lambda: _empty(0))
+    generated: Floats = field(default_factory=lambda: _empty(0))
+    wear: Floats = field(default_factory=lambda: _empty(0))
+    wall_heat: Floats = field(default_factory=lambda: _empty(0, 2))
+    wall_wear: Floats = field(default_factory=lambda: _empty(0))
+    wall_temperature: Floats = field(default_factory=lambda: _empty(0))
+    heat_books: Floats = field(default_factory=lambda: _empty(0))
+    mean_i: Ints = field(default_factory=lambda: np.zeros(0, np.int32))
+    mean_j: Ints = field(default_factory=lambda: np.zeros(0, np.int32))
+    mean_force: Floats = field(default_factory=lambda: _empty(0))
+    heat_dt: float = 0.0
 
     @classmethod
     def at_rest(cls, model: Model, position: Floats) -> State:
@@ -118,7 +162,16 @@ class State:
         full[:, : position.shape[1]] = position
         state = cls(full, np.zeros(n, np.int64), _empty(n, 3), _empty(w, 3), _empty(w, 3))
         state.window_wall_impulse = _empty(w, 3)
+        if model.thermal is not None:
+            state.heat, state.generated, state.wear = _empty(n), _empty(n), _empty(n)
+            state.wall_heat, state.wall_wear = _empty(w, 2), _empty(w)
+            state.wall_temperature = np.full(w, np.nan)
+            state.heat_books = _empty(len(HEAT_BOOK_NAMES))
         return state
+
+    def temperature(self, thermal: Thermal) -> Floats:
+        """Temperatures of the grains T = T₀ + Q/C [K], shape ``(n,)``."""
+        return thermal.start + self.heat / thermal.capacity
 
     def as_dict(self) -> dict[str, NDArray[np.generic]]:
         """All fields as arrays (numbers become 0-d arrays), in declaration order: what a checkpoint stores."""

@@ -7,6 +7,7 @@ import hashlib
 import json
 import math
 from collections.abc import Iterator
+from functools import cached_property
 from pathlib import Path
 from types import TracebackType
 from typing import Any
@@ -25,6 +26,7 @@ _FILTERS = {h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FL
 _STRING_LIMIT = 64 << 20
 _BLOCK_BYTES = 16 << 20
 _TYPES: dict[str, tuple[str, ...]] = {"f8": ("<f8",), "float": ("<f8", "<f4"), "i8": ("<i8",), "i4": ("<i4",), "u1": ("|u1",)}
+_FEATURES_SINCE = (1, 1)
 _EDGES = {"frame_edge": "frame", "table_edge": "table"}
 
 
@@ -56,6 +58,9 @@ class CheckedFile:
         run_id: Expected root attribute ``run_id``; any if ``None``.
         dims: Lengths that are already known; others are bound by the first dataset that has them.
 
+    Attributes:
+        version: Format version of the file.
+
     Raises:
         DamagedRun: If it is damaged or not such a file.
         UnsupportedVersion: If it has another major format version.
@@ -70,7 +75,7 @@ class CheckedFile:
             self._size = path.stat().st_size
             self._file = h5py.File(path, "r", locking=False)
         try:
-            self._check_header(filetype, run_id)
+            self.version = self._check_header(filetype, run_id)
         except BaseException:
             self._file.close()
             raise
@@ -85,6 +90,16 @@ class CheckedFile:
         """Close the file."""
         self._accepted.clear()
         self._file.close()
+
+    @cached_property
+    def features(self) -> frozenset[str]:
+        """Features of the run that the file belongs to, see ``schema.Feature``; raises `DamagedRun`."""
+        if self.version < _FEATURES_SINCE:
+            return frozenset()
+        found = self.json("features")
+        if not isinstance(found, list) or not all(isinstance(name, str) for name in found):
+            raise DamagedRun(f"{self.path}: attribute 'features' is damaged")
+        return frozenset(found)
 
     def text(self, name: str) -> str:
         """A root attribute that is a string; raises `DamagedRun`."""
@@ -147,7 +162,7 @@ class CheckedFile:
             raise DamagedRun(f"{self.path}: the values of {spec.path} do not match their digest")
         return actual
 
-    def _check_header(self, filetype: str, run_id: str | None) -> None:
+    def _check_header(self, filetype: str, run_id: str | None) -> tuple[int, int]:
         found = self.text("filetype")
         if found != filetype:
             raise DamagedRun(f"{self.path}: is a {found!r} file, expected {filetype!r}")
@@ -156,6 +171,7 @@ class CheckedFile:
         check_version(self.path, version)
         if run_id is not None and self.text("run_id") != run_id:
             raise DamagedRun(f"{self.path}: belongs to another run")
+        return version[0], version[1]
 
     def _find(self, path: str) -> h5py.Dataset:
         node: Any = self._file

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.state import State
+from multicor_cli.state import Model, State
 from multicor_cli.store import schema
 from multicor_cli.store.atomic import file_digest, kill_point, storage_errors
 from multicor_cli.store.checked import CheckedFile
@@ -76,6 +76,7 @@ class Identity:
 def write_checkpoint(
     directory: Path,
     state: State,
+    model: Model,
     identity: Identity,
     *,
     model_digest: str,
@@ -93,7 +94,7 @@ def write_checkpoint(
         DamagedRun: If what is read back is not the state.
     """
     path = _free_name(directory, state.step)
-    summary = summarize(state)
+    summary = summarize(state, model)
     columns = _columns(state)
 
     def fill(writer: Hdf5Writer) -> None:
@@ -101,7 +102,7 @@ def write_checkpoint(
             writer.write(spec, columns[spec.path])
 
     def verify(temporary: Path, digests: dict[str, str]) -> None:
-        if _read_state(temporary, identity.run_id).digest() != summary["state_digest"]:
+        if _read_state(temporary, identity.run_id)[0].digest() != summary["state_digest"]:
             raise DamagedRun(f"{temporary}: what was read back is not what was written")
 
     attributes = {"filetype": FILETYPE, "run_id": identity.run_id, "state_digest": summary["state_digest"]}
@@ -174,9 +175,10 @@ def load_checkpoint(sidecar: Path, identity: Identity) -> Checkpoint:
         size = path.stat().st_size
     if size != document.get("size") or file_digest(path) != document.get("blake2b"):
         raise DamagedRun(f"{path}: damaged (it does not match its digest in {sidecar.name})")
-    state = _read_state(path, identity.run_id)
+    state, version = _read_state(path, identity.run_id)
     try:
-        if state.digest() != document["summary"]["state_digest"]:
+        # The digest of a state covers the names of its fields: one of an older format cannot be compared.
+        if version == schema.FORMAT_VERSION and state.digest() != document["summary"]["state_digest"]:
             raise DamagedRun(f"{path}: the state does not match its digest")
         return Checkpoint(
             state=state,
@@ -239,13 +241,20 @@ def _columns(state: State) -> dict[str, NDArray[Any]]:
     return columns
 
 
-def _read_state(path: Path, run_id: str) -> State:
+def _read_state(path: Path, run_id: str) -> tuple[State, tuple[int, int]]:
+    """The state and the format version of the file; what appeared after that version is as in a run without it."""
     with CheckedFile(path, FILETYPE, run_id=run_id) as file:
-        data = {}
+        data = _defaults()
         for spec in schema.CHECKPOINT:
-            values = file.read(spec)
-            data[spec.name] = values[0] if spec.dims == ("one",) else values
-    return State.from_dict(data)
+            if spec.since <= file.version:
+                values = file.read(spec)
+                data[spec.name] = values[0] if spec.dims == ("one",) else values
+    return State.from_dict(data), file.version
+
+
+def _defaults() -> dict[str, NDArray[Any]]:
+    none = np.zeros((0, 3))
+    return State(none, np.zeros(0, np.int64), none, none, none).as_dict()
 
 
 def _check_document(document: Document, where: str, identity: Identity) -> None:

@@ -83,6 +83,16 @@ class Contacts:
         """Whether the contact slides, shape ``(c,)``."""
         return self._frame.column("contacts/sliding").astype(np.bool_)
 
+    @cached_property
+    def heat(self) -> Array | None:
+        """Heat generated in the contact in the last step [J], shape ``(c,)``; None in a run without heat."""
+        return self._frame.heat_column("contacts/heat")
+
+    @cached_property
+    def conductance(self) -> Array | None:
+        """Conductance of the contact in the last step [W/K], shape ``(c,)``; None in a run without heat."""
+        return self._frame.heat_column("contacts/conductance")
+
 
 class Frame:
     """One frame; ``n`` grains, ``w`` walls. Every array is read when it is first used, and kept.
@@ -100,10 +110,19 @@ class Frame:
 
         Raises:
             KeyError: If there is no such dataset.
-            DamagedRun: If the file is damaged.
+            DamagedRun: If the file is damaged, or the run has no such quantity.
             StorageError: If it cannot be read.
         """
         return self._parts.frame_rows(_SPECS[path], self.index)
+
+    def heat_column(self, path: str) -> Array | None:
+        """As `column`, for what only runs with heat have: None in a run without."""
+        return self.column(path) if self.has_heat else None
+
+    @cached_property
+    def has_heat(self) -> bool:
+        """Whether the run has heat."""
+        return "heat" in (self._parts.features or ())
 
     @cached_property
     def step(self) -> int:
@@ -166,6 +185,39 @@ class Frame:
     def wall_velocity(self) -> Array:
         """Velocity [m/s] and spin [rad/s] of the walls, shape ``(w, 3)``."""
         return self.column("walls/velocity").reshape(-1, 3)
+
+    @cached_property
+    def temperature(self) -> Array | None:
+        """Temperatures of the grains [K], shape ``(n,)``; this and what follows is None in a run without heat."""
+        return self.heat_column("particles/temperature")
+
+    @cached_property
+    def generated(self) -> Array | None:
+        """Heat of friction and impacts that the grains have received since the start [J], shape ``(n,)``."""
+        return self.heat_column("particles/generated")
+
+    @cached_property
+    def wear(self) -> Array | None:
+        """Volume worn off the grains since the start [m³], shape ``(n,)``."""
+        return self.heat_column("particles/wear")
+
+    @cached_property
+    def wall_temperature(self) -> Array | None:
+        """Temperatures of the walls [K], nan where none is prescribed, shape ``(w,)``."""
+        found = self.heat_column("walls/temperature")
+        return None if found is None else found.reshape(-1)
+
+    @cached_property
+    def wall_heat(self) -> Array | None:
+        """Walls: heat given to the grains, and heat of friction and impacts received, since the start [J], shape ``(w, 2)``."""
+        found = self.heat_column("walls/heat")
+        return None if found is None else found.reshape(-1, 2)
+
+    @cached_property
+    def wall_wear(self) -> Array | None:
+        """Volume worn off the walls since the start [m³], shape ``(w,)``."""
+        found = self.heat_column("walls/wear")
+        return None if found is None else found.reshape(-1)
 
     @cached_property
     def contacts(self) -> Contacts:

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.state import BOOK_NAMES, TALLY_NAMES, WINDOW_NAMES, State
-from multicor_cli.state.model import Floats, Ints
+from multicor_cli.state import BOOK_NAMES, HEAT_BOOK_NAMES, TALLY_NAMES, WINDOW_NAMES, Model, State
+from multicor_cli.state.model import Floats, Ints, Thermal
 
 Columns = dict[str, NDArray[Any]]
 """Arrays by path of the schema."""
@@ -27,6 +27,8 @@ class ContactRows:
         impulse: Normal and tangential impulse on i [N s], shape ``(c, 2)``.
         slip: Tangential velocity of i relative to j after the step [m/s], shape ``(c,)``.
         sliding: Whether the contact slides, shape ``(c,)``.
+        heat: Heat generated in the contact in the step [J], shape ``(c,)``; None (no heat was computed) counts as 0.
+        conductance: Conductance of the contact in the step [W/K], shape ``(c,)``; None counts as 0.
     """
 
     i: Ints
@@ -36,10 +38,12 @@ class ContactRows:
     impulse: Floats
     slip: Floats
     sliding: NDArray[np.bool_]
+    heat: Floats | None = None
+    conductance: Floats | None = None
 
-    def columns(self, grain_count: int) -> Columns:
+    def columns(self, grain_count: int, *, has_heat: bool = False) -> Columns:
         """Arrays by path of the schema; ``grain_count`` tells grains from wall shapes."""
-        return {
+        data: Columns = {
             "contacts/i": self.i,
             "contacts/j": self.j,
             "contacts/kind": (np.asarray(self.j) >= grain_count).astype(np.uint8),
@@ -48,6 +52,50 @@ class ContactRows:
             "contacts/impulse": self.impulse,
             "contacts/slip": self.slip,
             "contacts/sliding": np.asarray(self.sliding).astype(np.uint8),
+        }
+        if has_heat:
+            data["contacts/heat"] = _or_zeros(self.heat, self.i)
+            data["contacts/conductance"] = _or_zeros(self.conductance, self.i)
+        return data
+
+
+@dataclass(frozen=True)
+class FrameHeat:
+    """What a frame of a run with heat has besides; ``n`` grains, ``w`` walls.
+
+    Attributes:
+        temperature: Grains: temperature [K], shape ``(n,)``.
+        generated: Grains: heat of friction and impacts received since the start [J], shape ``(n,)``.
+        wear: Grains: volume worn off since the start [m³], shape ``(n,)``.
+        wall_temperature: Walls: temperature [K], nan where none is prescribed, shape ``(w,)``.
+        wall_heat: Walls: heat given to the grains, and heat of friction and impacts received, since the start [J], shape
+            ``(w, 2)``.
+        wall_wear: Walls: volume worn off since the start [m³], shape ``(w,)``.
+    """
+
+    temperature: Floats
+    generated: Floats
+    wear: Floats
+    wall_temperature: Floats
+    wall_heat: Floats
+    wall_wear: Floats
+
+    @classmethod
+    def from_state(cls, state: State, thermal: Thermal) -> FrameHeat:
+        """The heat of a state."""
+        temperature = state.temperature(thermal)
+        walls = (state.wall_temperature, state.wall_heat, state.wall_wear)
+        return cls(temperature, state.generated, state.wear, *walls)
+
+    def columns(self) -> Columns:
+        """Arrays by path of the schema."""
+        return {
+            "particles/temperature": self.temperature,
+            "particles/generated": self.generated,
+            "particles/wear": self.wear,
+            "walls/temperature": self.wall_temperature[np.newaxis],
+            "walls/heat": self.wall_heat[np.newaxis],
+            "walls/wear": self.wall_wear[np.newaxis],
         }
 
 
@@ -66,6 +114,7 @@ class FrameData:
         wall_position: Walls: displacement [m] and angle [rad], shape ``(w, 3)``.
         wall_velocity: Walls: velocity [m/s] and spin [rad/s], shape ``(w, 3)``.
         contacts: Contacts of the last step, or ``None`` if they are not recorded.
+        heat: Temperatures and heat, or ``None`` in a run without heat.
     """
 
     step: int
@@ -78,10 +127,11 @@ class FrameData:
     wall_position: Floats
     wall_velocity: Floats
     contacts: ContactRows | None = None
+    heat: FrameHeat | None = None
 
     @classmethod
-    def from_state(cls, state: State, contacts: ContactRows | None = None) -> FrameData:
-        """The frame of a state. Arrays are shared, not copied: the writer copies them."""
+    def from_state(cls, state: State, model: Model, contacts: ContactRows | None = None) -> FrameData:
+        """The frame of a state of a model. Arrays are shared, not copied: the writer copies them."""
         return cls(
             step=state.step,
             time=state.time,
@@ -93,6 +143,7 @@ class FrameData:
             wall_position=state.wall_position,
             wall_velocity=state.wall_velocity,
             contacts=contacts,
+            heat=None if model.thermal is None else FrameHeat.from_state(state, model.thermal),
         )
 
     def columns(self) -> Columns:
@@ -112,7 +163,8 @@ class FrameData:
             "walls/velocity": self.wall_velocity[np.newaxis],
         }
         rows = self.contacts if self.contacts is not None else _no_contacts()
-        return data | rows.columns(len(self.position))
+        data |= rows.columns(len(self.position), has_heat=self.heat is not None)
+        return data if self.heat is None else data | self.heat.columns()
 
 
 @dataclass(frozen=True)
@@ -126,8 +178,8 @@ class SeriesRow:
     values: dict[str, float | int | Floats]
 
     @classmethod
-    def from_state(cls, state: State) -> SeriesRow:
-        """The row that ends the window of ``state``; the caller then clears the window.
+    def from_state(cls, state: State, model: Model) -> SeriesRow:
+        """The row that ends the window of a state of ``model``; the caller then clears the window.
 
         A window without steps (the row at the start of a run) has means, rates and forces of zero.
         """
@@ -145,6 +197,7 @@ class SeriesRow:
                 **_window_values(state),
                 "wall_position": state.wall_position,
                 "wall_velocity": state.wall_velocity,
+                **({} if model.thermal is None else _heat_values(state, model.thermal)),
             }
         )
 
@@ -172,6 +225,33 @@ def _window_values(state: State) -> dict[str, float | int | Floats]:
         "virial_rate": rate,
         "wall_force": impulse / duration if duration > 0.0 else np.zeros_like(impulse),
     }
+
+
+def series_name(book: str) -> str:
+    """Name in the time series of a heat book, one of `HEAT_BOOK_NAMES`."""
+    return book if book.startswith(("max_", "solid_gas_")) else f"heat_{book}"
+
+
+def _heat_values(state: State, thermal: Thermal) -> dict[str, float | int | Floats]:
+    books: dict[str, float | int | Floats] = dict(zip(map(series_name, HEAT_BOOK_NAMES), state.heat_books.tolist(), strict=True))
+    books["heat_sub_steps"] = round(float(state.heat_books[HEAT_BOOK_NAMES.index("sub_steps")]))
+    temperature = state.temperature(thermal)
+    return {
+        **books,
+        "temperature_mean": mean_temperature(temperature, thermal),
+        "temperature_min": float(temperature.min()),
+        "temperature_max": float(temperature.max()),
+        "wall_heat": state.wall_heat,
+    }
+
+
+def mean_temperature(temperature: Floats, thermal: Thermal) -> float:
+    """Mean temperature of the grains [K], weighted by their heat capacities."""
+    return float(np.average(temperature, weights=thermal.capacity))
+
+
+def _or_zeros(values: Floats | None, like: Ints) -> Floats:
+    return np.zeros(len(like)) if values is None else values
 
 
 def _in_plane(values: Floats) -> Floats:

@@ -22,7 +22,7 @@ def run_info(path: Path | str) -> dict[str, Any]:
     Returns:
         ``path, run_id, status, stop_reason, exit_code, grain_count, frame_count, series_count, step, time, stage, stages,
         walls, state_digest, energy_closure, heat_closure, max_overlap, solver.{sweeps_mean, residual_rms_max,
-        residual_max_max, unconverged_steps}, books, negative_loss_share, corrected_steps, max_contact_force,
+        residual_max_max, unconverged_steps}, books, heat, negative_loss_share, corrected_steps, max_contact_force,
         hertz_deflection, started, finished, duration`` (from the first start to the last sign of life, s),
         ``timings, data_digest, provenance``.
 

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.state import ContactLaws, Grains, Model, ShapeKind, Walls, WallShapes
+from multicor_cli.state import ContactLaws, Grains, Model, ShapeKind, Softening, Thermal, Walls, WallShapes
 from multicor_cli.store import schema
 from multicor_cli.store.checked import CheckedFile
 from multicor_cli.store.errors import DamagedRun
@@ -21,7 +21,7 @@ FILETYPE = "multicor-model"
 
 
 def model_columns(model: Model) -> Arrays:
-    """Arrays of a model by path of ``schema.MODEL``, in the order of that table."""
+    """Arrays of a model by path of ``schema.MODEL``, in the order of that table, as far as the model has them."""
     grains, walls, shapes, laws = model.grains, model.walls, model.shapes, model.laws
     data: Arrays = {f"model/{name}": getattr(grains, name) for name in ("radius", "mass", "inertia", "material", "group")}
     data["model/material_names"] = encode_strings(list(model.materials))
@@ -31,10 +31,14 @@ def model_columns(model: Model) -> Arrays:
     data["model/walls/has_gravity"] = walls.has_gravity.astype(np.uint8)
     data |= {f"model/shapes/{name}": getattr(shapes, name) for name in ("kind", "wall", "geometry", "material")}
     data |= {f"model/laws/{name}": getattr(laws, name) for name in _LAWS}
+    if laws.softening is not None:
+        data |= {f"model/laws/softening_{name}": getattr(laws.softening, name) for name in _SOFTENING}
+    if model.thermal is not None:
+        data |= {f"model/thermal/{name}": getattr(model.thermal, name) for name in _THERMAL}
     data["model/period"] = np.array([model.period])
     data["model/gravity"] = np.asarray(model.gravity)
     data["model/shape_factor"] = np.array([model.shape_factor])
-    return {spec.path: _as_stored(spec, data[spec.path]) for spec in schema.MODEL}
+    return {spec.path: _as_stored(spec, data[spec.path]) for spec in schema.select(schema.MODEL, schema.features_of(model))}
 
 
 def _as_stored(spec: schema.Dataset, values: NDArray[Any]) -> NDArray[Any]:
@@ -42,6 +46,8 @@ def _as_stored(spec: schema.Dataset, values: NDArray[Any]) -> NDArray[Any]:
 
 
 _LAWS = ("friction", "restitution", "table", "table_start", "table_speed", "table_friction")
+_SOFTENING = ("rate", "start", "lowest", "highest")
+_THERMAL = ("capacity", "start", "surface")
 
 
 def model_digest(model: Model) -> str:
@@ -60,7 +66,12 @@ def write_model(path: Path, model: Model, run_id: str) -> None:
     def fill(writer: Hdf5Writer) -> None:
         write_model_into(writer, columns)
 
-    attributes = {"filetype": FILETYPE, "run_id": run_id, "model_digest": model_digest(model)}
+    attributes = {
+        "filetype": FILETYPE,
+        "run_id": run_id,
+        "features": sorted(schema.features_of(model)),
+        "model_digest": model_digest(model),
+    }
     size = estimate_size(schema.MODEL, sum(values.nbytes for values in columns.values()))
     write_hdf5(path, "model", attributes, fill, size=size, verify=_verify)
 
@@ -68,12 +79,13 @@ def write_model(path: Path, model: Model, run_id: str) -> None:
 def write_model_into(writer: Hdf5Writer, columns: Arrays) -> None:
     """Write the arrays of `model_columns` into an open file."""
     for spec in schema.MODEL:
-        writer.write(spec, columns[spec.path])
+        if spec.path in columns:
+            writer.write(spec, columns[spec.path])
 
 
 def _verify(path: Path, digests: dict[str, str]) -> None:
     with CheckedFile(path, FILETYPE) as file:
-        for spec in schema.MODEL:
+        for spec in schema.select(schema.MODEL, file.features):
             file.check_digest(spec, digests[spec.path])
 
 
@@ -88,7 +100,8 @@ def load_model(path: Path, run_id: str | None = None) -> Model:
 
 def read_model(file: CheckedFile) -> Model:
     """The model in an open ``model.h5`` or ``results.h5``, with its indices checked; raises `DamagedRun`."""
-    data = {spec.path.removeprefix("model/"): _read(file, spec) for spec in schema.MODEL}
+    specs = schema.select(schema.MODEL, file.features)
+    data = {spec.path.removeprefix("model/"): _read(file, spec) for spec in specs}
     model = Model(
         grains=Grains(data["radius"], data["mass"], data["inertia"], data["material"], data["group"]),
         shapes=WallShapes(data["shapes/kind"], data["shapes/wall"], data["shapes/geometry"], data["shapes/material"]),
@@ -99,15 +112,26 @@ def read_model(file: CheckedFile) -> Model:
             data["walls/has_gravity"].astype(np.bool_),
             data["walls/length"],
         ),
-        laws=ContactLaws(*(data[f"laws/{name}"] for name in _LAWS)),
+        laws=ContactLaws(**{name: data[f"laws/{name}"] for name in _LAWS}, softening=_softening(data)),
         materials=tuple(data["material_names"]),
         groups=tuple(data["group_names"]),
         period=float(data["period"][0]),
         gravity=data["gravity"],
         shape_factor=float(data["shape_factor"][0]),
+        thermal=_thermal(data),
     )
     _check_model(model, file.path)
     return model
+
+
+def _softening(data: dict[str, Any]) -> Softening | None:
+    if "laws/softening_rate" not in data:
+        return None
+    return Softening(*(data[f"laws/softening_{name}"] for name in _SOFTENING))
+
+
+def _thermal(data: dict[str, Any]) -> Thermal | None:
+    return Thermal(*(data[f"thermal/{name}"] for name in _THERMAL)) if "thermal/capacity" in data else None
 
 
 def _read(file: CheckedFile, spec: schema.Dataset) -> Any:
@@ -131,6 +155,7 @@ def _check_model(model: Model, path: Path) -> None:
         "model/laws/table": _within(model.laws.table + 1, start.size),
         "model/laws/table_start": bool(start[0] == 0 and (np.diff(start) >= 0).all() and start[-1] == model.laws.table_speed.size),
         "model/radius": bool((model.grains.radius > 0.0).all()),
+        "model/thermal/capacity": model.thermal is None or bool((model.thermal.capacity > 0.0).all()),
     }
     for name, is_right in checks.items():
         if not is_right:

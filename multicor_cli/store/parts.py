@@ -116,6 +116,11 @@ class Parts:
         """Rows of the time series."""
         return sum(part.series_rows for part in self.parts)
 
+    @property
+    def features(self) -> frozenset[str] | None:
+        """Features of the run as its first file names them, or None if there is no file; raises `DamagedRun` or `StorageError`."""
+        return self._retry(lambda: self._opened(self.parts[0]).file.features if self.parts else None)
+
     def frame_rows(self, spec: Dataset, frame: int) -> NDArray[Any]:
         """Rows of a dataset that belong to a frame; raises `DamagedRun` or `StorageError`."""
         return self._retry(lambda: self._frame_rows(spec, frame))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Set
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
@@ -24,38 +24,43 @@ from multicor_cli.store.parts import Part, Parts, results_part, segment_part
 from multicor_cli.store.prepare import read_scenario
 from multicor_cli.store.results import FILETYPE as RESULTS_FILETYPE
 from multicor_cli.store.run_document import read_run_document
+from multicor_cli.store.schema import Dataset
 
 
 class Series(Mapping[str, NDArray[Any]]):
-    """The time series: one array per name of ``schema.SERIES``, with one row per point; read when first used."""
+    """The time series: one array per name of ``schema.SERIES``, with one row per point; read when first used.
 
-    def __init__(self, parts: Parts) -> None:
-        self._parts = parts
+    The names that only runs with heat have are not there in a run without.
+    """
+
+    def __init__(self, parts: Parts, features: Callable[[], Set[str]]) -> None:
+        self._parts, self._features = parts, features
         self._loaded: dict[str, NDArray[Any]] = {}
 
+    @cached_property
+    def _specs(self) -> dict[str, Dataset]:
+        return {spec.name: spec for spec in schema.select(schema.SERIES, self._features())}
+
     def __getitem__(self, name: str) -> NDArray[Any]:
-        if name not in _SERIES:
+        if name not in self._specs:
             raise KeyError(name)
         if name not in self._loaded:
             # From segments all columns are read at once, so that each file is opened once.
-            wanted = [_SERIES[name]] if len(self._parts.parts) == 1 else list(schema.SERIES)
+            wanted = [self._specs[name]] if len(self._parts.parts) == 1 else list(self._specs.values())
             columns = self._parts.columns(wanted)
             self._loaded |= {spec.name: columns[spec.path] for spec in wanted}
         return self._loaded[name]
 
     def __iter__(self) -> Iterator[str]:
-        return iter(_SERIES)
+        return iter(self._specs)
 
     def __len__(self) -> int:
-        return len(_SERIES)
+        return len(self._specs)
 
     @property
     def row_count(self) -> int:
         """Number of points."""
         return self._parts.series_count
-
-
-_SERIES = {spec.name: spec for spec in schema.SERIES}
 
 
 class Run:
@@ -76,7 +81,7 @@ class Run:
         self._results = results
         self._parts = Parts(self._find_parts(), self.run_id, self._find_parts_again)
         self.frames = Frames(self._parts, Period(lambda: self.model))
-        self.series = Series(self._parts)
+        self.series = Series(self._parts, lambda: self.features)
 
     def __enter__(self) -> Run:
         return self
@@ -114,6 +119,19 @@ class Run:
         assert self._results is not None
         with CheckedFile(self._results, RESULTS_FILETYPE, run_id=self.run_id) as file:
             return read_model(file)
+
+    @property
+    def features(self) -> frozenset[str]:
+        """What the run has beyond what every run has, see ``schema.Feature``; empty before anything has been stored."""
+        found = self._parts.features
+        if found is not None:
+            return found
+        try:
+            return schema.features_of(self.model)
+        except DamagedRun:
+            if (self.path / layout.MODEL).exists():
+                raise
+            return frozenset()
 
     @property
     def wall_names(self) -> tuple[str, ...]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -30,8 +30,6 @@ from multicor_cli.store.schema import Dataset
 from multicor_cli.store.segments import FILETYPE as SEGMENT_FILETYPE
 
 FILETYPE = "multicor-results"
-
-_ROWS = tuple(spec for spec in schema.SEGMENT_TABLE if spec not in schema.OFFSETS)
 
 
 @dataclass(frozen=True)
@@ -95,7 +93,14 @@ def write_results(
         StorageError: For any other error of the system.
     """
     merger = _Merger(directory, segments, model, texts, run_id, precision)
-    root = {"filetype": FILETYPE, "run_id": run_id, "precision": precision, "data_digest": "", **attributes}
+    root = {
+        "filetype": FILETYPE,
+        "run_id": run_id,
+        "features": sorted(merger.features),
+        "precision": precision,
+        "data_digest": "",
+        **attributes,
+    }
     digests = write_hdf5(
         path,
         "results",
@@ -113,7 +118,7 @@ def write_results(
 
 def _verify(path: Path, digests: dict[str, str]) -> None:
     with CheckedFile(path, FILETYPE) as file:
-        for spec in schema.RESULTS_TABLE:
+        for spec in schema.select(schema.RESULTS_TABLE, file.features):
             file.check_digest(spec, digests[spec.path])
 
 
@@ -129,6 +134,8 @@ class _Merger:
         }
         self._model = model_columns(model)
         self._walls = model.wall_count
+        self.features = schema.features_of(model)
+        self._table = tuple(s for s in schema.select(schema.SEGMENT_TABLE, self.features) if s not in schema.OFFSETS)
         self.rows = {
             "frame": sum(s.frames for s in segments),
             "particle_row": sum(s.particle_rows for s in segments),
@@ -136,14 +143,14 @@ class _Merger:
             "series_row": sum(s.series_rows for s in segments),
         }
         constant = sum(values.nbytes for values in [*self._scenario.values(), *self._model.values()])
-        rows = sum(int(np.prod(self._shape(s), dtype=np.int64)) * dtype_of(s, precision).itemsize for s in _ROWS)
+        rows = sum(int(np.prod(self._shape(s), dtype=np.int64)) * dtype_of(s, precision).itemsize for s in self._table)
         self.bytes = constant + rows + 16 * (self.rows["frame"] + 1)
 
     def fill(self, writer: Hdf5Writer) -> None:
         for spec in schema.SCENARIO:
             writer.write(spec, self._scenario[spec.path])
         write_model_into(writer, self._model)
-        streams = {spec: writer.stream(spec, self._shape(spec)) for spec in _ROWS}
+        streams = {spec: writer.stream(spec, self._shape(spec)) for spec in self._table}
         counts: dict[Dataset, list[NDArray[np.int64]]] = {spec: [np.zeros(1, np.int64)] for spec in schema.OFFSETS}
         for segment in self._segments:
             self._copy(segment, streams, counts)
@@ -158,6 +165,7 @@ class _Merger:
         check_segment(self._directory, segment)
         dims = segment_dims(segment) | {"wall": self._walls}
         with CheckedFile(self._directory / segment.name, SEGMENT_FILETYPE, run_id=self._run_id, dims=dims) as file:
+            check_features(file, self.features)
             for spec, stream in streams.items():
                 for block in file.blocks(spec):
                     stream.append(block)
@@ -168,6 +176,13 @@ class _Merger:
     def _shape(self, spec: Dataset) -> tuple[int, ...]:
         lengths = {**self.rows, "wall": self._walls}
         return tuple(d if isinstance(d, int) else lengths[d] for d in spec.dims)
+
+
+def check_features(file: CheckedFile, features: Set[str]) -> None:
+    """Refuse a file that has other features than its run; raises `DamagedRun`."""
+    known = {spec.only_with for spec in schema.RESULTS_TABLE}
+    if file.features & known != features & known:
+        raise DamagedRun(f"{file.path}: has the features {sorted(file.features)}, its model {sorted(features)}")
 
 
 def segment_dims(segment: Segment) -> dict[str, int]:

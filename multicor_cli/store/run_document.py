@@ -92,7 +92,8 @@ def _is_results(value: Any) -> bool:
 
 
 def _is_summary(value: Any) -> bool:
-    return value is None or (isinstance(value, dict) and value.keys() >= empty_summary().keys())
+    required = empty_summary().keys() - {"heat"}  # since 1.1
+    return value is None or (isinstance(value, dict) and value.keys() >= required)
 
 
 _TYPES: dict[str, Callable[[Any], bool]] = {

@@ -229,9 +229,7 @@ class RunDirectory:
         self._writer = FrameWriter(
             self.path / layout.SEGMENTS,
             self.run_id,
-            grain_count=model.grain_count,
-            wall_count=model.wall_count,
-            shape_count=model.shape_count,
+            model,
             precision=self.precision,
             committed=checkpoint.segments if checkpoint else (),
             last_steps=checkpoint.last_steps if checkpoint else (-1, -1),
@@ -257,6 +255,7 @@ class RunDirectory:
         self._document["summary"] = write_checkpoint(
             self.path / layout.CHECKPOINTS,
             state,
+            self._model,
             self._identity(),
             model_digest=self._model_digest,
             segments=writer.segments,

@@ -1,16 +1,18 @@
 """The table of every dataset in the files of a run: one row each, the same for segments, `model.h5` and `results.h5`.
 
-A new quantity (a temperature, a heat rate, a heat book) is one more row here; writers and readers follow the table.
+A new quantity is one more row here; writers and readers follow the table. Rows that only some runs have name the feature of
+the run that they belong to; a run with that feature has all of them, a run without it none (`select`).
 """
 
 from __future__ import annotations
 
+from collections.abc import Set
 from dataclasses import dataclass
 from typing import Literal
 
-from multicor_cli.state import BOOK_NAMES, TALLY_NAMES, WINDOW_NAMES
+from multicor_cli.state import BOOK_NAMES, TALLY_NAMES, WINDOW_NAMES, Model
 
-FORMAT_VERSION = (1, 0)
+FORMAT_VERSION = (1, 1)
 """Major and minor version of the file format. A reader refuses another major version and ignores unknown datasets."""
 
 Dim = Literal[
@@ -28,8 +30,16 @@ Dim = Literal[
     "stage",
     "table_edge",
     "table_row",
+    "heat_grain",
+    "heat_wall",
+    "heat_book",
+    "mean_row",
 ]
-"""Named lengths. ``frame_edge`` is ``frame + 1``: row ``offset[k]:offset[k+1]`` belongs to frame ``k``."""
+"""Named lengths. ``frame_edge`` is ``frame + 1``: row ``offset[k]:offset[k+1]`` belongs to frame ``k``. Those that begin with
+``heat`` are 0 in checkpoints of runs without heat."""
+
+Feature = Literal["heat", "softening"]
+"""What only some runs have: temperatures, or friction that depends on them."""
 
 DType = Literal["f8", "float", "i8", "i4", "u1", "str"]
 """Stored types. ``float`` is f8 or f4 after ``output.precision``; ``str`` is UTF-8 of fixed length."""
@@ -47,6 +57,7 @@ class Dataset:
         long_name: What it is, in a sentence.
         finite: Whether every value must be finite.
         since: Format version in which the dataset appeared.
+        only_with: Feature of the runs that have it, or None if all have it.
     """
 
     path: str
@@ -56,6 +67,7 @@ class Dataset:
     long_name: str
     finite: bool = True
     since: tuple[int, int] = (1, 0)
+    only_with: Feature | None = None
 
     @property
     def name(self) -> str:
@@ -71,6 +83,15 @@ class Dataset:
     def row(self) -> Dim | int:
         """What one row of the dataset stands for."""
         return self.dims[0]
+
+
+def _heat(path: str, dtype: DType, dims: tuple[Dim | int, ...], unit: str, long_name: str, *, finite: bool = True) -> Dataset:
+    return Dataset(path, dtype, dims, unit, long_name, finite, (1, 1), "heat")
+
+
+def _softening(name: str, unit: str, long_name: str) -> Dataset:
+    path, dims = f"model/laws/softening_{name}", ("material", "material")
+    return Dataset(path, "f8", dims, unit, long_name, since=(1, 1), only_with="softening")  # type: ignore[arg-type]
 
 
 MODEL: tuple[Dataset, ...] = (
@@ -96,6 +117,13 @@ MODEL: tuple[Dataset, ...] = (
     Dataset("model/laws/table_start", "i4", ("table_edge",), "1", "first row of each table in the two below"),
     Dataset("model/laws/table_speed", "f8", ("table_row",), "m/s", "sliding speeds, ascending within a table"),
     Dataset("model/laws/table_friction", "f8", ("table_row",), "1", "coefficient of friction at these speeds"),
+    _softening("rate", "1/K", "c of mu = mu0 (1 - c (T - T_r)); 0 for pairs without it"),
+    _softening("start", "K", "temperature T_r at which mu = mu0"),
+    _softening("lowest", "1", "smallest coefficient of friction"),
+    _softening("highest", "1", "largest coefficient of friction"),
+    _heat("model/thermal/capacity", "f8", ("grain",), "J/K", "heat capacity of each grain"),
+    _heat("model/thermal/start", "f8", ("grain",), "K", "temperature of each grain at the start of the run"),
+    _heat("model/thermal/surface", "f8", ("grain",), "m2", "area through which each grain meets fluid and surroundings"),
     Dataset("model/period", "f8", ("one",), "m", "period in x; 0 if the domain is not periodic"),
     Dataset("model/gravity", "f8", (2,), "m/s2", "acceleration of gravity (x, y)"),
     Dataset("model/shape_factor", "f8", ("one",), "1", "m a2/I of every grain: 2 for discs, 5/2 for spheres"),
@@ -123,6 +151,9 @@ PARTICLES: tuple[Dataset, ...] = (
     Dataset("particles/image", "i8", ("particle_row",), "1", "periods by which x was wrapped: x + image*period is unwrapped"),
     Dataset("particles/velocity", "float", ("particle_row", 3), "m/s", "velocities x, y, z of the centers; z = 0"),
     Dataset("particles/spin", "float", ("particle_row",), "rad/s", "angular velocity, counter-clockwise positive"),
+    _heat("particles/temperature", "f8", ("particle_row",), "K", "temperature"),
+    _heat("particles/generated", "f8", ("particle_row",), "J", "heat of friction and impacts received since the start"),
+    _heat("particles/wear", "f8", ("particle_row",), "m3", "volume worn off since the start"),
 )
 """One row per grain and frame, in the order of the grains."""
 
@@ -141,18 +172,27 @@ CONTACTS: tuple[Dataset, ...] = (
     Dataset("contacts/impulse", "float", ("contact_row", 2), "N s", "normal and tangential impulse on i in the last step"),
     Dataset("contacts/slip", "float", ("contact_row",), "m/s", "tangential velocity of i relative to j after the step"),
     Dataset("contacts/sliding", "u1", ("contact_row",), "1", "1 if the contact slides, 0 if it sticks or carries nothing"),
+    _heat("contacts/heat", "float", ("contact_row",), "J", "heat generated in the contact in the last step"),
+    _heat("contacts/conductance", "float", ("contact_row",), "W/K", "conductance of the contact in the last step"),
 )
 """One row per contact of the last step and frame, ordered by (i, j)."""
 
 WALLS: tuple[Dataset, ...] = (
     Dataset("walls/position", "f8", ("frame", "wall", 3), "m, m, rad", "reference point and angle of the wall"),
     Dataset("walls/velocity", "f8", ("frame", "wall", 3), "m/s, m/s, rad/s", "velocity and spin of the wall"),
+    _heat("walls/temperature", "f8", ("frame", "wall"), "K", "temperature of the wall; nan where none is prescribed", finite=False),
+    _heat("walls/heat", "f8", ("frame", "wall", 2), "J", "heat given to the grains; heat of friction and impacts received"),
+    _heat("walls/wear", "f8", ("frame", "wall"), "m3", "volume worn off since the start"),
 )
 """One row per frame and wall."""
 
 
 def _scalar(name: str, unit: str, long_name: str, dtype: DType = "f8") -> Dataset:
     return Dataset(f"series/{name}", dtype, ("series_row",), unit, long_name)
+
+
+def _heat_scalar(name: str, unit: str, long_name: str, dtype: DType = "f8") -> Dataset:
+    return _heat(f"series/{name}", dtype, ("series_row",), unit, long_name)
 
 
 SERIES: tuple[Dataset, ...] = (
@@ -207,6 +247,31 @@ SERIES: tuple[Dataset, ...] = (
         "reference point and angle of the wall",
     ),
     Dataset("series/wall_velocity", "f8", ("series_row", "wall", 3), "m/s, m/s, rad/s", "velocity and spin of the wall"),
+    _heat_scalar("heat_stored", "J", "heat content of the grains since the start"),
+    _heat_scalar("heat_friction", "J", "heat of friction since the start"),
+    _heat_scalar("heat_impact", "J", "heat of impacts since the start"),
+    _heat_scalar("heat_to_walls", "J", "share of the heat of friction and impacts that went into the walls"),
+    _heat_scalar("heat_from_walls", "J", "heat that the walls gave to the grains since the start, signed"),
+    _heat_scalar("heat_from_ambient", "J", "heat from the ambient fluid by convection since the start, signed"),
+    _heat_scalar("heat_from_surroundings", "J", "heat from the surroundings by radiation since the start, signed"),
+    _heat_scalar("heat_exchanged", "J", "sum of the absolute exchanges with the outside since the start"),
+    _heat_scalar("heat_undelivered", "J", "heat that walls of prescribed flow could not pass on: nothing touched them"),
+    _heat_scalar("heat_imbalance", "J", "heat_stored - (friction + impact - to_walls + from_walls + ambient + surroundings) now"),
+    _heat_scalar("heat_closure", "1", "largest |heat_imbalance| / (heat_exchanged + sum of C |T - T_0|) so far"),
+    _heat_scalar("heat_sub_steps", "1", "sub-steps of the heat integrator so far", "i8"),
+    _heat_scalar("max_biot", "1", "largest Biot number of a contact so far"),
+    _heat_scalar("solid_gas_min", "1", "smallest k_s s/(k_f a) of a contact in the last step; 0 without gas"),
+    _heat_scalar("solid_gas_max", "1", "largest k_s s/(k_f a) of a contact in the last step; 0 without gas"),
+    _heat_scalar("temperature_mean", "K", "mean temperature of the grains, weighted by heat capacity"),
+    _heat_scalar("temperature_min", "K", "lowest temperature of a grain"),
+    _heat_scalar("temperature_max", "K", "highest temperature of a grain"),
+    _heat(
+        "series/wall_heat",
+        "f8",
+        ("series_row", "wall", 2),
+        "J",
+        "heat given to the grains; heat of friction and impacts received",
+    ),
 )
 """One row per point of the time series, which has its own, denser cadence than the frames."""
 
@@ -226,6 +291,12 @@ SEGMENT_TABLE = FRAME_TABLE + SERIES
 RESULTS_TABLE = SCENARIO + MODEL + FRAME_TABLE + SERIES
 """Everything in ``results.h5``."""
 
+
+def _state(name: str, dtype: DType, dims: tuple[Dim | int, ...], unit: str, long_name: str) -> Dataset:
+    """A part of the state that appeared with heat; it is there, but empty, in runs without."""
+    return Dataset(f"state/{name}", dtype, dims, unit, long_name, finite=False, since=(1, 1))
+
+
 CHECKPOINT: tuple[Dataset, ...] = (
     Dataset("state/position", "f8", ("grain", 3), "m, m, rad", "centers (x wrapped into the period) and angles of the grains"),
     Dataset("state/image", "i8", ("grain",), "1", "periods by which x was wrapped"),
@@ -240,6 +311,7 @@ CHECKPOINT: tuple[Dataset, ...] = (
     Dataset("state/window", "f8", (len(WINDOW_NAMES),), "mixed", "sums, in the order of state.WINDOW_NAMES"),
     Dataset("state/window_wall_impulse", "f8", ("wall", 3), "N s, N s, N m s", "impulse on each wall since the last series row"),
     Dataset("state/step", "i8", ("one",), "1", "steps done since the start of the run"),
+    Dataset("state/frozen_steps", "i8", ("one",), "1", "how many of the steps were of frozen stages", since=(1, 1)),
     Dataset("state/stage", "i8", ("one",), "1", "current loading stage"),
     Dataset("state/stage_step", "i8", ("one",), "1", "steps done in this stage"),
     Dataset("state/stage_start", "f8", ("one",), "s", "time at which this stage began"),
@@ -247,8 +319,30 @@ CHECKPOINT: tuple[Dataset, ...] = (
     Dataset("state/stage_strain", "f8", ("one",), "1", "shear strain accumulated in this stage"),
     Dataset("state/time", "f8", ("one",), "s", "time since the start of the run"),
     Dataset("state/last_dt", "f8", ("one",), "s", "length of the last step"),
+    _state("heat", "f8", ("heat_grain",), "J", "heat content of the grains since the start"),
+    _state("generated", "f8", ("heat_grain",), "J", "heat of friction and impacts received since the start"),
+    _state("wear", "f8", ("heat_grain",), "m3", "volume worn off the grains since the start"),
+    _state("wall_heat", "f8", ("heat_wall", 2), "J", "heat given to the grains; heat of friction and impacts received"),
+    _state("wall_wear", "f8", ("heat_wall",), "m3", "volume worn off the walls since the start"),
+    _state("wall_temperature", "f8", ("heat_wall",), "K", "temperature of the walls; nan where none is prescribed"),
+    _state("heat_books", "f8", ("heat_book",), "mixed", "heat books, in the order of state.HEAT_BOOK_NAMES"),
+    _state("mean_i", "i4", ("mean_row",), "1", "first shape of each contact with an averaged force"),
+    _state("mean_j", "i4", ("mean_row",), "1", "second shape of each of these contacts"),
+    _state("mean_force", "f8", ("mean_row",), "N", "running average of the normal force"),
+    _state("heat_dt", "f8", ("one",), "s", "sub-step that the heat integrator tries first; 0: the whole step"),
 )
 """A checkpoint: every field of `state.State` (a test compares the two)."""
+
+
+def features_of(model: Model) -> frozenset[Feature]:
+    """What a run of this model has beyond what every run has."""
+    found: dict[Feature, object] = {"heat": model.thermal, "softening": model.laws.softening}
+    return frozenset(feature for feature, value in found.items() if value is not None)
+
+
+def select(table: tuple[Dataset, ...], features: Set[str]) -> tuple[Dataset, ...]:
+    """The rows of a table that a run with these features has, in order."""
+    return tuple(row for row in table if row.only_with is None or row.only_with in features)
 
 
 def names(table: tuple[Dataset, ...]) -> tuple[str, ...]:
@@ -257,11 +351,11 @@ def names(table: tuple[Dataset, ...]) -> tuple[str, ...]:
 
 
 def markdown(table: tuple[Dataset, ...]) -> str:
-    """A table of the format documents: path, type, shape, unit, meaning, version in which it appeared."""
+    """A table of the format documents: path, type, shape, unit, meaning, and since which version (in runs with which feature)."""
     lines = ["| path | type | shape | unit | meaning | since |", "|---|---|---|---|---|---|"]
     for row in table:
         shape = ", ".join(_DIM_SYMBOL[d] if isinstance(d, str) else str(d) for d in row.dims)
-        since = ".".join(map(str, row.since))
+        since = ".".join(map(str, row.since)) + (f", {row.only_with}" if row.only_with else "")
         meaning = row.long_name.replace("|", "\\|")
         lines.append(f"| `{row.path}` | {row.dtype} | ({shape}) | {row.unit} | {meaning} | {since} |")
     return "\n".join(lines)
@@ -282,4 +376,8 @@ _DIM_SYMBOL: dict[str, str] = {
     "stage": "L",
     "table_edge": "T+1",
     "table_row": "R",
+    "heat_grain": "n*",
+    "heat_wall": "w*",
+    "heat_book": "b*",
+    "mean_row": "A",
 }

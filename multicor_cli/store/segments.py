@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from multicor_cli.state import Model
 from multicor_cli.store import schema
 from multicor_cli.store.atomic import file_digest
 from multicor_cli.store.checked import CheckedFile
@@ -24,6 +25,7 @@ BYTE_LIMIT = 64 << 20
 """A segment is committed as soon as it holds this much (one frame may be larger) [bytes]."""
 
 _FRAME_ROWS = schema.STEPS + schema.PARTICLES + schema.CONTACTS + schema.WALLS
+_OFFSETS_OF = {"particle_offset": "particles/angle", "contact_offset": "contacts/gap"}
 
 
 class FrameWriter:
@@ -32,14 +34,13 @@ class FrameWriter:
     Args:
         directory: Directory of the segments.
         run_id: Identity of the run.
-        grain_count: Number of grains n.
-        wall_count: Number of walls w.
-        shape_count: Number of wall shapes m.
+        model: The model of the run.
         precision: How datasets of type ``float`` are stored.
         committed: Segments that are there already.
         last_steps: Steps of the last frame and of the last row of the series that were committed; -1 if none.
 
     Attributes:
+        model: The model of the run.
         segments: Committed segments.
         last_frame_step: Step of the last frame, -1 if there is none.
         last_series_step: Step of the last row of the series, -1 if there is none.
@@ -49,17 +50,19 @@ class FrameWriter:
         self,
         directory: Path,
         run_id: str,
+        model: Model,
         *,
-        grain_count: int,
-        wall_count: int,
-        shape_count: int,
         precision: Precision = "double",
         committed: Iterable[Segment] = (),
         last_steps: tuple[int, int] = (-1, -1),
     ) -> None:
         self._directory, self._run_id, self._precision = directory, run_id, precision
-        self._dims = {"grain": grain_count, "wall": wall_count, "particle_row": grain_count, "frame": 1, "series_row": 1}
-        self._shape_count = shape_count
+        self.model = model
+        self._dims = {"wall": model.wall_count, "particle_row": model.grain_count, "frame": 1, "series_row": 1}
+        self._features = schema.features_of(model)
+        self._frame_rows = schema.select(_FRAME_ROWS, self._features)
+        self._series = schema.select(schema.SERIES, self._features)
+        self._table = schema.select(schema.SEGMENT_TABLE, self._features)
         self.segments = list(committed)
         self.last_frame_step, self.last_series_step = last_steps
         self._frames: list[Columns] = []
@@ -88,7 +91,7 @@ class FrameWriter:
             raise ValueError(f"frame at step {frame.step} after one at step {self.last_frame_step}")
         columns = frame.columns()
         self._check_contacts(columns, frame.step)
-        stored = self._stored(_FRAME_ROWS, columns, f"frame at step {frame.step}")
+        stored = self._stored(self._frame_rows, columns, f"frame at step {frame.step}")
         self.last_frame_step = frame.step
         self._frames.append(stored)
         self._grow(stored)
@@ -99,7 +102,7 @@ class FrameWriter:
         step = int(columns["series/step"][0])
         if step <= self.last_series_step:
             raise ValueError(f"row of the time series at step {step} after one at step {self.last_series_step}")
-        stored = self._stored(schema.SERIES, columns, f"time series at step {step}")
+        stored = self._stored(self._series, columns, f"time series at step {step}")
         self.last_series_step = step
         self._rows.append(stored)
         self._grow(stored)
@@ -109,8 +112,8 @@ class FrameWriter:
         if not self._frames and not self._rows:
             return
         path = self._directory / segment_name(len(self.segments))
-        attributes = {"filetype": FILETYPE, "run_id": self._run_id}
-        size = estimate_size(schema.SEGMENT_TABLE, self._bytes)
+        attributes = {"filetype": FILETYPE, "run_id": self._run_id, "features": sorted(self._features)}
+        size = estimate_size(self._table, self._bytes)
         write_hdf5(path, "segment", attributes, self._fill, size=size, precision=self._precision, verify=self._verify)
         segment = self._describe(path)
         append_segment(self._directory, segment)
@@ -123,9 +126,9 @@ class FrameWriter:
             self.flush()
 
     def _stored(self, specs: tuple[Dataset, ...], columns: Columns, where: str) -> Columns:
-        unknown = columns.keys() - {spec.path for spec in specs}
-        if unknown:
-            raise ValueError(f"{where}: unknown quantities {sorted(unknown)}")
+        unmatched = columns.keys() ^ {spec.path for spec in specs}
+        if unmatched:
+            raise ValueError(f"{where}: unknown or missing quantities {sorted(unmatched)}")
         dims = dict(self._dims)
         return {spec.path: self._copy(spec, columns[spec.path], dims, where) for spec in specs}
 
@@ -134,23 +137,23 @@ class FrameWriter:
         if values.shape != expected:
             raise ValueError(f"{where}: {spec.path} has shape {values.shape}, expected {expected}")
         copy = np.array(values, dtype=dtype_of(spec, self._precision), order="C")
-        if copy.dtype.kind == "f" and not np.isfinite(copy).all():
+        if spec.finite and copy.dtype.kind == "f" and not np.isfinite(copy).all():
             row = int(np.argwhere(~np.isfinite(copy))[0][0])
             raise ValueError(f"{where}: {spec.path} is not finite in row {row}")
         return copy
 
     def _check_contacts(self, columns: Columns, step: int) -> None:
         i, j = np.asarray(columns["contacts/i"]), np.asarray(columns["contacts/j"])
-        n = self._dims["grain"]
-        if i.shape == j.shape and i.size and not ((i >= 0) & (i < n) & (j > i) & (j < n + self._shape_count)).all():
+        n, shapes = self.model.grain_count, self.model.shape_count
+        if i.shape == j.shape and i.size and not ((i >= 0) & (i < n) & (j > i) & (j < n + shapes)).all():
             raise ValueError(f"frame at step {step}: a contact names a shape that does not exist")
 
     def _fill(self, writer: Hdf5Writer) -> None:
-        for spec in schema.SEGMENT_TABLE:
+        for spec in self._table:
             if spec in schema.OFFSETS:
                 writer.write(spec, self._offsets(spec))
             else:
-                self._write_pieces(writer, spec, self._rows if spec in schema.SERIES else self._frames)
+                self._write_pieces(writer, spec, self._rows if spec in self._series else self._frames)
 
     def _write_pieces(self, writer: Hdf5Writer, spec: Dataset, pieces: list[Columns]) -> None:
         rows = sum(len(piece[spec.path]) for piece in pieces)
@@ -161,13 +164,12 @@ class FrameWriter:
         writer.finish(spec, stream)
 
     def _offsets(self, spec: Dataset) -> NDArray[np.int64]:
-        path = "particles/angle" if spec.name == "particle_offset" else "contacts/gap"
-        counts = [len(frame[path]) for frame in self._frames]
+        counts = [len(frame[_OFFSETS_OF[spec.name]]) for frame in self._frames]
         return np.concatenate([[0], np.cumsum(counts)]).astype(np.int64)
 
     def _verify(self, path: Path, digests: dict[str, str]) -> None:
         with CheckedFile(path, FILETYPE, run_id=self._run_id) as file:
-            for spec in schema.SEGMENT_TABLE:
+            for spec in self._table:
                 file.check_digest(spec, digests[spec.path])
 
     def _describe(self, path: Path) -> Segment:

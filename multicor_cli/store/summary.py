@@ -4,21 +4,25 @@ from __future__ import annotations
 
 from typing import Any
 
-from multicor_cli.state import BOOK_NAMES, TALLY_NAMES, State
+from multicor_cli.state import BOOK_NAMES, HEAT_BOOK_NAMES, TALLY_NAMES, Model, State
+from multicor_cli.state.model import Thermal
+from multicor_cli.store.frames import mean_temperature
 
 Summary = dict[str, Any]
 
 
-def summarize(state: State) -> Summary:
-    """Counters, books and digest of a state.
+def summarize(state: State, model: Model) -> Summary:
+    """Counters, books and digest of a state of a model.
 
     Returns:
         ``step, time, stage, grain_count, state_digest, energy_closure, heat_closure`` (null: no heat),
         ``max_overlap`` (over the smaller radius), ``max_contact_force`` [N], ``corrected_steps``,
-        ``negative_loss_share``, ``solver`` and ``books`` [J].
+        ``negative_loss_share``, ``solver``, ``books`` [J], and ``heat`` (null: no heat) with ``books`` [J], ``sub_steps``,
+        ``max_biot``, ``solid_gas_min``, ``solid_gas_max`` (null: no gas) and ``temperature.{mean, min, max}`` [K].
     """
     tallies = dict(zip(TALLY_NAMES, state.tallies.tolist(), strict=True))
     books = dict(zip(BOOK_NAMES, state.books.tolist(), strict=True))
+    heat = None if model.thermal is None else _summarize_heat(state, model.thermal)
     return {
         "step": state.step,
         "time": state.time,
@@ -26,25 +30,44 @@ def summarize(state: State) -> Summary:
         "grain_count": len(state.position),
         "state_digest": state.digest(),
         "energy_closure": books["closure"],
-        "heat_closure": None,
+        "heat_closure": None if heat is None else heat["books"]["closure"],
         "max_overlap": tallies["max_overlap"],
         "max_contact_force": tallies["max_impulse_rate"],
         "corrected_steps": round(tallies["corrected_steps"]),
         "negative_loss_share": _negative_share(books),
         "solver": {
-            "sweeps_mean": tallies["sweeps"] / state.step if state.step else 0.0,
+            "sweeps_mean": tallies["sweeps"] / max(1, state.step - state.frozen_steps),
             "residual_rms_max": tallies["residual_rms_max"],
             "residual_max_max": tallies["residual_max_max"],
             "unconverged_steps": round(tallies["unconverged_steps"]),
         },
         "books": books,
+        "heat": heat,
+    }
+
+
+def _summarize_heat(state: State, thermal: Thermal) -> Summary:
+    books = dict(zip(HEAT_BOOK_NAMES, state.heat_books.tolist(), strict=True))
+    counters = {name: books.pop(name) for name in ("sub_steps", "max_biot", "solid_gas_min", "solid_gas_max")}
+    temperature = state.temperature(thermal)
+    return {
+        "books": books,
+        "sub_steps": round(counters["sub_steps"]),
+        "max_biot": counters["max_biot"],
+        "solid_gas_min": counters["solid_gas_min"] or None,
+        "solid_gas_max": counters["solid_gas_max"] or None,
+        "temperature": {
+            "mean": mean_temperature(temperature, thermal),
+            "min": float(temperature.min()),
+            "max": float(temperature.max()),
+        },
     }
 
 
 def empty_summary() -> Summary:
     """The summary of a run of which no state has been stored: the same keys, without values."""
     names = ("step", "time", "stage", "grain_count", "state_digest", "energy_closure", "heat_closure", "max_overlap")
-    more = ("max_contact_force", "corrected_steps", "negative_loss_share")
+    more = ("max_contact_force", "corrected_steps", "negative_loss_share", "heat")
     solver = ("sweeps_mean", "residual_rms_max", "residual_max_max", "unconverged_steps")
     return {**dict.fromkeys(names + more), "solver": dict.fromkeys(solver), "books": dict.fromkeys(BOOK_NAMES)}
 

@@ -10,6 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
+from multicor_cli.state import Model
 from multicor_cli.store import layout, schema
 from multicor_cli.store.checked import CheckedFile
 from multicor_cli.store.checkpoint import Identity, load_checkpoint, newest_first
@@ -20,7 +21,7 @@ from multicor_cli.store.manifest import Segment, check_segment, read_manifest
 from multicor_cli.store.model_file import load_model, read_model
 from multicor_cli.store.prepare import read_scenario
 from multicor_cli.store.results import FILETYPE as RESULTS_FILETYPE
-from multicor_cli.store.results import read_offsets, segment_dims
+from multicor_cli.store.results import check_features, read_offsets, segment_dims
 from multicor_cli.store.run_document import read_run_document
 from multicor_cli.store.schema import Dataset
 from multicor_cli.store.segments import FILETYPE as SEGMENT_FILETYPE
@@ -106,7 +107,7 @@ def _verify_segments(path: Path, document: Document) -> list[Finding]:
         model = load_model(path / layout.MODEL, run_id)
     except StoreError as error:
         return [Finding("error", str(path), str(error))]
-    limits = Limits(model.grain_count, model.shape_count, model.wall_count, len(document["stages"]))
+    limits = Limits.of(model, len(document["stages"]))
     return _run_checks([(directory / s.name, _segment_check(directory, s, run_id, limits)) for s in segments])
 
 
@@ -115,6 +116,7 @@ def _segment_check(directory: Path, segment: Segment, run_id: str, limits: Limit
         check_segment(directory, segment)
         dims = {**segment_dims(segment), "wall": limits.walls}
         with CheckedFile(directory / segment.name, SEGMENT_FILETYPE, run_id=run_id, dims=dims) as file:
+            check_features(file, limits.features)
             _check_tables(file, schema.SEGMENT_TABLE, limits)
 
     return check
@@ -124,7 +126,7 @@ def _check_results(path: Path, run_id: str | None, recorded: Document | None) ->
     with CheckedFile(path, RESULTS_FILETYPE, run_id=run_id) as file:
         model = read_model(file)
         stages = len(file.strings(schema.SCENARIO[-1]))
-        limits = Limits(model.grain_count, model.shape_count, model.wall_count, stages)
+        limits = Limits.of(model, stages)
         digest = data_digest(_check_tables(file, schema.RESULTS_TABLE, limits))
         expected = {file.text("data_digest"), *([recorded["data_digest"]] if recorded else [])}
     if expected != {digest}:
@@ -135,16 +137,23 @@ def _check_results(path: Path, run_id: str | None, recorded: Document | None) ->
 
 @dataclass(frozen=True)
 class Limits:
-    """Counts that values are compared with: grains, wall shapes, walls, stages."""
+    """What values are compared with: numbers of grains, wall shapes, walls and stages, and the features of the run."""
 
     grains: int
     shapes: int
     walls: int
     stages: int
+    features: frozenset[str]
+
+    @classmethod
+    def of(cls, model: Model, stages: int) -> Limits:
+        """The limits of a model and a number of stages."""
+        return cls(model.grain_count, model.shape_count, model.wall_count, stages, schema.features_of(model))
 
 
-def _check_tables(file: CheckedFile, specs: tuple[Dataset, ...], limits: Limits) -> dict[str, str]:
-    """Digest, finite values, counts and ranges of every dataset; returns the digests."""
+def _check_tables(file: CheckedFile, table: tuple[Dataset, ...], limits: Limits) -> dict[str, str]:
+    """Digest, finite values, counts and ranges of every dataset that the run has; returns the digests."""
+    specs = schema.select(table, limits.features)
     digests = {spec.path: file.check_digest(spec) for spec in specs}
     for spec in specs:
         if spec.finite and file.dataset(spec).dtype.kind == "f":

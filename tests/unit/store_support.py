@@ -9,7 +9,20 @@ from pathlib import Path
 
 import numpy as np
 
-from multicor_cli.state import BOOK_NAMES, TALLY_NAMES, ContactLaws, Grains, Model, ShapeKind, State, Walls, WallShapes
+from multicor_cli.state import (
+    BOOK_NAMES,
+    HEAT_BOOK_NAMES,
+    TALLY_NAMES,
+    ContactLaws,
+    Grains,
+    Model,
+    ShapeKind,
+    Softening,
+    State,
+    Thermal,
+    Walls,
+    WallShapes,
+)
 from multicor_cli.store import ContactRows, FrameData, RunDirectory, SeriesRow
 
 SOURCE = "# scénario\r\n[scenario]\nname = 'tiny'\n"
@@ -23,7 +36,7 @@ poisson = 0.3
 PROVENANCE = {"multicor_version": "0", "seed": 7, "versions": {"python": "3"}}
 
 
-def make_model(grains: int = 5, *, walls: bool = True) -> Model:
+def make_model(grains: int = 5, *, walls: bool = True, heat: bool = False) -> Model:
     names = ("bottom", "dessus-é") if walls else ()
     w, m = len(names), 3 if walls else 0
     radius = np.linspace(1.0, 2.0, grains) * 1e-3
@@ -41,12 +54,14 @@ def make_model(grains: int = 5, *, walls: bool = True) -> Model:
             np.array([0, 2], np.int32),
             np.array([0.0, 1.0]),
             np.array([0.3, 0.2]),
+            Softening(np.full((2, 2), 1e-3), np.full((2, 2), 293.15), np.full((2, 2), 0.1), np.ones((2, 2))) if heat else None,
         ),
         materials=("steel", "glass"),
         groups=("grains",),
         period=0.1,
         gravity=np.array([0.0, -9.81]),
         shape_factor=2.0,
+        thermal=Thermal(radius**2 * 5e5, 290.0 + np.arange(grains), 4.0 * np.pi * radius**2) if heat else None,
     )
 
 
@@ -82,14 +97,32 @@ def advance(state: State, model: Model, dt: float = 1e-3) -> None:
     state.window[0] += dt
     state.window[1:] += 1.0
     state.window_wall_impulse += dt * 2.0
+    if model.thermal is not None:
+        advance_heat(state, model.thermal)
+
+
+def advance_heat(state: State, thermal: Thermal) -> None:
+    """Temperatures go up and down; the mean contact forces are those of the contacts of now."""
+    state.heat += thermal.capacity * np.sin(np.arange(state.heat.size) + state.step)
+    state.generated += 1e-6 * (1.0 + np.arange(state.generated.size))
+    state.wear += 1e-15
+    state.wall_heat += [1e-3, 2e-3]
+    state.wall_wear += 1e-16
+    state.wall_temperature[:1] = 300.0 + state.step
+    state.heat_books += np.linspace(0.0, 1.0, len(HEAT_BOOK_NAMES))
+    state.heat_books[HEAT_BOOK_NAMES.index("sub_steps")] = 2 * state.step
+    state.mean_i, state.mean_j = state.contact_i.copy(), state.contact_j.copy()
+    state.mean_force = np.abs(state.contact_impulse[:, 0])
+    state.heat_dt = 1e-4 * state.step
 
 
 def contact_rows(state: State) -> ContactRows:
     c = len(state.contact_i)
     normal = np.tile([0.6, 0.8], (c, 1))
     sliding = np.arange(c) % 2 == 1
+    heat = (1e-9 * np.arange(c), 0.1 + np.arange(c)) if state.heat.size else (None, None)
     return ContactRows(
-        state.contact_i, state.contact_j, normal, -1e-6 * np.arange(c), state.contact_impulse, 0.1 * np.arange(c), sliding
+        state.contact_i, state.contact_j, normal, -1e-6 * np.arange(c), state.contact_impulse, 0.1 * np.arange(c), sliding, *heat
     )
 
 
@@ -103,16 +136,16 @@ def drive(run: RunDirectory, model: Model, *, steps: int, checkpoint_every: int,
     state = found.state if found else start(model)
     writer = run.writer(model)
     if writer.last_frame_step < 0:
-        writer.frame(FrameData.from_state(state, contact_rows(state)))
-        writer.series_row(SeriesRow.from_state(state))
+        writer.frame(FrameData.from_state(state, model, contact_rows(state)))
+        writer.series_row(SeriesRow.from_state(state, model))
     while state.step < steps:
         advance(state, model)
         if state.step % 2 == 0:
-            writer.series_row(SeriesRow.from_state(state))
+            writer.series_row(SeriesRow.from_state(state, model))
             state.window[:] = 0.0
             state.window_wall_impulse[:] = 0.0
         if state.step % 5 == 0:
-            writer.frame(FrameData.from_state(state, contact_rows(state)))
+            writer.frame(FrameData.from_state(state, model, contact_rows(state)))
         if state.step % checkpoint_every == 0:
             run.checkpoint(state, writer)
     run.checkpoint(state, writer)

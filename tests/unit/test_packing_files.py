@@ -137,6 +137,16 @@ def test_frame_of_a_run(tmp_path):
     assert not np.array_equal(read_frame(tmp_path / "run", 0).position, state.position)
 
 
+def test_temperatures_of_a_frame(tmp_path):
+    model = make_model(heat=True)
+    state = run_whole(tmp_path / "warm", model, steps=20)
+    temperature = read_frame(tmp_path / "warm", -1).temperature
+    np.testing.assert_array_equal(temperature, state.temperature(model.thermal))
+    assert temperature.dtype == float
+    run_whole(tmp_path / "cold", steps=20)
+    assert read_frame(tmp_path / "cold", -1).temperature is None
+
+
 def test_missing_run_or_frame(tmp_path):
     run_whole(tmp_path / "run", steps=20)
     with pytest.raises(PackingError, match=r"no frame 5.*it has 5, from 0 to 4") as caught:

@@ -26,6 +26,7 @@ def make_table(*, error: float = 0.01, low: float = 0.0) -> ProfileTable:
         1.0,
         (low, 0.3),
         ("bottom", "top"),
+        (0.3 - low) / 1.0,
         np.arange(5),
         (0.0, 1.0),
     )

@@ -7,7 +7,7 @@ import pytest
 import tomli_w
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from scenario_text import SHEAR, changed, problems_of
+from scenario_text import HEATED, SHEAR, changed, problems_of
 
 from multicor_cli.scenario import ScenarioError, load_scenario, parse_scenario
 
@@ -150,7 +150,7 @@ def test_a_random_seed_is_drawn_once_and_recorded():
     assert parse_scenario(first.resolved_toml(), "b.toml").seed == first.seed
 
 
-DOCUMENT = tomllib.loads(SHEAR)
+DOCUMENTS = (tomllib.loads(SHEAR), tomllib.loads(HEATED))
 HOSTILE = st.one_of(
     st.sampled_from(
         [
@@ -199,17 +199,19 @@ def check_mutant(document):
         scenario = parse_scenario(text, "mutant.toml")
         assert parse_scenario(scenario.resolved_toml(), "again.toml") == scenario
         scenario.drives()
+        scenario.wall_conditions()
 
 
-@settings(max_examples=400, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@settings(max_examples=600, deadline=None, suppress_health_check=[HealthCheck.too_slow])
 @given(
-    st.sampled_from(sorted(places(DOCUMENT), key=str)),
+    st.sampled_from([(k, path) for k, document in enumerate(DOCUMENTS) for path in sorted(places(document), key=str)]),
     st.sampled_from(["replace", "remove", "rename", "double"]),
     HOSTILE,
     st.data(),
 )
-def test_single_mutations_are_right_or_refused(path, action, value, data):
-    document = copy.deepcopy(DOCUMENT)
+def test_single_mutations_are_right_or_refused(place, action, value, data):
+    number, path = place
+    document = copy.deepcopy(DOCUMENTS[number])
     node = document
     for part in path[:-1]:
         node = node[part]

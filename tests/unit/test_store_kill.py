@@ -109,7 +109,7 @@ def test_second_checkpoint_at_the_same_step_does_not_harm_the_first(tmp_path: Pa
         assert run._writer is not None
         run.checkpoint(state, run._writer)  # nothing new: the older one, at step 30, stays
         assert names(tmp_path) == ["step-00000000030", "step-00000000040"]
-        run._writer.series_row(SeriesRow({**SeriesRow.from_state(state).values, "step": 41}))
+        run._writer.series_row(SeriesRow({**SeriesRow.from_state(state, model).values, "step": 41}))
         run.checkpoint(state, run._writer)
         assert names(tmp_path) == ["step-00000000040", "step-00000000040.1"]
     with RunDirectory.resume(tmp_path / "run") as again:

@@ -12,22 +12,29 @@ import numpy as np
 import pytest
 from store_support import RESOLVED, SOURCE, advance, contact_rows, drive, make_model, make_run, run_whole, start
 
-from multicor_cli.state import BOOK_NAMES, Model, State
+from multicor_cli.state import BOOK_NAMES, HEAT_BOOK_NAMES, Model, State
 from multicor_cli.store import FrameData, RunDirectory, SeriesRow, open_run, run_info, schema, verify
+from multicor_cli.store.frames import series_name
 from multicor_cli.store.model_file import model_digest
 
 DOCS = Path(__file__).resolve().parents[2] / "docs" / "formats"
 
 
+def assert_same_part(left: object, right: object) -> None:
+    assert type(left) is type(right)
+    for field in dataclasses.fields(left) if dataclasses.is_dataclass(left) else ():
+        a, b = getattr(left, field.name), getattr(right, field.name)
+        if not isinstance(a, np.ndarray):
+            assert dataclasses.is_dataclass(a) or a == b, field.name
+            assert_same_part(a, b)
+        else:
+            assert a.dtype == b.dtype, field.name
+            np.testing.assert_array_equal(a, b)
+
+
 def assert_same_model(left: Model, right: Model) -> None:
-    for part in ("grains", "shapes", "walls", "laws"):
-        for field in dataclasses.fields(getattr(left, part)):
-            a, b = getattr(getattr(left, part), field.name), getattr(getattr(right, part), field.name)
-            if isinstance(a, tuple):
-                assert a == b
-            else:
-                assert a.dtype == b.dtype, (part, field.name)
-                np.testing.assert_array_equal(a, b)
+    for part in ("grains", "shapes", "walls", "laws", "thermal"):
+        assert_same_part(getattr(left, part), getattr(right, part))
     assert (left.materials, left.groups, left.period, left.shape_factor) == (
         right.materials,
         right.groups,
@@ -47,11 +54,12 @@ def check_content(path: Path, model: Model, steps: int, *, tolerance: float = 0.
             if step:
                 advance(state, model)
             if step % 2 == 0:
-                check_row(run.series, step // 2, state)
+                check_row(run.series, step // 2, state, model)
                 state.window[:] = 0.0
                 state.window_wall_impulse[:] = 0.0
             if step % 5 == 0:
                 check_frame(run.frames[step // 5], state, tolerance)
+                check_heat(run.frames[step // 5], state, model, tolerance)
         assert_same_model(run.model, model)
         assert run.wall_names == model.walls.names
         assert run.stages == ("load", "shear")
@@ -62,12 +70,13 @@ def check_content(path: Path, model: Model, steps: int, *, tolerance: float = 0.
         assert final.digest() == state.digest()
 
 
-def check_row(series, row: int, state: State) -> None:
+def check_row(series, row: int, state: State, model: Model) -> None:
     assert series["step"][row] == state.step
     for name, value in zip(BOOK_NAMES, state.books, strict=True):
         assert series[name][row] == value
-    expected = SeriesRow.from_state(state).values
-    for name in schema.names(schema.SERIES):
+    expected = SeriesRow.from_state(state, model).values
+    assert list(series) == list(schema.names(schema.select(schema.SERIES, schema.features_of(model))))
+    for name in series:
         np.testing.assert_array_equal(series[name][row], expected[name])
 
 
@@ -96,18 +105,35 @@ def check_frame(frame, state: State, tolerance: float) -> None:
         same(contacts.force, rows.impulse / state.last_dt)
 
 
+def check_heat(frame, state: State, model: Model, tolerance: float) -> None:
+    """Temperatures and heat are exact in single precision too; only those of contacts are rounded."""
+    names = ("temperature", "generated", "wear", "wall_temperature", "wall_heat", "wall_wear")
+    if model.thermal is None:
+        assert [getattr(frame, name) for name in names] == [None] * len(names)
+        assert (frame.contacts.heat, frame.contacts.conductance) == (None, None)
+        return
+    expected = [state.temperature(model.thermal), *(getattr(state, name) for name in names[1:])]
+    for name, values in zip(names, expected, strict=True):
+        np.testing.assert_array_equal(getattr(frame, name), values, err_msg=name)
+    rows = contact_rows(state)
+    np.testing.assert_allclose(frame.contacts.heat, rows.heat, rtol=tolerance)
+    np.testing.assert_allclose(frame.contacts.conductance, rows.conductance, rtol=tolerance)
+
+
 @pytest.mark.parametrize("grains", [1, 5])
 @pytest.mark.parametrize("walls", [True, False])
-def test_finished_run_reads_back(tmp_path: Path, grains: int, walls: bool) -> None:
-    model = make_model(grains, walls=walls)
+@pytest.mark.parametrize("heat", [True, False])
+def test_finished_run_reads_back(tmp_path: Path, grains: int, walls: bool, heat: bool) -> None:
+    model = make_model(grains, walls=walls, heat=heat)
     run_whole(tmp_path / "run", model)
     check_content(tmp_path / "run", model, 40)
     assert not (tmp_path / "run" / "segments").exists()
     assert verify(tmp_path / "run") == []
 
 
-def test_running_run_reads_back(tmp_path: Path) -> None:
-    model = make_model()
+@pytest.mark.parametrize("heat", [True, False])
+def test_running_run_reads_back(tmp_path: Path, heat: bool) -> None:
+    model = make_model(heat=heat)
     with make_run(tmp_path / "run") as run:
         drive(run, model, steps=40, checkpoint_every=15, finish=False)
         check_content(tmp_path / "run", model, 40)
@@ -134,7 +160,7 @@ def test_results_file_alone_is_enough(tmp_path: Path) -> None:
 
 
 def test_single_precision_halves_the_rows(tmp_path: Path) -> None:
-    model = make_model()
+    model = make_model(heat=True)
     run_whole(tmp_path / "run", model, precision="single")
     check_content(tmp_path / "run", model, 40, tolerance=1e-6)
     with h5py.File(tmp_path / "run" / "results.h5") as file:
@@ -143,13 +169,15 @@ def test_single_precision_halves_the_rows(tmp_path: Path) -> None:
         assert file["steps/time"].dtype == np.float64
         assert file["walls/position"].dtype == np.float64
         assert file["series/kinetic"].dtype == np.float64
+        assert file["particles/temperature"].dtype == np.float64
+        assert file["contacts/heat"].dtype == np.float32
 
 
 def test_frames_without_recorded_contacts(tmp_path: Path) -> None:
     model = make_model()
     with make_run(tmp_path / "run") as run:
         writer, state = run.writer(model), start(model)
-        writer.frame(FrameData.from_state(state))
+        writer.frame(FrameData.from_state(state, model))
         run.checkpoint(state, writer)
         run.finish("finished")
     with open_run(tmp_path / "run") as reader:
@@ -174,7 +202,7 @@ def test_frames_are_a_sequence(tmp_path: Path) -> None:
 
 
 def test_every_dataset_has_unit_long_name_and_checksum(tmp_path: Path) -> None:
-    run_whole(tmp_path / "run")
+    run_whole(tmp_path / "run", make_model(heat=True))
     with h5py.File(tmp_path / "run" / "results.h5") as file:
         for spec in schema.RESULTS_TABLE:
             dataset = file[spec.path]
@@ -265,8 +293,10 @@ def test_info_of_a_run_that_has_just_begun(tmp_path: Path) -> None:
 def test_table_of_checkpoints_covers_the_state() -> None:
     state = start(make_model())
     assert list(schema.names(schema.CHECKPOINT)) == list(state.as_dict())
-    assert set(BOOK_NAMES) <= set(schema.names(schema.SERIES))
-    assert set(SeriesRow.from_state(state).values) == set(schema.names(schema.SERIES))
+    assert set(BOOK_NAMES) | set(map(series_name, HEAT_BOOK_NAMES)) <= set(schema.names(schema.SERIES))
+    for model in (make_model(), make_model(heat=True)):
+        expected = schema.names(schema.select(schema.SERIES, schema.features_of(model)))
+        assert set(SeriesRow.from_state(start(model), model).values) == set(expected)
 
 
 @pytest.mark.parametrize("page", ["results", "checkpoint"])
@@ -275,7 +305,7 @@ def test_format_pages_hold_the_tables_of_the_schema(page: str) -> None:
     tables = {"results": ("SCENARIO", "MODEL", "FRAME_TABLE", "SERIES"), "checkpoint": ("CHECKPOINT",)}[page]
     for name in tables:
         assert f"<!-- table {name} -->\n{schema.markdown(getattr(schema, name))}\n<!-- end -->" in text
-    assert "version 1.0" in text
+    assert "version 1.1" in text
 
 
 def test_model_digest_depends_on_every_array() -> None:
@@ -300,7 +330,7 @@ def test_writer_refuses_values_that_are_not_finite(tmp_path: Path, field: str, v
         state = start(model)
         getattr(state, field)[3 % len(getattr(state, field)), 0] = value
         with pytest.raises(ValueError, match=message):
-            run.writer(model).frame(FrameData.from_state(state))
+            run.writer(model).frame(FrameData.from_state(state, model))
 
 
 def test_writer_refuses_wrong_shapes_steps_and_contacts(tmp_path: Path) -> None:
@@ -308,23 +338,23 @@ def test_writer_refuses_wrong_shapes_steps_and_contacts(tmp_path: Path) -> None:
     with make_run(tmp_path / "run") as run:
         writer, state = run.writer(model), start(model)
         with pytest.raises(ValueError, match="has shape"):
-            writer.frame(FrameData.from_state(other))
+            writer.frame(FrameData.from_state(other, model))
         advance(state, model)
         rows = contact_rows(state)
         with pytest.raises(ValueError, match="shape that does not exist"):
-            writer.frame(FrameData.from_state(state, dataclasses.replace(rows, j=rows.j + 100)))
+            writer.frame(FrameData.from_state(state, model, dataclasses.replace(rows, j=rows.j + 100)))
         with pytest.raises(ValueError, match="contacts/gap has shape"):
-            writer.frame(FrameData.from_state(state, dataclasses.replace(rows, gap=rows.gap[:-1])))
-        writer.frame(FrameData.from_state(state, rows))
+            writer.frame(FrameData.from_state(state, model, dataclasses.replace(rows, gap=rows.gap[:-1])))
+        writer.frame(FrameData.from_state(state, model, rows))
         with pytest.raises(ValueError, match="after one at step 1"):
-            writer.frame(FrameData.from_state(state, rows))
+            writer.frame(FrameData.from_state(state, model, rows))
 
 
 def test_frames_are_copied(tmp_path: Path) -> None:
     model = make_model()
     with make_run(tmp_path / "run") as run:
         writer, state = run.writer(model), start(model)
-        writer.frame(FrameData.from_state(state))
+        writer.frame(FrameData.from_state(state, model))
         before = state.position[:, :2].copy()
         state.position += 1.0
         state.image += 1

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
+import itertools
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
 from multicor_cli.scenario.base import Table
+from multicor_cli.scenario.heat import Heat
 from multicor_cli.scenario.loading import Stage
-from multicor_cli.scenario.materials import ContactPair
+from multicor_cli.scenario.materials import ContactPair, Material
 from multicor_cli.scenario.models import ScenarioModel
 from multicor_cli.scenario.particles import ParticleGroup
 from multicor_cli.scenario.settings import Domain, Output, Solver
@@ -25,24 +27,30 @@ class Draft:
     Attributes:
         domain: ``[domain]``.
         material_names: Names of all materials, right or wrong.
+        materials: ``[materials.NAME]`` by name.
         contacts: ``[[contacts]]``.
         particles: ``[[particles]]``.
         group_names: Names of the groups; ``None`` where there is no name.
         walls: ``[[walls]]``.
         wall_names: Names of the walls; ``None`` where there is no name.
         loading: ``[[loading]]``.
+        has_heat: Whether there is a table ``[heat]``, right or wrong.
+        heat: ``[heat]``.
         solver: ``[solver]``.
         output: ``[output]``.
     """
 
     domain: Domain | None
     material_names: list[str]
+    materials: dict[str, Material | None]
     contacts: list[ContactPair | None]
     particles: list[ParticleGroup | None]
     group_names: list[str | None]
     walls: list[Wall | None]
     wall_names: list[str | None]
     loading: list[Stage | None]
+    has_heat: bool
+    heat: Heat | None
     solver: Solver | None
     output: Output | None
 
@@ -52,12 +60,15 @@ class Draft:
         return cls(
             model.domain,
             list(model.materials),
+            dict(model.materials),
             list(model.contacts),
             list(model.particles),
             [group.name for group in model.particles],
             list(model.walls),
             [wall.name for wall in model.walls],
             list(model.loading),
+            model.heat is not None,
+            model.heat,
             model.solver,
             model.output,
         )
@@ -65,16 +76,20 @@ class Draft:
     @classmethod
     def of_document(cls, data: dict[str, Any]) -> Draft:
         """The draft of a parsed document of which some tables are wrong."""
-        materials = data.get("materials")
+        raw = data.get("materials")
+        materials = dict(itertools.islice(raw.items(), _MAX_TABLES)) if isinstance(raw, dict) else {}
         return cls(
             _table(Domain, data.get("domain")),
-            list(materials) if isinstance(materials, dict) else [],
+            list(raw) if isinstance(raw, dict) else [],
+            {name: _table(Material, table) for name, table in materials.items()},
             _tables(ContactPair, data.get("contacts")),
             _tables(ParticleGroup, data.get("particles")),
             _names(data.get("particles")),
             _tables(Wall, data.get("walls")),
             _names(data.get("walls")),
             _tables(Stage, data.get("loading")),
+            "heat" in data,
+            _table(Heat, data.get("heat")),
             _table(Solver, data.get("solver")),
             _table(Output, data.get("output")),
         )

@@ -7,8 +7,9 @@ from collections.abc import Iterator, Sequence
 
 from multicor_cli.scenario.checks.draft import Draft
 from multicor_cli.scenario.packings import DepositedPacking, TilePacking
-from multicor_cli.scenario.particles import ParticleGroup, Region
+from multicor_cli.scenario.particles import ParticleGroup
 from multicor_cli.scenario.problems import Finding, KeyPath, show
+from multicor_cli.scenario.region import Region
 from multicor_cli.scenario.settings import Domain
 
 MAX_GRAINS = 50_000_000

@@ -64,7 +64,7 @@ def _double_entries(draft: Draft) -> Iterator[Finding]:
             yield Finding(("contacts", k, "pair"), what, "remove one of the two")
 
 
-def _touching_pairs(draft: Draft) -> list[tuple[str, str]]:
+def touching_pairs(draft: Draft) -> list[tuple[str, str]]:
     """Pairs of defined materials that can touch: grains with grains and with walls."""
     known = set(draft.material_names)
     grains = sorted({group.material for group in draft.particles if group} & known)
@@ -81,7 +81,7 @@ def _ambiguous_pairs(draft: Draft) -> Iterator[Finding]:
     """Pairs of which two entries such as ["a", "*"] and ["b", "*"] speak, without an entry of their own."""
     first = _by_pair(draft)
     told: set[int] = set()
-    for a, b in _touching_pairs(draft):
+    for a, b in touching_pairs(draft):
         rivals = sorted(first[key] for key in {("*", a), ("*", b)} if key in first)
         if len(rivals) == 2 and (a, b) not in first and rivals[1] not in told:
             told.add(rivals[1])
@@ -95,7 +95,7 @@ def _uncovered_pairs(draft: Draft) -> Iterator[Finding]:
     if None in draft.contacts or not named <= set(draft.material_names):
         return
     given = _by_pair(draft).keys()
-    uncovered = [pair for pair in _touching_pairs(draft) if not given & _covering(*pair)]
+    uncovered = [pair for pair in touching_pairs(draft) if not given & _covering(*pair)]
     if not uncovered:
         return
     pairs = ", ".join(_show_pair(pair) for pair in uncovered[:_MAX_NAMED_PAIRS])

@@ -7,18 +7,9 @@ from collections.abc import Iterator
 from multicor_cli.scenario.checks.draft import Draft
 from multicor_cli.scenario.checks.grains import double_names
 from multicor_cli.scenario.drives import DOF_NAMES, WallDofs, resolve_dofs
-from multicor_cli.scenario.loading import (
-    AnyDof,
-    AnySignal,
-    ForceDof,
-    RampSignal,
-    SineSignal,
-    Stage,
-    TableSignal,
-    UntilStrain,
-    VelocityDof,
-)
+from multicor_cli.scenario.loading import AnyDof, ForceDof, Stage, UntilStrain, VelocityDof
 from multicor_cli.scenario.problems import Finding, KeyPath, name_list, show
+from multicor_cli.scenario.signals import AnySignal, RampSignal, SineSignal, TableSignal
 from multicor_cli.scenario.translate import did_you_mean
 from multicor_cli.scenario.walls import BoxGeometry, PlaneGeometry, RoughGeometry, Wall
 
@@ -45,6 +36,7 @@ def _stages(draft: Draft) -> Iterator[tuple[int, Stage]]:
 def _unknown_walls(path: KeyPath, stage: Stage, draft: Draft) -> Iterator[Finding]:
     known = [name for name in draft.wall_names if name]
     used: list[tuple[KeyPath, str]] = [((*path, "drives", name), name) for name in stage.drives]
+    used += [((*path, "thermal", name), name) for name in stage.thermal]
     if isinstance(stage.until, UntilStrain):
         used += [((*path, "until", "strain", "walls", k), name) for k, name in enumerate(stage.until.strain.walls)]
     for place, name in used:

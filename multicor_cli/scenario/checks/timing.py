@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from multicor_cli.scenario.checks.draft import Draft
-from multicor_cli.scenario.loading import Stage
+from multicor_cli.scenario.loading import Stage, frozen_dt
 from multicor_cli.scenario.problems import Finding
 from multicor_cli.scenario.settings import default_series_interval
 
@@ -25,14 +25,19 @@ def check(draft: Draft) -> Iterator[Finding]:
 
 
 def _time_steps(draft: Draft) -> list[float]:
-    """Time steps of the stages, as far as they are known."""
-    steps = [_time_step(draft, stage) for stage in draft.loading if stage]
+    """Time steps of the stages in which something moves, as far as they are known.
+
+    A frozen stage is left out: its time step is the time between looks at the temperatures, and output waits for it.
+    """
+    steps = [_time_step(draft, stage) for stage in draft.loading if stage and not stage.frozen]
     return [dt for dt in steps if dt is not None]
 
 
 def _time_step(draft: Draft, stage: Stage) -> float | None:
     if stage.dt is not None:
         return stage.dt
+    if stage.frozen:
+        return frozen_dt(stage, draft.output) if draft.output else None
     return draft.solver.dt if draft.solver else None
 
 
@@ -69,10 +74,17 @@ def _check_amounts(draft: Draft) -> Iterator[Finding]:
     output = draft.output
     if output is None:
         return
-    total = sum(stage.duration or 0.0 for stage in draft.loading if stage)
+    stages = [stage for stage in draft.loading if stage]
     limits = (("frame_interval", output.frame_interval, MAX_FRAMES), ("series_interval", output.series_interval, MAX_ROWS))
     for key, interval, most in limits:
-        if total > most * interval:
-            what = f"{total:g} s of loading at intervals of {interval:g} s are written {total / interval:.2g} times"
+        times = sum((stage.duration or 0.0) / _between(stage, interval) for stage in stages)
+        if times > most:
+            total = sum(stage.duration or 0.0 for stage in stages)
+            what = f"{total:g} s of loading at intervals of {interval:g} s are written {times:.2g} times"
             yield Finding(("output", key), what, f"stay below {most:g}; times are in seconds")
             return
+
+
+def _between(stage: Stage, interval: float) -> float:
+    """Time between two rows or frames that are wanted at an interval [s]."""
+    return max(interval, stage.dt) if stage.frozen and stage.dt is not None else interval

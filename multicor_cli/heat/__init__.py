@@ -1,0 +1,1 @@
+"""Heat between grains, walls and surroundings: what is generated, how it flows, and its books."""

@@ -1,0 +1,104 @@
+"""The contacts of a step, or of a state at rest, as the heat sees them: forces, spots and conductances."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from multicor_cli.heat.settings import HeatSettings
+from multicor_cli.kernels import contact_heat
+from multicor_cli.kernels.contact_heat import Thermals
+from multicor_cli.kernels.contacts import Contacts, Scene, warm_rows
+from multicor_cli.physics.thermal.radiation import emission_factor
+from multicor_cli.state.model import Floats, Ints, Model, ShapeKind
+from multicor_cli.state.state import State
+
+TOUCHING = 1e-6
+"""Largest gap, over the radius, of pairs that touch when no step has said which contacts carry a force."""
+
+
+@dataclass(frozen=True)
+class Spots:
+    """Contacts that conduct; ``c`` of them, sorted by (i, j).
+
+    Attributes:
+        i: Grain, shape ``(c,)``.
+        j: Grain or wall shape, shape ``(c,)``.
+        radius: Radius of the contact a_c [m]; 0 where none, shape ``(c,)``.
+        conductance: H_c [W/K], shape ``(c,)``.
+        biot: Largest Biot number of a contact.
+    """
+
+    i: Ints
+    j: Ints
+    radius: Floats
+    conductance: Floats
+    biot: float
+
+
+def thermals_of(model: Model, settings: HeatSettings) -> Thermals:
+    """What the kernels know of the materials and wall shapes."""
+    laws, kind = settings.laws, model.shapes.kind
+    emissivity = laws.emissivity
+    emission = np.array([[emission_factor(float(a), float(b)) for b in emissivity] for a in emissivity])
+    radius = np.where(kind == ShapeKind.DISC, model.shapes.geometry[:, 2], 0.0)
+    return Thermals(
+        laws.conductivity, laws.volumetric, laws.modulus, laws.harmonic, laws.share, emission, laws.roughness, laws.slope,
+        laws.microhardness, laws.wear, radius,
+    )  # fmt: skip
+
+
+def forces_of_step(state: State, contacts: Contacts, settings: HeatSettings, dt: float) -> Floats:
+    """Normal forces of the Hertz radii [N], shape ``(c,)``; keeps the running averages of ``state`` where they are used.
+
+    A contact keeps its average as long as the pair stays within the reach of the contact solver.
+    """
+    carried = contacts.impulse[:, 0]
+    if settings.force.kind == "prescribed":
+        return np.where(carried > 0.0, settings.force.value, 0.0)
+    if settings.force.kind == "step":
+        return np.asarray(carried / dt)
+    before = np.empty(carried.size)
+    row = warm_rows(len(state.position), state.mean_i)
+    contact_heat.look_up(row, state.mean_j, state.mean_force, contacts.i, contacts.j, before)
+    mean: Floats = before + (carried / dt - before) * -np.expm1(-dt / settings.force.value)
+    kept = mean > 0.0
+    state.mean_i, state.mean_j, state.mean_force = contacts.i[kept], contacts.j[kept], mean[kept]
+    return mean
+
+
+def resting_pairs(
+    state: State, settings: HeatSettings, near: tuple[Ints, Ints, Floats], radius: Floats
+) -> tuple[Ints, Ints, Floats]:
+    """Contacts of a state at rest: i, j and normal force [N]; the forces are those of the last step.
+
+    Args:
+        state: The state.
+        settings: Choices about heat.
+        near: Pairs near each other with their gaps [m], for a state in which no step has been taken.
+        radius: Radii of the grains [m].
+    """
+    force = settings.force
+    if force.kind == "average" and state.mean_force.size:
+        return state.mean_i, state.mean_j, state.mean_force
+    if state.last_dt > 0.0:
+        carried = state.contact_impulse[:, 0] / state.last_dt
+        value = np.full(carried.size, force.value) if force.kind == "prescribed" else carried
+        return state.contact_i, state.contact_j, value
+    i, j, gap = near
+    touch = gap <= TOUCHING * radius[i]
+    level = force.value if force.kind == "prescribed" else 0.0
+    return i[touch], j[touch], np.full(int(touch.sum()), level)
+
+
+def conducting_spots(scene: Scene, i: Ints, j: Ints, force: Floats, laws: Thermals, settings: HeatSettings) -> Spots:
+    """Radii and conductances of contacts under given normal forces [N]."""
+    radius, conductance, biot = np.zeros(i.size), np.zeros(i.size), np.zeros(i.size)
+    if settings.conduction != "none" or settings.gas is not None:
+        is_rough = settings.conduction == "rough"
+        contact_heat.contact_spots(scene, i, j, force, laws, is_rough, radius, conductance, biot)
+    if settings.conduction == "none":
+        conductance[:] = 0.0
+        biot[:] = 0.0
+    return Spots(i, j, radius, conductance, float(biot.max(initial=0.0)))

@@ -1,0 +1,94 @@
+"""Initial temperatures from a text file: one number per line.
+
+The file comes from elsewhere and is not trusted: its size is checked before memory is taken, and what is wrong is named with its
+line. Empty lines and what follows a ``#`` are left out.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+
+from multicor_cli.packing.brought import MAX_GRAINS
+from multicor_cli.packing.errors import PackingError
+from multicor_cli.scenario.base import KELVIN_BOUNDS
+from multicor_cli.state.model import Floats
+
+MAX_BYTES = 2**31
+"""Largest file: more than 40 characters for each of the most grains there can be."""
+
+_KEY = ("temperature", "file")
+_MAX_LINE = 1000
+_NAMED = 5
+
+
+def read_temperatures(path: Path) -> Floats:
+    """The temperatures in a file [K], in the order of its lines.
+
+    Args:
+        path: The file, text in UTF-8.
+
+    Raises:
+        PackingError: The file is missing, unreadable, too large, or holds something else; lines are named.
+    """
+    _check_file(path)
+    values: list[float] = []
+    faults: list[str] = []
+    try:
+        for number, text in _lines(path):
+            value, fault = _parse(text)
+            if fault:
+                faults.append(f"line {number}: {fault}")
+            values.append(value)
+            if len(faults) > _NAMED or len(values) > MAX_GRAINS:
+                break
+    except (OSError, UnicodeDecodeError) as error:
+        raise PackingError(f"cannot read '{path}': {error}", "it must be text in UTF-8, one temperature per line", _KEY) from None
+    if faults:
+        more = "; and more" if len(faults) > _NAMED else ""
+        raise PackingError(f"'{path}': {'; '.join(faults[:_NAMED])}{more}", "give one temperature in kelvin per line", _KEY)
+    if len(values) > MAX_GRAINS:
+        raise PackingError(f"'{path}' holds more than {MAX_GRAINS} temperatures", "give one per grain", _KEY)
+    return np.array(values, float)
+
+
+def _check_file(path: Path) -> None:
+    try:
+        is_file, size = path.is_file(), path.stat().st_size if path.exists() else 0
+    except (OSError, ValueError) as error:
+        raise PackingError(f"cannot read '{path}': {error}", "give an existing file", _KEY) from None
+    if not is_file:
+        raise PackingError(f"there is no file '{path}'", "give its path relative to the scenario file", _KEY)
+    if size > MAX_BYTES:
+        raise PackingError(f"'{path}' has {size} bytes", f"at most {MAX_BYTES} are read", _KEY)
+
+
+def _lines(path: Path) -> Iterator[tuple[int, str]]:
+    """Number and text of each line that holds something; a line too long for a number is cut and ends with "…"."""
+    with path.open(encoding="utf-8-sig") as file:
+        number = 0
+        while line := file.readline(_MAX_LINE):
+            number += 1
+            text = line.split("#", 1)[0].strip()
+            is_cut = len(line) == _MAX_LINE and not line.endswith("\n")
+            if text:
+                yield number, f"{text[:40]}…" if is_cut else text
+            while is_cut:
+                line = file.readline(_MAX_LINE)
+                is_cut = bool(line) and not line.endswith("\n")
+
+
+def _parse(text: str) -> tuple[float, str]:
+    """The temperature [K], and what is wrong with it; empty if nothing is."""
+    try:
+        value = float(text)
+    except ValueError:
+        return 0.0, f"{text[:40]!r} is no number"
+    low, high = KELVIN_BOUNDS
+    if low <= value <= high:
+        return value, ""
+    if -273.15 < value <= 0.0:
+        return value, f"{value:g} K is not above absolute zero (from degrees Celsius: {value + 273.15:g})"
+    return value, f"{value:g} K is not between {low:g} and {high:g} K"

@@ -1,0 +1,141 @@
+"""Heat capacities, surfaces and initial temperatures of grains, and what softens friction."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+
+import numpy as np
+
+from multicor_cli.packing.bodies import masses
+from multicor_cli.packing.brought import Brought
+from multicor_cli.packing.errors import PackingError
+from multicor_cli.packing.laws import Softening
+from multicor_cli.packing.temperature_file import read_temperatures
+from multicor_cli.scenario import Scenario
+from multicor_cli.scenario.base import KELVIN_BOUNDS
+from multicor_cli.scenario.models import (
+    AnyTemperature,
+    ContactPair,
+    FileTemperature,
+    GradientTemperature,
+    ParticleGroup,
+    RegionsTemperature,
+    ValuesTemperature,
+)
+from multicor_cli.state import Thermal
+from multicor_cli.state.model import Floats
+
+_KEY = ("temperature",)
+_EQUAL = 1.1
+"""Largest ratio of radii that counts as equal."""
+
+
+def softening_law(entry: ContactPair) -> Softening | None:
+    """How the coefficient of friction of an entry depends on temperature, or None."""
+    table = entry.softening
+    if table is None:
+        return None
+    values = (table.softening, table.reference, table.min, table.max)
+    rate, start, lowest, highest = (value if value is not None else math.nan for value in values)  # validation gives them all
+    return Softening(rate, start, lowest, highest)
+
+
+def group_thermal(scenario: Scenario, index: int, brought: Brought, center: Floats) -> Thermal:
+    """Heat capacities, initial temperatures and surfaces of the grains of a group.
+
+    Args:
+        scenario: A scenario with heat.
+        index: Index of the group.
+        brought: Its grains.
+        center: Their centers, wrapped into the period [m], shape ``(n, 2)``.
+
+    Raises:
+        PackingError: The temperatures cannot be read, are not one per grain, or are none; its key is relative to the group.
+    """
+    group = scenario.particles[index]
+    material, radius = scenario.materials[group.material], brought.radius
+    if material.heat_capacity is None:
+        message = "a material of grains without heat capacity"  # loading a scenario excludes it
+        raise ValueError(message)
+    mass = masses(radius, material.density, group.shape, group.thickness)
+    surface = 4.0 * math.pi * radius**2 if group.shape == "sphere" else 2.0 * math.pi * radius * (group.thickness or math.nan)
+    return Thermal(
+        capacity=mass * material.heat_capacity,
+        start=_start(scenario, group, brought, center),
+        surface=np.asarray(surface),
+    )
+
+
+def joined(parts: Sequence[Thermal]) -> Thermal:
+    """All grains of all groups."""
+    return Thermal(
+        capacity=np.concatenate([part.capacity for part in parts]),
+        start=np.concatenate([part.start for part in parts]),
+        surface=np.concatenate([part.surface for part in parts]),
+    )
+
+
+def _start(scenario: Scenario, group: ParticleGroup, brought: Brought, center: Floats) -> Floats:
+    """Initial temperatures [K], shape ``(n,)``: as the group says, else as the packing brings them, else those of ``[heat]``."""
+    n, table = brought.radius.size, group.temperature
+    if table is not None:
+        return _told(scenario, table, center)
+    if brought.temperature is not None:
+        return brought.temperature
+    assert scenario.heat is not None  # only then temperatures are asked for
+    return np.full(n, scenario.heat.temperature)
+
+
+def _told(scenario: Scenario, table: AnyTemperature, center: Floats) -> Floats:
+    n = len(center)
+    if isinstance(table, GradientTemperature):
+        return _gradient(table, center)
+    if isinstance(table, RegionsTemperature):
+        return _regions(table, center)
+    if isinstance(table, ValuesTemperature):
+        return _one_per_grain(np.array(table.values, float), n, "values", "are given")
+    if isinstance(table, FileTemperature):
+        path = scenario.resolve_path(table.file)
+        return _one_per_grain(read_temperatures(path), n, "file", f"are in '{path}'")
+    return np.full(n, table)
+
+
+def _gradient(table: GradientTemperature, center: Floats) -> Floats:
+    temperature = np.asarray(table.value + (center - np.array(table.at)) @ np.array(table.gradient))
+    low, high = KELVIN_BOUNDS
+    wrong = np.flatnonzero(~((temperature >= low) & (temperature <= high)))
+    if wrong.size:
+        k = int(wrong[0])
+        place = f"the grain {k} of the group at ({center[k, 0]:g}, {center[k, 1]:g}) m"
+        text = f"the gradient gives {place} a temperature of {temperature[k]:g} K, outside {low:g} to {high:g} K"
+        raise PackingError(text, "lower the gradient, or set at to a point among the grains", (*_KEY, "gradient"))
+    return temperature
+
+
+def _regions(table: RegionsTemperature, center: Floats) -> Floats:
+    temperature = np.full(len(center), table.value)
+    for region in table.regions:
+        is_inside = ((center >= region.min) & (center <= region.max)).all(axis=1)
+        temperature[is_inside] = region.value
+    return temperature
+
+
+def _one_per_grain(temperature: Floats, n: int, key: str, where: str) -> Floats:
+    if temperature.size != n:
+        text = f"{temperature.size} temperatures {where} for {n} grains"
+        raise PackingError(text, "give one per grain of the group, in their order", (*_KEY, key))
+    return temperature
+
+
+def sizes_problems(scenario: Scenario, groups: Sequence[Brought]) -> list[PackingError]:
+    """What is wrong with the grains' sizes for the choices in ``[heat]``: the gas model for equal grains needs such."""
+    gas = scenario.heat.gas if scenario.heat is not None else None
+    if gas is None or gas.model != "vargas":
+        return []
+    smallest = min(float(group.radius.min()) for group in groups)
+    largest = max(float(group.radius.max()) for group in groups)
+    if largest <= _EQUAL * smallest:
+        return []
+    text = f'model = "vargas" is for grains of equal size, but the radii are {smallest:g} to {largest:g} m'
+    return [PackingError(text, 'use model = "parallel" or "batchelor"', ("heat", "gas", "model"))]

@@ -1,0 +1,44 @@
+"""Which share of the heat of friction goes into each of the two bodies: β into body i, 1 − β into body j.
+
+Formulas and sources: *effusivity* ``β = e_i/(e_i + e_j)``, ``e = √(λρc)`` (F. Charron, Publ. Sci. Tech. Min. Air 182 (1943));
+*conductivity* ``β = λ_i/(λ_i + λ_j)`` (steady conduction from one spot, J. C. Jaeger, Proc. R. Soc. NSW 76 (1942) 203);
+*electrothermal* ``β = ½ [ρ_i/(ρ_i + ρ_j) + λ_i/(λ_i + λ_j)]`` with the electrical resistivities ρ (the coefficient of Mokrani
+and Bourouga used by Nguyen et al., J. Mech. Mater. Struct. 4 (2009) 413).
+
+Validity: all take perfect contact of the two surfaces and both bodies at one temperature far from the spot. *effusivity* holds
+for contacts shorter than the diffusion time over the spot (both bodies semi-infinite): sliding, impacts. *conductivity* holds
+for lasting contacts, steady on the scale of the spot. *electrothermal* describes the heat of an electric current through the
+interface; it has no meaning for friction. It equals ½ for one material, as do the others, and is offered to repeat published
+results.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+
+
+def effusivity(k: float, rho: float, c: float) -> float:
+    """Thermal effusivity ``e = √(λ ρ c)`` [W s^½/(m² K)]; λ [W/(m K)], ρ [kg/m³], c [J/(kg K)]."""
+    return sqrt(k * rho * c)
+
+
+def effusivity_share(e_i: float, e_j: float) -> float:
+    """Share of body i ``e_i/(e_i + e_j)`` from the effusivities (Charron 1943)."""
+    return e_i / (e_i + e_j)
+
+
+def conductivity_share(k_i: float, k_j: float) -> float:
+    """Share of body i ``λ_i/(λ_i + λ_j)`` from the conductivities [W/(m K)] (Jaeger 1942, steady)."""
+    return k_i / (k_i + k_j)
+
+
+def electrothermal_share(resistivity_i: float, resistivity_j: float, k_i: float, k_j: float) -> float:
+    """Share of body i ``½ [ρ_i/(ρ_i + ρ_j) + λ_i/(λ_i + λ_j)]`` (Mokrani & Bourouga): of the heat of a *current*, not of friction.
+
+    Args:
+        resistivity_i: Electrical resistivity ρ_i [Ω m].
+        resistivity_j: Electrical resistivity ρ_j [Ω m].
+        k_i: Thermal conductivity λ_i [W/(m K)].
+        k_j: Thermal conductivity λ_j [W/(m K)].
+    """
+    return 0.5 * (resistivity_i / (resistivity_i + resistivity_j) + k_i / (k_i + k_j))

@@ -1,0 +1,78 @@
+"""Force network: a line for every contact, as wide as its normal force is large."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from multicor_cli.plots.scene import draw_discs, draw_walls, figure_size
+from multicor_cli.plots.style import COLORS, check_suffix, house_style, save_figure
+from multicor_cli.post.forces import ForceNetwork
+from multicor_cli.post.scene import images
+from multicor_cli.state.model import Floats
+
+_POINTS = 72.0  # points per inch
+_WIDTH = 0.2  # width of the line of a mean force over the mean diameter
+_WIDEST = 1.0  # width of the widest line over the mean diameter
+
+
+def plot_forces(network: ForceNetwork, path: Path) -> None:
+    """Draw a force network.
+
+    Args:
+        network: The contacts.
+        path: File to write; its ending (.png, .svg, .pdf) chooses the format.
+
+    Raises:
+        PlotError: If matplotlib is not installed or the ending is not known.
+        OSError: If the file cannot be written.
+    """
+    check_suffix(path)
+    with house_style():
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=figure_size(network.scene, has_bar=False), layout="constrained")
+        draw_forces(figure.add_subplot(), network)
+        save_figure(figure, path)
+
+
+def draw_forces(axes: Any, network: ForceNetwork) -> None:
+    """Draw a force network into matplotlib axes."""
+    from matplotlib.collections import LineCollection
+    from matplotlib.lines import Line2D
+
+    draw_discs(axes, network.scene, color="0.92", edgecolors="0.8", linewidths=0.2, zorder=1)
+    draw_walls(axes, network.scene)
+    if not network.i.size:
+        return
+    lines, which = segments(network)
+    width = line_widths(axes, network)
+    color = np.where(network.sliding, COLORS[1], COLORS[0])
+    axes.add_collection(LineCollection(list(lines), linewidths=width[which], colors=color[which], capstyle="round", zorder=3))
+    mean = float(width.mean())
+    handles = [Line2D([], [], color=COLORS[k], linewidth=max(mean, 1.0)) for k in (0, 1)]
+    labels = ["sticking", "sliding"]
+    title = f"width: normal force, mean {network.force[:, 0].mean():.3g} N"
+    axes.figure.legend(handles, labels, loc="outside upper center", ncols=2, title=title, title_fontsize=7.0)
+
+
+def segments(network: ForceNetwork) -> tuple[Floats, Any]:
+    """Lines of the contacts, with images of those that cross the ends of the period, shape ``(k, 2, 2)``; and their contacts."""
+    middle = 0.5 * (network.start + network.end)
+    reach = 0.5 * np.abs(network.end - network.start)[:, 0]
+    which, shift = images(middle[:, 0], reach, network.scene.period)
+    lines = np.stack([network.start, network.end], axis=1)[which]
+    lines[:, :, 0] += shift[:, np.newaxis]
+    return lines, which
+
+
+def line_widths(axes: Any, network: ForceNetwork) -> Floats:
+    """Widths of the lines [points], proportional to the normal forces; the largest forces are cut off at a wide line."""
+    scene = network.scene
+    inches = axes.figure.get_size_inches()
+    per_meter = float(min(inches / (scene.box[1] - scene.box[0]))) * _POINTS
+    diameter = 2.0 * float(scene.radius.mean()) * per_meter
+    normal = network.force[:, 0]
+    return np.asarray(np.minimum(_WIDTH * diameter * normal / normal.mean(), _WIDEST * diameter))

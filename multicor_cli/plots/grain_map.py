@@ -1,0 +1,104 @@
+"""Map of a quantity: every grain to scale, colored."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from multicor_cli.plots.scene import draw_discs, draw_walls, figure_size, is_wide
+from multicor_cli.plots.style import check_suffix, house_style, save_figure
+from multicor_cli.post.grain_map import GrainMap
+
+_MAPS = {"temperature": "inferno", "velocity": "viridis", "fluctuation": "viridis", "heat": "magma", "spin": "RdBu_r"}
+_ARROWS = 1500  # at most this many arrows, or they cannot be told apart
+_LONG = 0.95  # this part of the arrows are as long as their velocity says; longer ones are cut to this length
+_LENGTH = 2.0  # length of the longest arrow over the mean distance of arrows
+_QUANTILE = 0.995  # colors span this part of the grains; the few beyond have the color at the end
+_DECADES = 1e-4  # lowest color of a logarithmic scale over the highest
+
+
+def plot_map(table: GrainMap, path: Path) -> None:
+    """Draw a map.
+
+    Args:
+        table: The map.
+        path: File to write; its ending (.png, .svg, .pdf) chooses the format.
+
+    Raises:
+        PlotError: If matplotlib is not installed or the ending is not known.
+        OSError: If the file cannot be written.
+    """
+    check_suffix(path)
+    with house_style():
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=figure_size(table.scene), layout="constrained")
+        draw_map(figure.add_subplot(), table)
+        save_figure(figure, path)
+
+
+def draw_map(axes: Any, table: GrainMap) -> None:
+    """Draw a map with its color bar into matplotlib axes."""
+    norm, extend = color_scale(table)
+    discs = draw_discs(axes, table.scene, value=table.value, cmap=_MAPS[table.field.name], norm=norm)
+    draw_walls(axes, table.scene)
+    if table.vector is not None:
+        _draw_arrows(axes, table)
+    where = {"location": "bottom", "aspect": 40} if is_wide(table.scene) else {"location": "right", "aspect": 30}
+    bar = axes.figure.colorbar(discs, ax=axes, extend=extend, pad=0.02, **where)
+    field = table.field
+    bar.set_label(f"{field.label} ${field.symbol}$ [{field.unit}]")
+
+
+def color_scale(table: GrainMap) -> tuple[Any, str]:
+    """Norm of matplotlib for the values, and which ends of the color bar stand for more than their value."""
+    from matplotlib.colors import LogNorm, Normalize
+
+    value = table.value
+    if table.field.scale == "logarithmic":
+        high = float(value.max())
+        high = high if high > 0.0 else 1.0
+        # what has received nothing has the lowest color
+        return LogNorm(high * _DECADES, high, clip=True), "min" if value.min() < high * _DECADES else "neither"
+    low, high = np.quantile(value, (1.0 - _QUANTILE, _QUANTILE)).tolist()
+    if table.field.name == "temperature":
+        low, high = float(value.min()), float(value.max())
+    if table.vector is not None:
+        low = 0.0
+    if table.field.scale == "centered":
+        high = max(abs(low), abs(high))
+        low = -high
+    if low == high:
+        low, high = low - (abs(low) * 1e-3 or 1.0), high + (abs(high) * 1e-3 or 1.0)
+    ends = (bool(value.min() < low), bool(value.max() > high))
+    return Normalize(low, high), {(False, False): "neither", (True, False): "min", (False, True): "max"}.get(ends, "both")
+
+
+def _draw_arrows(axes: Any, table: GrainMap) -> None:
+    """Arrows on the grains, or on some of them; the few longest are cut, and a key tells how long a velocity is."""
+    scene, vector = table.scene, table.vector
+    assert vector is not None
+    step = max(1, -(-scene.radius.size // _ARROWS))
+    # An order that does not follow the numbering, which may go row by row: arrows must not line up with the grains.
+    order = np.random.default_rng(0).permutation(scene.radius.size)[::step]
+    spacing = float(np.sqrt(np.prod(scene.box[1] - scene.box[0]) / order.size))
+    longest = float(np.quantile(table.value, _LONG)) or 1.0
+    cut = np.minimum(1.0, longest / np.maximum(table.value, longest))
+    arrows = axes.quiver(
+        *scene.center[order].T,
+        *(vector * cut[:, np.newaxis])[order].T,
+        angles="xy",
+        scale_units="xy",
+        scale=longest / (_LENGTH * spacing),
+        units="xy",
+        width=0.09 * spacing,
+        pivot="middle",
+        color="white",
+        edgecolor="0.1",
+        linewidth=0.2,
+        zorder=3,
+    )
+    key = f"{longest:.2g} {table.field.unit}"
+    axes.quiverkey(arrows, 0.9, 1.02, longest, key, labelpos="W", coordinates="axes", fontproperties={"size": 7.0})

@@ -1,0 +1,56 @@
+"""Figure of θ against η: the grains as faint points, the means of the bins with their spread."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from multicor_cli.plots.style import COLORS, COLUMN, check_suffix, house_style, save_figure
+from multicor_cli.post.theta_eta import ThetaTable
+
+
+def plot_theta_eta(table: ThetaTable, path: Path) -> None:
+    """Draw θ against η.
+
+    Args:
+        table: The table.
+        path: File to write; its ending (.png, .svg, .pdf) chooses the format.
+
+    Raises:
+        PlotError: If matplotlib is not installed or the ending is not known.
+        OSError: If the file cannot be written.
+    """
+    check_suffix(path)
+    with house_style():
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(COLUMN, 0.8 * COLUMN), layout="constrained")
+        draw_theta_eta(figure.add_subplot(), table)
+        save_figure(figure, path)
+
+
+def draw_theta_eta(axes: Any, table: ThetaTable) -> None:
+    """Draw θ against η into matplotlib axes."""
+    size = 4.0 if table.eta.size < 1000 else 0.6
+    axes.plot(table.eta, table.theta, ".", color="0.72", markersize=size, markeredgewidth=0.0, label="grains", rasterized=True)
+    known = np.isfinite(table.mean)
+    axes.errorbar(
+        table.center[known],
+        table.mean[known],
+        yerr=table.spread[known],
+        fmt="o-",
+        color=COLORS[0],
+        markeredgewidth=0.0,
+        elinewidth=0.6,
+        capsize=1.2,
+        capthick=0.6,
+        label="mean and standard deviation",
+    )
+    axes.set_xlabel(r"distance from the wall $\eta = y/H$ [–]")
+    axes.set_ylabel(r"temperature $\theta = (T - T_0)/(T_\mathrm{wall} - T_0)$ [–]")
+    axes.set_xlim(0.0, 1.0)
+    low, high = float(table.theta.min()), float(table.theta.max())
+    axes.set_ylim(min(0.0, low), max(1.0, high))
+    axes.legend(loc="best", markerscale=1.0 if size > 1.0 else 4.0)

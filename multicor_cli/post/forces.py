@@ -1,0 +1,198 @@
+"""The contact forces of one frame: how large, how many, and where."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from multicor_cli.post.scene import Scene, make_scene
+from multicor_cli.post.source import FrameSource, GrainFrame, PostError, frame_index
+from multicor_cli.state.model import Floats
+
+
+class ContactRows(Protocol):
+    """The contacts of a frame, as far as they are needed here; ``c`` of them."""
+
+    @property
+    def recorded(self) -> bool:
+        """Whether they are in the file."""
+
+    @property
+    def i(self) -> NDArray[Any]:
+        """First grain, shape ``(c,)``."""
+
+    @property
+    def j(self) -> NDArray[Any]:
+        """Second grain, or wall shape (not below the number of grains), shape ``(c,)``."""
+
+    @property
+    def normal(self) -> NDArray[Any]:
+        """Unit normal from j to i, shape ``(c, 2)``."""
+
+    @property
+    def gap(self) -> NDArray[Any]:
+        """Gap [m], shape ``(c,)``."""
+
+    @property
+    def force(self) -> NDArray[Any]:
+        """Normal and tangential force on i [N], shape ``(c, 2)``."""
+
+    @property
+    def sliding(self) -> NDArray[Any]:
+        """Whether the contact slides, shape ``(c,)``."""
+
+
+class ContactFrame(GrainFrame, Protocol):
+    """A frame with its contacts."""
+
+    @property
+    def dt(self) -> float:
+        """Length of the last step [s]."""
+
+    @property
+    def contacts(self) -> ContactRows:
+        """Contacts of the last step."""
+
+
+@dataclass(frozen=True)
+class ForceNetwork:
+    """The contacts of a frame that carry a force; ``c`` of them.
+
+    Attributes:
+        scene: Where the grains and walls are.
+        i: First grain, shape ``(c,)``.
+        j: Second grain, or wall shape (not below the number of grains), shape ``(c,)``.
+        normal: Unit normal from j to i, shape ``(c, 2)``.
+        start: Center of the grain i [m], shape ``(c, 2)``.
+        end: Center of the grain j next to it, or the point where the grain touches a wall [m], shape ``(c, 2)``.
+        force: Normal and tangential force on i, mean of the last step [N], shape ``(c, 2)``.
+        sliding: Whether the contact slides, shape ``(c,)``.
+        frame: Index of the frame.
+        time: Time of the frame [s].
+    """
+
+    scene: Scene
+    i: NDArray[Any]
+    j: NDArray[Any]
+    normal: Floats
+    start: Floats
+    end: Floats
+    force: Floats
+    sliding: NDArray[np.bool_]
+    frame: int
+    time: float
+
+    @property
+    def headings(self) -> tuple[str, str]:
+        """Names of the columns of `rows`."""
+        return "quantity", "value"
+
+    @property
+    def is_wall(self) -> NDArray[np.bool_]:
+        """Whether a contact is one of a grain with a wall, shape ``(c,)``."""
+        return np.asarray(self.j >= self.scene.radius.size)
+
+    @property
+    def coordination(self) -> float:
+        """Mean number of contacts of a grain that carry a force, Z; those with walls included."""
+        return float(2 * self.i.size - np.count_nonzero(self.is_wall)) / self.scene.radius.size
+
+    @property
+    def rattler_share(self) -> float:
+        """Share of the grains with fewer than two contacts that carry a force."""
+        n = self.scene.radius.size
+        contacts = np.bincount(self.i, minlength=n) + np.bincount(self.j[~self.is_wall], minlength=n)
+        return float(np.count_nonzero(contacts < 2)) / n
+
+    @property
+    def summary(self) -> dict[str, float]:
+        """The numbers of `rows` by name; nan where there is no contact."""
+        normal, tangential = self.force.T
+        none = not normal.size
+        return {
+            "contacts": normal.size,
+            "wall_contacts": int(np.count_nonzero(self.is_wall)),
+            "normal_force_mean": np.nan if none else float(normal.mean()),
+            "normal_force_max": np.nan if none else float(normal.max()),
+            "tangential_force_mean": np.nan if none else float(np.abs(tangential).mean()),
+            "coordination": self.coordination,
+            "rattler_share": self.rattler_share,
+            "sliding_share": np.nan if none else float(self.sliding.mean()),
+        }
+
+    @property
+    def rows(self) -> list[tuple[str, float]]:
+        """The numbers of `summary` with names for people."""
+        return list(zip(_LABELS, self.summary.values(), strict=True))
+
+    @property
+    def detail_headings(self) -> tuple[str, ...]:
+        """Names of the columns of `detail_rows` with their units."""
+        return "i", "j", "x [m]", "y [m]", "normal x [1]", "normal y [1]", "normal force [N]", "tangential force [N]", "sliding"
+
+    @property
+    def detail_rows(self) -> list[tuple[float, ...]]:
+        """One row per contact; x and y are the point where the grain i touches."""
+        touch = self.start - self.normal * self.scene.radius[self.i][:, np.newaxis]
+        columns = [self.i, self.j, *touch.T, *self.normal.T, *self.force.T, self.sliding.astype(np.int64)]
+        return list(zip(*(column.tolist() for column in columns), strict=True))
+
+    def as_dict(self) -> dict[str, Any]:
+        """The numbers of the whole network as JSON types; numbers may be nan."""
+        return {"frame": self.frame, "time": self.time, **self.summary}
+
+
+_LABELS = (
+    "contacts that carry a force",
+    "  of these with walls",
+    "mean normal force [N]",
+    "largest normal force [N]",
+    "mean tangential force, without sign [N]",
+    "coordination number Z",
+    "share of rattlers (fewer than two contacts)",
+    "share of sliding contacts",
+)
+
+
+def force_network(source: FrameSource, frame: int = -1) -> ForceNetwork:
+    """The force network of one frame.
+
+    Args:
+        source: The run.
+        frame: Index of the frame; negative counts from the last one.
+
+    Raises:
+        PostError: If there is no such frame, or no contact forces belong to it.
+        StoreError: If the run cannot be read.
+    """
+    index = frame_index(source.frames, frame)
+    chosen: ContactFrame = source.frames[index]  # type: ignore[assignment]
+    contacts = chosen.contacts
+    if not contacts.recorded:
+        raise PostError(f"the contacts of frame {index} were not recorded; set contacts = true in [output] and run it again")
+    if not chosen.dt > 0.0:
+        raise PostError(f"frame {index} has no contact forces: no step was done before it; choose a later one with --frame")
+    loaded = np.flatnonzero(contacts.force[:, 0] > 0.0)
+    i, j = contacts.i[loaded], contacts.j[loaded]
+    normal = np.asarray(contacts.normal, np.float64)[loaded]
+    scene = make_scene(source, chosen)
+    n = scene.radius.size
+    between = j < n
+    reach = scene.radius[i] + np.asarray(contacts.gap, np.float64)[loaded]
+    reach += np.where(between, scene.radius[np.where(between, j, 0)], 0.0)
+    start = scene.center[i]
+    return ForceNetwork(
+        scene,
+        i,
+        j,
+        normal,
+        start,
+        start - normal * reach[:, np.newaxis],
+        np.asarray(contacts.force, np.float64)[loaded],
+        np.asarray(contacts.sliding, np.bool_)[loaded],
+        index,
+        float(np.asarray(source.frames.time)[index]),
+    )

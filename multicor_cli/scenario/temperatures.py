@@ -1,0 +1,66 @@
+"""Initial temperatures of a group of grains."""
+
+from __future__ import annotations
+
+from typing import Annotated
+
+from pydantic import Discriminator, Field, Strict, Tag
+
+from multicor_cli.scenario.base import Kelvin, Number, Point, Table, tag_by_key
+from multicor_cli.scenario.packings import FilePath
+from multicor_cli.scenario.region import Region
+
+MAX_VALUES = 100_000
+"""Most temperatures in the scenario file itself; more go into a file of their own."""
+
+
+class GradientTemperature(Table):
+    """A temperature that varies linearly from place to place."""
+
+    value: Kelvin = Field(description="temperature [K] at the point at")
+    gradient: Annotated[tuple[Number, Number], Strict(False)] = Field(description="change in x and in y [K/m]")
+    at: Point = Field((0.0, 0.0), description="point at which the temperature is value [m]")
+
+
+class TemperatureRegion(Region):
+    """A rectangle with a temperature."""
+
+    value: Kelvin = Field(description="temperature of the grains with their center in it [K]")
+
+
+class RegionsTemperature(Table):
+    """One temperature, and others in rectangles; where they overlap, the later one holds."""
+
+    value: Kelvin = Field(description="temperature outside all regions [K]")
+    regions: Annotated[tuple[TemperatureRegion, ...], Strict(False)] = Field(
+        min_length=1, max_length=1000, description="rectangles, as [{ min = [0, 0], max = [1, 1], value = 400.0 }]; later ones win"
+    )
+
+
+class ValuesTemperature(Table):
+    """One temperature for each grain of the group."""
+
+    values: Annotated[tuple[Kelvin, ...], Strict(False)] = Field(
+        min_length=1, max_length=MAX_VALUES, description="temperature of each grain of the group [K], in their order"
+    )
+
+
+class FileTemperature(Table):
+    """One temperature for each grain of the group, from a file."""
+
+    file: FilePath = Field(description="text file with one temperature [K] per line, relative to the scenario file")
+
+
+Temperature = Annotated[
+    Annotated[Kelvin, Tag("<plain>")]
+    | Annotated[GradientTemperature, Tag("<gradient>")]
+    | Annotated[RegionsTemperature, Tag("<regions>")]
+    | Annotated[ValuesTemperature, Tag("<values>")]
+    | Annotated[FileTemperature, Tag("<file>")],
+    Discriminator(
+        tag_by_key("gradient", "regions", "values", "file"),
+        custom_error_type="one_of",
+        custom_error_message="a temperature is a number or a table with exactly one of gradient, regions, values, file",
+    ),
+]
+AnyTemperature = float | GradientTemperature | RegionsTemperature | ValuesTemperature | FileTemperature

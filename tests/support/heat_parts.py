@@ -1,0 +1,93 @@
+"""Scenes with heat built by hand, shared by the verification tests."""
+
+from dataclasses import replace
+
+import numpy as np
+from scene_parts import make_model
+
+from multicor_cli.heat.engine import HeatEngine
+from multicor_cli.heat.settings import ContactForce, HeatLaws, HeatSettings, WallHeat
+from multicor_cli.physics.drives import Constant
+from multicor_cli.physics.thermal.conduction import contact_modulus, harmonic_conductivity
+from multicor_cli.state import HEAT_BOOK_NAMES, State, Thermal
+
+STEEL = {"conductivity": 15.0, "density": 7500.0, "capacity": 500.0, "young": 193e9, "poisson": 0.29}
+
+
+def one(value):
+    return np.full((1, 1), float(value))
+
+
+def make_heat_laws(*, conductivity=15.0, density=7500.0, capacity=500.0, young=193e9, poisson=0.29, emissivity=0.0, wear=0.0):
+    return HeatLaws(
+        conductivity=np.array([conductivity]),
+        volumetric=np.array([density * capacity]),
+        modulus=one(contact_modulus(young, poisson, young, poisson)),
+        harmonic=one(harmonic_conductivity(conductivity, conductivity)),
+        share=one(0.5),
+        emissivity=np.array([emissivity]),
+        roughness=one(1e-6),
+        slope=one(0.1),
+        microhardness=one(3e9),
+        wear=one(wear),
+    )
+
+
+def with_heat(model, start, *, capacity=None, specific=500.0):
+    """The model with heat capacities (default m c_p) and initial temperatures."""
+    radius, mass = model.grains.radius, model.grains.mass
+    c = np.full(radius.size, capacity, float) if capacity is not None else specific * mass
+    start = np.broadcast_to(np.asarray(start, float), radius.shape).copy()
+    return replace(model, thermal=Thermal(c, start, 4.0 * np.pi * radius**2))
+
+
+def touching_engine(positions, start, *, conditions=None, capacity=1.0, shapes=(), walls=(), period=0.0, radius=1.0, **settings):
+    """A heat engine over bodies that stand still and touch; every contact conducts 1 W/K between grains.
+
+    The prescribed force is chosen for it: H = 2 λ (3 F a*/4E*)^⅓ with a* = a/2.
+    """
+    positions = np.asarray(positions, float)
+    model = make_model(np.full(len(positions), radius), shapes, walls, period=period, shape="sphere")
+    model = with_heat(model, start, capacity=capacity)
+    state = State.at_rest(model, positions)
+    laws = make_heat_laws(emissivity=settings.pop("emissivity", 0.0))
+    spot = 1.0 / (2.0 * 15.0)
+    force = spot**3 * 4.0 * laws.modulus[0, 0] / (3.0 * 0.5 * radius)
+    engine = HeatEngine(model, state, HeatSettings(laws, force=ContactForce("prescribed", force), **settings))
+    engine.set_conditions(conditions or [WallHeat()] * model.wall_count)
+    return engine
+
+
+def chain(count, radius=1.0):
+    return np.column_stack([np.arange(count) * 2.0 * radius, np.full(count, radius)])
+
+
+def rows(counts, radius=1.0):
+    """Rows of a triangular lattice, one after the other from the bottom, centered."""
+    points = []
+    for k, number in enumerate(counts):
+        x = (np.arange(number) - 0.5 * (number - 1)) * 2.0 * radius
+        points += [(value, k * np.sqrt(3.0) * radius) for value in x]
+    return np.array(points)
+
+
+def at_temperature(level):
+    return WallHeat("temperature", Constant(level))
+
+
+def heat_book(state, name):
+    return state.heat_books[HEAT_BOOK_NAMES.index(name)]
+
+
+def exact_temperatures(links, capacity, start, t):
+    """exp(−C⁻¹ K t) T_0 for conductances of 1 W/K between the pairs ``links``."""
+    n = len(start)
+    k = np.zeros((n, n))
+    for i, j in links:
+        k[i, i] += 1.0
+        k[j, j] += 1.0
+        k[i, j] -= 1.0
+        k[j, i] -= 1.0
+    root = np.sqrt(capacity)
+    w, v = np.linalg.eigh(k / np.outer(root, root))
+    return (v @ (np.exp(-w * t) * (v.T @ (root * start)))) / root

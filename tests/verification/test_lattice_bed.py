@@ -1,0 +1,107 @@
+"""The heated triangular lattice under gravity (physics.md §2.5): mechanics, freezing and conduction together."""
+
+import numpy as np
+import pytest
+from heat_parts import at_temperature, heat_book, make_heat_laws, with_heat
+from scene_parts import FLOOR, make_model
+
+from multicor_cli.heat.coupled import CoupledEngine
+from multicor_cli.heat.engine import HeatEngine
+from multicor_cli.heat.settings import Gas, HeatSettings, WallHeat
+from multicor_cli.physics.drives import WallDrive
+from multicor_cli.solver import Engine, Settings
+from multicor_cli.state import State
+
+RADIUS, ROWS, COLUMNS, HEIGHT = 1.5e-3, 116, 4, 0.304
+ETA = [0.01, 0.03, 0.05, 0.1]
+
+
+def lattice():
+    """Rows of touching spheres, each in the hollows of the one below; periodic in x."""
+    d = 2.0 * RADIUS
+    k = np.arange(ROWS * COLUMNS)
+    row = k // COLUMNS
+    x = (k % COLUMNS + 0.5 * (row % 2) + 0.25) * d
+    return np.column_stack([x, RADIUS + row * d * np.sqrt(3.0) / 2.0])
+
+
+@pytest.fixture(scope="module")
+def settled():
+    """The lattice after three steps to tight tolerances."""
+    model = make_model(
+        np.full(ROWS * COLUMNS, RADIUS), FLOOR, friction=0.0, period=COLUMNS * 2.0 * RADIUS, shape="sphere", density=7500.0
+    )
+    model = with_heat(model, 298.15)
+    state = State.at_rest(model, lattice())
+    engine = Engine(model, state, Settings(tolerance_rms=1e-6, tolerance_max=1e-4, tolerance_energy=1e-6, max_sweeps=50_000))
+    engine.set_drives([WallDrive()])
+    for k in range(3):
+        assert engine.step(1e-3, k * 1e-3).converged
+    return model, state.as_dict()
+
+
+def theta(model, data, **settings):
+    """θ by row after half an hour on a floor 25 K warmer."""
+    state = State.from_dict({name: value.copy() for name, value in data.items()})
+    heat = HeatEngine(model, state, HeatSettings(make_heat_laws(), **settings))
+    coupled = CoupledEngine(Engine(model, state), heat)
+    coupled.set_heat([at_temperature(323.15)], is_on=True, is_frozen=True)
+    coupled.step(1800.0, 0.0)
+    assert heat_book(state, "closure") < 1e-13
+    rise = (state.temperature(model.thermal) - 298.15) / 25.0
+    by_row = rise.reshape(ROWS, COLUMNS)
+    assert np.ptp(by_row, axis=1).max() < 2e-3
+    return by_row.mean(axis=1), heat
+
+
+def test_forces_grow_from_row_to_row(settled):
+    """Σ over a row = 2 columns·k m g/√3 with k rows above; one by one they may differ, since horizontal contacts may press too."""
+    model, data = settled
+    weight = model.grains.mass[0] * 9.81
+    i, j, force = data["contact_i"], data["contact_j"], data["contact_impulse"][:, 0] / data["last_dt"]
+    inclined = (j < model.grain_count) & (i // COLUMNS != j // COLUMNS)
+    by_row = np.bincount(i[inclined] // COLUMNS, weights=force[inclined], minlength=ROWS)[: ROWS - 1]
+    above = ROWS - 1 - np.arange(ROWS - 1)
+    assert by_row == pytest.approx(2.0 * COLUMNS * above * weight / np.sqrt(3.0), abs=1e-3 * ROWS * COLUMNS * weight)
+    assert force[j >= model.grain_count].sum() == pytest.approx(model.grain_count * weight, rel=1e-3)
+
+
+@pytest.mark.parametrize(
+    ("settings", "expected"),
+    [
+        ({}, [0.7274, 0.4359, 0.2275, 0.0224]),
+        ({"gas": Gas(0.026)}, [0.9044, 0.7757, 0.6532, 0.3893]),
+    ],
+    ids=["vacuum", "air"],
+)
+def test_profile(settled, settings, expected):
+    """θ(η) of the exact solution, interpolated between rows: within 0.005."""
+    model, data = settled
+    values, _ = theta(model, data, **settings)
+    eta = (RADIUS + np.arange(ROWS) * RADIUS * np.sqrt(3.0)) / HEIGHT
+    assert np.interp(ETA, eta, values) == pytest.approx(expected, abs=0.005)
+
+
+def test_explicit_and_implicit_give_the_same_profile(settled):
+    model, data = settled
+    implicit, _ = theta(model, data, tolerance=1e-7)
+    coarse, _ = theta(model, data, integrator="explicit", sub_step=0.02)
+    fine, _ = theta(model, data, integrator="explicit", sub_step=0.01)
+    assert 2.0 * fine - coarse == pytest.approx(implicit, abs=2e-6)
+
+
+def test_the_paper_s_condition_on_the_gas_fails_in_air(settled):
+    """λ_s s/(λ_f a) = 2.66 for a contact of 62 mN, below 1 near the top (physics.md §2.4)."""
+    model, data = settled
+    _, heat = theta(model, data, gas=Gas(0.026))
+    assert 0.0 < heat_book(heat.state, "solid_gas_min") < 1.0
+    assert 2.0 < heat_book(heat.state, "solid_gas_max") < 5.0
+
+
+def test_insulated_walls_keep_everything(settled):
+    model, data = settled
+    state = State.from_dict({name: value.copy() for name, value in data.items()})
+    heat = HeatEngine(model, state, HeatSettings(make_heat_laws()))
+    heat.set_conditions([WallHeat()])
+    heat.advance(1800.0, 0.0)
+    assert np.abs(state.heat).max() == 0.0
