@@ -74,7 +74,7 @@ def links_of(scene: Scene, spots: Spots, near: Pairs | None, laws: Thermals, set
         ratio = gap_heat.gas_conductances(scene, laws, _GAS_MODELS[gas.model], gas.conductivity, i, j, gap, spot, added)
         conductance += np.where(smaller, added, 0.0)
     if settings.radiation is not None and settings.radiation.neighbors:
-        assert model.thermal is not None  # noqa: S101  (there is no heat without it)
+        assert model.thermal is not None
         area = gap_heat.radiating_areas(scene, laws, model.thermal.surface, model.shape_factor == SPHERE, i, j, gap)
         area[~_is_within(scene, laws, i, j, gap, settings.radiation.reach)] = 0.0
     return Links(i, j, conductance, area, ratio)
@@ -88,7 +88,7 @@ def _is_within(scene: Scene, laws: Thermals, i: Ints, j: Ints, gap: Floats, reac
 
 def convective_conductance(ambient: Ambient, state: State, model: Model) -> Floats:
     """Coefficient of convection times surface of each grain [W/K], shape ``(n,)``."""
-    assert model.thermal is not None  # noqa: S101
+    assert model.thermal is not None
     surface = model.thermal.surface
     if ambient.correlation == "constant":
         return np.asarray(ambient.coefficient * surface)
@@ -119,7 +119,7 @@ def network_of(
     share = links.conductance[flowing] / total[wall[flowing]]
     radiation, ambient = settings.radiation, settings.ambient
     to_surroundings = radiation is not None and radiation.surroundings is not None
-    assert model.thermal is not None  # noqa: S101
+    assert model.thermal is not None
     return Network(
         i=links.i[grains],
         j=links.j[grains],

@@ -146,6 +146,9 @@ class HeatSettings:
     tolerance: float = 1e-4
 
 
+_ZERO = Constant(0.0)
+
+
 @dataclass(frozen=True)
 class WallHeat:
     """Thermal condition of one wall during a stage.
@@ -157,4 +160,4 @@ class WallHeat:
     """
 
     kind: Literal["insulated", "temperature", "flow"] = "insulated"
-    signal: Signal = Constant(0.0)
+    signal: Signal = _ZERO

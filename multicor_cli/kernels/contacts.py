@@ -46,7 +46,7 @@ class Scene(NamedTuple):
 
 
 class Laws(NamedTuple):
-    """`multicor_cli.state.ContactLaws` as the kernels see it; the last five are empty if friction does not depend on temperature."""
+    """`multicor_cli.state.ContactLaws` as the kernels see it; the last five are empty unless friction depends on temperature."""
 
     friction: Floats
     restitution: Floats

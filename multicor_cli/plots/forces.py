@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from multicor_cli.plots.scene import draw_discs, draw_walls, figure_size
+from multicor_cli.plots.scene import draw_discs, draw_walls, figure_size, fit_height
 from multicor_cli.plots.style import COLORS, check_suffix, house_style, save_figure
 from multicor_cli.post.forces import ForceNetwork
 from multicor_cli.post.scene import images
@@ -34,7 +34,9 @@ def plot_forces(network: ForceNetwork, path: Path) -> None:
         from matplotlib.figure import Figure
 
         figure = Figure(figsize=figure_size(network.scene, has_bar=False), layout="constrained")
-        draw_forces(figure.add_subplot(), network)
+        axes = figure.add_subplot()
+        draw_forces(axes, network)
+        fit_height(figure, axes)
         save_figure(figure, path)
 
 

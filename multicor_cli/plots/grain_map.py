@@ -7,15 +7,16 @@ from typing import Any
 
 import numpy as np
 
-from multicor_cli.plots.scene import draw_discs, draw_walls, figure_size, is_wide
+from multicor_cli.plots.scene import draw_discs, draw_walls, figure_size, fit_height, is_wide
 from multicor_cli.plots.style import check_suffix, house_style, save_figure
 from multicor_cli.post.grain_map import GrainMap
 
-_MAPS = {"temperature": "inferno", "velocity": "viridis", "fluctuation": "viridis", "heat": "magma", "spin": "RdBu_r"}
+_MAPS = {"temperature": "plasma", "velocity": "viridis", "fluctuation": "viridis", "heat": "magma", "spin": "RdBu_r"}
 _ARROWS = 1500  # at most this many arrows, or they cannot be told apart
 _LONG = 0.95  # this part of the arrows are as long as their velocity says; longer ones are cut to this length
 _LENGTH = 2.0  # length of the longest arrow over the mean distance of arrows
 _QUANTILE = 0.995  # colors span this part of the grains; the few beyond have the color at the end
+_ENOUGH = 400  # with fewer grains colors span all of them
 _DECADES = 1e-4  # lowest color of a logarithmic scale over the highest
 
 
@@ -35,7 +36,9 @@ def plot_map(table: GrainMap, path: Path) -> None:
         from matplotlib.figure import Figure
 
         figure = Figure(figsize=figure_size(table.scene), layout="constrained")
-        draw_map(figure.add_subplot(), table)
+        axes = figure.add_subplot()
+        draw_map(axes, table)
+        fit_height(figure, axes)
         save_figure(figure, path)
 
 
@@ -62,9 +65,8 @@ def color_scale(table: GrainMap) -> tuple[Any, str]:
         high = high if high > 0.0 else 1.0
         # what has received nothing has the lowest color
         return LogNorm(high * _DECADES, high, clip=True), "min" if value.min() < high * _DECADES else "neither"
-    low, high = np.quantile(value, (1.0 - _QUANTILE, _QUANTILE)).tolist()
-    if table.field.name == "temperature":
-        low, high = float(value.min()), float(value.max())
+    beyond = 1.0 - _QUANTILE if value.size >= _ENOUGH else 0.0
+    low, high = np.quantile(value, (beyond, 1.0 - beyond)).tolist()
     if table.vector is not None:
         low = 0.0
     if table.field.scale == "centered":
@@ -77,7 +79,7 @@ def color_scale(table: GrainMap) -> tuple[Any, str]:
 
 
 def _draw_arrows(axes: Any, table: GrainMap) -> None:
-    """Arrows on the grains, or on some of them; the few longest are cut, and a key tells how long a velocity is."""
+    """Arrows on the grains, or on some of them; the few longest are cut, the colors tell how long they are."""
     scene, vector = table.scene, table.vector
     assert vector is not None
     step = max(1, -(-scene.radius.size // _ARROWS))
@@ -86,7 +88,7 @@ def _draw_arrows(axes: Any, table: GrainMap) -> None:
     spacing = float(np.sqrt(np.prod(scene.box[1] - scene.box[0]) / order.size))
     longest = float(np.quantile(table.value, _LONG)) or 1.0
     cut = np.minimum(1.0, longest / np.maximum(table.value, longest))
-    arrows = axes.quiver(
+    axes.quiver(
         *scene.center[order].T,
         *(vector * cut[:, np.newaxis])[order].T,
         angles="xy",
@@ -100,5 +102,3 @@ def _draw_arrows(axes: Any, table: GrainMap) -> None:
         linewidth=0.2,
         zorder=3,
     )
-    key = f"{longest:.2g} {table.field.unit}"
-    axes.quiverkey(arrows, 0.9, 1.02, longest, key, labelpos="W", coordinates="axes", fontproperties={"size": 7.0})

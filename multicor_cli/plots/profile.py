@@ -39,6 +39,8 @@ def draw_profile(axes: Any, table: ProfileTable) -> None:
     )
     axes.plot(table.value, table.y, "o-", color=COLORS[0], markeredgewidth=0.0, label="mean")
     across, upwards = axis_labels(table)
+    axes.locator_params(axis="x", nbins=6)
+    axes.ticklabel_format(scilimits=(-3, 4), useMathText=True)
     axes.set_xlabel(across)
     axes.set_ylabel(upwards)
     axes.set_ylim(0.0, 1.0 if table.is_normalized else table.height)
@@ -57,7 +59,7 @@ def axis_labels(table: ProfileTable) -> tuple[str, str]:
 def _scaled_symbol(table: ProfileTable) -> str:
     field, low = table.field, table.wall_values[0]
     if field.scaling == "shear":
-        return rf"{field.symbol}/\dot{{\gamma}}"
+        return f"{field.symbol} H/(V_1 - V_0)"
     symbol = field.symbol.split("_")[0]
     return f"({field.symbol} - {symbol}_0)/({symbol}_1 - {symbol}_0)" if low else f"{field.symbol}/{symbol}_\\mathrm{{wall}}"
 

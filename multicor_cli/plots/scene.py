@@ -29,6 +29,15 @@ def figure_size(scene: Scene, *, has_bar: bool = True) -> tuple[float, float]:
     return width, float(np.clip(height, 0.5 * COLUMN, _TALLEST))
 
 
+def fit_height(figure: Any, axes: Any) -> None:
+    """Take away the height that axes of equal aspect leave empty."""
+    for _ in range(2):
+        figure.draw_without_rendering()
+        offered, used = axes.get_position(original=True), axes.get_position()
+        width, height = figure.get_size_inches()
+        figure.set_size_inches(width, height * (1.0 - (offered.height - used.height)))
+
+
 def is_wide(scene: Scene) -> bool:
     """Whether the scene is wider than high."""
     across, upwards = (scene.box[1] - scene.box[0]).tolist()

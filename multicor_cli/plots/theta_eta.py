@@ -10,6 +10,9 @@ import numpy as np
 from multicor_cli.plots.style import COLORS, COLUMN, check_suffix, house_style, save_figure
 from multicor_cli.post.theta_eta import ThetaTable
 
+_NOTHING = 0.005
+"""Mean θ that cannot be told from 0 in a figure."""
+
 
 def plot_theta_eta(table: ThetaTable, path: Path) -> None:
     """Draw θ against η.
@@ -33,8 +36,9 @@ def plot_theta_eta(table: ThetaTable, path: Path) -> None:
 
 def draw_theta_eta(axes: Any, table: ThetaTable) -> None:
     """Draw θ against η into matplotlib axes."""
-    size = 4.0 if table.eta.size < 1000 else 0.6
-    axes.plot(table.eta, table.theta, ".", color="0.72", markersize=size, markeredgewidth=0.0, label="grains", rasterized=True)
+    size = 4.0 if table.eta.size < 1000 else 1.5
+    axes.plot(table.eta, table.theta, ".", color="0.65", markersize=size, markeredgewidth=0.0, rasterized=True)
+    axes.plot([], [], ".", color="0.65", markersize=4.0, markeredgewidth=0.0, label="grains")
     known = np.isfinite(table.mean)
     axes.errorbar(
         table.center[known],
@@ -43,6 +47,8 @@ def draw_theta_eta(axes: Any, table: ThetaTable) -> None:
         fmt="o-",
         color=COLORS[0],
         markeredgewidth=0.0,
+        markersize=2.5,
+        linewidth=0.8,
         elinewidth=0.6,
         capsize=1.2,
         capthick=0.6,
@@ -50,7 +56,13 @@ def draw_theta_eta(axes: Any, table: ThetaTable) -> None:
     )
     axes.set_xlabel(r"distance from the wall $\eta = y/H$ [–]")
     axes.set_ylabel(r"temperature $\theta = (T - T_0)/(T_\mathrm{wall} - T_0)$ [–]")
-    axes.set_xlim(0.0, 1.0)
+    axes.set_xlim(0.0, _shown(table))
     low, high = float(table.theta.min()), float(table.theta.max())
     axes.set_ylim(min(0.0, low), max(1.0, high))
-    axes.legend(loc="best", markerscale=1.0 if size > 1.0 else 4.0)
+    axes.legend(loc="upper right")
+
+
+def _shown(table: ThetaTable) -> float:
+    """η up to which there is something to see: a quarter beyond the last bin that differs from the reference."""
+    changed = np.flatnonzero(np.abs(np.nan_to_num(table.mean)) > _NOTHING)
+    return min(1.0, 1.25 * float(table.center[changed[-1]]) + 0.02) if changed.size else 1.0

@@ -165,6 +165,7 @@ def profile(
     if field is None:
         raise PostError(f"there is no profile of '{of}'; choose from: {', '.join(FIELDS)}")
     chosen = (selection or Selection()).indices(source.frames)
+    field.of_grains(source.frames[int(chosen[0])], source.model)  # a run without heat is refused for that reason before others
     if field.kind == "rate" and chosen.size < 2:
         raise PostError(f"{field.label} is a rate and needs two frames; only one is selected: choose more with --from or --frames")
     bins_ = make_bins(source, chosen, bins)

@@ -15,6 +15,13 @@ SHORT = {
     "column-collapse": ["loading.0.duration=0.01", "loading.1.duration=0.01"],
     "drum": ["loading.0.duration=0.02", "loading.1.duration=0.02"],
     "hopper": ["loading.0.duration=0.02", "loading.1.duration=0.02"],
+    "lattice14": [],
+    "heated-bed": [
+        "particles.0.count=400",
+        "domain.size=[0.06,0.13]",
+        "walls.2.geometry.point=[0.06,0.0]",
+        "loading.0.duration=0.3",
+    ],
     "million": ["particles.0.count=20_000", "domain.size=[1.2,0.14]"],
 }
 
@@ -32,6 +39,8 @@ def test_shipped_scenario_is_valid_and_runs_in_short(name, tmp_path):
     assert info["energy_closure"] < 1e-10
     assert info["max_overlap"] < 1e-3
     assert info["solver"]["unconverged_steps"] == 0
+    if info["heat"] is not None:
+        assert info["heat_closure"] < 1e-10
     if name == "million":
         with multicor.open_run(tmp_path / name) as run:
             # From the first step on; 10^6 grains of the full scenario have the same rows, hence as many contacts per grain.

@@ -9,6 +9,7 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from heat_run import GRAINS, RATES, write_heated_run
 from small_run import call, command, environment
 from typer.testing import CliRunner
 
@@ -43,7 +44,9 @@ def test_info_for_people(finished: Path) -> None:
     assert "Hertz" in done.stdout
 
 
-@pytest.mark.parametrize("arguments", [["info"], ["verify"], ["post", "profile"]])
+@pytest.mark.parametrize(
+    "arguments", [["info"], ["verify"], ["post", "profile"], ["post", "theta-eta"], ["post", "map"], ["post", "forces"]]
+)
 def test_what_is_no_run_is_code_6(arguments: list[str], tmp_path: Path) -> None:
     done = runner.invoke(app, [*arguments, str(tmp_path)])
     assert done.exit_code == 6
@@ -91,7 +94,7 @@ def test_profile_options(finished: Path) -> None:
 @pytest.mark.parametrize(
     "arguments",
     [
-        ["--json", "--csv"], ["--of", "temperature"], ["--frames", "3"], ["--frames", "a:b"], ["--frames", "1:2", "--to", "3"],
+        ["--json", "--csv"], ["--of", "wetness"], ["--frames", "3"], ["--frames", "a:b"], ["--frames", "1:2", "--to", "3"],
         ["--from", "1e9"], ["--plot", "figure.gif"], ["--bins", "0"],
     ],
 )  # fmt: skip
@@ -100,6 +103,108 @@ def test_profile_refuses_what_makes_no_sense(arguments: list[str], finished: Pat
     assert done.exit_code == 2
     assert done.stdout == ""
     assert "internal error" not in done.stderr
+
+
+@pytest.mark.parametrize("command", ["temperature", "heat", "theta-eta", "map"])
+def test_run_without_heat_says_so(command: str, finished: Path) -> None:
+    words = {"theta-eta": ["theta-eta"], "map": ["map"]}.get(command, ["profile", "--of", command])
+    done = runner.invoke(app, ["post", *words, str(finished)])
+    assert done.exit_code == 2
+    assert done.stdout == ""
+    assert done.stderr.count("\n") == 1
+    assert "has no heat" in done.stderr
+    assert "[heat]" in done.stderr
+
+
+@pytest.mark.parametrize("of", ["velocity", "fluctuation", "spin"])
+def test_map_table_json_csv_and_figure(of: str, finished: Path, tmp_path: Path) -> None:
+    base = ["post", "map", str(finished), "--of", of, "--frame", "-2"]
+    data = json.loads(runner.invoke(app, [*base, "--json"]).stdout)
+    rows = list(csv.reader(runner.invoke(app, [*base, "--csv"]).stdout.splitlines()))
+    assert rows[0][:4] == ["x [m]", "y [m]", "radius [m]", f"{of} [{data['unit']}]"]
+    assert [float(row[3]) for row in rows[1:]] == data["value"]
+    assert len(data["value"]) == 60
+    done = runner.invoke(app, [*base, "--plot", str(tmp_path / "map.png")])
+    assert "largest" in done.stdout
+    assert (tmp_path / "map.png").read_bytes().startswith(b"\x89PNG")
+
+
+def test_forces_table_json_csv_and_figure(finished: Path, tmp_path: Path) -> None:
+    base = ["post", "forces", str(finished)]
+    data = json.loads(runner.invoke(app, [*base, "--json"]).stdout)
+    rows = list(csv.DictReader(runner.invoke(app, [*base, "--csv"]).stdout.splitlines()))
+    normal = [float(row["normal force [N]"]) for row in rows]
+    assert len(rows) == data["contacts"]
+    assert max(normal) == data["normal_force_max"]
+    assert data["normal_force_mean"] == pytest.approx(sum(normal) / len(normal))
+    walls = sum(int(row["j"]) >= 60 for row in rows)
+    assert (data["wall_contacts"], data["coordination"]) == (walls, pytest.approx((2 * len(rows) - walls) / 60))
+    done = runner.invoke(app, [*base, "--plot", str(tmp_path / "forces.pdf")])
+    assert "coordination number Z" in done.stdout
+    assert (tmp_path / "forces.pdf").read_bytes().startswith(b"%PDF")
+
+
+@pytest.fixture(scope="module")
+def heated(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("heated") / "run"
+    write_heated_run(path)
+    return path
+
+
+def test_theta_eta_table_json_csv_and_figure(heated: Path, tmp_path: Path) -> None:
+    """T = 300 + 20 y under a top wall at 320 K: θ = 1 − η."""
+    base = ["post", "theta-eta", str(heated), "--wall", "top", "--bins", "5"]
+    data = json.loads(runner.invoke(app, [*base, "--json"]).stdout)
+    assert data["theta"] == pytest.approx([1.0 - eta for eta in data["eta"]])
+    assert "grains" not in data
+    grains = json.loads(runner.invoke(app, [*base, "--json", "--grains"]).stdout)["grains"]
+    assert grains["theta"] == pytest.approx([1.0 - eta for eta in grains["eta"]])
+    rows = list(csv.reader(runner.invoke(app, [*base, "--csv"]).stdout.splitlines()))
+    assert rows[0] == ["eta [1]", "theta [1]", "standard deviation [1]", "min [1]", "max [1]", "count"]
+    assert len(rows) == 6
+    assert len(runner.invoke(app, [*base, "--csv", "--grains"]).stdout.splitlines()) == GRAINS + 1
+    done = runner.invoke(app, [*base, "--plot", str(tmp_path / "theta.svg")])
+    assert done.exit_code == 0
+    assert "'top' at 320 K, T0 = 300 K, H = 1 m" in done.stderr
+    assert (tmp_path / "theta.svg").exists()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "message"),
+    [
+        ([], "--wall"), (["--wall", "lid"], "no wall 'lid'"), (["--wall", "bottom"], "--reference"),
+        (["--wall", "top", "--frame", "99"], "no frame 99"), (["--wall", "top", "--grains"], "--grains needs"),
+        (["--wall", "top", "--height", "-1"], "positive"),
+    ],
+)  # fmt: skip
+def test_theta_eta_refuses_what_makes_no_sense(arguments: list[str], message: str, heated: Path) -> None:
+    done = runner.invoke(app, ["post", "theta-eta", str(heated), *arguments])
+    assert done.exit_code == 2
+    assert done.stdout == ""
+    assert message in done.stderr
+
+
+def test_profiles_of_heat(heated: Path, tmp_path: Path) -> None:
+    base = ["post", "profile", str(heated), "--frames", "1:", "--bins", "10", "--json"]
+    heat = json.loads(runner.invoke(app, [*base, "--of", "heat"]).stdout)
+    assert heat["value"] == pytest.approx((RATES / 0.4).tolist())
+    temperature = json.loads(runner.invoke(app, [*base, "--of", "temperature", "--normalised"]).stdout)
+    assert temperature["value"] == pytest.approx(temperature["y"])
+    done = runner.invoke(app, [*base[:-1], "--of", "heat", "--plot", str(tmp_path / "heat.svg")])
+    assert done.exit_code == 0
+    assert "W/m²" in (tmp_path / "heat.svg").read_text()
+
+
+def test_info_of_heat(heated: Path) -> None:
+    done = runner.invoke(app, ["info", str(heated)])
+    assert "heat closure" in done.stdout
+    assert "1e-15" in done.stdout
+    assert "313 K on average, 301 to 319 K" in done.stdout
+    assert "0.23 > 0.1" in done.stderr
+    data = json.loads(runner.invoke(app, ["info", str(heated), "--json"]).stdout)
+    assert data["heat_closure"] == 1e-15
+    assert data["heat"]["max_biot"] == 0.23
+    assert data["heat"]["solid_gas_max"] is None
 
 
 @pytest.mark.parametrize("suffix", ["png", "svg", "pdf"])

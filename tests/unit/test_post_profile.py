@@ -225,7 +225,7 @@ def test_selection_of_frames() -> None:
 def test_what_cannot_be_done_is_refused() -> None:
     source = random_source()
     with pytest.raises(PostError, match="choose from: velocity"):
-        profile(source, "temperature")
+        profile(source, "wetness")
     with pytest.raises(PostError, match="between 1 and"):
         profile(source, bins=0)
     with pytest.raises(PostError, match="no frames yet"):

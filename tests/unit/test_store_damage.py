@@ -15,6 +15,7 @@ from store_support import continue_run, drive, make_model, make_run, run_whole
 
 from multicor_cli.state import State
 from multicor_cli.store import DamagedRun, RunDirectory, StoreError, UnsupportedVersion, open_run, run_info, schema, verify
+from multicor_cli.store.atomic import file_digest
 from multicor_cli.store.documents import document_line, parse_document, read_document, write_document
 
 FLIPS = 25
@@ -231,6 +232,103 @@ def test_unknown_datasets_of_a_newer_minor_version_are_ignored(copy: Path, finis
         file.attrs["features"] = '["charge"]'
         file["particles/charge"] = np.zeros(45)
     assert everything(copy / "results.h5") == everything(finished)
+
+
+def as_version_1_0(path: Path) -> None:
+    with h5py.File(path, "r+") as file:
+        file.attrs["format_version"] = np.array([1, 0])
+        del file.attrs["features"]
+
+
+def test_files_of_version_1_0_are_read_as_they_were(copy: Path, finished: Path) -> None:
+    """They have no features and no summary of heat."""
+    as_version_1_0(copy / "results.h5")
+    summary = read_document(copy / "run.json")["summary"]
+    del summary["heat"]
+    size = (copy / "results.h5").stat().st_size
+    results = read_document(copy / "run.json")["results"] | {"size": size}
+    edit_document(copy / "run.json", format_version=[1, 0], summary=summary, results=results)
+    assert everything(copy) == everything(finished)
+    assert run_info(copy)["heat"] is None
+    assert verify(copy) == []
+
+
+def test_checkpoints_of_version_1_0_are_continued(open_copy: Path, finished: Path) -> None:
+    """The state had no heat then, and its digest did not cover it."""
+    for sidecar in (open_copy / "checkpoints").glob("*.json"):
+        file = sidecar.with_suffix(".h5")
+        replace(file, file.read_bytes())
+        with h5py.File(file, "r+") as data:
+            data.attrs["format_version"] = np.array([1, 0])
+            for spec in schema.CHECKPOINT:
+                if spec.since > (1, 0):
+                    del data[spec.path]
+        document = read_document(sidecar)
+        summary = document["summary"] | {"state_digest": "of version 1.0"}
+        edit_document(sidecar, summary=summary, size=file.stat().st_size, blake2b=file_digest(file), format_version=[1, 0])
+    with open_run(open_copy) as run:
+        state = run.state()
+        assert state is not None
+        assert (state.step, state.heat.size, state.heat_dt) == (40, 0, 0.0)
+    continue_run(open_copy)
+    assert run_info(open_copy)["data_digest"] == run_info(finished)["data_digest"]
+
+
+HEAT_DATASETS = [spec.path for spec in schema.RESULTS_TABLE if spec.only_with]
+
+
+@pytest.fixture(scope="module")
+def heated(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("heated") / "run"
+    run_whole(path, make_model(heat=True))
+    return path
+
+
+@pytest.mark.parametrize("path", HEAT_DATASETS)
+def test_run_with_heat_that_lacks_a_part_of_it_is_damaged(heated: Path, tmp_path: Path, path: str) -> None:
+    file = tmp_path / "results.h5"
+    shutil.copy(heated / "results.h5", file)
+    with h5py.File(file, "r+") as data:
+        del data[path]
+    findings = verify(file)
+    assert len(findings) == 1
+    assert path in findings[0].message
+
+
+@pytest.mark.parametrize("features", ["[]", '["softening"]', "nonsense", "[1]"])
+def test_features_that_lie_are_noticed(heated: Path, tmp_path: Path, features: str) -> None:
+    file = tmp_path / "results.h5"
+    shutil.copy(heated / "results.h5", file)
+    with h5py.File(file, "r+") as data:
+        data.attrs["features"] = features
+    assert [finding.severity for finding in verify(file)] == ["error"]
+
+
+def test_segment_with_other_features_than_the_model_is_damaged(tmp_path: Path) -> None:
+    path = tmp_path / "run"
+    with make_run(path) as run:
+        drive(run, make_model(heat=True), steps=10, checkpoint_every=5, finish=False)
+    assert verify(path) == []
+    file = path / "segments" / "000000.h5"
+    replace(file, file.read_bytes())
+    with h5py.File(file, "r+") as data:
+        data.attrs["features"] = "[]"
+    lines = [parse_document(line, "test") for line in (path / "segments" / "MANIFEST.jsonl").read_bytes().splitlines()]
+    lines[0] |= {"size": file.stat().st_size, "blake2b": file_digest(file)}
+    replace(path / "segments" / "MANIFEST.jsonl", b"".join(map(document_line, lines)))
+    findings = [finding for finding in verify(path) if finding.file.endswith("000000.h5")]
+    assert len(findings) == 1
+    assert "features" in findings[0].message
+
+
+def test_temperature_that_is_not_finite_is_refused(heated: Path, tmp_path: Path) -> None:
+    """Only the walls may have no temperature."""
+    file = tmp_path / "results.h5"
+    shutil.copy(heated / "results.h5", file)
+    with h5py.File(file, "r+") as data:
+        assert np.isnan(data["walls/temperature"][:, 1]).all()
+        rewrite(data, "particles/temperature", 3, np.nan)
+    assert "not finite" in verify(file)[0].message
 
 
 def test_foreign_files_are_refused(tmp_path: Path) -> None:

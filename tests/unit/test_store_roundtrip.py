@@ -13,7 +13,7 @@ import pytest
 from store_support import RESOLVED, SOURCE, advance, contact_rows, drive, make_model, make_run, run_whole, start
 
 from multicor_cli.state import BOOK_NAMES, HEAT_BOOK_NAMES, Model, State
-from multicor_cli.store import FrameData, RunDirectory, SeriesRow, open_run, run_info, schema, verify
+from multicor_cli.store import FrameData, RunDirectory, SeriesRow, open_run, run_info, schema, summarize, verify
 from multicor_cli.store.frames import series_name
 from multicor_cli.store.model_file import model_digest
 
@@ -272,7 +272,7 @@ def test_info_has_what_the_command_line_promises(tmp_path: Path) -> None:
     assert (info["grain_count"], info["frame_count"], info["step"], info["time"]) == (5, 9, 40, state.time)
     assert info["state_digest"] == state.digest()
     assert info["energy_closure"] == state.books[BOOK_NAMES.index("closure")]
-    assert info["heat_closure"] is None
+    assert (info["heat_closure"], info["heat"]) == (None, None)
     assert info["solver"]["sweeps_mean"] == 10.0
     assert {"residual_rms_max", "unconverged_steps"} <= info["solver"].keys()
     assert info["walls"] == ["bottom", "dessus-é"]
@@ -280,6 +280,60 @@ def test_info_has_what_the_command_line_promises(tmp_path: Path) -> None:
     # Two spheres of radius 1 mm under 1 N, E* = 2e11/(2·0.91), a* = 0.5 mm: δ = (3/(4E*√a*))^⅔.
     delta = (3.0 / (4.0 * 2e11 / 1.82 * np.sqrt(5e-4))) ** (2.0 / 3.0)
     assert info["hertz_deflection"] == pytest.approx(delta / 2e-3, rel=1e-12)
+
+
+def test_info_of_a_run_with_heat(tmp_path: Path) -> None:
+    model = make_model(heat=True)
+    state = run_whole(tmp_path / "run", model)
+    info = run_info(tmp_path / "run")
+    books = dict(zip(HEAT_BOOK_NAMES, state.heat_books.tolist(), strict=True))
+    heat = info["heat"]
+    assert info["heat_closure"] == heat["books"]["closure"] == books["closure"]
+    assert heat["books"] == {name: books[name] for name in HEAT_BOOK_NAMES[:11]}
+    assert (heat["sub_steps"], heat["max_biot"], heat["solid_gas_max"]) == (80, books["max_biot"], books["solid_gas_max"])
+    assert model.thermal is not None
+    temperature = state.temperature(model.thermal)
+    mean = (temperature * model.thermal.capacity).sum() / model.thermal.capacity.sum()
+    assert heat["temperature"]["mean"] == pytest.approx(mean, rel=1e-14)
+    assert (heat["temperature"]["min"], heat["temperature"]["max"]) == (temperature.min(), temperature.max())
+    state.heat_books[:] = 0.0
+    assert summarize(state, model)["heat"]["solid_gas_max"] is None
+
+
+def test_contacts_of_which_no_heat_was_computed_have_none(tmp_path: Path) -> None:
+    model = make_model(heat=True)
+    with make_run(tmp_path / "run") as run:
+        writer, state = run.writer(model), start(model)
+        advance(state, model)
+        rows = dataclasses.replace(contact_rows(state), heat=None, conductance=None)
+        writer.frame(FrameData.from_state(state, model, rows))
+        writer.flush()
+        with open_run(tmp_path / "run") as reader:
+            contacts = reader.frames[0].contacts
+            assert contacts.count == 4
+            assert contacts.heat.tolist() == contacts.conductance.tolist() == [0.0] * 4
+
+
+def test_names_of_the_series_are_known_before_anything_is_written(tmp_path: Path) -> None:
+    with make_run(tmp_path / "run") as run:
+        with open_run(tmp_path / "run") as reader:
+            assert "heat_stored" not in reader.series
+        run.writer(make_model(heat=True))
+        with open_run(tmp_path / "run") as reader:
+            assert reader.series["heat_stored"].shape == (0,)
+
+
+def test_model_without_friction_by_temperature_has_none(tmp_path: Path) -> None:
+    """A run with heat whose friction does not depend on temperature."""
+    model = make_model(heat=True)
+    plain = dataclasses.replace(model, laws=dataclasses.replace(model.laws, softening=None))
+    assert model_digest(plain) != model_digest(model) != model_digest(make_model())
+    run_whole(tmp_path / "run", plain, steps=10)
+    with open_run(tmp_path / "run") as run:
+        assert run.model.laws.softening is None
+        assert run.features == {"heat"}
+        assert run.frames[-1].temperature is not None
+    assert verify(tmp_path / "run") == []
 
 
 def test_info_of_a_run_that_has_just_begun(tmp_path: Path) -> None:

@@ -1,0 +1,83 @@
+"""A run directory with known temperatures, velocities and contacts: a column of equal grains between two planes."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+from run_fakes import make_model
+
+from multicor_cli.state import HEAT_BOOK_NAMES, Model, State, Thermal
+from multicor_cli.store import ContactRows, FrameData, RunDirectory, SeriesRow
+
+GRAINS = 10
+RADIUS = 0.05
+"""Ten grains of this radius fill the height of 1 m."""
+
+INTERVAL = 0.5
+"""Time between frames [s]."""
+
+RATES = 1e-3 * (1.0 + np.arange(GRAINS))
+"""Heat of friction that each grain receives per time [W]."""
+
+GRADIENT = 20.0
+"""T = 300 K + GRADIENT y."""
+
+SHEAR = 2.0
+"""v_x = SHEAR y, spin −SHEAR/2."""
+
+
+def heated_model(*, heat: bool = True) -> Model:
+    """The model; the grains have different heat capacities."""
+    model = make_model([RADIUS] * GRAINS)
+    capacity = 1.0 + np.arange(GRAINS)
+    return replace(model, thermal=Thermal(capacity, np.full(GRAINS, 300.0), np.full(GRAINS, 0.3)) if heat else None)
+
+
+def write_heated_run(
+    path: Path, *, heat: bool = True, frames: int = 5, walls: tuple[float, float] = (300.0, 320.0), contacts: bool = True
+) -> Model:
+    """Write a finished run. Its frame 0 is at 300 K and before any step; ``walls`` are the temperatures of bottom and top."""
+    model = heated_model(heat=heat)
+    with RunDirectory.create(path, "", "", {"seed": 1}, stages=("shear",)) as run:
+        writer = run.writer(model)
+        state = State.at_rest(model, np.column_stack([np.full(GRAINS, 2.0), RADIUS + 2.0 * RADIUS * np.arange(GRAINS)]))
+        for frame in range(frames):
+            if frame:
+                _advance(state, model, walls)
+            rows = contact_rows(state) if contacts else None
+            writer.frame(FrameData.from_state(state, model, rows))
+            writer.series_row(SeriesRow.from_state(state, model))
+        run.checkpoint(state, writer)
+        run.finish("finished")
+    return model
+
+
+def _advance(state: State, model: Model, walls: tuple[float, float]) -> None:
+    state.step += 1
+    state.time += INTERVAL
+    state.last_dt = 0.1
+    y = state.position[:, 1]
+    state.velocity[:, 0], state.velocity[:, 2] = SHEAR * y, -0.5 * SHEAR
+    state.wall_velocity[1, 0] = SHEAR
+    if model.thermal is None:
+        return
+    state.heat = model.thermal.capacity * GRADIENT * y
+    state.generated = RATES * state.time
+    state.wall_temperature[:] = walls
+    books = {"stored": float(state.heat.sum()), "closure": 1e-15, "sub_steps": 7.0, "max_biot": 0.23}
+    for name, value in books.items():
+        state.heat_books[HEAT_BOOK_NAMES.index(name)] = value
+
+
+def contact_rows(state: State) -> ContactRows:
+    """Every grain on the next one with a normal force of 1, 2, … N, and the last one on the top plane; every third one slides."""
+    i = np.arange(GRAINS, dtype=np.int32)
+    j = i + np.int32(1)
+    j[-1] = GRAINS + 1
+    force = np.column_stack([1.0 + i, -0.1 * (1.0 + i)])
+    heat = (1e-6 * force[:, 0], force[:, 0]) if state.heat.size else (None, None)
+    return ContactRows(
+        i, j, np.tile([0.0, -1.0], (GRAINS, 1)), np.zeros(GRAINS), force * state.last_dt, np.zeros(GRAINS), i % 3 == 0, *heat
+    )
