@@ -10,9 +10,6 @@ from multicor_cli.cli.console import emit, emit_json, emit_pairs, format_seconds
 from multicor_cli.cli.exit_codes import ExitCode
 from multicor_cli.cli.options import RunPath, count_noun
 
-_LARGEST_BIOT = 0.1
-"""Above it the temperature within a grain is no longer nearly uniform."""
-
 _HEAT_LABELS = {
     "friction": "  of friction",
     "impact": "  of impacts",
@@ -29,6 +26,7 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON."
 
 def info(directory: RunPath, is_json: AsJson = False) -> None:
     """Say what a run holds, how far it is, and how good it is."""
+    from multicor_cli.heat.watch import biot_warning, undelivered_warning
     from multicor_cli.store import run_info
 
     found = run_info(directory)
@@ -39,8 +37,9 @@ def info(directory: RunPath, is_json: AsJson = False) -> None:
     if found["heat"] is not None:
         emit("")
         emit_pairs(_describe_heat(found["heat"]))
-        if (biot := found["heat"]["max_biot"]) > _LARGEST_BIOT:
-            say(f"warning: one temperature per grain is questionable: Bi = H/(λ a) = {biot:.2g} > {_LARGEST_BIOT:g}")
+        for warning in (biot_warning(found["heat"]["max_biot"]), undelivered_warning(found["heat"]["books"]["undelivered"])):
+            if warning is not None:
+                say(f"warning: {warning}")
 
 
 def verify(directory: RunPath, is_json: AsJson = False) -> None:

@@ -126,9 +126,8 @@ def contact_spots(
                 radius = contact_radius(force[c], curvature, modulus)
                 h = hertz_conductance(harmonic, radius)
                 if is_rough:
-                    h = rough_conductance(
-                        force[c], radius, modulus, curvature, harmonic, laws.roughness[a, b], laws.slope[a, b], laws.microhardness[a, b]
-                    )  # fmt: skip
+                    sigma, slope, hardness = laws.roughness[a, b], laws.slope[a, b], laws.microhardness[a, b]
+                    h = rough_conductance(force[c], radius, modulus, curvature, harmonic, sigma, slope, hardness)
                 spot[c], conductance[c] = radius, h
                 biot[c] = biot_number(h, laws.conductivity[a], scene.radius[i[c]])
                 if j[c] < grains:

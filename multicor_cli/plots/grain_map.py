@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from multicor_cli.plots.scene import draw_discs, draw_walls, figure_size, fit_height, is_wide
+from multicor_cli.plots.small_rises import rise_formatter, rise_label, rise_reference
 from multicor_cli.plots.style import check_suffix, house_style, save_figure
 from multicor_cli.post.grain_map import GrainMap
 
@@ -52,7 +53,12 @@ def draw_map(axes: Any, table: GrainMap) -> None:
     where = {"location": "bottom", "aspect": 40} if is_wide(table.scene) else {"location": "right", "aspect": 30}
     bar = axes.figure.colorbar(discs, ax=axes, extend=extend, pad=0.02, **where)
     field = table.field
-    bar.set_label(f"{field.label} ${field.symbol}$ [{field.unit}]")
+    reference = rise_reference(field.unit, norm.vmin, norm.vmax)
+    if reference is None:
+        bar.set_label(f"{field.label} ${field.symbol}$ [{field.unit}]")
+    else:
+        bar.formatter = rise_formatter(reference)
+        bar.set_label(rise_label(field.label, field.symbol, reference))
 
 
 def color_scale(table: GrainMap) -> tuple[Any, str]:

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from multicor_cli.plots.small_rises import rise_formatter, rise_label, rise_reference
 from multicor_cli.plots.style import COLORS, COLUMN, check_suffix, house_style, save_figure
 from multicor_cli.post import ProfileTable
 
@@ -41,6 +42,11 @@ def draw_profile(axes: Any, table: ProfileTable) -> None:
     across, upwards = axis_labels(table)
     axes.locator_params(axis="x", nbins=6)
     axes.ticklabel_format(scilimits=(-3, 4), useMathText=True)
+    field = table.field
+    reference = rise_reference(table.units[1], float(np.nanmin(table.value)), float(np.nanmax(table.value)))
+    if reference is not None:
+        across = rise_label(field.label, field.symbol, reference)
+        axes.xaxis.set_major_formatter(rise_formatter(reference))
     axes.set_xlabel(across)
     axes.set_ylabel(upwards)
     axes.set_ylim(0.0, 1.0 if table.is_normalized else table.height)

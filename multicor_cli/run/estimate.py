@@ -26,6 +26,9 @@ SECONDS_PER_CONTACT = 15e-9
 SECONDS_PER_GRAIN = 2.5e-6
 """Everything but the sweeps, per grain and step, on one core [s]."""
 
+SECONDS_PER_LOOK = 0.5e-6
+"""Heat flow between two looks of a frozen stage, per grain, on one core [s]."""
+
 SECONDS_PER_STEP = 0.6e-3
 """What a step costs however few grains there are [s]."""
 
@@ -88,7 +91,10 @@ def estimate(scenario: Scenario, plan: RunPlan, model: Model, state: State, thre
         results = frames * frame + series + n * 32.0
         disk = results + 2.0 * _checkpoint_bytes(model)
         peak = disk + results
-        seconds = sum(known) * seconds_per_step(n, threads)
+        seconds = sum(
+            count * (seconds_per_look(n) if stage.is_frozen else seconds_per_step(n, threads))
+            for count, stage in zip(known, plan.stages, strict=True)
+        )
     return Estimate(
         steps=None if known is None else sum(known),
         frames=frames,
@@ -106,6 +112,11 @@ def seconds_per_step(grains: int, threads: int) -> float:
     """Rough wall-clock time of a step [s]; small problems do not profit from threads."""
     work = grains * (CONTACTS_PER_GRAIN * SWEEPS * SECONDS_PER_CONTACT + SECONDS_PER_GRAIN)
     return SECONDS_PER_STEP + (work / (0.8 * threads) if threads > 1 and grains >= PARALLEL_FROM else work)
+
+
+def seconds_per_look(grains: int) -> float:
+    """Rough wall-clock time of a step in which only heat flows [s]."""
+    return SECONDS_PER_STEP + grains * SECONDS_PER_LOOK
 
 
 def _basis(grains: int, threads: int) -> str:

@@ -69,6 +69,11 @@ class StagePlan:
     heat: StageHeat | None = None
 
     @property
+    def is_frozen(self) -> bool:
+        """Whether grains and walls stand still."""
+        return self.heat is not None and self.heat.is_frozen
+
+    @property
     def gauge(self) -> ShearGauge | None:
         """What measures the shear strain of the stage, if its end depends on it."""
         return self.until.gauge if isinstance(self.until, StrainReached) else None

@@ -12,6 +12,7 @@ from pathlib import Path
 from multicor_cli import __version__
 from multicor_cli.heat.coupled import CoupledEngine
 from multicor_cli.heat.engine import HeatEngine
+from multicor_cli.heat.watch import biot_warning, undelivered_warning
 from multicor_cli.kernels.cache import is_compiled
 from multicor_cli.packing import build
 from multicor_cli.run.controller import Controller
@@ -26,7 +27,7 @@ from multicor_cli.scenario.overrides import apply_overrides
 from multicor_cli.scenario.problems import ScenarioError
 from multicor_cli.scenario.scenario import Scenario
 from multicor_cli.solver import Engine, PhysicsError
-from multicor_cli.state import TALLY_NAMES, Model, State
+from multicor_cli.state import HEAT_BOOK_NAMES, TALLY_NAMES, Model, State
 from multicor_cli.store import RunDirectory, StoreError, collect_provenance, open_run
 from multicor_cli.store.layout import RESOLVED
 from multicor_cli.store.prepare import check_usable, read_scenario
@@ -157,6 +158,7 @@ class Session:
                 stage_starts=starts,
             )
             reason = controller.run(is_new=is_new)
+            self._warn_of_heat(state)
             timings = {"wall": time.monotonic() - self._started, **engine.timers}
             if reason.is_end:
                 self._observer.message("writing results.h5")
@@ -174,6 +176,14 @@ class Session:
         self._observer.message(f"{model.grain_count} grains, {model.wall_count} walls, {threads} {plural}")
         if not is_compiled():
             self._observer.message("compiling the kernels; this happens once and takes up to half a minute")
+
+    def _warn_of_heat(self, state: State) -> None:
+        if not state.heat_books.size:
+            return
+        biot, undelivered = (float(state.heat_books[HEAT_BOOK_NAMES.index(name)]) for name in ("max_biot", "undelivered"))
+        for warning in (biot_warning(biot), undelivered_warning(undelivered)):
+            if warning is not None:
+                self._observer.warning(warning)
 
     @contextlib.contextmanager
     def _recording_failure(self, directory: RunDirectory) -> Iterator[None]:

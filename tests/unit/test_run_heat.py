@@ -1,0 +1,179 @@
+"""Runs with heat: stages that move, stand still and move again; stopped and continued; drums; threads."""
+
+import signal
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import multicor_cli as multicor
+from multicor_cli.run.observer import SilentObserver
+from multicor_cli.store import run_info
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+SCENARIO = """
+[scenario]
+name = "warm"
+seed = 4
+[domain]
+size = [0.02, 0.03]
+periodic = true
+[materials.steel]
+density = 7500.0
+young = 193e9
+poisson = 0.29
+conductivity = 15.0
+heat_capacity = 500.0
+emissivity = 0.3
+hardness = 2e9
+[[contacts]]
+pair = ["steel", "steel"]
+friction = { value = 0.5, softening = 1e-3, reference = 300.0, min = 0.1 }
+wear = 1e-4
+[[particles]]
+name = "grains"
+material = "steel"
+shape = "sphere"
+sizes = { kind = "uniform", min = 0.4e-3, max = 0.6e-3 }
+count = 150
+packing = { kind = "deposited" }
+temperature = { value = 300.0, gradient = [0.0, 2000.0] }
+[[walls]]
+name = "floor"
+material = "steel"
+geometry = { kind = "rough", from = [0.0, 0.0], to = [0.02, 0.0], side = "left" }
+thermal = { temperature = { sine = { mean = 310.0, amplitude = 10.0, period = 0.05 } } }
+[heat]
+impact = true
+force = { average = 2e-3 }
+gas = { conductivity = 0.026, reach = 0.3 }
+radiation = { surroundings = 280.0, neighbors = true, reach = 0.2 }
+ambient = { temperature = 290.0, coefficient = 5.0 }
+[[loading]]
+name = "shake"
+duration = 0.01
+drives.floor = { x = { velocity = { sine = { amplitude = 0.2, period = 0.005 } } } }
+[[loading]]
+name = "wait"
+duration = 100.0
+frozen = true
+dt = 20.0
+drives.floor = {}
+thermal.floor = { temperature = 330.0 }
+[[loading]]
+name = "shake-again"
+duration = 0.005
+[[loading]]
+name = "cold"
+duration = 0.002
+heat = false
+[solver]
+dt = 5e-4
+max_sweeps = 500
+[output]
+frame_interval = 2e-3
+""".replace("drives.floor = {}\n", "")
+
+
+class StopAt(SilentObserver):
+    def __init__(self, step):
+        self.step = step
+
+    def stepped(self, status):
+        if status.state.step == self.step:
+            signal.raise_signal(signal.SIGTERM)
+
+
+@pytest.fixture(scope="module")
+def scenario(tmp_path_factory):
+    path = tmp_path_factory.mktemp("warm") / "warm.toml"
+    path.write_text(SCENARIO)
+    return path
+
+
+@pytest.fixture(scope="module")
+def reference(scenario):
+    outcome = multicor.run(scenario, scenario.parent / "reference")
+    return outcome.directory
+
+
+def test_stages_move_stand_and_move_again(reference):
+    info = run_info(reference)
+    assert info["status"] == "finished"
+    assert info["heat_closure"] < 1e-12
+    assert info["energy_closure"] < 1e-12
+    with multicor.open_run(reference) as run:
+        frames = list(run.frames)
+        times, stages = run.frames.time, run.frames.stage
+        assert times[-1] == pytest.approx(100.017)
+        still = [frame for frame in frames if frame.stage == 1]
+        assert len(still) == 5
+        assert all(np.array_equal(frame.position, still[0].position) for frame in still)
+        high = still[0].position[:, 1] > np.median(still[0].position[:, 1])
+        assert still[-1].temperature[high].mean() < still[0].temperature[high].mean() - 5.0  # it is cold outside
+        assert still[-1].wall_temperature[0] == 330.0
+        loaded = still[0].contacts.conductance
+        assert (loaded > 0.0).sum() > 100
+        # The signal of the wall's own condition ended where the stage named the wall; what a stage says is kept.
+        assert frames[-1].wall_temperature[0] == 330.0
+        moved = [frame for frame in frames if frame.stage == 2]
+        assert not np.array_equal(moved[-1].position, still[0].position)
+        cold = [frame.temperature for frame, stage in zip(frames, stages, strict=True) if stage == 3]
+        assert np.array_equal(cold[0], moved[-1].temperature)
+        assert frames[-1].wear.sum() > 0.0
+
+
+@pytest.mark.parametrize("step", [5, 20, 22, 27])
+def test_a_stopped_run_goes_on_to_the_same_bits(step, scenario, reference, tmp_path):
+    """In the moving stage, at the end of it, in the frozen stage and after it; the averages of forces go on too."""
+    first = multicor.run(scenario, tmp_path / "run", observer=StopAt(step))
+    assert not first.is_finished
+    assert multicor.run(scenario, tmp_path / "run").is_finished
+    assert run_info(tmp_path / "run")["state_digest"] == run_info(reference)["state_digest"]
+    assert run_info(tmp_path / "run")["data_digest"] == run_info(reference)["data_digest"]
+
+
+def test_drum_power_becomes_heat(tmp_path):
+    """Drum work − Δ(kinetic + potential) − correction = losses = heat (insulated); work = ∫ torque·ω (physics.md §6.10)."""
+    changes = ["loading.0.duration=0.1", "loading.1.duration=0.3", "output.frame_interval=0.05"]
+    multicor.run(multicor.load_scenario(CONFIGS / "drum.toml", overrides=changes), tmp_path / "drum")
+    with multicor.open_run(tmp_path / "drum") as run:
+        series, mass = run.series, run.model.grains.mass
+        heights = [(mass * frame.position[:, 1]).sum() for frame in (run.frames[0], run.frames[-1])]
+        potential = 9.81 * (heights[1] - heights[0])
+        kinetic = series["kinetic"][-1] - series["kinetic_start"][-1]
+        losses = series["friction_loss"][-1] + series["impact_loss"][-1]
+        work, correction = series["wall_work"][-1], series["correction_work"][-1]
+        assert losses > 0.0
+        assert work > 0.0
+        scale = abs(potential) + abs(kinetic) + losses + work
+        assert work - kinetic - potential - correction == pytest.approx(losses, abs=1e-10 * scale)
+        stored = sum((frame.temperature - 293.15) @ run.model.thermal.capacity for frame in [run.frames[-1]])
+        assert series["heat_stored"][-1] == pytest.approx(losses, rel=1e-10)
+        assert stored == pytest.approx(losses, rel=1e-6)
+        steady = series["wall_velocity"][:, 0, 2] == 3.0
+        rows = np.flatnonzero(steady)[1:]  # rows whose whole window turned at full speed
+        power = -series["wall_force"][rows, 0, 2] * 3.0 * series["window_duration"][rows]
+        assert power.sum() == pytest.approx(np.diff(series["wall_work"])[rows - 1].sum(), rel=1e-10)
+
+
+def test_threads_do_not_change_a_bit(tmp_path):
+    """5,000 grains, so that kernels do run in parallel."""
+    changes = [
+        "particles.0.count=5000",
+        "domain.size=[0.3,0.35]",
+        "walls.2.geometry.point=[0.3,0.0]",
+        "particles.0.packing={kind='deposited'}",
+        "loading.0.duration=0.004",
+        "loading.0.heat=true",
+        "loading.1.duration=0.002",
+        "loading.1.solver={max_sweeps=200}",
+        "heat.impact=true",
+        "heat.gas={conductivity=0.026}",
+    ]
+    digests = []
+    for threads in (1, 2):
+        scenario = multicor.load_scenario(CONFIGS / "heated-bed.toml", overrides=changes)
+        multicor.run(scenario, tmp_path / str(threads), threads=threads)
+        digests.append(run_info(tmp_path / str(threads))["state_digest"])
+    assert digests[0] == digests[1]
