@@ -75,14 +75,16 @@ class CoupledEngine:
     def step(self, dt: float, t: float, should_stop: Callable[[], bool] | None = None) -> StepReport:
         """Advance by one time step; arguments and errors as `Engine.step` and `HeatEngine.step`."""
         if self._is_frozen and self.heat is not None:
-            return self._advance(self.heat, dt, t)
+            return self._advance(self.heat, dt, t, should_stop)
         state, mechanics = self.state, self.mechanics
         loaded_i, loaded_j = state.contact_i, state.contact_j
         if self.heat is not None and mechanics.model.laws.softening is not None:
             mechanics.shape_temperature = self.heat.shape_temperatures()
         report = mechanics.step(dt, t, should_stop)
         moved = mechanics.moved
-        if self.heat is not None and self._is_on and moved is not None:
+        if self.heat is not None and not self._is_on:
+            self.heat.forget_averages()
+        elif self.heat is not None and moved is not None:
             self.heat.step(MovedContacts(*moved, loaded_i, loaded_j), dt, t)
         return report
 
@@ -96,10 +98,10 @@ class CoupledEngine:
             return replace(table, heat=np.zeros(count), conductance=np.zeros(count))
         return replace(table, heat=last.generated, conductance=last.conductance)
 
-    def _advance(self, heat: HeatEngine, dt: float, t: float) -> StepReport:
+    def _advance(self, heat: HeatEngine, dt: float, t: float, should_stop: Callable[[], bool] | None) -> StepReport:
         """A step in which nothing moves."""
         state = self.state
-        heat.advance(dt, t)
+        heat.advance(dt, t, should_stop)
         state.step += 1
         state.stage_step += 1
         state.frozen_steps += 1

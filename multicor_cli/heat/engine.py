@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 
@@ -12,7 +12,7 @@ import numpy as np
 from multicor_cli.heat.books import book_flow, book_generated, note_contacts, strike_balance
 from multicor_cli.heat.contacts import Spots, conducting_spots, forces_of_step, resting_pairs, thermals_of
 from multicor_cli.heat.explicit import advance_explicit
-from multicor_cli.heat.flow import Flow, WallValues
+from multicor_cli.heat.flow import WallValues
 from multicor_cli.heat.implicit import advance_implicit
 from multicor_cli.heat.network import Links, Pairs, links_of, network_of
 from multicor_cli.heat.settings import HeatSettings, WallHeat
@@ -119,13 +119,25 @@ class HeatEngine:
             self.last = StepHeat(generated, spots.conductance)
             self._flow(links, spots, moved.scene, source, dt, t, is_frozen=False)
 
-    def advance(self, dt: float, t: float) -> None:
-        """Let heat flow for ``dt`` [s] while nothing moves; arguments and errors as `step`."""
+    def advance(self, dt: float, t: float, should_stop: Callable[[], bool] | None = None) -> None:
+        """Let heat flow for ``dt`` [s] while nothing moves; arguments and errors as `step`.
+
+        Raises:
+            Interrupted: If ``should_stop``, asked now and then, says so; the state is that before.
+        """
         with self._timed():
             scene = self.resting_scene()
             links, spots = self._rest(scene)
             self.last = StepHeat(np.zeros(spots.i.size), spots.conductance)
-            self._flow(links, spots, scene, np.zeros(self.model.grain_count), dt, t, is_frozen=True)
+            source = np.zeros(self.model.grain_count)
+            self._flow(links, spots, scene, source, dt, t, is_frozen=True, should_stop=should_stop)
+
+    def forget_averages(self) -> None:
+        """Drop the running averages of forces: grains move on without anybody keeping them."""
+        state = self.state
+        if state.mean_i.size:
+            none = np.zeros(0, np.int32)
+            state.mean_i, state.mean_j, state.mean_force = none, none, np.zeros(0)
 
     def resting_contacts(self) -> tuple[Ints, Ints]:
         """The contacts that conduct while nothing moves: first and second shapes, sorted."""
@@ -195,24 +207,32 @@ class HeatEngine:
         self._list.update(scene.position, scene.world, reach * float(self.model.grains.radius.max()))
         return near_pairs(scene, self._laws, self._list.row, self._list.partner, reach)
 
-    def _flow(self, links: Links, spots: Spots, scene: Scene, source: Floats, dt: float, t: float, *, is_frozen: bool) -> None:
+    def _flow(
+        self,
+        links: Links,
+        spots: Spots,
+        scene: Scene,
+        source: Floats,
+        dt: float,
+        t: float,
+        *,
+        is_frozen: bool,
+        should_stop: Callable[[], bool] | None = None,
+    ) -> None:
         """Advance the temperatures and close the books."""
         state, settings = self.state, self.settings
         net = network_of(links, scene, self._conditions, state, self.model, settings)
         walls = WallValues(self._conditions, t)
         temperature = state.temperature(self._thermal)
-        flow: Flow
+        common = (net, self._thermal.capacity, temperature, walls, source, dt)
         if settings.integrator == "implicit" or (settings.integrator == "auto" and is_frozen):
-            first = state.heat_dt
             try:
-                flow = advance_implicit(
-                    net, self._thermal.capacity, temperature, walls, source, dt, settings.tolerance, first
-                )  # fmt: skip
+                flow = advance_implicit(*common, settings.tolerance, state.heat_dt, should_stop)
             except ArithmeticError as error:
                 raise PhysicsError(state.step, str(error)) from error
             state.heat_dt = flow.next_step
         else:
-            flow = advance_explicit(net, self._thermal.capacity, temperature, walls, source, dt, settings.sub_step)
+            flow = advance_explicit(*common, settings.sub_step, should_stop)
         if not np.isfinite(flow.received).all():
             worst = int(np.argmin(np.isfinite(flow.received)))
             raise PhysicsError(state.step, f"the temperature of grain {worst} is not finite")

@@ -3,16 +3,24 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
-from multicor_cli.heat.flow import Flow, WallValues
+from multicor_cli.heat.flow import Flow, WallValues, stop_if_asked
 from multicor_cli.kernels.heat_flow import Network, total_conductance
 from multicor_cli.state.model import Floats
 
 
 def advance_explicit(
-    net: Network, capacity: Floats, temperature: Floats, walls: WallValues, source: Floats, dt: float, limit: float
+    net: Network,
+    capacity: Floats,
+    temperature: Floats,
+    walls: WallValues,
+    source: Floats,
+    dt: float,
+    limit: float,
+    should_stop: Callable[[], bool] | None = None,
 ) -> Flow:
     """Heat that flows within ``dt``, in equal sub-steps with Δt ΣH/C ≤ ``limit`` for every grain.
 
@@ -26,6 +34,10 @@ def advance_explicit(
         source: Heat generated within ``dt`` [J], shape ``(n,)``.
         dt: Duration [s].
         limit: Largest Δt ΣH/C.
+        should_stop: Asked before every sub-step.
+
+    Raises:
+        Interrupted: If ``should_stop`` says so.
     """
     total = np.empty(capacity.size)
     total_conductance(net, temperature, walls(0.0), total)
@@ -34,6 +46,7 @@ def advance_explicit(
     step = dt / count
     part = source / count
     for k in range(count):
+        stop_if_asked(should_stop)
         flow.add(net, temperature, walls(k * step), step)
         temperature += (step * flow.rate + part) / capacity
     flow.received += source

@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from multicor_cli.heat.settings import WallHeat
 from multicor_cli.kernels.heat_flow import Network, heat_rates
+from multicor_cli.solver.solve import Interrupted
 from multicor_cli.state.model import Floats
 
 
@@ -71,3 +72,9 @@ class Flow:
         self.received += weight * self.rate
         self.walls += weight * self._wall_rate
         self.outside += weight * self._outside_rate
+
+
+def stop_if_asked(should_stop: Callable[[], bool] | None) -> None:
+    """Raise `Interrupted` if somebody wants to stop."""
+    if should_stop is not None and should_stop():
+        raise Interrupted

@@ -12,10 +12,11 @@ that the books close to round-off however exactly the stages have been solved.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 
 import numpy as np
 
-from multicor_cli.heat.flow import Flow, WallValues
+from multicor_cli.heat.flow import Flow, WallValues, stop_if_asked
 from multicor_cli.kernels.heat_flow import Network, solve_linear, total_conductance
 from multicor_cli.state.model import Floats
 
@@ -44,6 +45,7 @@ def advance_implicit(
     dt: float,
     tolerance: float,
     first: float,
+    should_stop: Callable[[], bool] | None = None,
 ) -> Flow:
     """Heat that flows within ``dt``, in sub-steps whose error is at most ``tolerance`` times the spread of the temperatures.
 
@@ -56,14 +58,17 @@ def advance_implicit(
         dt: Duration [s].
         tolerance: Largest error of a sub-step over the spread of temperatures.
         first: Sub-step to try first [s]; 0: the whole duration.
+        should_stop: Asked before every sub-step.
 
     Raises:
+        Interrupted: If ``should_stop`` says so.
         ArithmeticError: If the temperatures are not finite.
     """
     flow = Flow.empty(capacity.size, walls.count)
     power = source / dt
     done, step = 0.0, min(first, dt) if first > 0.0 else dt
     while done < dt:
+        stop_if_asked(should_stop)
         is_last = done + step >= dt * (1.0 - 1e-12)
         step = dt - done if is_last else step
         trial = _SubStep(net, capacity, temperature, walls, power, done, step, tolerance)
