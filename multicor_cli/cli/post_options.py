@@ -17,11 +17,11 @@ FigureFile = Annotated[
 ]
 Start = Annotated[
     Optional[float],  # noqa: UP045
-    typer.Option("--from", metavar="T", help="Earliest time [s].", show_default="the later half of the last stage"),
+    typer.Option("--from", metavar="T", help="Earliest time, in s.", show_default="the later half of the last stage"),
 ]
 End = Annotated[
     Optional[float],  # noqa: UP045
-    typer.Option("--to", metavar="T", help="Latest time [s].", show_default="the end"),
+    typer.Option("--to", metavar="T", help="Latest time, in s.", show_default="the end"),
 ]
 Frames = Annotated[
     Optional[str],  # noqa: UP045
@@ -112,10 +112,21 @@ def deliver(
             emit(",".join("" if isinstance(value, float) and math.isnan(value) else repr(value) for value in row))
     else:
         say(about)
-        emit_table(table.headings, [[_cell(value) for value in row] for row in table.rows])
+        digits = [_digits(column) for column in zip(*table.rows, strict=True)]
+        emit_table(table.headings, [[_cell(value, n) for value, n in zip(row, digits, strict=True)] for row in table.rows])
 
 
-def _cell(value: Any) -> str:
+def _digits(column: Sequence[Any]) -> int:
+    """Digits that tell the values of a column apart: five of their spread (temperatures near 300 K may differ by millikelvins)."""
+    values = [value for value in column if isinstance(value, float) and math.isfinite(value)]
+    spread = max(values, default=0.0) - min(values, default=0.0)
+    if spread == 0.0:
+        return 5
+    largest = max(abs(value) for value in values)
+    return min(15, 5 + max(0, math.ceil(math.log10(largest / spread))))
+
+
+def _cell(value: Any, digits: int) -> str:
     if isinstance(value, float):
-        return "–" if math.isnan(value) else f"{value:.5g}"
+        return "–" if math.isnan(value) else f"{value:.{digits}g}"
     return str(value)

@@ -15,7 +15,7 @@ from multicor_cli.state.model import Floats, Ints, Model, ShapeKind
 from multicor_cli.state.state import State
 
 TOUCHING = 1e-6
-"""Largest gap, over the radius, of pairs that touch when no step has said which contacts carry a force."""
+"""Largest gap, over the smaller radius, of pairs that touch when no step has said which contacts carry a force."""
 
 
 @dataclass(frozen=True)
@@ -68,28 +68,20 @@ def forces_of_step(state: State, contacts: Contacts, settings: HeatSettings, dt:
     return mean
 
 
-def resting_pairs(
-    state: State, settings: HeatSettings, near: tuple[Ints, Ints, Floats], radius: Floats
-) -> tuple[Ints, Ints, Floats]:
-    """Contacts of a state at rest: i, j and normal force [N]; the forces are those of the last step.
-
-    Args:
-        state: The state.
-        settings: Choices about heat.
-        near: Pairs near each other with their gaps [m], for a state in which no step has been taken.
-        radius: Radii of the grains [m].
-    """
+def loaded_pairs(state: State, settings: HeatSettings) -> tuple[Ints, Ints, Floats]:
+    """Contacts of a state at rest after its last step: i, j and normal force [N] (averaged, where averages are kept)."""
     force = settings.force
     if force.kind == "average" and state.mean_force.size:
         return state.mean_i, state.mean_j, state.mean_force
-    if state.last_dt > 0.0:
-        carried = state.contact_impulse[:, 0] / state.last_dt
-        value = np.full(carried.size, force.value) if force.kind == "prescribed" else carried
-        return state.contact_i, state.contact_j, value
-    i, j, gap = near
-    touch = gap <= TOUCHING * radius[i]
-    level = force.value if force.kind == "prescribed" else 0.0
-    return i[touch], j[touch], np.full(int(touch.sum()), level)
+    carried: Floats = state.contact_impulse[:, 0] / state.last_dt
+    value = np.full(carried.size, force.value) if force.kind == "prescribed" else carried
+    return state.contact_i, state.contact_j, value
+
+
+def touching_pairs(near: tuple[Ints, Ints, Floats], settings: HeatSettings) -> tuple[Ints, Ints, Floats]:
+    """Pairs that touch in a state in which no step has been taken, under the prescribed force; without one it is 0."""
+    i, j, _ = near
+    return i, j, np.full(i.size, settings.force.value if settings.force.kind == "prescribed" else 0.0)
 
 
 def conducting_spots(scene: Scene, i: Ints, j: Ints, force: Floats, laws: Thermals, settings: HeatSettings) -> Spots:

@@ -10,7 +10,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from multicor_cli.heat.books import book_flow, book_generated, note_contacts, strike_balance
-from multicor_cli.heat.contacts import Spots, conducting_spots, forces_of_step, resting_pairs, thermals_of
+from multicor_cli.heat.contacts import (
+    TOUCHING,
+    Spots,
+    conducting_spots,
+    forces_of_step,
+    loaded_pairs,
+    thermals_of,
+    touching_pairs,
+)
 from multicor_cli.heat.explicit import advance_explicit
 from multicor_cli.heat.flow import WallValues
 from multicor_cli.heat.implicit import advance_implicit
@@ -148,7 +156,10 @@ class HeatEngine:
         """Links and contacts of a frozen stage, found once."""
         if self._frozen is None:
             near = self._near(scene)
-            pairs = resting_pairs(self.state, self.settings, near or self._pairs(scene, 1e-3), self.model.grains.radius)
+            if self.state.last_dt > 0.0:
+                pairs = loaded_pairs(self.state, self.settings)
+            else:  # no step has said which contacts carry a force
+                pairs = touching_pairs(self._pairs(scene, TOUCHING), self.settings)
             spots = conducting_spots(scene, *pairs, self._laws, self.settings)
             self._frozen = links_of(scene, spots, near, self._laws, self.settings, self.model), spots
         return self._frozen

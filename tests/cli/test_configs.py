@@ -21,6 +21,8 @@ SHORT = {
         "domain.size=[0.06,0.13]",
         "walls.2.geometry.point=[0.06,0.0]",
         "loading.0.duration=0.3",
+        "loading.1.duration=0.02",
+        "loading.2.duration=0.02",
     ],
     "million": ["particles.0.count=20_000", "domain.size=[1.2,0.14]"],
 }
