@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -14,7 +15,7 @@ from multicor_cli.physics.thermal.radiation import emission_factor
 from multicor_cli.state.model import Floats, Ints, Model, ShapeKind
 from multicor_cli.state.state import State
 
-TOUCHING = 1e-6
+TOUCHING = 1e-4
 """Largest gap, over the smaller radius, of pairs that touch when no step has said which contacts carry a force."""
 
 
@@ -27,14 +28,12 @@ class Spots:
         j: Grain or wall shape, shape ``(c,)``.
         radius: Radius of the contact a_c [m]; 0 where none, shape ``(c,)``.
         conductance: H_c [W/K], shape ``(c,)``.
-        biot: Largest Biot number of a contact.
     """
 
     i: Ints
     j: Ints
     radius: Floats
     conductance: Floats
-    biot: float
 
 
 def thermals_of(model: Model, settings: HeatSettings) -> Thermals:
@@ -52,30 +51,42 @@ def thermals_of(model: Model, settings: HeatSettings) -> Thermals:
 def forces_of_step(state: State, contacts: Contacts, settings: HeatSettings, dt: float) -> Floats:
     """Normal forces of the Hertz radii [N], shape ``(c,)``; keeps the running averages of ``state`` where they are used.
 
-    A contact keeps its average as long as the pair stays within the reach of the contact solver.
+    An average counts the time without force, and ends when the pair leaves the reach of the contact solver. It is divided by
+    1 − exp(−age/τ), the weight of the time that it knows. What is apart conducts nothing, whatever its average.
     """
     carried = contacts.impulse[:, 0]
     if settings.force.kind == "prescribed":
         return np.where(carried > 0.0, settings.force.value, 0.0)
     if settings.force.kind == "step":
         return np.asarray(carried / dt)
-    before = np.empty(carried.size)
-    row = warm_rows(len(state.position), state.mean_i)
-    contact_heat.look_up(row, state.mean_j, state.mean_force, contacts.i, contacts.j, before)
+    before = _averages(state, contacts.i, contacts.j)
     mean: Floats = before + (carried / dt - before) * -np.expm1(-dt / settings.force.value)
     kept = mean > 0.0
     state.mean_i, state.mean_j, state.mean_force = contacts.i[kept], contacts.j[kept], mean[kept]
-    return mean
+    state.mean_age += dt
+    touches = (carried > 0.0) | (contacts.frame[:, 2] <= 0.0)
+    return np.where(touches, mean / _known_weight(state, settings), 0.0)
+
+
+def _averages(state: State, i: Ints, j: Ints) -> Floats:
+    """Running averages of the forces of some pairs [N]; 0 for pairs without."""
+    found = np.empty(i.size)
+    contact_heat.look_up(warm_rows(len(state.position), state.mean_i), state.mean_j, state.mean_force, i, j, found)
+    return found
+
+
+def _known_weight(state: State, settings: HeatSettings) -> float:
+    """Weight of the time since the start of the averages: 1 − exp(−age/τ)."""
+    return -math.expm1(-state.mean_age / settings.force.value)
 
 
 def loaded_pairs(state: State, settings: HeatSettings) -> tuple[Ints, Ints, Floats]:
-    """Contacts of a state at rest after its last step: i, j and normal force [N] (averaged, where averages are kept)."""
-    force = settings.force
-    if force.kind == "average" and state.mean_force.size:
-        return state.mean_i, state.mean_j, state.mean_force
+    """Contacts that carried a force in the last step: i, j and normal force [N] (averaged, where averages are kept)."""
+    force, i, j = settings.force, state.contact_i, state.contact_j
+    if force.kind == "average" and state.mean_age > 0.0:
+        return i, j, _averages(state, i, j) / _known_weight(state, settings)
     carried: Floats = state.contact_impulse[:, 0] / state.last_dt
-    value = np.full(carried.size, force.value) if force.kind == "prescribed" else carried
-    return state.contact_i, state.contact_j, value
+    return i, j, np.full(carried.size, force.value) if force.kind == "prescribed" else carried
 
 
 def touching_pairs(near: tuple[Ints, Ints, Floats], settings: HeatSettings) -> tuple[Ints, Ints, Floats]:
@@ -86,11 +97,10 @@ def touching_pairs(near: tuple[Ints, Ints, Floats], settings: HeatSettings) -> t
 
 def conducting_spots(scene: Scene, i: Ints, j: Ints, force: Floats, laws: Thermals, settings: HeatSettings) -> Spots:
     """Radii and conductances of contacts under given normal forces [N]."""
-    radius, conductance, biot = np.zeros(i.size), np.zeros(i.size), np.zeros(i.size)
+    radius, conductance = np.zeros(i.size), np.zeros(i.size)
     if settings.conduction != "none" or settings.gas is not None:
         is_rough = settings.conduction == "rough"
-        contact_heat.contact_spots(scene, i, j, force, laws, is_rough, radius, conductance, biot)
+        contact_heat.contact_spots(scene, i, j, force, laws, is_rough, radius, conductance)
     if settings.conduction == "none":
         conductance[:] = 0.0
-        biot[:] = 0.0
-    return Spots(i, j, radius, conductance, float(biot.max(initial=0.0)))
+    return Spots(i, j, radius, conductance)

@@ -79,11 +79,12 @@ class CoupledEngine:
         state, mechanics = self.state, self.mechanics
         loaded_i, loaded_j = state.contact_i, state.contact_j
         if self.heat is not None and mechanics.model.laws.softening is not None:
-            mechanics.shape_temperature = self.heat.shape_temperatures()
+            mechanics.shape_temperature = self.heat.shape_temperatures(t)
         report = mechanics.step(dt, t, should_stop)
         moved = mechanics.moved
         if self.heat is not None and not self._is_on:
             self.heat.forget_averages()
+            self.heat.note_walls(dt, t)
         elif self.heat is not None and moved is not None:
             self.heat.step(MovedContacts(*moved, loaded_i, loaded_j), dt, t)
         return report
@@ -115,6 +116,6 @@ class CoupledEngine:
         i, j = heat.resting_contacts()
         gap, normal = np.empty(i.size), np.empty((i.size, 2))
         resting_contacts(scene, i, j, gap, normal)
-        impulse = state.contact_impulse if state.contact_i.size == i.size else np.zeros((i.size, 2))
+        impulse = state.contact_impulse if state.last_dt > 0.0 else np.zeros((i.size, 2))
         none = np.zeros(i.size)
         return ContactTable(i, j, normal, gap, impulse, none, np.zeros(i.size, np.bool_))

@@ -20,13 +20,14 @@ from multicor_cli.heat.contacts import (
     touching_pairs,
 )
 from multicor_cli.heat.explicit import advance_explicit
-from multicor_cli.heat.flow import WallValues
+from multicor_cli.heat.flow import Flow, WallValues
 from multicor_cli.heat.implicit import advance_implicit
 from multicor_cli.heat.network import Links, Pairs, links_of, network_of
 from multicor_cli.heat.settings import HeatSettings, WallHeat
 from multicor_cli.kernels import contact_heat
 from multicor_cli.kernels.contacts import Contacts, Scene, warm_rows
 from multicor_cli.kernels.gap_heat import near_pairs
+from multicor_cli.kernels.heat_flow import Network
 from multicor_cli.kernels.neighbours import place_shapes
 from multicor_cli.solver.neighbour_list import NeighbourList
 from multicor_cli.solver.settings import PhysicsError
@@ -103,10 +104,14 @@ class HeatEngine:
         self._conditions = conditions
         self._frozen = None
 
-    def shape_temperatures(self) -> Floats:
-        """Temperatures of grains and wall shapes [K]; nan for walls that have none, shape ``(n + m,)``."""
-        state = self.state
-        return np.concatenate([state.temperature(self._thermal), state.wall_temperature[self.model.shapes.wall]])
+    def shape_temperatures(self, t: float) -> Floats:
+        """Temperatures of grains and wall shapes [K]; nan for walls that have none, shape ``(n + m,)``.
+
+        Args:
+            t: Time since the start of the stage [s].
+        """
+        walls = self._wall_temperatures(WallValues(self._conditions, t), 0.0)
+        return np.concatenate([self.state.temperature(self._thermal), walls[self.model.shapes.wall]])
 
     def step(self, moved: MovedContacts, dt: float, t: float) -> None:
         """Heat of a step of the mechanics, which has been taken already.
@@ -125,7 +130,7 @@ class HeatEngine:
             spots = self._spots(moved, dt)
             links = links_of(moved.scene, spots, self._near(moved.scene), self._laws, self.settings, self.model)
             self.last = StepHeat(generated, spots.conductance)
-            self._flow(links, spots, moved.scene, source, dt, t, is_frozen=False)
+            self._flow(links, moved.scene, source, dt, t, is_frozen=False)
 
     def advance(self, dt: float, t: float, should_stop: Callable[[], bool] | None = None) -> None:
         """Let heat flow for ``dt`` [s] while nothing moves; arguments and errors as `step`.
@@ -138,14 +143,18 @@ class HeatEngine:
             links, spots = self._rest(scene)
             self.last = StepHeat(np.zeros(spots.i.size), spots.conductance)
             source = np.zeros(self.model.grain_count)
-            self._flow(links, spots, scene, source, dt, t, is_frozen=True, should_stop=should_stop)
+            self._flow(links, scene, source, dt, t, is_frozen=True, should_stop=should_stop)
 
     def forget_averages(self) -> None:
         """Drop the running averages of forces: grains move on without anybody keeping them."""
         state = self.state
-        if state.mean_i.size:
+        if state.mean_age > 0.0:
             none = np.zeros(0, np.int32)
-            state.mean_i, state.mean_j, state.mean_force = none, none, np.zeros(0)
+            state.mean_i, state.mean_j, state.mean_force, state.mean_age = none, none, np.zeros(0), 0.0
+
+    def note_walls(self, dt: float, t: float) -> None:
+        """Let the state know the walls' temperatures after a step in which heat is off; arguments as `step`."""
+        self.state.wall_temperature = self._wall_temperatures(WallValues(self._conditions, t), dt)
 
     def resting_contacts(self) -> tuple[Ints, Ints]:
         """The contacts that conduct while nothing moves: first and second shapes, sorted."""
@@ -221,7 +230,6 @@ class HeatEngine:
     def _flow(
         self,
         links: Links,
-        spots: Spots,
         scene: Scene,
         source: Floats,
         dt: float,
@@ -232,26 +240,54 @@ class HeatEngine:
     ) -> None:
         """Advance the temperatures and close the books."""
         state, settings = self.state, self.settings
-        net = network_of(links, scene, self._conditions, state, self.model, settings)
+        velocity = np.zeros((len(state.velocity), 2)) if is_frozen else state.velocity[:, :2]
+        net = network_of(links, scene, self._conditions, velocity, self.model, settings)
         walls = WallValues(self._conditions, t)
-        temperature = state.temperature(self._thermal)
-        common = (net, self._thermal.capacity, temperature, walls, source, dt)
-        if settings.integrator == "implicit" or (settings.integrator == "auto" and is_frozen):
-            try:
-                flow = advance_implicit(*common, settings.tolerance, state.heat_dt, should_stop)
-            except ArithmeticError as error:
-                raise PhysicsError(state.step, str(error)) from error
-            state.heat_dt = flow.next_step
-        else:
-            flow = advance_explicit(*common, settings.sub_step, should_stop)
-        if not np.isfinite(flow.received).all():
-            worst = int(np.argmin(np.isfinite(flow.received)))
-            raise PhysicsError(state.step, f"the temperature of grain {worst} is not finite")
+        is_implicit = settings.integrator == "implicit" or (settings.integrator == "auto" and is_frozen)
+        try:
+            flow = self._integrate(net, walls, source, dt, should_stop, is_implicit=is_implicit)
+        except ArithmeticError as error:
+            raise PhysicsError(state.step, str(error)) from error
+        self._check(flow)
         state.heat += flow.received
+        state.heat_dt = flow.next_step
         state.wall_temperature = self._wall_temperatures(walls, dt)
         book_flow(state, flow, self._undelivered(net.flow_wall, walls, dt))
-        note_contacts(state, spots.biot, links.gas_ratio)
+        note_contacts(state, links.biot, links.gas_ratio)
         strike_balance(state)
+
+    def _integrate(
+        self,
+        net: Network,
+        walls: WallValues,
+        source: Floats,
+        dt: float,
+        should_stop: Callable[[], bool] | None,
+        *,
+        is_implicit: bool,
+    ) -> Flow:
+        """What flows within ``dt``, piece by piece where signals of walls bend."""
+        temperature, capacity, settings = self.state.temperature(self._thermal), self._thermal.capacity, self.settings
+        total = Flow.empty(capacity.size, walls.count)
+        total.next_step = self.state.heat_dt
+        for values, length in walls.pieces(dt):
+            common = (net, capacity, temperature, values, source * (length / dt), length)
+            if is_implicit:
+                total.join(advance_implicit(*common, settings.tolerance, total.next_step, should_stop))
+            else:
+                total.join(advance_explicit(*common, settings.sub_step, should_stop))
+        return total
+
+    def _check(self, flow: Flow) -> None:
+        """Raise `PhysicsError` if a temperature is not finite, or below absolute zero by more than rounding."""
+        after = self._thermal.start + (self.state.heat + flow.received) / self._thermal.capacity
+        if not np.isfinite(after).all():
+            worst = int(np.argmin(np.isfinite(after)))
+            raise PhysicsError(self.state.step, f"the temperature of grain {worst} is not finite")
+        coldest = int(np.argmin(after))
+        if after[coldest] < -1e-9 * max(1.0, float(after.max())):
+            message = f"grain {coldest} would fall below absolute zero: a wall draws more heat than there is"
+            raise PhysicsError(self.state.step, message)
 
     def _wall_temperatures(self, walls: WallValues, dt: float) -> Floats:
         known = np.array([c.kind == "temperature" for c in self._conditions], np.bool_)

@@ -22,9 +22,10 @@ def advance_explicit(
     limit: float,
     should_stop: Callable[[], bool] | None = None,
 ) -> Flow:
-    """Heat that flows within ``dt``, in equal sub-steps with Δt ΣH/C ≤ ``limit`` for every grain.
+    """Heat that flows within ``dt``, in sub-steps with Δt ΣH/C ≤ ``limit`` for every grain.
 
     With a limit of 1 no temperature leaves the range of its neighbors' (Euler is stable up to 2); the error is of first order.
+    Sub-steps are equal, except where radiation makes the bound change with temperature.
 
     Args:
         net: The network.
@@ -40,15 +41,19 @@ def advance_explicit(
         Interrupted: If ``should_stop`` says so.
     """
     total = np.empty(capacity.size)
-    total_conductance(net, temperature, walls(0.0), total)
-    count = max(1, math.ceil(dt * float((total / capacity).max()) / limit))
+    power = source / dt
     flow = Flow.empty(capacity.size, walls.count)
-    step = dt / count
-    part = source / count
-    for k in range(count):
+    done, count = 0.0, 0
+    while done < dt:
         stop_if_asked(should_stop)
-        flow.add(net, temperature, walls(k * step), step)
-        temperature += (step * flow.rate + part) / capacity
+        if count == 0 or net.radiates:
+            total_conductance(net, temperature, walls(done), total)
+            count = max(1, math.ceil((dt - done) * float((total / capacity).max()) / limit))
+        step = (dt - done) / count
+        flow.add(net, temperature, walls(done + 0.5 * step), step)  # the middle is exact for signals that rise linearly
+        temperature += step * (flow.rate + power) / capacity
+        done = dt if count == 1 else done + step
+        count -= 1
+        flow.sub_steps += 1
     flow.received += source
-    flow.sub_steps = count
     return flow

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
@@ -29,6 +30,19 @@ class WallValues:
     def count(self) -> int:
         """Number of walls."""
         return len(self.conditions)
+
+    def pieces(self, dt: float) -> list[tuple[WallValues, float]]:
+        """The step, cut where signals bend: for each piece the values and its length [s]. No pulse falls between two steps."""
+        corners = {
+            time
+            for wall in self.conditions
+            if wall.kind != "insulated"
+            for time in wall.signal.corners(self.start, self.start + dt)
+        }
+        if not corners:
+            return [(self, dt)]
+        edges = [self.start, *sorted(corners), self.start + dt]
+        return [(WallValues(self.conditions, a), b - a) for a, b in itertools.pairwise(edges) if b > a]
 
     def __call__(self, t: float) -> Floats:
         """Values ``t`` seconds after the start of the step; 0 for insulated walls, shape ``(w,)``."""
@@ -61,6 +75,14 @@ class Flow:
     def empty(cls, grains: int, walls: int) -> Flow:
         """Nothing has flowed yet."""
         return cls(np.zeros(grains), np.zeros(walls), np.zeros(2), np.zeros(grains), _wall_rate=np.zeros(walls))
+
+    def join(self, later: Flow) -> None:
+        """Add what has flowed after this."""
+        self.received += later.received
+        self.walls += later.walls
+        self.outside += later.outside
+        self.sub_steps += later.sub_steps
+        self.next_step = later.next_step
 
     def evaluate(self, net: Network, temperature: Floats, wall_value: Floats) -> None:
         """Fill ``rate`` for these temperatures [K]."""

@@ -33,7 +33,16 @@ SAFETY, LEAST, MOST = 0.9, 0.2, 4.0
 SHARPNESS = 1e-3
 """Error of a stage over the tolerance of a sub-step."""
 
-NEWTON_LIMIT = 20
+ROUNDING = 1e-13
+"""What is left of a stage when rounding lets it be solved no further, over the temperature."""
+
+NOISE = 1e-10
+"""Smallest error of a sub-step that is told from rounding, over the temperature."""
+
+SHORTEST = 1e-12
+"""Shortest sub-step over the duration."""
+
+NEWTON_LIMIT = 50
 
 
 def advance_implicit(
@@ -62,7 +71,7 @@ def advance_implicit(
 
     Raises:
         Interrupted: If ``should_stop`` says so.
-        ArithmeticError: If the temperatures are not finite.
+        ArithmeticError: If no sub-step, however short, can be solved (temperatures that are not finite, above all).
     """
     flow = Flow.empty(capacity.size, walls.count)
     power = source / dt
@@ -72,10 +81,13 @@ def advance_implicit(
         is_last = done + step >= dt * (1.0 - 1e-12)
         step = dt - done if is_last else step
         trial = _SubStep(net, capacity, temperature, walls, power, done, step, tolerance)
-        error = trial.error()
-        if not math.isfinite(error):
-            message = "the temperatures are not finite"
+        error = trial.error() if trial.is_solved else math.inf
+        if not error < math.inf and step < SHORTEST * dt:
+            message = "the temperatures cannot be integrated: no step is short enough"
             raise ArithmeticError(message)
+        if not error < math.inf:  # unsolved, or not a number
+            step *= LEAST
+            continue
         factor = min(MOST, max(LEAST, SAFETY * error ** (-1.0 / 3.0))) if error > 0.0 else MOST
         if error <= 1.0:
             trial.commit(flow, temperature)
@@ -106,10 +118,12 @@ class _SubStep:
         self._spread = max(_spread(net, start, value) for value in self._values)
         self._trial = Flow.empty(capacity.size, walls.count)
         self._total = np.empty(capacity.size)
+        self.is_solved = True
         self._stages = [start]
         self._rates = [self._rate(start, 0)]
         self._solve((DIAGONAL,))
-        self._solve((WEIGHT, WEIGHT))
+        if self.is_solved:
+            self._solve((WEIGHT, WEIGHT))
 
     def _rate(self, temperature: Floats, stage: int) -> Floats:
         """Heat flow into the grains, sources included [W]."""
@@ -124,7 +138,7 @@ class _SubStep:
         rate = self._rate(guess, stage)
         change = np.empty(guess.size)
         # The spread may grow from zero within the step: then rounding sets the target.
-        target = max(SHARPNESS * self._tolerance * self._spread, 1e-14 * float(np.abs(known).max()))
+        target = max(SHARPNESS * self._tolerance * self._spread, ROUNDING * float(np.abs(known).max()))
         for _ in range(NEWTON_LIMIT):
             residual = self._capacity * (known - guess) + (DIAGONAL * h) * rate
             if float(np.abs(residual / self._capacity).max()) <= target:
@@ -133,17 +147,27 @@ class _SubStep:
             diagonal = self._capacity + (DIAGONAL * h) * self._total
             solve_linear(self._net, diagonal, DIAGONAL * h, guess, residual, self._capacity, 0.1 * target, change)
             guess += change
+            # Not a number, or an overshoot below absolute zero, where T⁴ means nothing.
+            if not math.isfinite(float(guess.sum())) or (self._net.radiates and float(guess.min()) <= 0.0):
+                self.is_solved = False
+                break
             rate = self._rate(guess, stage)
+            if float(np.abs(change).max()) <= ROUNDING * float(guess.max()):
+                break
+        else:
+            self.is_solved = False
         self._stages.append(guess)
         self._rates.append(rate)
 
     def error(self) -> float:
         """Estimated error over the tolerance; stiff parts are damped as the matrix of the stages would damp them."""
         defect = self._step * sum(b * rate for b, rate in zip(DEFECTS, self._rates, strict=True))
+        last = self._stages[-1]
+        total_conductance(self._net, last, self._values[-1], self._total)
+        spread = max(self._spread, _spread(self._net, last, self._values[-1]), float(np.abs(last - self._start).max()))
         damped = float(np.abs(defect / (self._capacity + DIAGONAL * self._step * self._total)).max())
-        spread = max(self._spread, _spread(self._net, self._stages[-1], self._values[-1]))
         # Where nothing differs from anything, what is left is rounding.
-        return damped / max(self._tolerance * spread, 1e-13 * float(np.abs(self._start).max()))
+        return damped / max(self._tolerance * spread, NOISE * float(np.abs(self._start).max()))
 
     def commit(self, flow: Flow, temperature: Floats) -> None:
         """Enter the heat of this sub-step into ``flow`` and move ``temperature`` [K] on."""

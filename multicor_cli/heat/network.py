@@ -14,7 +14,6 @@ from multicor_cli.kernels.contact_heat import Thermals
 from multicor_cli.kernels.contacts import Scene, warm_rows
 from multicor_cli.kernels.heat_flow import Network
 from multicor_cli.state.model import Floats, Ints, Model
-from multicor_cli.state.state import State
 
 _INSULATED, _KNOWN, _FLOW = 0, 1, 2
 _KINDS = {"insulated": _INSULATED, "temperature": _KNOWN, "flow": _FLOW}
@@ -36,6 +35,7 @@ class Links:
         j: Grain or wall shape, shape ``(e,)``.
         conductance: H [W/K], shape ``(e,)``.
         area: Area factor of radiation [m²], shape ``(e,)`` or of size 0.
+        biot: Largest Biot number H/(λ a), contact and gas together.
         gas_ratio: Smallest and largest λ_s s/(λ_f a) of a contact in a gas; 0 without.
     """
 
@@ -43,6 +43,7 @@ class Links:
     j: Ints
     conductance: Floats
     area: Floats
+    biot: float
     gas_ratio: tuple[float, float]
 
 
@@ -60,8 +61,9 @@ def links_of(scene: Scene, spots: Spots, near: Pairs | None, laws: Thermals, set
     none = np.empty(0)
     if near is None:
         loaded = spots.conductance > 0.0
-        return Links(spots.i[loaded], spots.j[loaded], spots.conductance[loaded], none, (0.0, 0.0))
-    i, j, gap = near
+        i, j, conductance = spots.i[loaded], spots.j[loaded], spots.conductance[loaded]
+        return Links(i, j, conductance, none, contact_heat.largest_biot(scene, i, j, conductance, laws), (0.0, 0.0))
+    i, j, gap = _with_contacts(scene, near, spots)
     row = warm_rows(model.grain_count, spots.i)
     conductance, spot = np.empty(i.size), np.empty(i.size)
     contact_heat.look_up(row, spots.j, spots.conductance, i, j, conductance)
@@ -77,7 +79,26 @@ def links_of(scene: Scene, spots: Spots, near: Pairs | None, laws: Thermals, set
         assert model.thermal is not None
         area = gap_heat.radiating_areas(scene, laws, model.thermal.surface, model.shape_factor == SPHERE, i, j, gap)
         area[~_is_within(scene, laws, i, j, gap, settings.radiation.reach)] = 0.0
-    return Links(i, j, conductance, area, ratio)
+    return Links(i, j, conductance, area, contact_heat.largest_biot(scene, i, j, conductance, laws), ratio)
+
+
+def _with_contacts(scene: Scene, near: Pairs, spots: Spots) -> Pairs:
+    """Near pairs and all contacts that conduct: at q_m a grain that lands within the step may be farther than the reach."""
+    shapes = scene.radius.size + scene.kind.size
+    key_near = near[0].astype(np.int64) * shapes + near[1]
+    key_spot = spots.i.astype(np.int64) * shapes + spots.j
+    far = (spots.conductance > 0.0) & ~np.isin(key_spot, key_near)
+    if not far.any():
+        return near
+    i, j = spots.i[far], spots.j[far]
+    gap = np.empty(i.size)
+    gap_heat.resting_contacts(scene, i, j, gap, np.empty((i.size, 2)))
+    order = np.argsort(np.concatenate([key_near, key_spot[far]]), kind="stable")
+    return (
+        np.concatenate([near[0], i])[order],
+        np.concatenate([near[1], j])[order],
+        np.concatenate([near[2], gap])[order],
+    )
 
 
 def _is_within(scene: Scene, laws: Thermals, i: Ints, j: Ints, gap: Floats, reach: float) -> NDArray[np.bool_]:
@@ -86,14 +107,14 @@ def _is_within(scene: Scene, laws: Thermals, i: Ints, j: Ints, gap: Floats, reac
     return np.asarray(gap <= reach * np.minimum(radius[i], radius[j]))
 
 
-def convective_conductance(ambient: Ambient, state: State, model: Model) -> Floats:
-    """Coefficient of convection times surface of each grain [W/K], shape ``(n,)``."""
+def convective_conductance(ambient: Ambient, velocity: Floats, model: Model) -> Floats:
+    """Coefficient of convection times surface of each grain [W/K], shape ``(n,)``; ``velocity`` of shape ``(n, 2)`` [m/s]."""
     assert model.thermal is not None
     surface = model.thermal.surface
     if ambient.correlation == "constant":
         return np.asarray(ambient.coefficient * surface)
     coefficient = np.empty(surface.size)
-    slip = state.velocity[:, :2] - np.array(ambient.velocity)
+    slip = velocity - np.array(ambient.velocity)
     number = {"ranz-marshall": 0, "whitaker": 1, "gunn": 2, "li-mason": 3}[ambient.correlation]
     gap_heat.convection_coefficients(
         number, np.hypot(slip[:, 0], slip[:, 1]), model.grains.radius, ambient.conductivity, ambient.viscosity, ambient.prandtl,
@@ -103,9 +124,18 @@ def convective_conductance(ambient: Ambient, state: State, model: Model) -> Floa
 
 
 def network_of(
-    links: Links, scene: Scene, conditions: list[WallHeat], state: State, model: Model, settings: HeatSettings
+    links: Links, scene: Scene, conditions: list[WallHeat], velocity: Floats, model: Model, settings: HeatSettings
 ) -> Network:
-    """The network of a step. Links to insulated walls are left out; a prescribed flow is shared by conductance."""
+    """The network of a step. Links to insulated walls are left out; a prescribed flow is shared by conductance.
+
+    Args:
+        links: Pairs between which heat flows.
+        scene: Shapes.
+        conditions: Thermal conditions of the walls.
+        velocity: Velocities of the grains [m/s], shape ``(n, 2)``.
+        model: The model.
+        settings: Choices about heat.
+    """
     n = model.grain_count
     kind = np.array([*(_KINDS[c.kind] for c in conditions), _INSULATED], np.int8)  # the last stands for "no wall"
     wall = np.full(links.j.size, len(conditions))
@@ -132,7 +162,7 @@ def network_of(
         flow_i=links.i[flowing],
         flow_wall=wall[flowing].astype(np.int32),
         flow_share=share,
-        ambient=none if ambient is None else convective_conductance(ambient, state, model),
+        ambient=none if ambient is None else convective_conductance(ambient, velocity, model),
         ambient_temperature=0.0 if ambient is None else ambient.temperature,
         black=settings.laws.emissivity[model.grains.material] * model.thermal.surface if to_surroundings else none,
         surroundings=radiation.surroundings if radiation is not None and radiation.surroundings is not None else 0.0,

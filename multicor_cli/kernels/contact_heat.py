@@ -101,7 +101,7 @@ def generated_heat(
 
 @parallel_kernel
 def contact_spots(
-    scene: Scene, i: Ints, j: Ints, force: Floats, laws: Thermals, is_rough: bool, spot: Floats, conductance: Floats, biot: Floats
+    scene: Scene, i: Ints, j: Ints, force: Floats, laws: Thermals, is_rough: bool, spot: Floats, conductance: Floats
 ) -> None:
     """Hertz radius and conductance of contacts under given normal forces.
 
@@ -114,12 +114,11 @@ def contact_spots(
         is_rough: Whether micro-contacts add their resistance.
         spot: Contact radii a_c [m], shape ``(c,)``. **Modified.**
         conductance: H_c [W/K], shape ``(c,)``. **Modified.**
-        biot: Larger Biot number H_c/(λ a) of the two grains, shape ``(c,)``. **Modified.**
     """
-    count, grains = i.size, scene.radius.size
+    count = i.size
     for chunk in prange((count + CHUNK - 1) // CHUNK):
         for c in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
-            spot[c], conductance[c], biot[c] = 0.0, 0.0, 0.0
+            spot[c], conductance[c] = 0.0, 0.0
             if force[c] > 0.0:
                 a, b = scene.material[i[c]], scene.material[j[c]]
                 curvature, modulus, harmonic = pair_radius(scene, laws, i[c], j[c]), laws.modulus[a, b], laws.harmonic[a, b]
@@ -129,9 +128,18 @@ def contact_spots(
                     sigma, slope, hardness = laws.roughness[a, b], laws.slope[a, b], laws.microhardness[a, b]
                     h = rough_conductance(force[c], radius, modulus, curvature, harmonic, sigma, slope, hardness)
                 spot[c], conductance[c] = radius, h
-                biot[c] = biot_number(h, laws.conductivity[a], scene.radius[i[c]])
-                if j[c] < grains:
-                    biot[c] = max(biot[c], biot_number(h, laws.conductivity[b], scene.radius[j[c]]))
+
+
+@kernel
+def largest_biot(scene: Scene, i: Ints, j: Ints, conductance: Floats, laws: Thermals) -> float:
+    """Largest Biot number H/(λ a) of the grains at some links; arguments as `contact_spots`; 0 if there are none."""
+    grains, most = scene.radius.size, 0.0
+    for k in range(i.size):
+        if conductance[k] > 0.0:
+            most = max(most, biot_number(conductance[k], laws.conductivity[scene.material[i[k]]], scene.radius[i[k]]))
+            if j[k] < grains:
+                most = max(most, biot_number(conductance[k], laws.conductivity[scene.material[j[k]]], scene.radius[j[k]]))
+    return most
 
 
 @kernel

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.kernels.contact_heat import Thermals, pair_radius
+from multicor_cli.kernels.contact_heat import Thermals, effective_radius, pair_radius
 from multicor_cli.kernels.contacts import Scene, pair_geometry
 from multicor_cli.kernels.jit import kernel, scalar
 from multicor_cli.physics.thermal import convection, radiation
@@ -14,6 +14,9 @@ from multicor_cli.state.model import Floats, Ints
 
 PARALLEL, BATCHELOR, VARGAS = 0, 1, 2
 """Formulas of the gas in a gap."""
+
+CORE = 0.1
+"""Largest radius, over that of the grain, within which the solid is taken to resist more than the gas."""
 
 parallel_conductance = scalar(gas.parallel_conductance)
 parallel_conductance_wall = scalar(gas.parallel_conductance_wall)
@@ -88,18 +91,21 @@ def gas_conductances(
         radius = scene.radius[i[k]]
         other = scene.radius[j[k]] if j[k] < count else laws.shape_radius[j[k] - count]
         open_gap = max(gap[k], 0.0)
+        mean_radius = 2.0 * effective_radius(radius, other) if other > 0.0 else radius
+        # Nearer to the axis than this the solid resists more than the gas, whose flux would grow without bound.
+        core = max(spot[k], mean_radius * min(CORE, gas_conductivity / laws.harmonic[a, b]))
         if model == PARALLEL and other > 0.0:
-            out[k] += parallel_conductance(gas_conductivity, radius, other, spot[k], open_gap)
+            out[k] += parallel_conductance(gas_conductivity, radius, other, core, open_gap)
         elif model == PARALLEL:
-            out[k] += parallel_conductance_wall(gas_conductivity, radius, spot[k], open_gap)
+            out[k] += parallel_conductance_wall(gas_conductivity, radius, core, open_gap)
         elif model == BATCHELOR:
             out[k] += batchelor_conductance(
                 gas_conductivity, laws.harmonic[a, b], pair_radius(scene, laws, i[k], j[k]), spot[k], open_gap
             )
         elif spot[k] > 0.0 or gap[k] <= 0.0:  # a formula for spheres that touch
-            out[k] += vargas_conductance(gas_conductivity, radius, spot[k])
+            out[k] += vargas_conductance(gas_conductivity, mean_radius, spot[k])
         if spot[k] > 0.0:
-            ratio = solid_to_gas_ratio(laws.harmonic[a, b], spot[k], gas_conductivity, radius)
+            ratio = solid_to_gas_ratio(laws.harmonic[a, b], spot[k], gas_conductivity, mean_radius)
             least, most = min(least, ratio), max(most, ratio)
     return (least, most) if most > 0.0 else (0.0, 0.0)
 
@@ -108,7 +114,7 @@ def gas_conductances(
 def radiating_areas(scene: Scene, laws: Thermals, surface: Floats, is_sphere: bool, i: Ints, j: Ints, gap: Floats) -> Floats:
     """Area factors of radiation between near bodies [m²], shape ``(e,)``.
 
-    Spheres: π (2a*)² times the emission factor. Discs: the view factor of two parallel cylinders times the surface of the first
+    Spheres: the smaller cross-section π a² times the emission factor. Discs: the view factor of two parallel cylinders times the surface of the first
     and the emission factor; a plane counts as a sphere or cylinder of the grain's own radius.
 
     Args:

@@ -57,6 +57,11 @@ class Network(NamedTuple):
     black: Floats
     surroundings: float
 
+    @property
+    def radiates(self) -> bool:
+        """Whether any of the flows depends on T⁴."""
+        return bool(self.area.size or self.wall_area.size or self.black.size)
+
 
 @kernel
 def _link(conductance: float, area: Floats, k: int, a: float, b: float) -> float:
@@ -105,22 +110,31 @@ def heat_rates(net: Network, temperature: Floats, wall_value: Floats, rate: Floa
 
 
 @kernel
+def _steepest(conductance: float, area: Floats, k: int, a: float, b: float) -> float:
+    """Largest derivative of the flow of a link by the temperature of one end: that of T⁴ at the hotter end [W/K]."""
+    hotter = max(a, b)
+    return conductance + linear_coefficient(area[k], hotter, hotter) if area.size else conductance
+
+
+@kernel
 def total_conductance(net: Network, temperature: Floats, wall_value: Floats, total: Floats) -> None:
-    """ΣH of every grain [W/K], radiation linearized, shape ``(n,)``; ``total`` is **modified**. Arguments as `heat_rates`."""
+    """ΣH of every grain [W/K], radiation at its steepest, shape ``(n,)``; ``total`` is **modified**. Arguments as `heat_rates`.
+
+    This bounds the stable step of the explicit integrator, and lets Newton's method approach the solution from one side.
+    """
     total[:] = 0.0
     for k in range(net.i.size):
-        h = _link(net.conductance[k], net.area, k, temperature[net.i[k]], temperature[net.j[k]])
+        h = _steepest(net.conductance[k], net.area, k, temperature[net.i[k]], temperature[net.j[k]])
         total[net.i[k]] += h
         total[net.j[k]] += h
     for k in range(net.wall_i.size):
-        total[net.wall_i[k]] += _link(
+        total[net.wall_i[k]] += _steepest(
             net.wall_conductance[k], net.wall_area, k, temperature[net.wall_i[k]], wall_value[net.wall[k]]
         )
     for k in range(net.ambient.size):
         total[k] += net.ambient[k]
     for k in range(net.black.size):
-        # The derivative of T⁴, not the secant to the surroundings, is what limits a step.
-        total[k] += linear_coefficient(net.black[k], temperature[k], temperature[k])
+        total[k] += _steepest(0.0, net.black, k, temperature[k], net.surroundings)
 
 
 @kernel
@@ -130,7 +144,7 @@ def _apply(net: Network, diagonal: Floats, step: float, temperature: Floats, x: 
         y[k] = diagonal[k] * x[k]
     for k in range(net.i.size):
         i, j = net.i[k], net.j[k]
-        h = step * _link(net.conductance[k], net.area, k, temperature[i], temperature[j])
+        h = step * _steepest(net.conductance[k], net.area, k, temperature[i], temperature[j])
         y[i] -= h * x[j]
         y[j] -= h * x[i]
 

@@ -17,6 +17,10 @@ class Constant:
         """Value at ``t`` seconds after the start of the stage."""
         return self.level
 
+    def corners(self, start: float, end: float) -> list[float]:
+        """Times between ``start`` and ``end`` at which an integrator should begin a new step [s]."""
+        return []
+
 
 @dataclass(frozen=True)
 class Ramp:
@@ -32,6 +36,10 @@ class Ramp:
             return self.end
         return self.start + (self.end - self.start) * (t / self.duration)
 
+    def corners(self, start: float, end: float) -> list[float]:
+        """Times between ``start`` and ``end`` at which an integrator should begin a new step [s]."""
+        return [self.duration] if start < self.duration < end else []
+
 
 @dataclass(frozen=True)
 class Sine:
@@ -45,6 +53,11 @@ class Sine:
     def value(self, t: float) -> float:
         """Value at ``t`` seconds after the start of the stage."""
         return self.mean + self.amplitude * math.sin(2.0 * math.pi * (t / self.period) + self.phase)
+
+    def corners(self, start: float, end: float) -> list[float]:
+        """Times between ``start`` and ``end`` at which an integrator should begin a new step [s]: 16 in a period."""
+        part = self.period / 16.0
+        return [k * part for k in range(math.floor(start / part) + 1, math.ceil(end / part))]
 
 
 @dataclass(frozen=True)
@@ -65,6 +78,10 @@ class Table:
         share = (t - t0) / (t1 - t0)
         return self.values[k - 1] + (self.values[k] - self.values[k - 1]) * share
 
+    def corners(self, start: float, end: float) -> list[float]:
+        """Times between ``start`` and ``end`` at which an integrator should begin a new step [s]."""
+        return list(self.times[bisect.bisect_right(self.times, start) : bisect.bisect_left(self.times, end)])
+
 
 @dataclass(frozen=True)
 class Shifted:
@@ -76,6 +93,10 @@ class Shifted:
     def value(self, t: float) -> float:
         """Value at ``t`` seconds after the start of the present stage."""
         return self.signal.value(self.offset + t)
+
+    def corners(self, start: float, end: float) -> list[float]:
+        """Times between ``start`` and ``end`` at which an integrator should begin a new step [s]."""
+        return [t - self.offset for t in self.signal.corners(self.offset + start, self.offset + end)]
 
 
 Signal = Constant | Ramp | Sine | Table | Shifted

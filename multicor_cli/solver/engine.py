@@ -81,7 +81,6 @@ class Engine:
         self._start = np.zeros((n + w, 4))
         self._free = np.zeros((n + w, 4))
         self._flagged = np.zeros(n, np.bool_)
-        self._world = np.empty((model.shape_count, 4))
         self._material = np.concatenate([model.grains.material, model.shapes.material]).astype(np.int32)
         self.shape_temperature: Floats = np.empty(0)
         self._contacts: Contacts | None = None
@@ -125,7 +124,7 @@ class Engine:
         margin = -1.0
         while True:
             with self._timed("detect"):
-                self._list.update(self._middle, self._world, reach)
+                self._list.update(self._middle, scene.world, reach)
                 lists = self._list
                 if margin < 0.0:
                     margin = dt * self._measure_pairs(scene, reach)
@@ -133,7 +132,7 @@ class Engine:
             with self._timed("detect"):
                 reach_after = 2.0 * dt * self._fastest(after)
                 if reach_after > reach:
-                    self._list.update(self._middle, self._world, reach_after)
+                    self._list.update(self._middle, scene.world, reach_after)
                     self._measure_pairs(scene, reach_after)
                     reach = reach_after
                 worst = chunks_for(model.grain_count)
@@ -166,11 +165,16 @@ class Engine:
 
     def next_problem(self, dt: float, t: float) -> ContactProblem:
         """The contact problem of the next step, without taking it: to save, compare and study. Arguments as `step`."""
+        return self.next_start(dt, t)[0]
+
+    def next_start(self, dt: float, t: float) -> tuple[ContactProblem, Floats]:
+        """As `next_problem`, with the impulses from which the solver would start [N s], shape ``(c, 2)``."""
         reach = 2.0 * dt * self._predict(dt, t)
         scene = self._scene(self._middle, self.state.wall_position + 0.5 * dt * self.state.wall_velocity)
-        self._list.update(self._middle, self._world, reach)
+        self._list.update(self._middle, scene.world, reach)
         contacts, _ = self._gather(scene, dt * self._measure_pairs(scene, reach), dt)
-        return problem_of_step(scene, contacts, self._free, self._motion.inverse, self.model.shape_factor)
+        problem = problem_of_step(scene, contacts, self._free, self._motion.inverse, self.model.shape_factor)
+        return problem, contacts.impulse
 
     def _predict(self, dt: float, t: float) -> float:
         """Fill mid-step positions and free velocities; returns the largest speed of anything [m/s]."""
@@ -202,9 +206,10 @@ class Engine:
 
     def _scene(self, position: Floats, wall_position: Floats) -> Scene:
         model = self.model
-        place_shapes(model.shapes.kind, model.shapes.wall, model.shapes.geometry, wall_position, self._world)
+        world = np.empty((model.shape_count, 4))  # of its own: heat still looks at that of q_m when positions are corrected
+        place_shapes(model.shapes.kind, model.shapes.wall, model.shapes.geometry, wall_position, world)
         return Scene(
-            position, model.grains.radius, self._material, model.shapes.kind, model.shapes.wall, self._world, wall_position,
+            position, model.grains.radius, self._material, model.shapes.kind, model.shapes.wall, world, wall_position,
             model.period,
         )  # fmt: skip
 
@@ -231,7 +236,11 @@ class Engine:
         ratio = dt / state.last_dt if state.last_dt > 0.0 else 0.0
         laws = kernel_laws(model.laws, self.shape_temperature)
         contacts, closing = gather_contacts(scene, lists, lists.gap, margin, laws, self._start, dt, warm, ratio)
-        return contacts, self._scale(dt, *closing)
+        scale = self._scale(dt, *closing)
+        if scale.velocity == 0.0:
+            # Nothing closes and nothing pushes: the impulses of the step before must not act once more.
+            contacts.impulse[:] = 0.0
+        return contacts, scale
 
     def _scale(self, dt: float, squares: float, closing: float) -> Scale:
         """u_ref = max(rms Δt|F|/m, Δt P d̄/m̄, rms of the closing velocities), and ½ M u_ref² (design §2)."""

@@ -117,7 +117,8 @@ class State:
         heat_books: Heat books in the order of `HEAT_BOOK_NAMES`.
         mean_i: First shape of each contact with a running average of the force, ascending, shape ``(a,)``.
         mean_j: Second shape, ascending within equal ``mean_i``, shape ``(a,)``.
-        mean_force: Running average of the normal force [N], shape ``(a,)``.
+        mean_force: Running average of the normal force, from zero at its start [N], shape ``(a,)``.
+        mean_age: Time since the start of the averages [s].
         heat_dt: Sub-step that the heat integrator tries first [s]; 0: the whole step.
     """
 
@@ -152,6 +153,7 @@ class State:
     mean_i: Ints = field(default_factory=lambda: np.zeros(0, np.int32))
     mean_j: Ints = field(default_factory=lambda: np.zeros(0, np.int32))
     mean_force: Floats = field(default_factory=lambda: _empty(0))
+    mean_age: float = 0.0
     heat_dt: float = 0.0
 
     @classmethod

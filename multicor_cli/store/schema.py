@@ -329,6 +329,7 @@ CHECKPOINT: tuple[Dataset, ...] = (
     _state("mean_i", "i4", ("mean_row",), "1", "first shape of each contact with an averaged force"),
     _state("mean_j", "i4", ("mean_row",), "1", "second shape of each of these contacts"),
     _state("mean_force", "f8", ("mean_row",), "N", "running average of the normal force"),
+    _state("mean_age", "f8", ("one",), "s", "time since the start of the running averages"),
     _state("heat_dt", "f8", ("one",), "s", "sub-step that the heat integrator tries first; 0: the whole step"),
 )
 """A checkpoint: every field of `state.State` (a test compares the two)."""

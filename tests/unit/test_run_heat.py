@@ -113,7 +113,7 @@ def test_stages_move_stand_and_move_again(reference):
         assert still[-1].temperature[high].mean() < still[0].temperature[high].mean() - 5.0  # it is cold outside
         assert still[-1].wall_temperature[0] == 330.0
         loaded = still[0].contacts.conductance
-        assert (loaded > 0.0).sum() > 100
+        assert (loaded > 0.0).sum() > 50
         # The signal of the wall's own condition ended where the stage named the wall; what a stage says is kept.
         assert frames[-1].wall_temperature[0] == 330.0
         moved = [frame for frame in frames if frame.stage == 2]

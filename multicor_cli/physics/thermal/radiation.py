@@ -1,7 +1,9 @@
 """Thermal radiation between neighboring grains, and to surroundings.
 
 Formula: ``Q = σ X (T_j⁴ − T_i⁴)`` with an area factor X [m²]. Two surfaces that see only each other:
-``X = A/(1/ε_i + 1/ε_j − 1)``. Two spheres are given the area ``A = π (2a*)²`` of their cross-section, that of parallel plates.
+``X = A/(1/ε_i + 1/ε_j − 1)``. Two spheres are given the area ``A = π a²`` of the smaller one's cross-section, as parallel plates.
+
+This is an upper estimate: six neighbors take 1.5 times what a grain radiates, and none hides another or the surroundings.
 A grain in black surroundings has ``X = ε · surface``.
 
 Source: Stefan–Boltzmann; M. F. Modest, Radiative Heat Transfer (parallel plates, crossed strings for cylinders); Z. Y. Zhou,
@@ -28,8 +30,8 @@ def emission_factor(e_i: float, e_j: float) -> float:
 
 
 def sphere_area_factor(emission: float, radius_i: float, radius_j: float) -> float:
-    """Area factor of two neighboring spheres ``X = π (2a*)²·emission`` [m²]; their radii [m], `emission_factor` between them."""
-    a = 2.0 * radius_i * radius_j / (radius_i + radius_j)
+    """Area factor of two neighboring spheres ``X = π a²·emission`` [m²], a the smaller radius [m], `emission_factor` between them."""
+    a = radius_i if radius_i < radius_j else radius_j
     return pi * a * a * emission
 
 

@@ -54,7 +54,7 @@ def _never_on(draft: Draft) -> Iterator[Finding]:
 
 def _check_frozen(draft: Draft, heat: Heat) -> Iterator[Finding]:
     """Contact spots need forces, which only a step of the mechanics finds out."""
-    knows_spots = heat.conduction == "none" or heat.gas is not None or isinstance(heat.force, PrescribedForce)
+    knows_spots = heat.conduction == "none" or isinstance(heat.force, PrescribedForce)
     for k, stage in enumerate(draft.loading):
         if stage is None or not stage.frozen:
             return
