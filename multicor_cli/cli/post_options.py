@@ -13,7 +13,12 @@ from multicor_cli.cli.console import emit, emit_json, emit_table, say
 
 FigureFile = Annotated[
     Optional[Path],  # noqa: UP045  (evaluated by typer)
-    typer.Option("--plot", metavar="FILE", help="Draw a figure: FILE.png, .svg or .pdf.", show_default=False),
+    typer.Option(
+        "--plot",
+        metavar="FILE",
+        help="Draw a figure: FILE.png, .svg or .pdf; the word term draws profiles, theta-eta and energy in the terminal.",
+        show_default=False,
+    ),
 ]
 Start = Annotated[
     Optional[float],  # noqa: UP045
@@ -53,11 +58,24 @@ class Table(Protocol):
         """The rows."""
 
 
-def check_output(is_json: bool, is_csv: bool, plot: Path | None) -> None:
-    """Refuse options that exclude each other, and names of figures with an unknown ending, before anything is computed."""
+TERMINAL = Path("term")
+"""The name of a figure that means the terminal."""
+
+
+def check_output(is_json: bool, is_csv: bool, plot: Path | None, *, has_text: bool = False) -> None:
+    """Refuse options that exclude each other, and names of figures with an unknown ending, before anything is computed.
+
+    Args:
+        is_json: Whether ``--json`` was given.
+        is_csv: Whether ``--csv`` was given.
+        plot: What ``--plot`` was given.
+        has_text: Whether the figure can be drawn in the terminal.
+    """
     if is_json and is_csv:
         raise typer.BadParameter("--json and --csv exclude each other")
-    if plot is not None and plot.suffix.lower() not in (".png", ".svg", ".pdf"):
+    if plot == TERMINAL and not has_text:
+        raise typer.BadParameter("only profile, theta-eta and energy can be drawn in the terminal", param_hint="--plot")
+    if plot is not None and plot != TERMINAL and plot.suffix.lower() not in (".png", ".svg", ".pdf"):
         raise typer.BadParameter(f"'{plot}' does not end in .png, .svg or .pdf", param_hint="--plot")
 
 
@@ -77,9 +95,11 @@ def parse_frames(text: str | None, start: float | None, end: float | None) -> sl
     return slice(*numbers)
 
 
-def draw(plot: Path | None, make: Callable[[Path], None]) -> None:
-    """Draw a figure if one was asked for, and say so."""
-    if plot is not None:
+def draw(plot: Path | None, make: Callable[[Path], None], text: Callable[[], str] | None = None) -> None:
+    """Draw a figure if one was asked for, and say so; ``text`` makes the one for the terminal."""
+    if plot == TERMINAL and text is not None:
+        say(text())
+    elif plot is not None:
         make(plot)
         say(f"wrote {plot}")
 
@@ -109,7 +129,7 @@ def deliver(
         headings, rows = details or (table.headings, table.rows)
         emit(",".join(headings))
         for row in rows:
-            emit(",".join("" if isinstance(value, float) and math.isnan(value) else repr(value) for value in row))
+            emit(",".join(_csv_cell(value) for value in row))
     else:
         say(about)
         digits = [_digits(column) for column in zip(*table.rows, strict=True)]
@@ -124,6 +144,12 @@ def _digits(column: Sequence[Any]) -> int:
         return 5
     largest = max(abs(value) for value in values)
     return min(15, 5 + max(0, math.ceil(math.log10(largest / spread))))
+
+
+def _csv_cell(value: Any) -> str:
+    if isinstance(value, str):
+        return f'"{value}"' if "," in value else value
+    return "" if isinstance(value, float) and math.isnan(value) else repr(value)
 
 
 def _cell(value: Any, digits: int) -> str:

@@ -114,8 +114,8 @@ def gas_conductances(
 def radiating_areas(scene: Scene, laws: Thermals, surface: Floats, is_sphere: bool, i: Ints, j: Ints, gap: Floats) -> Floats:
     """Area factors of radiation between near bodies [m²], shape ``(e,)``.
 
-    Spheres: the smaller cross-section π a² times the emission factor. Discs: the view factor of two parallel cylinders times the surface of the first
-    and the emission factor; a plane counts as a sphere or cylinder of the grain's own radius.
+    Spheres: the smaller cross-section π a² times the emission factor. Discs: the view factor of two parallel cylinders times the
+    surface of the first and the emission factor; a plane counts as a sphere or cylinder of the grain's own radius.
 
     Args:
         scene: Shapes.

@@ -9,10 +9,18 @@ import numpy as np
 
 from multicor_cli.plots.scene import draw_discs, draw_walls, figure_size, fit_height, is_wide
 from multicor_cli.plots.small_rises import rise_formatter, rise_label, rise_reference
+from multicor_cli.plots.streamlines import draw_streamlines
 from multicor_cli.plots.style import check_suffix, house_style, save_figure
 from multicor_cli.post.grain_map import GrainMap
 
-_MAPS = {"temperature": "plasma", "velocity": "viridis", "fluctuation": "viridis", "heat": "magma", "spin": "RdBu_r"}
+_MAPS = {
+    "temperature": "plasma",
+    "velocity": "viridis",
+    "fluctuation": "viridis",
+    "heat": "magma",
+    "stress": "cividis",
+    "spin": "RdBu_r",
+}
 _ARROWS = 1500  # at most this many arrows, or they cannot be told apart
 _LONG = 0.95  # this part of the arrows are as long as their velocity says; longer ones are cut to this length
 _LENGTH = 2.0  # length of the longest arrow over the mean distance of arrows
@@ -21,12 +29,13 @@ _ENOUGH = 400  # with fewer grains colors span all of them
 _DECADES = 1e-4  # lowest color of a logarithmic scale over the highest
 
 
-def plot_map(table: GrainMap, path: Path) -> None:
+def plot_map(table: GrainMap, path: Path, *, has_streamlines: bool = True) -> None:
     """Draw a map.
 
     Args:
         table: The map.
         path: File to write; its ending (.png, .svg, .pdf) chooses the format.
+        has_streamlines: Whether vectors are shown as streamlines of their local mean, in which vortices are seen, or as arrows.
 
     Raises:
         PlotError: If matplotlib is not installed or the ending is not known.
@@ -38,18 +47,29 @@ def plot_map(table: GrainMap, path: Path) -> None:
 
         figure = Figure(figsize=figure_size(table.scene), layout="constrained")
         axes = figure.add_subplot()
-        draw_map(axes, table)
+        draw_map(axes, table, has_streamlines=has_streamlines)
         fit_height(figure, axes)
         save_figure(figure, path)
 
 
-def draw_map(axes: Any, table: GrainMap) -> None:
-    """Draw a map with its color bar into matplotlib axes."""
-    norm, extend = color_scale(table)
+def draw_map(axes: Any, table: GrainMap, *, has_streamlines: bool = True) -> None:
+    """Draw a map with its color bar into matplotlib axes; see `plot_map`."""
+    scale = color_scale(table)
+    draw_bar(axes, table, draw_values(axes, table, scale[0], has_streamlines=has_streamlines), scale)
+
+
+def draw_values(axes: Any, table: GrainMap, norm: Any, *, has_streamlines: bool = True) -> Any:
+    """Draw the grains, walls and vectors of a map in the colors of ``norm``; returns the collection of the grains."""
     discs = draw_discs(axes, table.scene, value=table.value, cmap=_MAPS[table.field.name], norm=norm)
     draw_walls(axes, table.scene)
     if table.vector is not None:
-        _draw_arrows(axes, table)
+        (draw_streamlines if has_streamlines else _draw_arrows)(axes, table)
+    return discs
+
+
+def draw_bar(axes: Any, table: GrainMap, discs: Any, scale: tuple[Any, str]) -> None:
+    """Draw the color bar of a map beside or below its axes."""
+    norm, extend = scale
     where = {"location": "bottom", "aspect": 40} if is_wide(table.scene) else {"location": "right", "aspect": 30}
     bar = axes.figure.colorbar(discs, ax=axes, extend=extend, pad=0.02, **where)
     field = table.field

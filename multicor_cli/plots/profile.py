@@ -9,7 +9,7 @@ import numpy as np
 
 from multicor_cli.plots.small_rises import rise_formatter, rise_label, rise_reference
 from multicor_cli.plots.style import COLORS, COLUMN, check_suffix, house_style, save_figure
-from multicor_cli.post import ProfileTable
+from multicor_cli.post import ProfileSet, ProfileTable
 
 
 def plot_profile(table: ProfileTable, path: Path) -> None:
@@ -29,6 +29,31 @@ def plot_profile(table: ProfileTable, path: Path) -> None:
 
         figure = Figure(figsize=(COLUMN, 0.9 * COLUMN), layout="constrained")
         draw_profile(figure.add_subplot(), table)
+        save_figure(figure, path)
+
+
+def plot_profiles(profiles: ProfileSet, path: Path) -> None:
+    """Draw profiles of several fields of one unit into one figure, or one as `plot_profile` does; see there."""
+    if len(profiles.tables) == 1:
+        plot_profile(profiles.first, path)
+        return
+    check_suffix(path)
+    with house_style():
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(COLUMN, COLUMN), layout="constrained")
+        axes = figure.add_subplot()
+        for color, marker, table in zip(COLORS, "os^D", profiles.tables, strict=False):
+            error = np.where(np.isfinite(table.error), table.error, 0.0)
+            axes.fill_betweenx(table.y, table.value - error, table.value + error, color=color, alpha=0.25, linewidth=0.0)
+            style: Any = {"color": color, "markeredgewidth": 0.0, "markersize": 2.5, "linewidth": 0.9}
+            axes.plot(table.value, table.y, marker + "-", label=f"${table.field.symbol}$", **style)
+        _, upwards = axis_labels(profiles.first)
+        axes.set_xlabel(f"{profiles.name.replace('-', ' ')} [{_unit(profiles.first.units[1])}]")
+        axes.set_ylabel(upwards)
+        axes.set_ylim(0.0, profiles.first.height)
+        axes.ticklabel_format(scilimits=(-3, 4), useMathText=True)
+        figure.legend(loc="outside upper center", ncols=4, columnspacing=1.2)
         save_figure(figure, path)
 
 

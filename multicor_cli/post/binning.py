@@ -1,4 +1,4 @@
-"""Sharing discs out among horizontal bins by exact area."""
+"""Sharing discs and lines out among horizontal bins by exact area and length."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from multicor_cli.state.model import Floats
 
 
 class Shares(NamedTuple):
-    """Which grain lies in which bin with which area; one row per overlap.
+    """Which grain (or line) lies in which bin with which area (or part of its length); one row per overlap.
 
     Attributes:
         grain: Index of the grain, shape ``(k,)``.
@@ -55,6 +55,10 @@ def share_discs(y: Floats, radius: Floats, bottom: float, width: float, count: i
         grain = np.flatnonzero((first + step <= last) & (first + step >= 0) & (first + step < count))
         if grain.size:
             pieces.append(_overlap(grain, first[grain] + step, y, radius, bottom, width))
+    return _join(pieces)
+
+
+def _join(pieces: list[Shares]) -> Shares:
     if not pieces:
         none = np.zeros(0, np.int64)
         return Shares(none, none, np.zeros(0))
@@ -65,3 +69,49 @@ def _overlap(grain: NDArray[np.int64], bin_: NDArray[np.int64], y: Floats, radiu
     edge = bottom + bin_ * width - y[grain]
     area = area_below(edge + width, radius[grain]) - area_below(edge, radius[grain])
     return Shares(grain, bin_, np.maximum(area, 0.0))
+
+
+def share_lines(start: Floats, end: Floats, bottom: float, width: float, count: int) -> Shares:
+    """Share straight lines out among ``count`` bins of equal width; parts outside all bins are left out.
+
+    Args:
+        start: Heights of one end [m], shape ``(n,)``.
+        end: Heights of the other end [m], shape ``(n,)``.
+        bottom: Lower edge of the first bin [m].
+        width: Width of a bin [m].
+        count: Number of bins.
+
+    Returns:
+        The shares; ``grain`` is the number of the line, ``area`` the part of its length that lies in the bin [1]. A level line
+        lies in one bin.
+    """
+    low, high = (np.minimum(start, end) - bottom) / width, (np.maximum(start, end) - bottom) / width
+    first, last = np.floor(low).astype(np.int64), np.floor(high).astype(np.int64)
+    pieces = []
+    for step in range(int((last - first).max(initial=-1)) + 1):
+        line = np.flatnonzero((first + step <= last) & (first + step >= 0) & (first + step < count))
+        if line.size:
+            bin_ = first[line] + step
+            length = np.minimum(high[line], bin_ + 1.0) - np.maximum(low[line], bin_)
+            rise = high[line] - low[line]
+            pieces.append(Shares(line, bin_, np.where(rise > 0.0, length / np.where(rise > 0.0, rise, 1.0), 1.0)))
+    return _join(pieces)
+
+
+def part_between(start: Floats, end: Floats, low: float, high: float) -> Floats:
+    """Part of the length of straight lines that lies between two heights [1].
+
+    Args:
+        start: Heights of one end [m], shape ``(n,)``.
+        end: Heights of the other end [m], shape ``(n,)``.
+        low: Lower height [m].
+        high: Upper height [m].
+
+    Returns:
+        0 … 1, shape ``(n,)``; a level line lies between them or not.
+    """
+    bottom, top = np.minimum(start, end), np.maximum(start, end)
+    rise = top - bottom
+    part = (np.minimum(top, high) - np.maximum(bottom, low)) / np.where(rise > 0.0, rise, 1.0)
+    level = ((bottom >= low) & (bottom < high)).astype(np.float64)
+    return np.asarray(np.where(rise > 0.0, np.maximum(part, 0.0), level))

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.post.source import FrameSource, GrainFrame
-from multicor_cli.post.sums import Bins, average, sum_means
+from multicor_cli.post.sums import Bins, Values, average, sum_means
 from multicor_cli.state.model import Floats
 
 
@@ -49,10 +49,11 @@ class RelativeFrame:
 
 def mean_flow(source: FrameSource, chosen: NDArray[np.int64], bins: Bins) -> MeanFlow:
     """The mean flow over the frames ``chosen``; grains count with the area that lies in a bin."""
-    columns = [
-        average(sum_means(source, chosen, bins, lambda frame, axis=axis: np.asarray(frame.velocity, np.float64)[:, axis]))[0]  # type: ignore[misc]
-        for axis in (0, 1)
-    ]
-    velocity = np.column_stack(columns)
+    sums = sum_means(source, chosen, bins, (_component(0), _component(1)))
+    velocity = np.column_stack([average(found)[0] for found in sums])
     known = np.isfinite(velocity).all(axis=1)
     return MeanFlow(bins.centers[known], velocity[known])
+
+
+def _component(axis: int) -> Values:
+    return lambda frame: np.asarray(frame.velocity[:, axis], np.float64)

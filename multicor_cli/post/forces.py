@@ -3,58 +3,15 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from multicor_cli.post.contacts import loaded_contacts, with_forces
 from multicor_cli.post.scene import Scene, make_scene
-from multicor_cli.post.source import FrameSource, GrainFrame, PostError, frame_index
+from multicor_cli.post.source import FrameSource, frame_index
 from multicor_cli.state.model import Floats
-
-
-class ContactRows(Protocol):
-    """The contacts of a frame, as far as they are needed here; ``c`` of them."""
-
-    @property
-    def recorded(self) -> bool:
-        """Whether they are in the file."""
-
-    @property
-    def i(self) -> NDArray[Any]:
-        """First grain, shape ``(c,)``."""
-
-    @property
-    def j(self) -> NDArray[Any]:
-        """Second grain, or wall shape (not below the number of grains), shape ``(c,)``."""
-
-    @property
-    def normal(self) -> NDArray[Any]:
-        """Unit normal from j to i, shape ``(c, 2)``."""
-
-    @property
-    def gap(self) -> NDArray[Any]:
-        """Gap [m], shape ``(c,)``."""
-
-    @property
-    def force(self) -> NDArray[Any]:
-        """Normal and tangential force on i [N], shape ``(c, 2)``."""
-
-    @property
-    def sliding(self) -> NDArray[Any]:
-        """Whether the contact slides, shape ``(c,)``."""
-
-
-class ContactFrame(GrainFrame, Protocol):
-    """A frame with its contacts."""
-
-    @property
-    def dt(self) -> float:
-        """Length of the last step [s]."""
-
-    @property
-    def contacts(self) -> ContactRows:
-        """Contacts of the last step."""
 
 
 @dataclass(frozen=True)
@@ -169,30 +126,20 @@ def force_network(source: FrameSource, frame: int = -1) -> ForceNetwork:
         StoreError: If the run cannot be read.
     """
     index = frame_index(source.frames, frame)
-    chosen: ContactFrame = source.frames[index]  # type: ignore[assignment]
-    contacts = chosen.contacts
-    if not contacts.recorded:
-        raise PostError(f"the contacts of frame {index} were not recorded; set contacts = true in [output] and run it again")
-    if not chosen.dt > 0.0:
-        raise PostError(f"frame {index} has no contact forces: no step was done before it; choose a later one with --frame")
-    loaded = np.flatnonzero(contacts.force[:, 0] > 0.0)
-    i, j = contacts.i[loaded], contacts.j[loaded]
-    normal = np.asarray(contacts.normal, np.float64)[loaded]
+    with_forces(source, np.array([index]))
+    chosen = source.frames[index]
+    loaded = loaded_contacts(chosen, source.model)
     scene = make_scene(source, chosen)
-    n = scene.radius.size
-    between = j < n
-    reach = scene.radius[i] + np.asarray(contacts.gap, np.float64)[loaded]
-    reach += np.where(between, scene.radius[np.where(between, j, 0)], 0.0)
-    start = scene.center[i]
+    start = scene.center[loaded.i]
     return ForceNetwork(
         scene,
-        i,
-        j,
-        normal,
+        loaded.i,
+        loaded.j,
+        loaded.normal,
         start,
-        start - normal * reach[:, np.newaxis],
-        np.asarray(contacts.force, np.float64)[loaded],
-        np.asarray(contacts.sliding, np.bool_)[loaded],
+        start - loaded.branch,
+        loaded.force,
+        np.asarray(chosen.contacts.sliding, np.bool_)[loaded.row],  # type: ignore[attr-defined]
         index,
         float(np.asarray(source.frames.time)[index]),
     )

@@ -8,6 +8,7 @@ from typing import Any, Literal
 
 import numpy as np
 
+from multicor_cli.post.contacts import loaded_contacts, with_forces
 from multicor_cli.post.flow import mean_flow
 from multicor_cli.post.profile import make_bins
 from multicor_cli.post.scene import Scene, make_scene
@@ -142,6 +143,19 @@ def _heat_rates(source: FrameSource, frame: int) -> Floats:
     return np.asarray((after - need_heat(source.frames[frame - 1].generated)) / float(times[frame] - times[frame - 1]))
 
 
+def _pressures(source: FrameSource, frame: int) -> Floats:
+    """Mean pressure in each grain by its contact forces [N/m], shape ``(n,)``.
+
+    Half the trace of its virial Σ f⊗ℓ/(π a²), ℓ from where it is touched to its center: Σ f_n/(2π a).
+    """
+    with_forces(source, np.array([frame]))
+    contacts = loaded_contacts(source.frames[frame], source.model)
+    n, between = source.model.grain_count, ~contacts.is_wall
+    load = np.bincount(contacts.i, contacts.force[:, 0], minlength=n)
+    load += np.bincount(contacts.j[between], contacts.force[between, 0], minlength=n)
+    return np.asarray(load / (2.0 * np.pi * source.model.grains.radius))
+
+
 def _fluctuations(source: FrameSource, frame: int) -> Floats:
     """Velocities relative to the mean horizontal flow of the same frame at the height of each grain [m/s], shape ``(n, 2)``."""
     chosen = np.array([frame])
@@ -158,6 +172,7 @@ MAP_FIELDS: dict[str, MapField] = {
         MapField("velocity", "velocity", "v_x", "m/s", _of_frame(lambda frame: frame.velocity[:, 0])),
         MapField("fluctuation", "velocity fluctuation", r"|v - \langle v_x \rangle|", "m/s", _fluctuations),
         MapField("heat", "generated heat", r"\dot{Q}", "W", _heat_rates, "logarithmic"),
+        MapField("stress", "contact pressure", "p", "N/m", _pressures, "logarithmic"),
         MapField("spin", "spin", r"\omega", "rad/s", _of_frame(lambda frame: frame.spin), "centered"),
     )
 }

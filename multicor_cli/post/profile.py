@@ -2,18 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
+from multicor_cli.post.contacts import with_forces
 from multicor_cli.post.extent import find_extent
-from multicor_cli.post.fields import FIELDS, Field
+from multicor_cli.post.fields import FIELD_GROUPS, FIELDS, Field
 from multicor_cli.post.flow import RelativeFrame, mean_flow
 from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Selection
-from multicor_cli.post.sums import Bins, Sums, Values, average, sum_means, sum_rates, sum_shares
+from multicor_cli.post.sums import Bins, Sums, Values, average, sum_contacts, sum_means, sum_rates, sum_shares
 from multicor_cli.state.model import Floats
 
 BIN_LIMIT = 100_000
@@ -139,49 +140,145 @@ class ProfileTable:
         return 0.0, self.shear_rate
 
 
+@dataclass(frozen=True)
+class ProfileSet:
+    """Profiles of several fields over the same bins and frames.
+
+    Attributes:
+        name: Name of the group, or of the only field.
+        tables: The profiles; at least one.
+    """
+
+    name: str
+    tables: tuple[ProfileTable, ...]
+
+    @property
+    def first(self) -> ProfileTable:
+        """The first profile: bins, frames and walls are those of all."""
+        return self.tables[0]
+
+    @property
+    def headings(self) -> tuple[str, ...]:
+        """Names of the columns of `rows` with their units."""
+        y, area = self.first.headings[0], self.first.headings[-1]
+        if len(self.tables) == 1:
+            return self.first.headings
+        pairs = [(table.field.name, f"error {table.field.name.rsplit('-', 1)[1]}", table.units[1]) for table in self.tables]
+        return y, *(f"{name} [{unit}]" for value, error, unit in pairs for name in (value, error)), area
+
+    @property
+    def rows(self) -> list[tuple[float, ...]]:
+        """Height, value and standard error of every field, and area of every bin; nan where there is none."""
+        own = [column for table in self.tables for column in (table.value, table.error)]
+        columns = (self.first.y, *own, self.first.area)
+        return list(zip(*(column.tolist() for column in columns), strict=True))
+
+    def as_dict(self) -> dict[str, Any]:
+        """Everything as JSON types; numbers may be nan."""
+        if len(self.tables) == 1:
+            return self.first.as_dict()
+        common = {key: value for key, value in self.first.as_dict().items() if key not in _OWN}
+        own = {table.field.name: {key: value for key, value in table.as_dict().items() if key in _OWN[1:]} for table in self.tables}
+        return {"of": self.name, **common, "fields": own}
+
+    def normalized(self) -> ProfileSet:
+        """The same in a form without unit; see `ProfileTable.normalized`, whose errors are raised."""
+        return replace(self, tables=tuple(table.normalized() for table in self.tables))
+
+
+_OWN = ("of", "unit", "wall_values", "value", "standard_error")
+
+
 def profile(
     source: FrameSource,
     of: str = "velocity",
     selection: Selection | None = None,
     bins: int | None = None,
+    *,
+    bin_width: float | None = None,
+    exclude_walls: float = 0.0,
 ) -> ProfileTable:
     """Average a field over horizontal bins and frames.
 
     Rates come from the differences of consecutive frames, with the grains halfway between: they must not move by much more than
-    a bin from frame to frame.
+    a bin from frame to frame. Stresses and contacts come from the frames to which contact forces belong; the others are left out.
 
     Args:
         source: The run.
         of: Name of the field, one of `FIELDS`.
         selection: Which frames; default: the later half of the last stage.
-        bins: Number of bins; default: as many as make a bin about one mean diameter wide.
+        bins: Number of bins; default: as many as make a bin about ``bin_width`` wide.
+        bin_width: Width of a bin in mean diameters, rounded so that a whole number of bins fits; default: 1.
+        exclude_walls: What to leave out at each wall, in mean diameters.
 
     Raises:
         PostError: If there is no such field, no frame (for a rate: fewer than two), or no sensible number of bins; or if the
-            field needs heat and the run has none.
+            field needs heat or contacts and the run has none.
         StoreError: If the run cannot be read.
     """
-    field = FIELDS.get(of)
-    if field is None:
-        raise PostError(f"there is no profile of '{of}'; choose from: {', '.join(FIELDS)}")
+    if of in FIELD_GROUPS:
+        raise PostError(f"'{of}' has several components: choose one of {', '.join(FIELD_GROUPS[of])}, or ask for `profiles`")
+    return profiles(source, of, selection, bins, bin_width=bin_width, exclude_walls=exclude_walls).first
+
+
+def profiles(
+    source: FrameSource,
+    of: str = "velocity",
+    selection: Selection | None = None,
+    bins: int | None = None,
+    *,
+    bin_width: float | None = None,
+    exclude_walls: float = 0.0,
+) -> ProfileSet:
+    """As `profile`, for a field or for all fields of one of `FIELD_GROUPS`, reading every frame once."""
+    fields = _find_fields(of)
     chosen = (selection or Selection()).indices(source.frames)
-    field.of_grains(source.frames[int(chosen[0])], source.model)  # a run without heat is refused for that reason before others
-    if field.kind == "rate" and chosen.size < 2:
-        raise PostError(f"{field.label} is a rate and needs two frames; only one is selected: choose more with --from or --frames")
-    bins_ = make_bins(source, chosen, bins)
-    sums = _SUMS[field.kind](source, chosen, bins_, _values_of(source, field, chosen, bins_))
+    kind = fields[0].kind
+    if any(field.needs_contacts for field in fields):
+        chosen = with_forces(source, chosen)
+    for field in fields:
+        if field.of_grains is not None:
+            field.of_grains(source.frames[int(chosen[0])], source.model)  # a run without heat is refused before anything else
+    if kind == "rate" and chosen.size < 2:
+        label = fields[0].label
+        raise PostError(f"{label} is a rate and needs two frames; only one is selected: choose more with --from or --frames")
+    bins_ = make_bins(source, chosen, bins, bin_width=bin_width, exclude_walls=exclude_walls)
+    if kind == "contact":
+        sums = sum_contacts(source, chosen, bins_, [field.of_contacts for field in fields if field.of_contacts is not None])
+    else:
+        sums = _SUMS[kind](source, chosen, bins_, _values_of(source, fields, chosen, bins_))
+    tables = [_make_table(source, *pair, chosen, bins_) for pair in zip(fields, sums, strict=True)]
+    return ProfileSet(of, tuple(tables))
+
+
+_SUMS: dict[str, Callable[[FrameSource, NDArray[np.int64], Bins, Sequence[Values]], list[Sums]]] = {
+    "mean": sum_means,
+    "rate": sum_rates,
+    "share": sum_shares,
+}
+
+
+def _find_fields(of: str) -> tuple[Field, ...]:
+    names = FIELD_GROUPS.get(of, (of,))
+    if names[0] not in FIELDS:
+        known = [name for name in FIELDS if not any(name in group for group in FIELD_GROUPS.values())]
+        raise PostError(f"there is no profile of '{of}'; choose from: {', '.join([*known, *FIELD_GROUPS])}")
+    return tuple(FIELDS[name] for name in names)
+
+
+def _make_table(source: FrameSource, field: Field, sums: Sums, chosen: NDArray[np.int64], bins: Bins) -> ProfileTable:
     value, error = average(sums)
-    extent = bins_.extent
+    extent = bins.extent
     walls, speeds = _at_walls(source, field, chosen, (extent.lower, extent.upper))
     times = np.asarray(source.frames.time)[chosen]
     names = source.model.walls.names
     return ProfileTable(
         field=field,
-        y=bins_.centers,
+        y=bins.centers,
         value=value,
         error=error,
         area=sums.area.mean(axis=0),
-        width=bins_.width,
+        width=bins.width,
         height=extent.height,
         wall_values=walls,
         walls=tuple("" if w is None else names[w] for w in (extent.lower, extent.upper)),  # type: ignore[arg-type]
@@ -191,36 +288,55 @@ def profile(
     )
 
 
-_SUMS: dict[str, Callable[[FrameSource, NDArray[np.int64], Bins, Values], Sums]] = {
-    "mean": sum_means,
-    "rate": sum_rates,
-    "share": sum_shares,
-}
-
-
-def make_bins(source: FrameSource, chosen: NDArray[np.int64], bins: int | None = None) -> Bins:
-    """Bins over the extent of the frames ``chosen``, each about one mean diameter wide unless their number is given.
+def make_bins(
+    source: FrameSource,
+    chosen: NDArray[np.int64],
+    bins: int | None = None,
+    *,
+    bin_width: float | None = None,
+    exclude_walls: float = 0.0,
+) -> Bins:
+    """Bins over the extent of the frames ``chosen``, each about ``bin_width`` mean diameters wide unless their number is given.
 
     Raises:
-        PostError: If there are too few or too many.
+        PostError: If there are too few or too many, or nothing is left between the walls.
     """
     extent = find_extent(source, chosen)
-    count = bins if bins is not None else max(round(extent.height / source.model.mean_diameter), 1)
+    diameter = source.model.mean_diameter
+    if not exclude_walls >= 0.0:
+        raise PostError(f"{exclude_walls:g} mean diameters cannot be left out at the walls: choose 0 or more")
+    edge = exclude_walls * diameter
+    bottom = edge if extent.lower is not None else 0.0
+    height = extent.height - bottom - (edge if extent.upper is not None else 0.0)
+    if not height > 0.0:
+        raise PostError(
+            f"nothing is left between the walls: they are {extent.height / diameter:.3g} mean diameters apart and "
+            f"{exclude_walls:g} are to be left out at each"
+        )
+    if bin_width is not None and not bin_width > 0.0:
+        raise PostError(f"bins cannot be {bin_width:g} mean diameters wide: choose more than 0")
+    count = bins if bins is not None else max(round(min(height / ((bin_width or 1.0) * diameter), 2.0 * BIN_LIMIT)), 1)
     if not 1 <= count <= BIN_LIMIT:
         raise PostError(f"{count} bins: choose between 1 and {BIN_LIMIT}")
-    return Bins(extent, extent.height / count, count)
+    return Bins(extent, height / count, count, bottom)
 
 
-def _values_of(source: FrameSource, field: Field, chosen: NDArray[np.int64], bins: Bins) -> Values:
-    if not field.is_relative:
-        return lambda frame: np.asarray(field.of_grains(frame, source.model), np.float64)
-    flow = mean_flow(source, chosen, bins)
+def _values_of(source: FrameSource, fields: tuple[Field, ...], chosen: NDArray[np.int64], bins: Bins) -> list[Values]:
+    is_relative = any(field.is_relative for field in fields)
+    flow = mean_flow(source, chosen, bins) if is_relative else None
 
-    def values(frame: GrainFrame) -> Floats:
-        relative = RelativeFrame(frame, flow.fluctuation(frame, bins.extent.origin(frame)))
-        return field.of_grains(relative, source.model)
+    def values_of(field: Field) -> Values:
+        of_grains = field.of_grains
+        assert of_grains is not None
 
-    return values
+        def values(frame: GrainFrame) -> Floats:
+            if flow is not None:
+                frame = RelativeFrame(frame, flow.fluctuation(frame, bins.extent.origin(frame)))
+            return np.asarray(of_grains(frame, source.model), np.float64)
+
+        return values
+
+    return [values_of(field) for field in fields]
 
 
 def _at_walls(

@@ -1,8 +1,8 @@
-"""Sums over grains, bins and frames, of which every profile is a ratio."""
+"""Sums over grains, contacts, bins and frames, of which every profile is a ratio."""
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
@@ -10,7 +10,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.post.binning import Shares, share_discs
+from multicor_cli.post.binning import Shares, share_discs, share_lines
+from multicor_cli.post.contacts import LoadedContacts, loaded_contacts
 from multicor_cli.post.extent import Extent
 from multicor_cli.post.source import FrameSource, GrainFrame
 from multicor_cli.state.model import Floats
@@ -21,6 +22,9 @@ BLOCKS = 10
 Values = Callable[[GrainFrame], Floats]
 """Values of the grains of a frame, shape ``(n,)``."""
 
+ContactValues = Callable[[LoadedContacts], Floats]
+"""Values of the contacts of a frame, shape ``(c,)``."""
+
 
 @dataclass(frozen=True)
 class Bins:
@@ -30,20 +34,27 @@ class Bins:
         extent: Where heights are measured from.
         width: Width of a bin [m].
         count: Number of bins b.
+        bottom: Lower edge of the first bin above the origin [m].
     """
 
     extent: Extent
     width: float
     count: int
+    bottom: float = 0.0
 
     @property
     def centers(self) -> Floats:
         """Centers above the origin [m], shape ``(b,)``."""
-        return np.asarray((np.arange(self.count) + 0.5) * self.width)
+        return np.asarray(self.bottom + (np.arange(self.count) + 0.5) * self.width)
 
     def share(self, y: Floats, radius: Floats, origin: float) -> Shares:
         """Which grain lies in which bin with which area."""
-        return share_discs(y, radius, origin, self.width, self.count)
+        return share_discs(y, radius, origin + self.bottom, self.width, self.count)
+
+    def share_branches(self, contacts: LoadedContacts, y: Floats, origin: float) -> Shares:
+        """Which branch of a contact lies in which bin with which part of its length; ``y`` are the heights of the grains [m]."""
+        start = y[contacts.i]
+        return share_lines(start, start - contacts.branch[:, 1], origin + self.bottom, self.width, self.count)
 
     def total(self, shares: Shares, values: Floats) -> Floats:
         """Sum of values of the shares in each bin, shape ``(b,)``."""
@@ -64,45 +75,65 @@ class Sums(NamedTuple):
     area: Floats
 
 
-def sum_means(source: FrameSource, chosen: NDArray[np.int64], bins: Bins, values: Values) -> Sums:
-    """For averages over grains, weighted by their area; one row per frame."""
-    area, weighted = np.zeros((chosen.size, bins.count)), np.zeros((chosen.size, bins.count))
+def sum_means(source: FrameSource, chosen: NDArray[np.int64], bins: Bins, values: Sequence[Values]) -> list[Sums]:
+    """For averages over grains, weighted by their area; one row per frame, one result for each of ``values``."""
+    area, weighted = _empty(chosen.size, bins), [_empty(chosen.size, bins) for _ in values]
     for row, k in enumerate(chosen):
         frame = source.frames[int(k)]
-        shares = bins.share(_heights(frame), source.model.grains.radius, bins.extent.origin(frame))
+        shares = bins.share(heights(frame), source.model.grains.radius, bins.extent.origin(frame))
         area[row] = bins.total(shares, shares.area)
-        weighted[row] = bins.total(shares, shares.area * values(frame)[shares.grain])
-    return Sums(weighted, area, area)
+        for column, value in zip(weighted, values, strict=True):
+            column[row] = bins.total(shares, shares.area * value(frame)[shares.grain])
+    return [Sums(column, area, area) for column in weighted]
 
 
-def sum_shares(source: FrameSource, chosen: NDArray[np.int64], bins: Bins, values: Values) -> Sums:
-    """For values per area of the plane; one row per frame."""
+def sum_shares(source: FrameSource, chosen: NDArray[np.int64], bins: Bins, values: Sequence[Values]) -> list[Sums]:
+    """For values per area of the plane; one row per frame, one result for each of ``values``."""
     sums = sum_means(source, chosen, bins, values)
     widths = np.array([plane_width(source, source.frames[int(k)]) for k in chosen])
-    return sums._replace(weight=np.repeat(bins.width * widths[:, np.newaxis], bins.count, axis=1))
+    weight = np.repeat(bins.width * widths[:, np.newaxis], bins.count, axis=1)
+    return [found._replace(weight=weight) for found in sums]
 
 
-def sum_rates(source: FrameSource, chosen: NDArray[np.int64], bins: Bins, values: Values) -> Sums:
+def sum_contacts(source: FrameSource, chosen: NDArray[np.int64], bins: Bins, values: Sequence[ContactValues]) -> list[Sums]:
+    """For what contacts carry per area of the plane, spread along their branches; one row per frame with forces."""
+    area, weight = _empty(chosen.size, bins), _empty(chosen.size, bins)
+    spread = [_empty(chosen.size, bins) for _ in values]
+    for row, k in enumerate(chosen):
+        frame = source.frames[int(k)]
+        y, origin = heights(frame), bins.extent.origin(frame)
+        contacts = loaded_contacts(frame, source.model)
+        lines = bins.share_branches(contacts, y, origin)
+        for column, value in zip(spread, values, strict=True):
+            column[row] = bins.total(lines, lines.area * value(contacts)[lines.grain])
+        weight[row] = bins.width * plane_width(source, frame)
+        discs = bins.share(y, source.model.grains.radius, origin)
+        area[row] = bins.total(discs, discs.area)
+    return [Sums(column, weight, area) for column in spread]
+
+
+def sum_rates(source: FrameSource, chosen: NDArray[np.int64], bins: Bins, values: Sequence[Values]) -> list[Sums]:
     """For increases per time and area of the plane; one row per interval between consecutive frames.
 
     What a grain has gained in the interval lies where the grain is halfway between its two positions.
     """
     times = np.asarray(source.frames.time)
-    shape = (chosen.size - 1, bins.count)
-    value, weight, area = np.zeros(shape), np.zeros(shape), np.zeros(shape)
+    area, weight = _empty(chosen.size - 1, bins), _empty(chosen.size - 1, bins)
+    gained = [_empty(chosen.size - 1, bins) for _ in values]
     radius = source.model.grains.radius
     before = source.frames[int(chosen[0])]
     for row, (first, last) in enumerate(pairwise(chosen)):
         after = source.frames[int(last)]
         origin = 0.5 * (bins.extent.origin(before) + bins.extent.origin(after))
-        shares = bins.share(0.5 * (_heights(before) + _heights(after)), radius, origin)
-        gain = (values(after) - values(before)) / (np.pi * radius**2)
-        value[row] = bins.total(shares, shares.area * gain[shares.grain])
+        shares = bins.share(0.5 * (heights(before) + heights(after)), radius, origin)
         area[row] = bins.total(shares, shares.area)
+        for column, value in zip(gained, values, strict=True):
+            gain = (value(after) - value(before)) / (np.pi * radius**2)
+            column[row] = bins.total(shares, shares.area * gain[shares.grain])
         width = 0.5 * (plane_width(source, before) + plane_width(source, after))
         weight[row] = bins.width * width * float(times[last] - times[first])
         before = after
-    return Sums(value, weight, area)
+    return [Sums(column, weight, area) for column in gained]
 
 
 def plane_width(source: FrameSource, frame: GrainFrame) -> float:
@@ -113,21 +144,42 @@ def plane_width(source: FrameSource, frame: GrainFrame) -> float:
     return float((x + radius).max() - (x - radius).min())
 
 
+def block_rows(rows: int) -> list[NDArray[np.int64]]:
+    """Rows of each block of consecutive rows."""
+    return np.array_split(np.arange(rows), min(BLOCKS, rows))
+
+
 def average(sums: Sums) -> tuple[Floats, Floats]:
     """Means over the rows and their standard errors from block averages; nan where there is nothing, or only one block."""
-    rows = sums.weight.shape[0]
-    blocks = np.array_split(np.arange(rows), min(BLOCKS, rows))
     with np.errstate(invalid="ignore", divide="ignore"):
         value = sums.value.sum(axis=0) / sums.weight.sum(axis=0)
+        blocks = block_rows(sums.weight.shape[0])
         means = np.array([sums.value[block].sum(axis=0) / sums.weight[block].sum(axis=0) for block in blocks])
-        known = np.isfinite(means)
-        number = known.sum(axis=0)
+    return value, standard_error(means)
+
+
+def standard_error(means: Floats) -> Floats:
+    """Standard errors of the means of blocks.
+
+    Args:
+        means: Means of the blocks, shape ``(blocks, …)``; those that are not finite do not count.
+
+    Returns:
+        Their standard deviation over √(number of blocks), shape ``(…)``; nan where there are fewer than two.
+    """
+    known = np.isfinite(means)
+    number = known.sum(axis=0)
+    with np.errstate(invalid="ignore", divide="ignore"):
         deviation = np.where(known, means, 0.0) - np.where(known, means, 0.0).sum(axis=0) / number
         variance = (np.where(known, deviation, 0.0) ** 2).sum(axis=0) / (number - 1)
         error = np.sqrt(variance / number)
-    error[number < 2] = np.nan
-    return value, error
+    return np.asarray(np.where(number < 2, np.nan, error), np.float64)
 
 
-def _heights(frame: GrainFrame) -> Floats:
+def heights(frame: GrainFrame) -> Floats:
+    """Heights y of the grains [m], shape ``(n,)``."""
     return np.asarray(frame.position, np.float64)[:, 1]
+
+
+def _empty(rows: int, bins: Bins) -> Floats:
+    return np.zeros((rows, bins.count))

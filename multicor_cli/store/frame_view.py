@@ -222,7 +222,8 @@ class Frame:
     @cached_property
     def contacts(self) -> Contacts:
         """Contacts of the last step."""
-        return Contacts(self)
+        # They read through a frame of their own: one that held itself would keep its arrays until the next garbage collection.
+        return Contacts(Frame(self._parts, self.index, self._period))
 
 
 class Period:

@@ -25,6 +25,11 @@ _IN_DIRECTORY = {
 }
 
 
+def file_names() -> frozenset[str]:
+    """Names of the files and directories of a run directory."""
+    return frozenset({*_FILES, *_IN_DIRECTORY})
+
+
 def foreign_entries(directory: Path) -> list[str]:
     """Names in a run directory that are not files of a run, links to other directories included."""
     foreign = []

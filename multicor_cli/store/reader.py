@@ -126,10 +126,12 @@ class Run:
         found = self._parts.features
         if found is not None:
             return found
+        file = self.path / layout.MODEL
+        was_there = file.exists()  # the run may write it, or put it into results.h5, while we look
         try:
             return schema.features_of(self.model)
         except DamagedRun:
-            if (self.path / layout.MODEL).exists():
+            if was_there and file.exists():
                 raise
             return frozenset()
 

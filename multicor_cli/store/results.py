@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from multicor_cli.state import Model
 from multicor_cli.store import schema
+from multicor_cli.store.atomic import file_digest
 from multicor_cli.store.checked import CheckedFile
 from multicor_cli.store.errors import DamagedRun
 from multicor_cli.store.hdf5 import (
@@ -28,6 +29,7 @@ from multicor_cli.store.manifest import Segment, check_segment
 from multicor_cli.store.model_file import model_columns, write_model_into
 from multicor_cli.store.schema import Dataset
 from multicor_cli.store.segments import FILETYPE as SEGMENT_FILETYPE
+from multicor_cli.store.vtkhdf import check_view, estimate_view, link_view, write_view
 
 FILETYPE = "multicor-results"
 
@@ -54,12 +56,14 @@ class ResultsInfo:
     Attributes:
         size: Size of the file [bytes].
         data_digest: Digest over all datasets.
+        blake2b: Digest of the file.
         frames: Number of frames.
         series_rows: Rows of the time series.
     """
 
     size: int
     data_digest: str
+    blake2b: str
     frames: int
     series_rows: int
 
@@ -106,20 +110,22 @@ def write_results(
         "results",
         root,
         merger.fill,
-        size=estimate_size(schema.RESULTS_TABLE, merger.bytes),
+        size=estimate_size(schema.RESULTS_TABLE, merger.bytes) + merger.view_bytes,
         precision=precision,
         compress_integers=True,
         verify=_verify,
         read_only=False,
     )
+    link_view(path.parent)
     rows = merger.rows
-    return ResultsInfo(path.stat().st_size, data_digest(digests), rows["frame"], rows["series_row"])
+    return ResultsInfo(path.stat().st_size, data_digest(digests), file_digest(path), rows["frame"], rows["series_row"])
 
 
 def _verify(path: Path, digests: dict[str, str]) -> None:
     with CheckedFile(path, FILETYPE) as file:
         for spec in schema.select(schema.RESULTS_TABLE, file.features):
             file.check_digest(spec, digests[spec.path])
+    check_view(path)
 
 
 class _Merger:
@@ -132,6 +138,7 @@ class _Merger:
             "scenario/resolved": encode_strings([texts.resolved]),
             "scenario/stages": encode_strings(list(texts.stages)),
         }
+        self._full_model = model
         self._model = model_columns(model)
         self._walls = model.wall_count
         self.features = schema.features_of(model)
@@ -145,6 +152,7 @@ class _Merger:
         constant = sum(values.nbytes for values in [*self._scenario.values(), *self._model.values()])
         rows = sum(int(np.prod(self._shape(s), dtype=np.int64)) * dtype_of(s, precision).itemsize for s in self._table)
         self.bytes = constant + rows + 16 * (self.rows["frame"] + 1)
+        self.view_bytes = estimate_view(self.rows["frame"], self.rows["contact_row"])
 
     def fill(self, writer: Hdf5Writer) -> None:
         for spec in schema.SCENARIO:
@@ -158,6 +166,7 @@ class _Merger:
             writer.finish(spec, stream)
         for spec, parts in counts.items():
             writer.write(spec, np.cumsum(np.concatenate(parts)))
+        write_view(writer.file, self._full_model)
 
     def _copy(
         self, segment: Segment, streams: dict[Dataset, DatasetStream], counts: dict[Dataset, list[NDArray[np.int64]]]

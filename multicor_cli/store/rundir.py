@@ -326,7 +326,7 @@ class RunDirectory:
             attributes={**{name: self._document[name] for name in names}, "status": "finished", "finished": now()},
             precision=self.precision,
         )
-        self._document["results"] = {"size": info.size, "data_digest": info.data_digest, "frames": info.frames}
+        self._document["results"] = {name: getattr(info, name) for name in ("size", "data_digest", "blake2b", "frames")}
         self._save()
         return path
 

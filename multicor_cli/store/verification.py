@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from multicor_cli.state import Model
 from multicor_cli.store import layout, schema
+from multicor_cli.store.atomic import file_digest
 from multicor_cli.store.checked import CheckedFile
 from multicor_cli.store.checkpoint import Identity, load_checkpoint, newest_first
 from multicor_cli.store.documents import Document
@@ -25,6 +26,7 @@ from multicor_cli.store.results import check_features, read_offsets, segment_dim
 from multicor_cli.store.run_document import read_run_document
 from multicor_cli.store.schema import Dataset
 from multicor_cli.store.segments import FILETYPE as SEGMENT_FILETYPE
+from multicor_cli.store.vtkhdf import check_view
 
 
 @dataclass(frozen=True)
@@ -131,8 +133,17 @@ def _check_results(path: Path, run_id: str | None, recorded: Document | None) ->
         expected = {file.text("data_digest"), *([recorded["data_digest"]] if recorded else [])}
     if expected != {digest}:
         raise DamagedRun(f"{path}: the data do not match their digest")
-    if recorded and path.stat().st_size != recorded["size"]:
+    check_view(path)
+    if recorded:
+        _check_whole(path, recorded)
+
+
+def _check_whole(path: Path, recorded: Document) -> None:
+    """Compare the file as a whole; runs of earlier versions have not recorded its digest."""
+    if path.stat().st_size != recorded["size"]:
         raise DamagedRun(f"{path}: has {path.stat().st_size} bytes instead of {recorded['size']}")
+    if "blake2b" in recorded and recorded["blake2b"] != file_digest(path):
+        raise DamagedRun(f"{path}: the data are whole, but something beside them has changed since the file was written")
 
 
 @dataclass(frozen=True)

@@ -30,7 +30,7 @@ def emission_factor(e_i: float, e_j: float) -> float:
 
 
 def sphere_area_factor(emission: float, radius_i: float, radius_j: float) -> float:
-    """Area factor of two neighboring spheres ``X = π a²·emission`` [m²], a the smaller radius [m], `emission_factor` between them."""
+    """Area factor of two neighboring spheres ``X = π a²·emission`` [m²]: a the smaller radius [m], `emission_factor` of the two."""
     a = radius_i if radius_i < radius_j else radius_j
     return pi * a * a * emission
 

@@ -1,0 +1,145 @@
+"""Commands ``post forces``, ``post rheology``: what the contacts carry."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Any, Optional
+
+import typer
+
+from multicor_cli.cli.options import RunPath
+from multicor_cli.cli.post_options import (
+    AsCsv,
+    AsJson,
+    End,
+    FigureFile,
+    Frames,
+    OneFrame,
+    Start,
+    check_output,
+    deliver,
+    draw,
+    parse_frames,
+)
+
+Distribution = Annotated[bool, typer.Option("--distribution", help="The distribution of the forces over their magnitude instead.")]
+Angles = Annotated[bool, typer.Option("--angles", help="The distribution of contacts and forces over their directions instead.")]
+Margin = Annotated[
+    Optional[float],  # noqa: UP045  (evaluated by typer)
+    typer.Option(
+        "--margin",
+        metavar="D",
+        help="Mean diameters next to each wall that are not bulk.",
+        show_default="8, or a quarter of the height if less",
+    ),
+]
+ManyFrames = Annotated[
+    Optional[str],  # noqa: UP045
+    typer.Option(
+        "--frames",
+        metavar="A:B[:STEP]",
+        help="With --distribution or --angles: these frames, not only one.",
+        show_default=False,
+    ),
+]
+
+
+def forces(
+    directory: RunPath,
+    frame: OneFrame = -1,
+    has_distribution: Distribution = False,
+    has_angles: Angles = False,
+    frames: ManyFrames = None,
+    is_json: AsJson = False,
+    is_csv: AsCsv = False,
+    plot: FigureFile = None,
+) -> None:
+    """Show the contact forces of one frame: their numbers as a table, the single contacts as CSV, the network as figure.
+
+    Forces are means of the step before the frame. With --distribution: the probability density of forces between grains over their
+    mean. With --angles: the directions of contacts between grains, the mean forces along them, and their anisotropies.
+    """
+    check_output(is_json, is_csv, plot)
+    if has_distribution and has_angles:
+        raise typer.BadParameter("--distribution and --angles exclude each other")
+    if not (has_distribution or has_angles):
+        if frames is not None:
+            raise typer.BadParameter("--frames needs --distribution or --angles; choose one frame with --frame")
+        _network(directory, frame, is_json, is_csv, plot)
+        return
+    from multicor_cli.post import Selection, angular_distribution, force_distribution, frame_index
+    from multicor_cli.store import open_run
+
+    wanted = parse_frames(frames, None, None)
+    with open_run(directory) as run:
+        index = frame_index(run.frames, frame)
+        selection = Selection(frames=slice(index, index + 1) if wanted is None else wanted)
+        found: Any = (force_distribution if has_distribution else angular_distribution)(run, selection)
+    if plot is not None:
+        from multicor_cli.plots import plot_angles, plot_distribution
+
+        draw(plot, lambda path: (plot_distribution if has_distribution else plot_angles)(found, path))
+    first, last = found.times
+    about = f"{found.contacts} contacts between grains in {found.frames.size} frames from t = {first:g} s to {last:g} s"
+    if has_angles:
+        about += "; " + ", ".join(f"{name} = {value:.4g}" for name, value in found.moments.items())
+    deliver(found, lambda: {"run": str(directory), **found.as_dict()}, is_json=is_json, is_csv=is_csv, about=about)
+
+
+def _network(directory: Path, frame: int, is_json: bool, is_csv: bool, plot: Path | None) -> None:
+    from multicor_cli.post import force_network
+    from multicor_cli.store import open_run
+
+    with open_run(directory) as run:
+        network = force_network(run, frame)
+    if plot is not None:
+        from multicor_cli.plots import plot_forces
+
+        draw(plot, lambda path: plot_forces(network, path))
+    deliver(
+        network,
+        lambda: {"run": str(directory), **network.as_dict()},
+        is_json=is_json,
+        is_csv=is_csv,
+        about=f"contact forces in frame {network.frame} at t = {network.time:g} s",
+        details=(network.detail_headings, network.detail_rows),
+    )
+
+
+def rheology(
+    directory: RunPath,
+    start: Start = None,
+    end: End = None,
+    frames: Frames = None,
+    margin: Margin = None,
+    is_json: AsJson = False,
+    is_csv: AsCsv = False,
+    plot: FigureFile = None,
+) -> None:
+    """Measure the rheology of a layer between two walls that shear it: averages with errors; over time as CSV, JSON and figure.
+
+    I = rate × √(m/P), with the mean mass m of a grain and the force P per length with which the walls press; the other convention
+    is rate × d/√(P/ρ), with the mass ρ of the grains per area they cover. Friction μ* is shear over normal stress. Rattlers are
+    grains with fewer than two contacts that carry a force.
+    """
+    check_output(is_json, is_csv, plot)
+    from multicor_cli.post import Selection
+    from multicor_cli.post import rheology as make_table
+    from multicor_cli.store import open_run
+
+    selection = Selection(start, end, parse_frames(frames, start, end))
+    with open_run(directory) as run:
+        table = make_table(run, selection, margin=margin)
+    if plot is not None:
+        from multicor_cli.plots import plot_rheology
+
+        draw(plot, lambda path: plot_rheology(table, path))
+    deliver(
+        table,
+        lambda: {"run": str(directory), **table.as_dict()},
+        is_json=is_json,
+        is_csv=is_csv,
+        about=f"{table.frames.size} frames from t = {table.times[0]:g} s to {table.times[1]:g} s, between '{table.walls[0]}' and "
+        f"'{table.walls[1]}', {table.height:g} m apart; the bulk begins {table.margin:g} m from each",
+        details=(table.detail_headings, table.detail_rows),
+    )

@@ -1,0 +1,193 @@
+"""Commands ``post profile``, ``post theta-eta``, ``post map``: what the grains do."""
+
+from __future__ import annotations
+
+from typing import Annotated, Optional
+
+import typer
+
+from multicor_cli.cli.options import RunPath
+from multicor_cli.cli.post_options import (
+    AsCsv,
+    AsJson,
+    Bins,
+    End,
+    FigureFile,
+    Frames,
+    OneFrame,
+    Start,
+    check_output,
+    deliver,
+    draw,
+    parse_frames,
+)
+
+ProfileOf = Annotated[
+    str,
+    typer.Option(
+        "--of",
+        metavar="FIELD",
+        help="What to average: velocity, spin, temperature, heat, solid-fraction, granular-temperature, coordination, pressure, "
+        "stress (or stress-xx, -xy, -yx, -yy), kinetic-stress (or kinetic-stress-xx, -xy, -yy).",
+    ),
+]
+MapOf = Annotated[
+    str,
+    typer.Option("--of", metavar="FIELD", help="What to show: temperature, velocity, fluctuation, heat, stress, spin."),
+]
+Normalized = Annotated[
+    bool,
+    typer.Option(
+        "--normalised",
+        "--normalized",
+        help="y/H, and velocity or temperature from 0 at the lower to 1 at the upper wall; spin over the shear rate of the walls.",
+    ),
+]
+WallName = Annotated[
+    Optional[str],  # noqa: UP045  (evaluated by typer)
+    typer.Option("--wall", metavar="NAME", help="Wall from which η counts.", show_default="the only one with a temperature"),
+]
+Height = Annotated[
+    Optional[float],  # noqa: UP045
+    typer.Option("--height", metavar="H", help="Height H of the bed (in m).", show_default="how far the grains reach"),
+]
+Reference = Annotated[
+    Optional[float],  # noqa: UP045
+    typer.Option("--reference", metavar="T0", help="Temperature T₀ (in K).", show_default="mean of the first frame"),
+]
+Grains = Annotated[bool, typer.Option("--grains", help="The single grains too in JSON, and instead of the bins in CSV.")]
+BinWidth = Annotated[
+    Optional[float],  # noqa: UP045
+    typer.Option("--bin-width", metavar="D", help="Width of a bin in mean diameters, instead of --bins.", show_default="1"),
+]
+ExcludeWalls = Annotated[
+    float, typer.Option("--exclude-walls", metavar="D", help="Leave out this many mean diameters at each wall.")
+]
+Streamlines = Annotated[
+    bool,
+    typer.Option(
+        "--streamlines/--no-streamlines", help="Show a fluctuation as streamlines of its local mean, or as arrows of the grains."
+    ),
+]
+
+
+def profile(
+    directory: RunPath,
+    of: ProfileOf = "velocity",
+    is_normalized: Normalized = False,
+    start: Start = None,
+    end: End = None,
+    frames: Frames = None,
+    bins: Bins = None,
+    bin_width: BinWidth = None,
+    exclude_walls: ExcludeWalls = 0.0,
+    is_json: AsJson = False,
+    is_csv: AsCsv = False,
+    plot: FigureFile = None,
+) -> None:
+    """Average a field over horizontal bins and over frames, with standard errors from block averages.
+
+    Grains count in a bin with the area that lies in it. Heights are measured from the lower wall. "heat" is what friction and
+    impacts generate in the grains per time and area of the plane, from the differences of consecutive frames. "stress" is the force
+    on a grain times the branch towards it, spread along the branch, per area of the plane (force per length, compression positive);
+    "kinetic-stress" is what fluctuations of the velocity add to it.
+    """
+    check_output(is_json, is_csv, plot, has_text=True)
+    if bins is not None and bin_width is not None:
+        raise typer.BadParameter("--bins and --bin-width exclude each other")
+    from multicor_cli.post import Selection, profiles
+    from multicor_cli.store import open_run
+
+    selection = Selection(start, end, parse_frames(frames, start, end))
+    with open_run(directory) as run:
+        found = profiles(run, of, selection, bins, bin_width=bin_width, exclude_walls=exclude_walls)
+    if is_normalized:
+        found = found.normalized()
+    if plot is not None:
+        from multicor_cli.plots import plot_profiles
+        from multicor_cli.plots.terminal import profile_text
+
+        draw(plot, lambda path: plot_profiles(found, path), lambda: profile_text(found.first))
+    table = found.first
+    deliver(
+        found,
+        lambda: {"run": str(directory), **found.as_dict()},
+        is_json=is_json,
+        is_csv=is_csv,
+        about=f"{table.frames.size} frames from t = {table.times[0]:g} s to {table.times[1]:g} s, height {table.height:g} m",
+    )
+
+
+def theta_eta(
+    directory: RunPath,
+    frame: OneFrame = -1,
+    bins: Bins = None,
+    wall: WallName = None,
+    height: Height = None,
+    reference: Reference = None,
+    has_grains: Grains = False,
+    is_json: AsJson = False,
+    is_csv: AsCsv = False,
+    plot: FigureFile = None,
+) -> None:
+    """Temperature θ = (T − T₀)/(T_wall − T₀) against the distance η = y/H from a heated wall, and its spread.
+
+    y is measured from the surface of the wall, where the nearest grain touches it.
+    """
+    check_output(is_json, is_csv, plot, has_text=True)
+    if has_grains and not (is_json or is_csv):
+        raise typer.BadParameter("--grains needs --json or --csv", param_hint="--grains")
+    from multicor_cli.post import theta_eta as make_table
+    from multicor_cli.store import open_run
+
+    with open_run(directory) as run:
+        table = make_table(run, frame, bins=bins, wall=wall, height=height, reference=reference)
+    if plot is not None:
+        from multicor_cli.plots import plot_theta_eta
+        from multicor_cli.plots.terminal import theta_text
+
+        draw(plot, lambda path: plot_theta_eta(table, path), lambda: theta_text(table))
+    deliver(
+        table,
+        lambda: {"run": str(directory), **table.as_dict(has_grains=has_grains)},
+        is_json=is_json,
+        is_csv=is_csv,
+        about=f"frame {table.frame} at t = {table.time:g} s, wall '{table.wall}' at {table.wall_temperature:g} K, "
+        f"T0 = {table.reference:g} K, H = {table.height:g} m",
+        details=(table.detail_headings, table.detail_rows) if has_grains else None,
+    )
+
+
+def map_grains(
+    directory: RunPath,
+    of: MapOf = "temperature",
+    frame: OneFrame = -1,
+    has_streamlines: Streamlines = True,
+    is_json: AsJson = False,
+    is_csv: AsCsv = False,
+    plot: FigureFile = None,
+) -> None:
+    """Show a quantity of every grain of one frame: a table of its distribution, the grains as data, a map as figure.
+
+    "fluctuation" is the velocity relative to the mean horizontal flow at the height of the grain; "heat" is what friction and
+    impacts have generated since the frame before; "stress" the mean pressure in a grain by its contact forces, their sum over the
+    circumference.
+    """
+    check_output(is_json, is_csv, plot)
+    from multicor_cli.post import grain_map
+    from multicor_cli.store import open_run
+
+    with open_run(directory) as run:
+        table = grain_map(run, of, frame)
+    if plot is not None:
+        from multicor_cli.plots import plot_map
+
+        draw(plot, lambda path: plot_map(table, path, has_streamlines=has_streamlines))
+    deliver(
+        table,
+        lambda: {"run": str(directory), **table.as_dict()},
+        is_json=is_json,
+        is_csv=is_csv,
+        about=f"{table.field.label} in frame {table.frame} at t = {table.time:g} s",
+        details=(table.detail_headings, table.detail_rows),
+    )

@@ -1,0 +1,115 @@
+"""Commands ``post energy``, ``post compare``: whole runs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Annotated, Optional
+
+import typer
+
+from multicor_cli.cli.console import say
+from multicor_cli.cli.options import RunPath
+from multicor_cli.cli.post_options import (
+    AsCsv,
+    AsJson,
+    Bins,
+    End,
+    FigureFile,
+    Frames,
+    Start,
+    check_output,
+    deliver,
+    draw,
+    parse_frames,
+)
+
+Earliest = Annotated[
+    Optional[float],  # noqa: UP045  (evaluated by typer)
+    typer.Option("--from", metavar="T", help="Earliest time (in s).", show_default="the start"),
+]
+OtherPath = Annotated[Path, typer.Argument(metavar="OTHER", help="Run to compare it with.", show_default=False)]
+ComparedFields = Annotated[
+    Optional[list[str]],  # noqa: UP045
+    typer.Option(
+        "--of",
+        metavar="FIELD",
+        help="Field whose profiles are compared, see `post profile`; may be given several times.",
+        show_default="velocity",
+    ),
+]
+
+
+def energy(
+    directory: RunPath,
+    start: Earliest = None,
+    end: End = None,
+    is_json: AsJson = False,
+    is_csv: AsCsv = False,
+    plot: FigureFile = None,
+) -> None:
+    """Show the energy books, mechanical and of heat: at the end as a table; over time as CSV, JSON and figure.
+
+    They count from the start of the run. The closure is the largest imbalance so far over the sum of all terms.
+    """
+    check_output(is_json, is_csv, plot, has_text=True)
+    from multicor_cli.post import energy as make_table
+    from multicor_cli.store import open_run
+
+    with open_run(directory) as run:
+        table = make_table(run, start, end)
+    if plot is not None:
+        from multicor_cli.plots import plot_energy
+        from multicor_cli.plots.terminal import energy_text
+
+        draw(plot, lambda path: plot_energy(table, path), lambda: energy_text(table))
+    deliver(
+        table,
+        lambda: {"run": str(directory), **table.as_dict()},
+        is_json=is_json,
+        is_csv=is_csv,
+        about=f"energy books from the start of the run to t = {table.time[-1]:g} s",
+        details=(table.detail_headings, table.detail_rows),
+    )
+
+
+def compare(
+    directory: RunPath,
+    other: OtherPath,
+    of: ComparedFields = None,
+    start: Start = None,
+    end: End = None,
+    frames: Frames = None,
+    bins: Bins = None,
+    is_json: AsJson = False,
+    is_csv: AsCsv = False,
+    plot: FigureFile = None,
+) -> None:
+    """Compare two runs: scenario keys that differ, books, rheology if both are sheared between two walls, profiles of fields.
+
+    Differences are given over their standard errors where these are known: beyond 2 or 3 they are not chance. Profiles have the
+    same number of bins in both runs and are matched by y/H; CSV and figure show them.
+    """
+    check_output(is_json, is_csv, plot)
+    from multicor_cli.post import Selection
+    from multicor_cli.post import compare as make_comparison
+    from multicor_cli.store import open_run
+
+    selection = Selection(start, end, parse_frames(frames, start, end))
+    with open_run(directory) as first, open_run(other) as second:
+        found = make_comparison(first, second, of or ["velocity"], selection, bins, names=(str(directory), str(other)))
+    if plot is not None:
+        from multicor_cli.plots import plot_comparison
+
+        draw(plot, lambda path: plot_comparison(found, path))
+    if not is_json:
+        say(f"{len(found.keys)} keys of the scenarios differ" + (":" if found.keys else ""))
+        for key, one, two in found.keys:
+            say(f"  {key}: {one} | {two}")
+    deliver(
+        found,
+        found.as_dict,
+        is_json=is_json,
+        is_csv=is_csv,
+        about=f"{directory} and {other}",
+        details=(found.detail_headings, found.detail_rows),
+    )

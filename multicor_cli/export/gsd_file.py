@@ -1,0 +1,152 @@
+"""GSD files, which OVITO and the HOOMD family read: grains as particles, contacts as bonds.
+
+GSD stores coordinates in single precision, in a box around the origin. What it has no name for is logged per particle and per
+bond, as OVITO expects it (``log/particles/temperature``).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from multicor_cli.export.errors import MissingLibrary
+from multicor_cli.export.selection import Progress, choose_frames, no_progress
+from multicor_cli.export.target import check_file, new_file
+from multicor_cli.state import Model
+from multicor_cli.state.model import Floats
+from multicor_cli.store import Frame, Run
+
+_DEPTH = 1.0
+"""Length of the box in z: OVITO wants one, though the frame says that it has two dimensions."""
+
+_LOGGED = ("temperature", "generated", "wear")
+"""What grains of runs with heat have."""
+
+
+def export_gsd(
+    run: Run,
+    path: Path,
+    frames: slice | None = None,
+    *,
+    is_overwriting: bool = False,
+    progress: Progress = no_progress,
+) -> int:
+    """Write frames of a run as a GSD file.
+
+    Args:
+        run: The run.
+        path: The file.
+        frames: Which frames; all by default.
+        is_overwriting: Whether a file that is there may be replaced.
+        progress: Is told how far it is.
+
+    Returns:
+        Number of frames.
+
+    Raises:
+        ExportError: If there are no such frames.
+        ExportRefused: If the file may not be written.
+        MissingLibrary: If ``gsd`` is not installed.
+        StoreError: If the run cannot be read, or the file not be written.
+    """
+    try:
+        import gsd.hoomd
+    except ImportError as error:
+        message = "GSD files need the library gsd: pip install 'multicor-cli[gsd]'"
+        raise MissingLibrary(message) from error
+    check_file(path, is_overwriting=is_overwriting)
+    chosen = choose_frames(run, frames)
+    box = _Box.around(run.model, chosen)
+    with new_file(path, is_overwriting=is_overwriting) as temporary, gsd.hoomd.open(str(temporary), "w") as file:
+        for number, frame in enumerate(chosen):
+            file.append(_gsd_frame(gsd.hoomd.Frame(), run.model, frame, box))
+            progress(number + 1, len(chosen))
+    return len(chosen)
+
+
+@dataclass(frozen=True)
+class _Box:
+    """The box, the same in all frames.
+
+    Attributes:
+        center: Our coordinates of its center [m], shape ``(2,)``.
+        size: Its lengths in x and y [m], shape ``(2,)``.
+    """
+
+    center: Floats
+    size: Floats
+
+    @classmethod
+    def around(cls, model: Model, frames: list[Frame]) -> _Box:
+        """All grains of all frames with a margin, for the format makes every direction periodic; the period, where there is one."""
+        radius = model.grains.radius[:, None]
+        low, high = np.full(2, np.inf), np.full(2, -np.inf)
+        for frame in frames:
+            low = np.minimum(low, (frame.position - radius).min(axis=0))
+            high = np.maximum(high, (frame.position + radius).max(axis=0))
+        margin = 2.0 * radius.max()
+        low, high = low - margin, high + margin
+        if model.period > 0.0:
+            low[0], high[0] = 0.0, model.period
+        return cls(0.5 * (low + high), high - low)
+
+
+def _gsd_frame(target: Any, model: Model, frame: Frame, box: _Box) -> Any:
+    """Fill a frame of the library."""
+    target.configuration.step = frame.step
+    target.configuration.dimensions = 2
+    target.configuration.box = [*box.size, _DEPTH, 0.0, 0.0, 0.0]
+    target.log["time"] = np.array([frame.time])
+    target.log["dt"] = np.array([frame.dt])
+    target.log["stage"] = np.array([frame.stage])
+    target.log["box_center"] = box.center
+    _fill_particles(target, model, frame, box)
+    if frame.contacts.recorded:
+        _fill_bonds(target, model, frame)
+    return target
+
+
+def _fill_particles(target: Any, model: Model, frame: Frame, box: _Box) -> None:
+    particles, grains = target.particles, model.grains
+    half = 0.5 * frame.angle
+    turn = np.column_stack([np.cos(half), np.zeros((len(half), 2)), np.sin(half)])
+    particles.N = model.grain_count
+    particles.types = list(model.groups)
+    particles.typeid = grains.group
+    particles.position = _spatial(frame.position - box.center)
+    particles.image = np.column_stack([frame.image, np.zeros((len(half), 2), np.int64)])
+    particles.diameter = 2.0 * grains.radius
+    particles.mass = grains.mass
+    particles.moment_inertia = np.column_stack([np.zeros((len(half), 2)), grains.inertia])
+    particles.orientation = turn
+    particles.velocity = _spatial(frame.velocity)
+    # Angular momentum in the form of the library: twice the product of the orientation with (0, 0, 0, I ω).
+    momentum = 2.0 * grains.inertia * frame.spin
+    particles.angmom = np.column_stack([-momentum * turn[:, 3], np.zeros((len(half), 2)), momentum * turn[:, 0]])
+    target.log["particles/angular_velocity"] = frame.spin
+    for name in _LOGGED:
+        values = getattr(frame, name)
+        if values is not None:
+            target.log[f"particles/{name}"] = values
+
+
+def _fill_bonds(target: Any, model: Model, frame: Frame) -> None:
+    """Contacts between grains that carry a force."""
+    contacts, bonds = frame.contacts, target.bonds
+    shown = (contacts.kind == 0) & (contacts.impulse[:, 0] > 0.0)
+    bonds.N = int(shown.sum())
+    bonds.types = ["contact"]
+    bonds.typeid = np.zeros(bonds.N, np.uint32)
+    bonds.group = np.column_stack([contacts.i, contacts.j])[shown]
+    for name, column in (("normal_force", 0), ("tangential_force", 1)):
+        target.log[f"bonds/{name}"] = contacts.force[shown, column]
+    if contacts.heat is not None:
+        target.log["bonds/heat"] = contacts.heat[shown]
+
+
+def _spatial(values: NDArray[Any]) -> NDArray[Any]:
+    return np.column_stack([values, np.zeros(len(values))])

@@ -1,0 +1,109 @@
+"""Where an export goes: the file or directory appears under its name complete, or not at all."""
+
+from __future__ import annotations
+
+import contextlib
+import re
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+
+from multicor_cli.export.errors import ExportRefused
+from multicor_cli.store import layout
+from multicor_cli.store.atomic import fsync_path, storage_errors
+
+_REMEDY = "choose another name with -o, or give --overwrite"
+
+
+def check_file(path: Path, *, is_overwriting: bool) -> None:
+    """Refuse a name at which no file may be written; changes nothing.
+
+    Raises:
+        ExportRefused: If it is a directory, a file of a run, or a file and ``is_overwriting`` is False.
+        StorageError: If it cannot be looked at.
+    """
+    with storage_errors(path):
+        if path.is_dir():
+            raise ExportRefused(f"{path}: is a directory; choose the name of a file with -o")
+        if (path.parent / layout.RUN).is_file() and path.name in layout.file_names():
+            raise ExportRefused(f"{path}: is the name of a file of the run; choose another with -o")
+        if path.exists() and not is_overwriting:
+            raise ExportRefused(f"{path}: exists; {_REMEDY}")
+
+
+@contextlib.contextmanager
+def new_file(path: Path, *, is_overwriting: bool) -> Iterator[Path]:
+    """A name for a file that takes the name ``path`` if the block ends well, and is removed if not.
+
+    Args:
+        path: Final name; its directory is made.
+        is_overwriting: Whether a file that is there may be replaced.
+
+    Raises:
+        ExportRefused: As `check_file`.
+        StorageFull: If there is not enough space.
+        StorageError: For any other error of the system.
+    """
+    check_file(path, is_overwriting=is_overwriting)
+    temporary = path.with_name(path.name + ".tmp")
+    try:
+        with storage_errors(path):
+            path.parent.mkdir(parents=True, exist_ok=True)
+            temporary.unlink(missing_ok=True)
+            temporary.touch()  # with the permissions that the user's mask gives; a library may choose others
+            yield temporary
+            fsync_path(temporary)
+            temporary.replace(path)
+            fsync_path(path.parent)
+    finally:
+        with contextlib.suppress(OSError):
+            temporary.unlink(missing_ok=True)
+
+
+@contextlib.contextmanager
+def new_directory(path: Path, names: re.Pattern[str], *, is_overwriting: bool) -> Iterator[Path]:
+    """A directory that takes the name ``path`` if the block ends well, and is removed if not.
+
+    Args:
+        path: Final name; directories above it are made.
+        names: What the files are called; a directory with others is not replaced.
+        is_overwriting: Whether a directory that is there may be replaced.
+
+    Raises:
+        ExportRefused: If ``path`` is no directory, holds other files, or is not empty and ``is_overwriting`` is False.
+        StorageFull: If there is not enough space.
+        StorageError: For any other error of the system.
+    """
+    _check_directory(path, names, is_overwriting=is_overwriting)
+    temporary = path.with_name(path.name + ".tmp")
+    _check_directory(temporary, names, is_overwriting=True)
+    try:
+        with storage_errors(path):
+            shutil.rmtree(temporary, ignore_errors=True)
+            temporary.mkdir(parents=True)
+            yield temporary
+            for file in (*temporary.iterdir(), temporary):
+                fsync_path(file)
+            _replace_directory(temporary, path)
+    finally:
+        shutil.rmtree(temporary, ignore_errors=True)
+
+
+def _check_directory(path: Path, names: re.Pattern[str], *, is_overwriting: bool) -> None:
+    with storage_errors(path):
+        if path.is_symlink() or (path.exists() and not path.is_dir()):
+            raise ExportRefused(f"{path}: exists and is not a directory; choose another name with -o")
+        found = sorted(entry.name for entry in path.iterdir()) if path.exists() else []
+        foreign = [name for name in found if not names.fullmatch(name)]
+        if foreign:
+            raise ExportRefused(f"{path}: holds files that no export has made ({foreign[0]} …); choose another name with -o")
+        if found and not is_overwriting:
+            raise ExportRefused(f"{path}: holds an export; {_REMEDY}")
+
+
+def _replace_directory(new: Path, path: Path) -> None:
+    """A directory cannot be renamed over one with files: those, all made by an export, go first."""
+    if path.exists():
+        shutil.rmtree(path)
+    new.replace(path)
+    fsync_path(path.parent)

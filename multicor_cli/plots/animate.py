@@ -1,0 +1,235 @@
+"""Films of maps: every frame drawn as `multicor post map` draws it, with one color scale for all."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import tempfile
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from multicor_cli.plots.grain_map import color_scale, draw_bar, draw_values
+from multicor_cli.plots.scene import figure_size, fit_height
+from multicor_cli.plots.style import PlotError, house_style
+from multicor_cli.post.grain_map import GrainMap
+from multicor_cli.state.model import Floats
+
+SUFFIXES = (".mp4", ".gif")
+"""Formats of films."""
+
+_WIDTHS = {".mp4": 1200, ".gif": 800}  # pixels
+_SAMPLE = 2_000_000  # values that the color scale is made from, at most
+
+Progress = Callable[[int, int], None]
+"""Is told how many frames have been drawn, and of how many."""
+
+
+@dataclass(frozen=True)
+class Film:
+    """A film that was written.
+
+    Attributes:
+        path: The file; a GIF instead of the MP4 that was asked for where ffmpeg is missing.
+        frames: Pictures in it.
+        skipped: Frames without the quantity, as the first frame has no heat generated since the one before.
+    """
+
+    path: Path
+    frames: int
+    skipped: int
+
+
+def film_path(path: Path) -> Path:
+    """The file that `write_film` writes for a name: ``.gif`` instead of ``.mp4`` where ffmpeg is missing."""
+    return path if path.suffix.lower() != ".mp4" or shutil.which("ffmpeg") else path.with_suffix(".gif")
+
+
+def write_film(
+    maps: Callable[[], Iterator[GrainMap | None]],
+    count: int,
+    path: Path,
+    *,
+    rate: float = 20.0,
+    progress: Progress = lambda done, total: None,
+) -> Film:
+    """Draw maps one after the other into a film. It appears under its name when it is complete.
+
+    Args:
+        maps: Gives the maps in order, each time it is called; None for a frame without the quantity. The maps are gone through
+            twice: for the colors and the part of the plane that all have in common, and to be drawn.
+        count: Number of the maps.
+        path: File to write, ending in ``.mp4`` or ``.gif``; see `film_path`.
+        rate: Pictures per second.
+        progress: Is told how many maps were drawn, and of how many.
+
+    Raises:
+        PlotError: If matplotlib (for a GIF: Pillow) is missing, the ending is not known, no map is left, or ffmpeg fails.
+        OSError: If the file cannot be written.
+    """
+    if path.suffix.lower() not in SUFFIXES:
+        raise PlotError(f"{path}: the name of a film ends in {' or '.join(SUFFIXES)}")
+    target = film_path(path)
+    with house_style():
+        stage = _find_stage(maps(), count)
+        if stage is None:
+            raise PlotError(f"{path}: no frame has this quantity")
+        temporary = _temporary(target)
+        drawn = _Counter(count, progress)
+        try:
+            pictures = _draw_all(drawn.watch(maps()), stage, _WIDTHS[target.suffix.lower()])
+            (_write_mp4 if target.suffix.lower() == ".mp4" else _write_gif)(pictures, temporary, rate)
+            temporary.replace(target)
+        finally:
+            temporary.unlink(missing_ok=True)
+    return Film(target, drawn.maps, count - drawn.maps)
+
+
+@dataclass(frozen=True)
+class _Stage:
+    """What all pictures have in common: the part of the plane and the color scale."""
+
+    box: Floats
+    scale: tuple[Any, str]
+
+
+class _Counter:
+    """Counts what it passes on."""
+
+    def __init__(self, total: int, progress: Progress) -> None:
+        self._total, self._progress = total, progress
+        self.maps = 0
+
+    def watch(self, maps: Iterable[GrainMap | None]) -> Iterator[GrainMap]:
+        for number, table in enumerate(maps):
+            if table is not None:
+                self.maps += 1
+                yield table
+            self._progress(number + 1, self._total)
+
+
+def _find_stage(maps: Iterable[GrainMap | None], count: int) -> _Stage | None:
+    found: list[Floats] = []
+    boxes: list[Floats] = []
+    last = None
+    for table in maps:
+        if table is not None:
+            last = table
+            boxes.append(table.scene.box)
+            found.append(_sample(table.value, max(_SAMPLE // count, 1000)))
+    if last is None:
+        return None
+    box = np.array([np.min([box[0] for box in boxes], axis=0), np.max([box[1] for box in boxes], axis=0)])
+    return _Stage(box, color_scale(replace(last, value=np.concatenate(found))))
+
+
+def _sample(values: Floats, most: int) -> Floats:
+    """Some of the values, the smallest and the largest among them."""
+    if values.size <= most:
+        return values
+    return np.concatenate([values[:: -(-values.size // most)], [values.min(), values.max()]])
+
+
+def _draw_all(maps: Iterable[GrainMap], stage: _Stage, width: int) -> Iterator[Any]:
+    """Pictures as arrays of RGBA bytes, shape ``(height, width, 4)`` with even numbers; all of one size."""
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.figure import Figure
+
+    figure = axes = None
+    for table in maps:
+        placed = replace(table, scene=replace(table.scene, box=stage.box))
+        if figure is None or axes is None:
+            size = figure_size(placed.scene)
+            figure = Figure(figsize=size, layout="constrained", dpi=width / size[0])
+            canvas: Any = FigureCanvasAgg(figure)
+            axes = figure.add_subplot()
+            discs = draw_values(axes, placed, stage.scale[0], has_streamlines=False)
+            draw_bar(axes, placed, discs, stage.scale)
+            axes.set_title(_time_label(placed), fontsize=8.0)
+            fit_height(figure, axes)
+            _fit_width(figure, axes)
+            fit_height(figure, axes)
+            _make_even(figure)
+            figure.draw_without_rendering()
+            figure.set_layout_engine("none")  # from now on everything stays where it is
+        else:
+            for artist in [*axes.collections, *axes.patches]:
+                artist.remove()
+            draw_values(axes, placed, stage.scale[0], has_streamlines=False)
+            axes.set_title(_time_label(placed), fontsize=8.0)
+        canvas.draw()
+        yield np.asarray(canvas.buffer_rgba())
+
+
+def _time_label(table: GrainMap) -> str:
+    return f"$t$ = {table.time:.4g} s"
+
+
+def _fit_width(figure: Any, axes: Any) -> None:
+    """Take away the width that axes of equal aspect leave empty in a figure that may not be higher."""
+    for _ in range(2):
+        figure.draw_without_rendering()
+        offered, used = axes.get_position(original=True), axes.get_position()
+        width, height = figure.get_size_inches()
+        figure.set_size_inches(width * (1.0 - (offered.width - used.width)), height)
+
+
+def _make_even(figure: Any) -> None:
+    """Widths and heights of films are even numbers of pixels."""
+    figure.set_size_inches([(2.0 * round(0.5 * figure.dpi * side) + 1e-3) / figure.dpi for side in figure.get_size_inches()])
+
+
+def _temporary(target: Path) -> Path:
+    handle, name = tempfile.mkstemp(prefix=f".{target.stem}-", suffix=target.suffix, dir=target.parent)
+    os.close(handle)
+    Path(name).chmod(0o666 & ~_umask())
+    return Path(name)
+
+
+def _umask() -> int:
+    mask = os.umask(0)
+    os.umask(mask)
+    return mask
+
+
+def _write_mp4(pictures: Iterator[Any], path: Path, rate: float) -> None:
+    """Hand the pictures to ffmpeg."""
+    first = next(pictures)
+    height, width = first.shape[:2]
+    source = ["-f", "rawvideo", "-pix_fmt", "rgba", "-s", f"{width}x{height}", "-r", f"{rate:g}", "-i", "-"]
+    coding = ["-an", "-c:v", "libx264", "-crf", "18", "-pix_fmt", "yuv420p", "-movflags", "+faststart"]
+    command = ["ffmpeg", "-y", "-loglevel", "error", *source, *coding, str(path)]
+    with tempfile.TemporaryFile() as errors:
+        process = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=errors)
+        assert process.stdin is not None
+        try:
+            process.stdin.write(first.tobytes())
+            for picture in pictures:
+                process.stdin.write(picture.tobytes())
+            process.stdin.close()
+        except BrokenPipeError:
+            pass  # ffmpeg has given up; its message says why
+        except BaseException:
+            process.kill()
+            raise
+        finally:
+            code = process.wait()
+        if code:
+            errors.seek(0)
+            said = errors.read().decode("utf-8", "replace").strip().splitlines()
+            raise PlotError(f"ffmpeg failed: {said[-1] if said else f'exit code {code}'}; a .gif needs no ffmpeg")
+
+
+def _write_gif(pictures: Iterator[Any], path: Path, rate: float) -> None:
+    try:
+        from PIL import Image
+    except ImportError as error:
+        message = "a GIF needs Pillow: pip install pillow"
+        raise PlotError(message) from error
+    images = (Image.fromarray(picture).convert("RGB").quantize(256) for picture in pictures)
+    # GIF counts in hundredths of a second; most viewers slow down what is faster than 50 per second.
+    next(images).save(path, save_all=True, append_images=images, duration=max(round(1000.0 / rate), 20), loop=0)

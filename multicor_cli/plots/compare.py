@@ -1,0 +1,63 @@
+"""Figure of a comparison: the profiles of both runs, and beside each the difference over its standard error."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from multicor_cli.plots.profile import axis_labels
+from multicor_cli.plots.style import COLORS, COLUMN, PAGE, check_suffix, house_style, save_figure
+from multicor_cli.post.compare import Comparison, ProfilePair
+
+
+def plot_comparison(comparison: Comparison, path: Path) -> None:
+    """Draw the profiles of a comparison.
+
+    Args:
+        comparison: The comparison.
+        path: File to write; its ending (.png, .svg, .pdf) chooses the format.
+
+    Raises:
+        PlotError: If matplotlib is not installed, the ending is not known, or there are no profiles.
+        OSError: If the file cannot be written.
+    """
+    check_suffix(path)
+    with house_style():
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(PAGE, 0.85 * COLUMN * len(comparison.profiles)), layout="constrained")
+        draw_comparison(figure, comparison)
+        save_figure(figure, path)
+
+
+def draw_comparison(figure: Any, comparison: Comparison) -> None:
+    """Draw two panels for each profile into a matplotlib figure."""
+    grid = figure.subplots(len(comparison.profiles), 2, squeeze=False, sharey=True, width_ratios=(2.0, 1.0))
+    for (left, right), pair in zip(grid, comparison.profiles.values(), strict=True):
+        _draw_profiles(left, pair, comparison.names)
+        _draw_ratio(right, pair)
+
+
+def _draw_profiles(axes: Any, pair: ProfilePair, names: tuple[str, str]) -> None:
+    for color, marker, table, name in zip(COLORS, "os", (pair.first, pair.second), names, strict=False):
+        error = np.where(np.isfinite(table.error), table.error, 0.0)
+        y = table.y / table.height
+        axes.fill_betweenx(y, table.value - error, table.value + error, color=color, alpha=0.25, linewidth=0.0)
+        axes.plot(table.value, y, marker + "-", color=color, markeredgewidth=0.0, label=name)
+    axes.set_xlabel(axis_labels(pair.first)[0])
+    axes.set_ylabel("height $y/H$ [–]")
+    axes.set_ylim(0.0, 1.0)
+    axes.ticklabel_format(axis="x", scilimits=(-3, 4), useMathText=True)
+    axes.legend(loc="best")
+
+
+def _draw_ratio(axes: Any, pair: ProfilePair) -> None:
+    known = np.isfinite(pair.ratio)
+    axes.axvspan(-2.0, 2.0, color="0.9", linewidth=0.0, zorder=0)
+    axes.axvline(0.0, color="0.4", linewidth=0.6)
+    axes.plot(pair.ratio[known], pair.y[known], "o-", color="0.15", markeredgewidth=0.0, linewidth=0.7)
+    axes.set_xlabel("difference / standard error [–]")
+    limit = max(3.0, 1.1 * float(np.abs(pair.ratio[known]).max(initial=0.0)))
+    axes.set_xlim(-limit, limit)

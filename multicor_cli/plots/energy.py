@@ -1,0 +1,86 @@
+"""Figure of the energy books: what came in and where it went, stacked, and how well the books close."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from multicor_cli.plots.style import COLORS, COLUMN, PAGE, check_suffix, house_style, save_figure
+from multicor_cli.post.energy import HEAT, MECHANICAL, EnergyTable, Entry
+from multicor_cli.state.model import Floats
+
+_GAIN = Entry("kinetic_gain", "kinetic energy", -1)
+_STORED = Entry("heat_stored", "stored in the grains", -1)
+_SHORT = {
+    "gravity_work": "gravity", "wall_work": "walls", "load_work": "loads", "friction_loss": "friction", "impact_loss": "impacts",
+    "damping_loss": "damping", "correction_work": "projection", "kinetic_gain": "kinetic", "heat_friction": "friction",
+    "heat_impact": "impacts", "heat_from_walls": "from walls", "heat_from_ambient": "from fluid",
+    "heat_from_surroundings": "surroundings", "heat_to_walls": "into walls", "heat_stored": "stored",
+}  # fmt: skip
+
+
+def plot_energy(table: EnergyTable, path: Path) -> None:
+    """Draw the energy books.
+
+    Args:
+        table: The books.
+        path: File to write; its ending (.png, .svg, .pdf) chooses the format.
+
+    Raises:
+        PlotError: If matplotlib is not installed or the ending is not known.
+        OSError: If the file cannot be written.
+    """
+    check_suffix(path)
+    with house_style():
+        from matplotlib.figure import Figure
+
+        columns = 1 if table.heat_closure is None else 2
+        figure = Figure(figsize=((COLUMN, PAGE)[columns - 1], 1.15 * COLUMN), layout="constrained")
+        draw_energy(figure, table)
+        save_figure(figure, path)
+
+
+def draw_energy(figure: Any, table: EnergyTable) -> None:
+    """Draw the books into a matplotlib figure: mechanics, beside it heat if there is any, the closures below."""
+    books = [("energy since the start [J]", [*(e for e in MECHANICAL if e.sign), _GAIN], table.closure)]
+    if table.heat_closure is not None:
+        books.append(("heat since the start [J]", [*(e for e in HEAT if e.sign), _STORED], table.heat_closure))
+    grid = figure.subplots(2, len(books), sharex=True, squeeze=False, height_ratios=(3.0, 1.0))
+    for (above, below), (label, entries, closure) in zip(grid.T, books, strict=True):
+        _draw_stack(above, table, entries)
+        above.set_ylabel(label)
+        _draw_closure(below, table.time, closure)
+
+
+def _draw_stack(panel: Any, table: EnergyTable, entries: Sequence[Entry]) -> None:
+    """What came in upwards from zero, what went out downwards; entries that never matter are left out."""
+    values = {e: table.books[e.name] * (1.0 if e.sign > 0 else -1.0) for e in entries}
+    largest = max(float(np.abs(v).max()) for v in values.values())
+    shown = [e for e in entries if float(np.abs(values[e]).max()) > 1e-3 * largest]
+    up, down = np.zeros_like(table.time), np.zeros_like(table.time)
+    colors = (*COLORS, "0.45", "0.7")
+    for number, entry in enumerate(shown):
+        high, low = up + np.maximum(values[entry], 0.0), down + np.minimum(values[entry], 0.0)
+        style = {"color": colors[number % len(colors)], "linewidth": 0.0, "alpha": 0.85}
+        panel.fill_between(table.time, up, high, label=_SHORT[entry.name], **style)
+        panel.fill_between(table.time, low, down, **style)
+        up, down = high, low
+    panel.axhline(0.0, color="0.2", linewidth=0.6)
+    panel.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
+    panel.margins(x=0.0)
+    if shown:
+        panel.legend(loc="lower center", bbox_to_anchor=(0.5, 1.06), ncols=4, columnspacing=1.0, handlelength=1.0)
+
+
+def _draw_closure(panel: Any, time: Floats, closure: Floats) -> None:
+    known = closure > 0.0
+    panel.semilogy(time[known], closure[known], color=COLORS[0])
+    panel.set_xlabel("time $t$ [s]")
+    panel.set_ylabel("closure [–]")
+    if known.any():
+        decades = np.floor(np.log10(closure[known].min())), np.floor(np.log10(closure[known].max())) + 1.0
+        panel.set_ylim(10.0 ** decades[0], 10.0 ** decades[1])
+    panel.yaxis.set_minor_formatter("")

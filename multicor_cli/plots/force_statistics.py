@@ -1,0 +1,95 @@
+"""Figures of the statistics of contact forces: over their magnitude, and over the directions of the contacts."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from multicor_cli.plots.style import COLORS, COLUMN, PAGE, check_suffix, house_style, save_figure
+from multicor_cli.post.force_statistics import AngularDistribution, ForceDistribution
+
+
+def plot_distribution(table: ForceDistribution, path: Path) -> None:
+    """Draw a force distribution on logarithmic scales.
+
+    Args:
+        table: The distribution.
+        path: File to write; its ending (.png, .svg, .pdf) chooses the format.
+
+    Raises:
+        PlotError: If matplotlib is not installed or the ending is not known.
+        OSError: If the file cannot be written.
+    """
+    check_suffix(path)
+    with house_style():
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(COLUMN, 0.85 * COLUMN), layout="constrained")
+        draw_distribution(figure.add_subplot(), table)
+        save_figure(figure, path)
+
+
+def draw_distribution(axes: Any, table: ForceDistribution) -> None:
+    """Draw a force distribution into matplotlib axes; empty bins are left out."""
+    curves = ((table.normal, "o", r"normal, $f = f_n$"), (table.tangential, "s", r"tangential, $f = |f_t|$"))
+    for color, (density, marker, label) in zip(COLORS, curves, strict=False):
+        known = density > 0.0
+        if known.any():
+            axes.loglog(table.center[known], density[known], marker, linestyle="-", color=color, label=label, linewidth=0.7)
+    axes.set_xlabel(r"force $f/\langle f \rangle$ [–]")
+    axes.set_ylabel(r"probability density $P(f/\langle f \rangle)$ [–]")
+    axes.legend(loc="lower left")
+
+
+def plot_angles(table: AngularDistribution, path: Path) -> None:
+    """Draw the angular distributions of contacts and normal forces as polar histograms.
+
+    Args:
+        table: The distributions.
+        path: File to write; its ending (.png, .svg, .pdf) chooses the format.
+
+    Raises:
+        PlotError: If matplotlib is not installed or the ending is not known.
+        OSError: If the file cannot be written.
+    """
+    check_suffix(path)
+    with house_style():
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(PAGE, 0.55 * PAGE), layout="constrained")
+        draw_angles(figure, table)
+        save_figure(figure, path)
+
+
+def draw_angles(figure: Any, table: AngularDistribution) -> None:
+    """Draw both polar histograms into a matplotlib figure, with the second harmonics that the anisotropies mean."""
+    contacts, forces = figure.subplots(1, 2, subplot_kw={"projection": "polar"})
+    moments = table.moments
+    level = 0.5 / np.pi
+    _draw_polar(contacts, table, table.density, level, moments["a_c"], moments["theta_c"], COLORS[0])
+    contacts.set_title("contact directions $E(\\theta)$ [1/rad]\n" + _moment("c", moments), fontsize=8.0, pad=10.0)
+    mean = float(np.nanmean(table.normal))
+    _draw_polar(forces, table, table.normal, mean, moments["a_n"], moments["theta_n"], COLORS[1])
+    title = "normal force $\\langle f_n \\rangle(\\theta)/\\langle f_n \\rangle$ [–]\n"
+    forces.set_title(title + _moment("n", moments), fontsize=8.0, pad=10.0)
+
+
+def _moment(name: str, moments: dict[str, float]) -> str:
+    return f"$a_{name} = {moments[f'a_{name}']:.3f}$, $\\theta_{name} = {moments[f'theta_{name}']:.0f}°$"
+
+
+def _draw_polar(axes: Any, table: AngularDistribution, values: Any, level: float, a: float, degrees: float, color: str) -> None:
+    from matplotlib.ticker import MaxNLocator
+
+    width = 2.0 * np.pi / table.angle.size
+    axes.bar(table.angle, np.nan_to_num(values), width=width, color=color, alpha=0.4, linewidth=0.0)
+    theta = np.linspace(0.0, 2.0 * np.pi, 361)
+    axes.plot(theta, level * (1.0 + a * np.cos(2.0 * (theta - np.radians(degrees)))), color="0.15", linewidth=0.8)
+    axes.set_rlabel_position(22.5)
+    axes.yaxis.set_major_locator(MaxNLocator(4))
+    axes.minorticks_off()
+    axes.grid(color="0.85", linewidth=0.4)
+    axes.set_axisbelow(True)
+    axes.tick_params(pad=0.5)

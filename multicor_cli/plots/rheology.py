@@ -1,0 +1,77 @@
+"""Figure of a rheology: what was measured over time, with averages and their errors as bands."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from multicor_cli.plots.style import COLORS, PAGE, check_suffix, house_style, save_figure
+from multicor_cli.post.rheology import Rheology
+
+_PANELS: tuple[tuple[str, tuple[tuple[str, str], ...]], ...] = (
+    ("inertial number $I$ [–]", (("inertial_number", ""),)),
+    (r"friction $\mu^*$ [–]", (("friction_walls", "walls"), ("friction_bulk", "bulk"))),
+    (r"solid fraction $\nu$ [–]", (("solid_fraction", ""),)),
+    ("contacts per grain [–]", (("coordination", "$Z$, all"), ("coordination_loaded", "$Z'$, no rattlers"))),
+    ("anisotropy $a_c$ [–]", (("fabric_anisotropy", ""),)),
+    (r"spin $\langle\omega\rangle/\dot\gamma$ [–]", (("spin_ratio", ""),)),
+)
+"""Label of the axis, and the quantities of each panel with their names."""
+
+
+def plot_rheology(table: Rheology, path: Path) -> None:
+    """Draw a rheology over time.
+
+    Args:
+        table: The rheology.
+        path: File to write; its ending (.png, .svg, .pdf) chooses the format.
+
+    Raises:
+        PlotError: If matplotlib is not installed or the ending is not known.
+        OSError: If the file cannot be written.
+    """
+    check_suffix(path)
+    with house_style():
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(PAGE, 0.62 * PAGE), layout="constrained")
+        draw_rheology(figure, table)
+        save_figure(figure, path)
+
+
+def draw_rheology(figure: Any, table: Rheology) -> None:
+    """Draw the panels of a rheology into a matplotlib figure."""
+    grid = figure.subplots(2, 3, sharex=True)
+    for panel, (label, quantities) in zip(grid.flat, _PANELS, strict=True):
+        for color, (name, text) in zip(COLORS, quantities, strict=False):
+            _draw_quantity(panel, table, name, text, color)
+        panel.set_ylabel(label)
+        panel.margins(y=0.12)
+        _widen(panel, [table.mean[name] for name, _ in quantities])
+        panel.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
+        if len(quantities) > 1:
+            panel.legend(loc="best")
+    for panel in grid[-1]:
+        panel.set_xlabel("time $t$ [s]")
+
+
+def _widen(panel: Any, means: list[float]) -> None:
+    """Show at least a thousandth of the largest mean: what is constant shall not look as if it varied."""
+    low, high = panel.get_ylim()
+    room = 5e-4 * float(np.nanmax(np.abs(means), initial=0.0))
+    if high - low < 2.0 * room:
+        panel.set_ylim(0.5 * (low + high) - room, 0.5 * (low + high) + room)
+
+
+def _draw_quantity(panel: Any, table: Rheology, name: str, text: str, color: str) -> None:
+    known = np.isfinite(table.values[name])
+    style = {"marker": "o", "markersize": 2.0, "markeredgewidth": 0.0} if known.sum() < 60 else {}
+    panel.plot(table.time[known], table.values[name][known], color=color, linewidth=0.8, label=text or None, **style)
+    mean, error = table.mean[name], table.error[name]
+    if not np.isfinite(mean):
+        return
+    panel.axhline(mean, color=color, linewidth=0.7, linestyle="--")
+    if np.isfinite(error):
+        panel.axhspan(mean - error, mean + error, color=color, alpha=0.2, linewidth=0.0)

@@ -1,0 +1,241 @@
+"""Two runs side by side: their scenarios, books, rheology and profiles."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+
+from multicor_cli.post.energy import Entry, energy
+from multicor_cli.post.profile import ProfileTable, profile
+from multicor_cli.post.rheology import QUANTITIES, Rheology, SeriesSource, rheology
+from multicor_cli.post.source import PostError, Selection
+from multicor_cli.state.model import Floats
+
+
+class ScenarioSource(SeriesSource, Protocol):
+    """A run with its scenario; `multicor_cli.open_run` gives it."""
+
+    @property
+    def scenario_resolved(self) -> str:
+        """The scenario with all defaults."""
+
+
+@dataclass(frozen=True)
+class Pair:
+    """A number of both runs.
+
+    Attributes:
+        name: Name in data.
+        label: Name for people, with the unit.
+        first: Value of the first run.
+        second: Value of the second run.
+        error: Standard error of their difference, √(e₁² + e₂²); nan if it is not known.
+    """
+
+    name: str
+    label: str
+    first: float
+    second: float
+    error: float = np.nan
+
+    @property
+    def difference(self) -> float:
+        """Second minus first."""
+        return self.second - self.first
+
+    @property
+    def ratio(self) -> float:
+        """The difference over its standard error; nan without one."""
+        return self.difference / self.error if self.error > 0.0 else np.nan
+
+
+@dataclass(frozen=True)
+class ProfilePair:
+    """A profile of both runs in the same number of bins, matched by y/H; ``b`` bins.
+
+    Attributes:
+        first: Profile of the first run.
+        second: Profile of the second run.
+    """
+
+    first: ProfileTable
+    second: ProfileTable
+
+    @property
+    def y(self) -> Floats:
+        """Centers of the bins over the height of each run, y/H, shape ``(b,)``."""
+        return np.asarray(self.first.y / self.first.height)
+
+    @property
+    def error(self) -> Floats:
+        """Standard errors of the differences, shape ``(b,)``."""
+        return np.hypot(self.first.error, self.second.error)
+
+    @property
+    def ratio(self) -> Floats:
+        """Second minus first over the standard error of that; nan where it is not known, shape ``(b,)``."""
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return np.where(self.error > 0.0, (self.second.value - self.first.value) / self.error, np.nan)
+
+    @property
+    def rms_ratio(self) -> float:
+        """Root mean square of `ratio`: about 1 where the runs differ by chance only; nan without errors."""
+        known = self.ratio[np.isfinite(self.ratio)]
+        return float(np.sqrt((known**2).mean())) if known.size else np.nan
+
+    def as_dict(self) -> dict[str, Any]:
+        """Everything as JSON types; numbers may be nan."""
+        return {
+            "unit": self.first.field.unit,
+            "y_over_height": self.y.tolist(),
+            "heights": [self.first.height, self.second.height],
+            "first": self.first.value.tolist(),
+            "first_error": self.first.error.tolist(),
+            "second": self.second.value.tolist(),
+            "second_error": self.second.error.tolist(),
+            "difference_over_error": self.ratio.tolist(),
+            "rms_difference_over_error": self.rms_ratio,
+        }
+
+
+@dataclass(frozen=True)
+class Comparison:
+    """What `compare` finds.
+
+    Attributes:
+        names: Names of the two runs.
+        keys: Scenario keys that differ: key, value of the first run, of the second; as texts.
+        numbers: Sizes, books at the end, and the rheology if both runs are sheared between two walls.
+        profiles: Profiles by field.
+    """
+
+    names: tuple[str, str]
+    keys: tuple[tuple[str, str, str], ...]
+    numbers: tuple[Pair, ...]
+    profiles: dict[str, ProfilePair]
+
+    @property
+    def headings(self) -> tuple[str, ...]:
+        """Names of the columns of `rows`."""
+        return "quantity", self.names[0], self.names[1], "difference", "over its standard error"
+
+    @property
+    def rows(self) -> list[tuple[str, float, float, float, float]]:
+        """The numbers, and one line for each profile: the root mean square of its differences over their errors."""
+        lines = [(p.label, p.first, p.second, p.difference, p.ratio) for p in self.numbers]
+        nan = np.nan
+        return lines + [
+            (f"profile of {name} (rms over bins)", nan, nan, nan, pair.rms_ratio) for name, pair in self.profiles.items()
+        ]
+
+    @property
+    def detail_headings(self) -> tuple[str, ...]:
+        """Names of the columns of `detail_rows`."""
+        return "field", "y/H [1]", "first", "error of first", "second", "error of second", "difference over its error [1]"
+
+    @property
+    def detail_rows(self) -> list[tuple[Any, ...]]:
+        """One row per field and bin, in the unit of the field."""
+        rows: list[tuple[Any, ...]] = []
+        for name, p in self.profiles.items():
+            columns = (p.y, p.first.value, p.first.error, p.second.value, p.second.error, p.ratio)
+            rows += [(name, *row) for row in zip(*(column.tolist() for column in columns), strict=True)]
+        return rows
+
+    def as_dict(self) -> dict[str, Any]:
+        """Everything as JSON types; numbers may be nan."""
+        return {
+            "runs": list(self.names),
+            "scenario": [{"key": key, "first": first, "second": second} for key, first, second in self.keys],
+            "numbers": {
+                p.name: {"first": p.first, "second": p.second, "difference": p.difference, "error": p.error} for p in self.numbers
+            },
+            "profiles": {name: pair.as_dict() for name, pair in self.profiles.items()},
+        }
+
+
+def compare(
+    first: ScenarioSource,
+    second: ScenarioSource,
+    of: Sequence[str] = ("velocity",),
+    selection: Selection | None = None,
+    bins: int | None = None,
+    *,
+    names: tuple[str, str] = ("first", "second"),
+) -> Comparison:
+    """Compare two runs.
+
+    Args:
+        first: A run.
+        second: Another run.
+        of: Fields whose profiles are compared, each one of ``FIELDS``.
+        selection: Which frames of each run; default: the later half of its last stage.
+        bins: Number of bins; default: one per mean diameter of the first run.
+        names: What the runs are called.
+
+    Raises:
+        PostError: If a profile cannot be made of one of the runs.
+        StoreError: If a run cannot be read.
+    """
+    from multicor_cli.run.differences import find_differences
+    from multicor_cli.scenario.problems import format_key
+
+    found = find_differences(first.scenario_resolved, second.scenario_resolved)
+    return Comparison(
+        names,
+        tuple((format_key(d.path), d.before, d.after) for d in found),
+        (*_sizes(first, second), *_books(first, second), *_rheologies(first, second, selection)),
+        {field: _profiles(first, second, field, selection, bins) for field in dict.fromkeys(of)},
+    )
+
+
+def _sizes(first: ScenarioSource, second: ScenarioSource) -> list[Pair]:
+    kinds: tuple[tuple[str, str, Callable[[ScenarioSource], float]], ...] = (
+        ("grain_count", "grains", lambda run: run.model.grain_count),
+        ("frame_count", "frames", lambda run: np.asarray(run.frames.time).size),
+        ("time", "time at the last frame [s]", lambda run: float(np.asarray(run.frames.time)[-1:].sum())),
+    )
+    return [Pair(name, label, float(value(first)), float(value(second))) for name, label, value in kinds]
+
+
+def _books(first: ScenarioSource, second: ScenarioSource) -> list[Pair]:
+    one, two = energy(first), energy(second)
+    entries: list[Entry] = [entry for entry in one.entries if entry.name in two.books]
+    pairs = [Pair(e.name, f"{e.label} [J]", float(one.books[e.name][-1]), float(two.books[e.name][-1])) for e in entries]
+    pairs.append(Pair("energy_closure", "closure [1]", float(one.closure[-1]), float(two.closure[-1])))
+    if one.heat_closure is not None and two.heat_closure is not None:
+        pairs.append(Pair("heat_closure", "closure of heat [1]", float(one.heat_closure[-1]), float(two.heat_closure[-1])))
+    return pairs
+
+
+def _rheologies(first: ScenarioSource, second: ScenarioSource, selection: Selection | None) -> list[Pair]:
+    """Pairs of the rheology if both runs have one; nothing if one is not sheared between two walls."""
+    found: list[Rheology] = []
+    for run in (first, second):
+        try:
+            found.append(rheology(run, selection))
+        except PostError:
+            return []
+    one, two = found
+    angles = [table.mean["fabric_direction"] for table in found]
+    two.mean["fabric_direction"] = angles[0] + (angles[1] - angles[0] + 90.0) % 180.0 - 90.0  # directions repeat every 180°
+    return [
+        Pair(
+            q.name,
+            f"{q.label} [{q.unit}]",
+            one.mean[q.name],
+            two.mean[q.name],
+            float(np.hypot(one.error[q.name], two.error[q.name])),
+        )
+        for q in QUANTITIES
+    ]
+
+
+def _profiles(
+    first: ScenarioSource, second: ScenarioSource, field: str, selection: Selection | None, bins: int | None
+) -> ProfilePair:
+    one = profile(first, field, selection, bins)
+    return ProfilePair(one, profile(second, field, selection, one.y.size))

@@ -1,0 +1,159 @@
+"""The contacts of a frame that carry a force, with what stresses and networks are made of."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from multicor_cli.post.source import FrameSource, GrainFrame, PostError
+from multicor_cli.state.model import Floats, Model
+
+
+class ContactRows(Protocol):
+    """The contacts of a frame, as far as they are needed here; ``c`` of them."""
+
+    @property
+    def recorded(self) -> bool:
+        """Whether they are in the file."""
+
+    @property
+    def i(self) -> NDArray[Any]:
+        """First grain, shape ``(c,)``."""
+
+    @property
+    def j(self) -> NDArray[Any]:
+        """Second grain, or wall shape (not below the number of grains), shape ``(c,)``."""
+
+    @property
+    def normal(self) -> NDArray[Any]:
+        """Unit normal from j to i, shape ``(c, 2)``."""
+
+    @property
+    def gap(self) -> NDArray[Any]:
+        """Gap [m], shape ``(c,)``."""
+
+    @property
+    def force(self) -> NDArray[Any]:
+        """Normal and tangential force on i [N], shape ``(c, 2)``."""
+
+    @property
+    def sliding(self) -> NDArray[Any]:
+        """Whether the contact slides, shape ``(c,)``."""
+
+
+class ContactFrame(GrainFrame, Protocol):
+    """A frame with its contacts."""
+
+    @property
+    def dt(self) -> float:
+        """Length of the last step [s]."""
+
+    @property
+    def contacts(self) -> ContactRows:
+        """Contacts of the last step."""
+
+
+@dataclass(frozen=True)
+class LoadedContacts:
+    """The contacts of a frame with a positive normal force; ``c`` of them between ``n`` grains and the walls.
+
+    Attributes:
+        i: First grain, shape ``(c,)``.
+        j: Second grain, or wall shape (not below n), shape ``(c,)``.
+        force: Normal and tangential force on i, mean of the last step [N], shape ``(c, 2)``.
+        row: Numbers of these contacts among all of the frame, shape ``(c,)``.
+        rows: All contacts of the frame; what is not needed is not read.
+        radius: Radii of the grains [m], shape ``(n,)``.
+    """
+
+    i: NDArray[Any]
+    j: NDArray[Any]
+    force: Floats
+    row: NDArray[np.int64]
+    rows: ContactRows
+    radius: Floats
+
+    @property
+    def grain_count(self) -> int:
+        """Number of grains n."""
+        return self.radius.size
+
+    @cached_property
+    def normal(self) -> Floats:
+        """Unit normal from j to i, shape ``(c, 2)``."""
+        return np.asarray(self.rows.normal, np.float64)[self.row]
+
+    @cached_property
+    def reach(self) -> Floats:
+        """Distance from the center of i to that of j, or to the point where i touches a wall [m], shape ``(c,)``."""
+        reach = self.radius[self.i] + np.asarray(self.rows.gap, np.float64)[self.row]
+        reach += np.where(self.is_wall, 0.0, self.radius[np.where(self.is_wall, 0, self.j)])
+        return np.asarray(reach)
+
+    @cached_property
+    def is_wall(self) -> NDArray[np.bool_]:
+        """Whether a contact is one of a grain with a wall, shape ``(c,)``."""
+        return np.asarray(self.j >= self.grain_count)
+
+    @cached_property
+    def vector(self) -> Floats:
+        """Force on i in x and y [N], shape ``(c, 2)``; the tangent is the normal turned by +90°."""
+        (x, y), (f, g) = self.normal.T, self.force.T
+        return np.column_stack([f * x - g * y, f * y + g * x])
+
+    @cached_property
+    def branch(self) -> Floats:
+        """From the center of j, or the point where i touches a wall, to the center of i [m], shape ``(c, 2)``."""
+        return np.asarray(self.normal * self.reach[:, np.newaxis])
+
+    def virial(self, a: int, b: int) -> Floats:
+        """Force on i along the axis ``a`` times the branch along ``b`` [N m], shape ``(c,)``.
+
+        Its sum over an area is the stress times the area, compression positive.
+        """
+        return np.asarray(self.vector[:, a] * self.branch[:, b])
+
+    @cached_property
+    def counts(self) -> NDArray[np.int64]:
+        """Contacts of each grain; those with walls count once, shape ``(n,)``."""
+        between = self.j[~self.is_wall]
+        return np.bincount(self.i, minlength=self.grain_count) + np.bincount(between, minlength=self.grain_count)
+
+
+def has_forces(frame: GrainFrame) -> bool:
+    """Whether contact forces belong to a frame: they were recorded, and a step was done before it."""
+    chosen: ContactFrame = frame  # type: ignore[assignment]
+    return bool(chosen.contacts.recorded) and chosen.dt > 0.0
+
+
+def loaded_contacts(frame: GrainFrame, model: Model) -> LoadedContacts:
+    """The contacts of a frame that carry a force."""
+    contacts: ContactRows = frame.contacts  # type: ignore[attr-defined]
+    force = np.asarray(contacts.force, np.float64)
+    row = np.flatnonzero(force[:, 0] > 0.0)
+    return LoadedContacts(contacts.i[row], contacts.j[row], force[row], row, contacts, model.grains.radius)
+
+
+def with_forces(source: FrameSource, chosen: NDArray[np.int64]) -> NDArray[np.int64]:
+    """Those of the frames ``chosen`` to which contact forces belong.
+
+    Raises:
+        PostError: If there is none.
+    """
+    found = [int(k) for k in chosen if has_forces(source.frames[int(k)])]
+    if not found:
+        refuse_frame(source, int(chosen[-1]), "the selected frames" if chosen.size > 1 else f"frame {int(chosen[0])}")
+    return np.array(found, np.int64)
+
+
+def refuse_frame(source: FrameSource, index: int, name: str) -> None:
+    """Say why no forces belong to a frame; raises `PostError` if that is so."""
+    frame: ContactFrame = source.frames[index]  # type: ignore[assignment]
+    if not frame.contacts.recorded:
+        raise PostError(f"the contacts of {name} were not recorded; set contacts = true in [output] and run it again")
+    if not frame.dt > 0.0:
+        raise PostError(f"{name} has no contact forces: no step was done before it; choose a later one")

@@ -1,0 +1,153 @@
+"""The energy books of a run over time: mechanical, and of heat if it has any."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from multicor_cli.post.source import PostError
+from multicor_cli.state.model import Floats
+
+
+class SeriesHolder(Protocol):
+    """What has a time series; `multicor_cli.open_run` gives it."""
+
+    @property
+    def series(self) -> Mapping[str, NDArray[Any]]:
+        """The time series by name."""
+
+
+@dataclass(frozen=True)
+class Entry:
+    """A line of the books.
+
+    Attributes:
+        name: Name in the time series and in data.
+        label: Name for people.
+        sign: +1 for what comes in, −1 for what goes out, 0 for what is neither.
+    """
+
+    name: str
+    label: str
+    sign: int
+
+
+MECHANICAL = (
+    Entry("gravity_work", "work of gravity", 1),
+    Entry("wall_work", "work of the walls", 1),
+    Entry("load_work", "work of the loads", 1),
+    Entry("friction_loss", "lost to friction", -1),
+    Entry("impact_loss", "lost to impacts", -1),
+    Entry("damping_loss", "lost in the damping of loads", -1),
+    Entry("correction_work", "taken up by the projection of positions", -1),
+    Entry("kinetic_gain", "gain of kinetic energy", 0),
+    Entry("imbalance", "imbalance", 0),
+)
+"""The mechanical books: gain = what came in − what went out + imbalance. The works include those of the projection of positions."""
+
+HEAT = (
+    Entry("heat_friction", "heat of friction", 1),
+    Entry("heat_impact", "heat of impacts", 1),
+    Entry("heat_from_walls", "heat from walls", 1),
+    Entry("heat_from_ambient", "heat from the ambient fluid", 1),
+    Entry("heat_from_surroundings", "heat from the surroundings", 1),
+    Entry("heat_to_walls", "heat of friction and impacts into walls", -1),
+    Entry("heat_stored", "heat stored in the grains", 0),
+    Entry("heat_imbalance", "imbalance of heat", 0),
+)
+"""The books of heat: stored = what came in − what went into walls + imbalance."""
+
+
+@dataclass(frozen=True)
+class EnergyTable:
+    """Energy books since the start of the run; ``s`` rows of the time series.
+
+    Attributes:
+        time: Times [s], shape ``(s,)``.
+        books: Each line of `MECHANICAL`, and of `HEAT` in a run with heat, by name [J], shape ``(s,)``.
+        closure: Largest mechanical imbalance so far over the sum of all terms, shape ``(s,)``.
+        heat_closure: The same of heat, or None in a run without.
+    """
+
+    time: Floats
+    books: dict[str, Floats]
+    closure: Floats
+    heat_closure: Floats | None
+
+    @property
+    def entries(self) -> tuple[Entry, ...]:
+        """The lines that the run has."""
+        return MECHANICAL if self.heat_closure is None else (*MECHANICAL, *HEAT)
+
+    @property
+    def headings(self) -> tuple[str, str]:
+        """Names of the columns of `rows`."""
+        return "quantity", "at the end"
+
+    @property
+    def rows(self) -> list[tuple[str, float]]:
+        """The books at the end."""
+        lines = [(f"{entry.label} [J]", float(self.books[entry.name][-1])) for entry in MECHANICAL]
+        lines.append(("closure [1]", float(self.closure[-1])))
+        if self.heat_closure is not None:
+            lines += [(f"{entry.label} [J]", float(self.books[entry.name][-1])) for entry in HEAT]
+            lines.append(("closure of heat [1]", float(self.heat_closure[-1])))
+        return lines
+
+    @property
+    def detail_headings(self) -> tuple[str, ...]:
+        """Names of the columns of `detail_rows` with their units."""
+        closures = ("closure [1]",) if self.heat_closure is None else ("closure [1]", "heat_closure [1]")
+        return "time [s]", *(f"{name} [J]" for name in self.books), *closures
+
+    @property
+    def detail_rows(self) -> list[tuple[float, ...]]:
+        """One row per row of the time series."""
+        closures = (self.closure,) if self.heat_closure is None else (self.closure, self.heat_closure)
+        return list(zip(*(column.tolist() for column in (self.time, *self.books.values(), *closures)), strict=True))
+
+    def as_dict(self) -> dict[str, Any]:
+        """Everything as JSON types, in joules and seconds."""
+        return {
+            "end": {name: float(column[-1]) for name, column in self.books.items()},
+            "energy_closure": float(self.closure[-1]),
+            "heat_closure": None if self.heat_closure is None else float(self.heat_closure[-1]),
+            "time": self.time.tolist(),
+            "books": {name: column.tolist() for name, column in self.books.items()},
+            "closure_over_time": self.closure.tolist(),
+            "heat_closure_over_time": None if self.heat_closure is None else self.heat_closure.tolist(),
+        }
+
+
+def energy(source: SeriesHolder, start: float | None = None, end: float | None = None) -> EnergyTable:
+    """The energy books over time; they count from the start of the run whatever part of it is looked at.
+
+    Args:
+        source: The run.
+        start: Earliest time [s]; default: the start.
+        end: Latest time [s]; default: the end.
+
+    Raises:
+        PostError: If the time series has no row in this time.
+        StoreError: If the run cannot be read.
+    """
+    series = source.series
+    time = np.asarray(series["time"], np.float64)
+    rows = np.flatnonzero((time >= (-np.inf if start is None else start)) & (time <= (np.inf if end is None else end)))
+    if not rows.size:
+        raise PostError("the time series has no row in this time" if time.size else "the run has no time series yet")
+    has_heat = "heat_stored" in series
+    gain = np.asarray(series["kinetic"]) - np.asarray(series["kinetic_start"])
+    columns = {e.name: gain if e.name == "kinetic_gain" else np.asarray(series[e.name]) for e in MECHANICAL}
+    if has_heat:
+        columns |= {e.name: np.asarray(series[e.name]) for e in HEAT}
+    return EnergyTable(
+        time[rows],
+        {name: np.asarray(column[rows], np.float64) for name, column in columns.items()},
+        np.asarray(series["closure"], np.float64)[rows],
+        np.asarray(series["heat_closure"], np.float64)[rows] if has_heat else None,
+    )

@@ -1,0 +1,262 @@
+"""Rheology of a layer sheared between two walls: inertial number, friction, solid fraction, contacts, fabric, spin."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any, Protocol
+
+import numpy as np
+from numpy.typing import NDArray
+
+from multicor_cli.post.bulk import SUM_NAMES, Band, find_band, interval_sums
+from multicor_cli.post.extent import Extent, find_extent
+from multicor_cli.post.flow import mean_flow
+from multicor_cli.post.profile import make_bins
+from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Selection
+from multicor_cli.post.sums import block_rows, standard_error
+from multicor_cli.state import Model
+from multicor_cli.state.model import Floats
+
+
+class SeriesSource(FrameSource, Protocol):
+    """A run with its time series; `multicor_cli.open_run` gives it."""
+
+    @property
+    def series(self) -> Mapping[str, NDArray[Any]]:
+        """The time series by name."""
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A row of the table.
+
+    Attributes:
+        name: Name in data.
+        label: Name for people.
+        symbol: Symbol in figures (TeX).
+        unit: SI unit.
+    """
+
+    name: str
+    label: str
+    symbol: str
+    unit: str = "1"
+
+
+QUANTITIES = (
+    Quantity("shear_rate", "shear rate in the bulk", r"\dot\gamma", "1/s"),
+    Quantity("pressure", "normal force of the walls per length", "P", "N/m"),
+    Quantity("inertial_number", "inertial number (rate × √(m/P))", "I"),
+    Quantity("inertial_number_density", "inertial number (rate × d/√(P/ρ))", "I_\\rho"),
+    Quantity("friction_walls", "friction μ*, from the walls", r"\mu^*_\mathrm{walls}"),
+    Quantity("friction_bulk", "friction μ*, from contact stress in the bulk", r"\mu^*_\mathrm{bulk}"),
+    Quantity("bulk_stress_yy", "contact stress σ_yy in the bulk", r"\sigma_{yy}", "N/m"),
+    Quantity("solid_fraction", "solid fraction in the bulk", r"\nu"),
+    Quantity("coordination", "contacts per grain", "Z"),
+    Quantity("coordination_loaded", "contacts per grain without rattlers", "Z'"),
+    Quantity("fabric_anisotropy", "fabric anisotropy a_c", "a_c"),
+    Quantity("fabric_direction", "its direction, from x counter-clockwise", r"\theta_c", "deg"),
+    Quantity("spin_ratio", "mean spin over shear rate", r"\langle\omega\rangle/\dot\gamma"),
+    Quantity("granular_temperature", "granular temperature", "T_g", "m2/s2"),
+)
+"""What `rheology` measures, in the order of the table."""
+
+_COLUMNS = (*SUM_NAMES, "window", "shear_impulse", "normal_impulse")
+
+
+@dataclass(frozen=True)
+class Rheology:
+    """Rheology over time and on average; ``r`` intervals between consecutive frames.
+
+    I = |γ̇| √(m/P) with the mean mass m of a grain and the force P per length [N/m] with which the walls press (the mean of both):
+    the convention of da Cruz et al. (2005). ``inertial_number_density`` is |γ̇| d̄/√(P/ρ) with the mass ρ of the grains per area that
+    they cover, the convention of GDR MiDi (2004). The first is √(π/4) times the second for equal discs. Friction is
+    μ* = −σ_xy/σ_yy for a positive shear rate, and positive where stress resists the shear. Contacts are those that carry a force;
+    rattlers have fewer than two. The density of contact directions is taken as (1 + a_c cos 2(θ − θ_c))/2π.
+
+    Attributes:
+        time: Ends of the intervals [s], shape ``(r,)``.
+        values: Each quantity of `QUANTITIES` over time by name, nan where it is not known, shape ``(r,)``.
+        mean: Averages over the intervals: ratios of sums, not means of ratios.
+        error: Their standard errors from up to ten blocks of consecutive intervals; nan with one block.
+        margin: What is left out next to the surface of each wall [m].
+        height: Distance of the walls [m].
+        walls: Names of the lower and upper wall.
+        frames: Indices of the frames.
+        times: Times of the first and last frame [s].
+    """
+
+    time: Floats
+    values: dict[str, Floats]
+    mean: dict[str, float]
+    error: dict[str, float]
+    margin: float
+    height: float
+    walls: tuple[str, str]
+    frames: NDArray[np.int64]
+    times: tuple[float, float]
+
+    @property
+    def headings(self) -> tuple[str, str, str]:
+        """Names of the columns of `rows`."""
+        return "quantity", "mean", "standard error"
+
+    @property
+    def rows(self) -> list[tuple[str, float, float]]:
+        """Average and standard error of every quantity."""
+        return [(_with_unit(q.label, q.unit), self.mean[q.name], self.error[q.name]) for q in QUANTITIES]
+
+    @property
+    def detail_headings(self) -> tuple[str, ...]:
+        """Names of the columns of `detail_rows` with their units."""
+        return ("time [s]", *(f"{q.name} [{q.unit}]" for q in QUANTITIES))
+
+    @property
+    def detail_rows(self) -> list[tuple[float, ...]]:
+        """One row per interval."""
+        columns = (self.time, *(self.values[q.name] for q in QUANTITIES))
+        return list(zip(*(column.tolist() for column in columns), strict=True))
+
+    def as_dict(self) -> dict[str, Any]:
+        """Everything as JSON types; numbers may be nan."""
+        return {
+            "walls": list(self.walls),
+            "height": self.height,
+            "margin": self.margin,
+            "frame_count": int(self.frames.size),
+            "times": list(self.times),
+            "units": {q.name: q.unit for q in QUANTITIES},
+            "mean": dict(self.mean),
+            "standard_error": dict(self.error),
+            "time": self.time.tolist(),
+            "values": {name: column.tolist() for name, column in self.values.items()},
+        }
+
+
+def rheology(source: SeriesSource, selection: Selection | None = None, *, margin: float | None = None) -> Rheology:
+    """Measure the rheology of a layer between two walls that shear it.
+
+    The shear rate is the least-squares slope of the displacements of the bulk between two frames, the spin its mean rotation; wall
+    forces are means over the rows of the time series that end between the two frames; the rest is taken at the second of them.
+
+    Args:
+        source: The run.
+        selection: Which frames; default: the later half of the last stage.
+        margin: Mean diameters next to the surface of each wall that are not bulk; default: 8, or a quarter of the distance of the
+            walls if that is less.
+
+    Raises:
+        PostError: If fewer than two frames are selected, there are no two walls that shear the grains, the domain is not
+            periodic, or nothing is left between the margins.
+        StoreError: If the run cannot be read.
+    """
+    chosen = (selection or Selection()).indices(source.frames)
+    extent = find_extent(source, chosen)
+    direction = _check_shear(source, extent, chosen)
+    band = find_band(source.model, extent, margin)
+    times = np.asarray(source.frames.time)[chosen]
+    sums = np.column_stack([_sum_bulk(source, band, chosen), _sum_walls(source, extent, times)])
+    blocks = np.array([sums[block].sum(axis=0) for block in block_rows(len(sums))])
+    model, names = source.model, source.model.walls.names
+    errors = {name: float(standard_error(values)) for name, values in _derive(model, blocks, direction).items()}
+    errors["fabric_direction"] = _direction_error(_derive(model, blocks, direction)["fabric_direction"])
+    assert extent.lower is not None
+    assert extent.upper is not None
+    return Rheology(
+        time=times[1:],
+        values=_derive(model, sums, direction),
+        mean={name: float(values[0]) for name, values in _derive(model, sums.sum(axis=0)[np.newaxis], direction).items()},
+        error=errors,
+        margin=band.margin,
+        height=extent.height,
+        walls=(names[extent.lower], names[extent.upper]),
+        frames=chosen,
+        times=(float(times[0]), float(times[-1])),
+    )
+
+
+def _check_shear(source: FrameSource, extent: Extent, chosen: NDArray[np.int64]) -> float:
+    """+1 if the upper wall moves towards +x relative to the lower one, else −1."""
+    if extent.lower is None or extent.upper is None:
+        raise PostError("rheology needs a wall below and a wall above the grains that shear them")
+    if not source.model.period > 0.0:
+        raise PostError("rheology needs a domain that is periodic in x: between side walls there is no homogeneous shear")
+    if chosen.size < 2:
+        raise PostError("rheology needs two frames; only one is selected: choose more with --from or --frames")
+    speeds = [source.frames[int(k)].wall_velocity[:, 0] for k in chosen]
+    relative = float(np.mean([speed[extent.upper] - speed[extent.lower] for speed in speeds]))
+    if relative == 0.0:
+        names = source.model.walls.names
+        raise PostError(f"the walls '{names[extent.lower]}' and '{names[extent.upper]}' do not shear the grains in these frames")
+    return float(np.sign(relative))
+
+
+def _sum_bulk(source: FrameSource, band: Band, chosen: NDArray[np.int64]) -> Floats:
+    times = np.asarray(source.frames.time)
+    flow = mean_flow(source, chosen, make_bins(source, chosen))
+    rows, before = [], source.frames[int(chosen[0])]
+    for first, last in pairwise(chosen):
+        after: GrainFrame = source.frames[int(last)]
+        rows.append(interval_sums(source, band, flow, before, after, float(times[last] - times[first])))
+        before = after
+    return np.array(rows)
+
+
+def _sum_walls(source: SeriesSource, extent: Extent, times: Floats) -> Floats:
+    """Length of the windows that end in each interval, and impulses of the walls in them: shear, towards each other."""
+    series = source.series
+    duration, force = np.asarray(series["window_duration"]), np.asarray(series["wall_force"])
+    lower, upper = force[:, extent.lower], force[:, extent.upper]
+    # Forces are those on the walls. Times of rows and frames that belong to one step are equal to the bit.
+    shear, press = 0.5 * (lower[:, 0] - upper[:, 0]), 0.5 * (upper[:, 1] - lower[:, 1])
+    interval = np.searchsorted(times, np.asarray(series["time"]), side="left") - 1
+    inside = (interval >= 0) & (interval < times.size - 1)
+    columns = (duration, duration * shear, duration * press)
+    return np.column_stack([np.bincount(interval[inside], c[inside], minlength=times.size - 1) for c in columns])
+
+
+def _derive(model: Model, sums: Floats, direction: float) -> dict[str, Floats]:
+    """Each quantity of `QUANTITIES` from rows of sums."""
+    s = dict(zip(_COLUMNS, sums.T, strict=True))
+    grains = model.grains
+    density = grains.mass.sum() / (np.pi * grains.radius**2).sum()
+    with np.errstate(invalid="ignore", divide="ignore"):
+        rate = s["rate"] / s["lapse"]
+        pressure = s["normal_impulse"] / s["window"] / model.period
+        fabric, angle = _fabric(s)
+        return {
+            "shear_rate": rate,
+            "pressure": pressure,
+            "inertial_number": np.abs(rate) * np.sqrt(grains.mass.mean() / pressure),
+            "inertial_number_density": np.abs(rate) * model.mean_diameter * np.sqrt(density / pressure),
+            "friction_walls": direction * s["shear_impulse"] / s["normal_impulse"],
+            "friction_bulk": -direction * s["xy"] / s["yy"],
+            "bulk_stress_yy": s["yy"] / s["stress_area"],
+            "solid_fraction": s["solid"] / s["area"],
+            "coordination": s["contacts"] / s["grains"],
+            "coordination_loaded": s["loaded_contacts"] / s["loaded_grains"],
+            "fabric_anisotropy": fabric,
+            "fabric_direction": angle,
+            "spin_ratio": s["spin"] / s["rate"],
+            "granular_temperature": s["kinetic"] / s["weight"],
+        }
+
+
+def _fabric(s: dict[str, Floats]) -> tuple[Floats, Floats]:
+    """a_c and θ_c [degrees, 0 … 180] from the sums of n⊗n: ⟨n⊗n⟩ = ½ 1 + ¼ a_c (cos 2θ_c, sin 2θ_c; sin 2θ_c, −cos 2θ_c)."""
+    along = (s["normal_xx"] - s["normal_yy"]) / s["normal_count"]
+    across = 2.0 * s["normal_xy"] / s["normal_count"]
+    return 2.0 * np.hypot(along, across), np.degrees(0.5 * np.arctan2(across, along)) % 180.0
+
+
+def _direction_error(angles: Floats) -> float:
+    """Standard error of directions [degrees] that are the same every 180°."""
+    doubled = np.radians(2.0 * angles[np.isfinite(angles)])
+    middle = np.angle(np.exp(1j * doubled).sum())
+    return float(standard_error(np.degrees(0.5 * np.angle(np.exp(1j * (doubled - middle))))))
+
+
+def _with_unit(label: str, unit: str) -> str:
+    return f"{label} [{unit}]"

@@ -1,0 +1,82 @@
+"use strict";
+
+/*
+ * The numbers in this page.
+ *
+ * The element "meta" holds JSON; the elements "radii" and "frame-K" hold base64 of deflated arrays of unsigned
+ * integers: of each array first the lowest bytes of all its numbers, then the next ones. An integer q of a quantity stands for
+ * low + (high - low) f(q / largest), with f(s) = s, or s * s where spacing is "square"; q > largest: not known.
+ */
+
+const meta = JSON.parse(document.getElementById("meta").textContent);
+
+/** Bytes of a packed element. */
+async function unpack(id) {
+  if (typeof DecompressionStream === "undefined") {
+    throw new Error("This browser is too old to show the grains: it cannot decompress data (needs Chrome 80, Firefox 113 or Safari 16.4).");
+  }
+  const text = atob(document.getElementById(id).textContent);
+  const packed = Uint8Array.from(text, (letter) => letter.charCodeAt(0));
+  const stream = new Blob([packed]).stream().pipeThrough(new DecompressionStream("deflate"));
+  return new Uint8Array(await new Response(stream).arrayBuffer());
+}
+
+/** Unsigned integers from their byte planes, which begin at an offset. */
+function joinPlanes(bytes, offset, width, count) {
+  if (width === 1) return bytes.subarray(offset, offset + count);
+  const numbers = width === 2 ? new Uint16Array(count) : new Uint32Array(count);
+  for (let plane = 0; plane < width; plane++) {
+    const start = offset + plane * count;
+    for (let k = 0; k < count; k++) numbers[k] |= bytes[start + k] << (8 * plane);
+  }
+  return numbers;
+}
+
+/** Numbers of integers. */
+function decode(name, integers) {
+  const { low, high, largest, spacing } = meta.codes[name];
+  const numbers = new Float64Array(integers.length);
+  for (let k = 0; k < numbers.length; k++) {
+    const share = integers[k] / largest;
+    numbers[k] = share > 1 ? NaN : low + (high - low) * (spacing === "square" ? share * share : share);
+  }
+  return numbers;
+}
+
+/** Contacts of a frame: first grains, second ends, forces. */
+function decodeContacts(arrays) {
+  if (!arrays.contact_step) return { first: [], end: [], force: [], known: arrays.contactsKnown };
+  const first = Uint32Array.from(arrays.contact_step);
+  for (let k = 1; k < first.length; k++) first[k] += first[k - 1];
+  return { first, end: arrays.contact_end, force: decode("contact", arrays.contact_force), known: true };
+}
+
+const loaded = new Map();
+
+/** A frame with its numbers; what has been unpacked once is kept. */
+function loadFrame(number) {
+  if (!loaded.has(number)) loaded.set(number, unpackFrame(number));
+  return loaded.get(number);
+}
+
+async function unpackFrame(number) {
+  const about = meta.frames[number];
+  const bytes = await unpack(`frame-${number}`);
+  const arrays = { contactsKnown: about.contactCount !== null };
+  let offset = 0;
+  for (const [name, width, count] of about.arrays) {
+    arrays[name] = joinPlanes(bytes, offset, width, count);
+    offset += width * count;
+  }
+  const values = {};
+  for (const field of meta.fields) {
+    if (arrays[field.name]) values[field.name] = decode(field.name, arrays[field.name]);
+  }
+  return { number, about, x: decode("x", arrays.x), y: decode("y", arrays.y), values, contacts: decodeContacts(arrays) };
+}
+
+/** Radii of the grains. */
+async function loadRadii() {
+  const codes = joinPlanes(await unpack("radii"), 0, 4, meta.grains);
+  return new Float32Array(codes.buffer);
+}

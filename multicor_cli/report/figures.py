@@ -1,0 +1,224 @@
+"""The figures of the page: profiles, and how energies and the solver did over time; as SVG that takes the colors of the page."""
+
+from __future__ import annotations
+
+import io
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from multicor_cli.plots.profile import draw_profile
+from multicor_cli.plots.small_rises import rise_formatter, rise_label, rise_reference
+from multicor_cli.plots.style import COLORS, PlotError, house_style
+from multicor_cli.post import PostError, Selection, profile
+from multicor_cli.post.energy import HEAT, MECHANICAL, EnergyTable, Entry
+from multicor_cli.state.model import Floats
+from multicor_cli.store import Run
+
+_POINTS = 1200  # of a line; longer series are thinned
+_PROFILE_FRAMES = 20
+_VISIBLE = 2e-3  # of the height of a figure
+_SHORT = 12  # letters of a label of which three fit side by side
+_INK = "#012345"  # stands for the color of text of the page
+_SIZE = (3.7, 2.6)  # inch
+
+
+@dataclass(frozen=True)
+class Figure:
+    """A figure.
+
+    Attributes:
+        title: What it shows.
+        svg: The picture; texts and axes are in ``currentColor``.
+    """
+
+    title: str
+    svg: str
+
+
+@dataclass(frozen=True)
+class Line:
+    """A line over time.
+
+    Attributes:
+        label: What it is.
+        value: Its values, shape ``(rows,)``.
+    """
+
+    label: str
+    value: Floats
+
+
+def make_figures(run: Run, books: EnergyTable | None) -> list[Figure] | None:
+    """All figures that make sense for a run; None if matplotlib is not installed.
+
+    Args:
+        run: The run.
+        books: Its energy books; None if it has none yet.
+
+    Raises:
+        StoreError: If the run cannot be read.
+    """
+    try:
+        with house_style():
+            _recolor()
+            return [*_profiles(run), *([] if books is None else _histories(run, books))]
+    except PlotError:
+        return None
+
+
+def _recolor() -> None:
+    import matplotlib as mpl
+
+    ink: Any = ("text.color", "axes.edgecolor", "axes.labelcolor", "xtick.color", "ytick.color")
+    mpl.rcParams.update(dict.fromkeys(ink, _INK))
+
+
+def _profiles(run: Run) -> list[Figure]:
+    """Profiles of the later half of the last stage, of fields that vary over the height between walls that shear or heat."""
+    found = []
+    for of in ("velocity", "temperature", "solid-fraction"):
+        try:
+            table = profile(run, of, _some_frames(run))
+        except PostError:
+            continue  # a run without heat has no temperatures
+        has_shear = np.isfinite(table.shear_rate) and table.shear_rate != 0.0
+        has_shape = np.isfinite(table.value).sum() > 2 and np.ptp(_finite(table.value)) > 0.0
+        if not any(table.walls) or not has_shape or (of == "velocity" and not has_shear):
+            continue
+        title = f"{table.field.label.capitalize()} over the height, mean of t = {table.times[0]:.4g} to {table.times[1]:.4g} s"
+        found.append(_draw(title, lambda axes, table=table: draw_profile(axes, table)))  # type: ignore[misc]
+    return found
+
+
+def _finite(values: Floats) -> Floats:
+    return values[np.isfinite(values)]
+
+
+def _some_frames(run: Run) -> Selection:
+    chosen = Selection().indices(run.frames)
+    step = -(-chosen.size // _PROFILE_FRAMES)
+    return Selection(frames=slice(int(chosen[0]), None, step))
+
+
+def _histories(run: Run, books: EnergyTable) -> list[Figure]:
+    series = run.series
+    if series.row_count < 2:
+        return []
+    pick = _Thinning(np.asarray(series["time"]))
+    energies = _book_lines(books, MECHANICAL, pick)
+    found = [_draw("Energy books over time (sums since the start)", lambda axes: _lines(axes, pick.time, energies, "energy [J]"))]
+    if "heat_stored" in series:
+        heats = _book_lines(books, HEAT, pick)
+        temperatures = [Line(label, pick.last(series[f"temperature_{name}"])) for name, label in _TEMPERATURES]
+        found += [
+            _draw("Books of heat over time (sums since the start)", lambda axes: _lines(axes, pick.time, heats, "heat [J]")),
+            _draw("Temperature over time", lambda axes: _lines(axes, pick.time, temperatures, "temperature [K]", keep=True)),
+        ]
+    worked = pick.most(series["window_steps"]) > 0
+    if worked.sum() < 2:
+        return found
+    time = pick.time[worked]
+    residuals = [Line(label, pick.most(series[name])[worked]) for name, label in _RESIDUALS]
+    effort = [Line("sweeps per step", pick.most(series["sweeps_mean"])[worked])]
+    contacts = [Line("loaded contacts", pick.last(series["contacts_mean"])[worked])]
+    return [
+        *found,
+        _draw(
+            "Residuals of the solver, largest of each window", lambda axes: _lines(axes, time, residuals, "residual [–]", log=True)
+        ),
+        _draw("Work of the solver, mean of each window", lambda axes: _lines(axes, time, effort, "sweeps per step [–]", keep=True)),
+        _draw("Contacts that carry a force", lambda axes: _lines(axes, time, contacts, "contacts [–]", keep=True)),
+    ]
+
+
+def _book_lines(books: EnergyTable, entries: tuple[Entry, ...], pick: _Thinning) -> list[Line]:
+    """Lines of the books that matter: those that differ from zero in the figure."""
+    lines = [Line(entry.label, pick.last(books.books[entry.name])) for entry in entries if entry.name in books.books]
+    largest = max((float(np.abs(line.value).max()) for line in lines), default=0.0)
+    return [line for line in lines if float(np.abs(line.value).max()) > _VISIBLE * largest]
+
+
+_TEMPERATURES = (("max", "highest"), ("mean", "mean"), ("min", "lowest"))
+_RESIDUALS = (("residual_rms", "rms"), ("residual_max", "maximum"), ("residual_energy", "energy"))
+
+
+class _Thinning:
+    """Blocks of rows that a line of the figure has one point for.
+
+    Attributes:
+        time: Times of the points [s].
+    """
+
+    def __init__(self, time: Floats) -> None:
+        step = -(-time.size // _POINTS)
+        self._starts = np.arange(0, time.size, step)
+        self._ends = np.minimum(self._starts + step, time.size) - 1
+        self.time = time[self._ends]
+
+    def last(self, values: NDArray[Any]) -> Floats:
+        """The last value of each block."""
+        return np.asarray(values[self._ends], np.float64)
+
+    def most(self, values: NDArray[Any]) -> Floats:
+        """The largest value of each block."""
+        return np.asarray(np.maximum.reduceat(values, self._starts), np.float64)
+
+
+def _lines(axes: Any, time: Floats, lines: list[Line], label: str, *, log: bool = False, keep: bool = False) -> None:
+    """Draw lines; those that are zero throughout are left out unless all are to be kept."""
+    shown = [line for line in lines if keep or np.any(line.value)]
+    for number, line in enumerate(shown):
+        value = np.where(line.value > 0.0, line.value, np.nan) if log else line.value
+        style = "-" if number < len(COLORS) else "--"
+        axes.plot(time, value, style, color=COLORS[number % len(COLORS)], linewidth=1.2, label=line.label)
+    if log and any(np.any(line.value > 0.0) for line in shown):
+        axes.set_yscale("log")
+    elif not log:
+        axes.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
+    axes.set_ylabel(label)
+    _count_from_reference(axes, label, shown)
+    axes.set_xlabel("time [s]")
+    axes.margins(x=0.0)
+    if len(shown) > 1:
+        axes.figure.legend(
+            *axes.get_legend_handles_labels(),
+            loc="outside lower center",
+            ncols=3 if max(len(line.label) for line in shown) < _SHORT else 2,
+        )
+
+
+def _count_from_reference(axes: Any, label: str, lines: list[Line]) -> None:
+    """Temperatures that hardly differ are shown as rises above a round one."""
+    values = _finite(np.concatenate([line.value for line in lines])) if lines else np.zeros(0)
+    unit = label[label.index("[") + 1 : -1]
+    reference = rise_reference(unit, float(values.min()), float(values.max())) if values.size else None
+    if reference is not None:
+        axes.set_ylabel(rise_label("temperature", "T", reference))
+        axes.yaxis.set_major_formatter(rise_formatter(reference))
+
+
+def _draw(title: str, draw: Callable[[Any], None]) -> Figure:
+    from matplotlib.figure import Figure as Canvas
+
+    canvas = Canvas(figsize=_SIZE, layout="constrained", facecolor="none")
+    axes = canvas.add_subplot(facecolor="none")
+    draw(axes)
+    buffer = io.StringIO()
+    canvas.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
+    return Figure(title, _inline(buffer.getvalue()))
+
+
+def _inline(svg: str) -> str:
+    """An SVG file as part of an HTML page: no addresses of standards, no fixed size, inks of the page."""
+    svg = svg[svg.index("<svg") :]
+    svg = re.sub(r"<metadata>.*?</metadata>", "", svg, flags=re.DOTALL)
+    svg = re.sub(r'\sxmlns(:\w+)?="[^"]*"', "", svg)
+    svg = re.sub(r'<svg([^>]*?)\swidth="[^"]*"', r"<svg\1", svg, count=1)
+    svg = re.sub(r'<svg([^>]*?)\sheight="[^"]*"', r"<svg\1", svg, count=1)
+    svg = re.sub(r'\sid="(figure|axes|matplotlib|xtick|ytick|text|line2d|patch|legend|FillBetween)[^"]*"', "", svg)
+    return svg.replace("xlink:href", "href").replace(_INK, "currentColor")

@@ -1,0 +1,232 @@
+"""The HTML of the page. Whatever comes from the run is escaped; nothing is loaded from anywhere."""
+
+from __future__ import annotations
+
+import base64
+import json
+import math
+import tomllib
+from html import escape
+from importlib import resources
+from typing import Any
+
+import numpy as np
+
+from multicor_cli import __version__
+from multicor_cli.plots.small_rises import rise_reference
+from multicor_cli.post.energy import HEAT, MECHANICAL, EnergyTable
+from multicor_cli.report.figures import Figure
+from multicor_cli.report.pack import Packing
+from multicor_cli.report.tables import Row, describe_books, describe_quality, describe_run
+from multicor_cli.store import Run
+
+MARK = '<meta name="generator" content="multicor report">'
+"""What tells a page of ours from other files; it stands within the first 400 bytes."""
+
+_POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'"
+_SCRIPTS = ("data.js", "picture.js", "viewer.js")
+
+
+def make_page(run: Run, info: dict[str, Any], books: EnergyTable | None, packing: Packing, figures: list[Figure] | None) -> bytes:
+    """The page as UTF-8.
+
+    Args:
+        run: The run.
+        info: What `multicor_cli.store.run_info` says about it.
+        books: Its energy books; None if it has none yet.
+        packing: The frames of the interactive view.
+        figures: The figures; None if matplotlib is missing.
+
+    Raises:
+        StoreError: If the scenario cannot be read.
+    """
+    source, resolved = run.scenario_source, run.scenario_resolved
+    scenario = _scenario_of(resolved)
+    name = str(scenario.get("name") or run.path.resolve().name)
+    body = [
+        _header(name, str(scenario.get("description") or ""), info),
+        _file("view.html").replace("NOTE_ON_FRAMES", escape(_note(packing))),
+        _tables(info, books),
+        _figures(figures),
+        _scenario(source, resolved),
+        f"<footer><p>Made by multicor {escape(__version__)} from {escape(run.path.resolve().name)}.</p></footer>",
+        _data("meta", "application/json", _json(_meta(run, packing))),
+        _data("radii", "text/plain", _base64(packing.radii)),
+        *(_data(f"frame-{k}", "text/plain", _base64(chunk.data)) for k, chunk in enumerate(packing.chunks)),
+        "<script>\n" + "\n".join(_file(script) for script in _SCRIPTS) + "</script>",
+    ]
+    return "\n".join([_head(name), "<body>", *body, "</body>", "</html>", ""]).encode()
+
+
+def _head(name: str) -> str:
+    return (
+        f'<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n{MARK}\n'
+        f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">\n'
+        '<meta name="viewport" content="width=device-width, initial-scale=1">\n<meta name="color-scheme" content="light dark">\n'
+        f"<title>{escape(name)} – multicor</title>\n<style>\n{_file('viewer.css')}</style>\n</head>"
+    )
+
+
+def _header(name: str, description: str, info: dict[str, Any]) -> str:
+    about = f"<p>{escape(description)}</p>" if description else ""
+    status = str(info["status"])
+    return (
+        f'<header><div><h1>{escape(name)}</h1>{about}</div><div class="corner"><span class="badge" data-status="{escape(status)}">'
+        f'{escape(status)}</span> <button id="theme" type="button" aria-label="Light or dark">◐</button></div></header>'
+    )
+
+
+def _note(packing: Packing) -> str:
+    shown, count = len(packing.chunks), packing.frame_count
+    frames = f"All {count:,} frames of the run" if shown == count else f"{shown:,} of {count:,} frames of the run"
+    if packing.contact_limit is not None and any((c.contact_count or 0) > packing.contact_limit for c in packing.chunks):
+        frames += f", with the {packing.contact_limit:,} strongest contacts of each"
+    speed = packing.codes["speed"]
+    return (
+        f"{frames}. Positions are rounded to {_steps(packing, 'x')} m (x) and {_steps(packing, 'y')} m (y), values to "
+        f"{_percent(speed.resolution)} of their range or better; results.h5 holds them exactly."
+    )
+
+
+def _steps(packing: Packing, name: str) -> str:
+    code = packing.codes[name]
+    return f"{(code.high - code.low) * code.resolution:.1g}"
+
+
+def _percent(share: float) -> str:
+    return f"{100.0 * share:.1g} %"
+
+
+def _tables(info: dict[str, Any], books: EnergyTable | None) -> str:
+    parts = [
+        _table("What was run", describe_run(info)),
+        _table("How good it is", describe_quality(info)),
+        *_book_tables(books),
+    ]
+    return f'<section class="cards">{"".join(parts)}</section>'
+
+
+def _book_tables(books: EnergyTable | None) -> list[str]:
+    if books is None:
+        return []
+    return [_table(title, describe_books(books, lines)) for title, lines in (("Energy books", MECHANICAL), ("Books of heat", HEAT))]
+
+
+def _table(title: str, rows: list[Row]) -> str:
+    if not rows:
+        return ""
+    return f'<div class="card"><h2>{escape(title)}</h2><table>{"".join(map(_row, rows))}</table></div>'
+
+
+def _row(row: Row) -> str:
+    marks = {True: ' <span class="good">within its limit</span>', False: ' <span class="bad">above its limit</span>', None: ""}
+    return f'<tr><th scope="row">{escape(row.name)}</th><td>{escape(row.value)}{marks[row.is_good]}</td></tr>'
+
+
+def _figures(figures: list[Figure] | None) -> str:
+    if figures is None:
+        text = "<p>There are no figures here: the installation that made this page has no matplotlib.</p>"
+    else:
+        text = "".join(
+            f'<figure class="card"><figcaption>{escape(figure.title)}</figcaption>{figure.svg}</figure>' for figure in figures
+        )
+    return f'<section class="figures">{text}</section>' if text else ""
+
+
+def _scenario(source: str, resolved: str) -> str:
+    parts = [("Scenario as given", source), ("Scenario with all defaults", resolved)]
+    return "".join(
+        f'<details class="card"><summary>{title}</summary><pre tabindex="0">{escape(text)}</pre></details>'
+        for title, text in parts
+        if text.strip()
+    )
+
+
+def _scenario_of(resolved: str) -> dict[str, Any]:
+    try:
+        found = tomllib.loads(resolved).get("scenario")
+    except tomllib.TOMLDecodeError:
+        return {}
+    return found if isinstance(found, dict) else {}
+
+
+def _meta(run: Run, packing: Packing) -> dict[str, Any]:
+    """What the scripts need to know besides the packed numbers."""
+    model, frames = run.model, run.frames
+    times, steps, stages = np.asarray(frames.time), np.asarray(frames.step), np.asarray(frames.stage)
+    return {
+        "grains": model.grain_count,
+        "groups": list(model.groups),
+        "group": model.grains.group.tolist() if len(model.groups) > 1 else [],
+        "period": model.period,
+        "box": packing.box.tolist(),
+        "frameCount": packing.frame_count,
+        "codes": {name: _code(code) for name, code in packing.codes.items()},
+        "fields": [_field(packing, k) for k in range(len(packing.fields))],
+        "shapes": {
+            "kind": model.shapes.kind.tolist(),
+            "wall": model.shapes.wall.tolist(),
+            "geometry": [[float(f"{value:.7g}") for value in row] for row in model.shapes.geometry.tolist()],
+        },
+        "frames": [
+            {
+                "index": chunk.index,
+                "time": float(times[chunk.index]),
+                "step": int(steps[chunk.index]),
+                "stage": _stage_name(run, int(stages[chunk.index])),
+                "arrays": chunk.arrays,
+                "contactCount": chunk.contact_count,
+                "walls": packing.walls[k].tolist(),
+            }
+            for k, chunk in enumerate(packing.chunks)
+        ],
+    }
+
+
+def _stage_name(run: Run, stage: int) -> str:
+    return run.stages[stage] if stage < len(run.stages) else ""
+
+
+def _code(code: Any) -> dict[str, Any]:
+    return {"low": code.low, "high": code.high, "largest": code.largest, "spacing": code.spacing}
+
+
+def _field(packing: Packing, number: int) -> dict[str, Any]:
+    """A field for the scripts; temperatures that hardly differ are shown as millikelvins above a round temperature."""
+    field = packing.fields[number]
+    low, high = packing.colors[field.name]
+    return {
+        "name": field.name,
+        "label": field.label,
+        "unit": field.unit,
+        "colors": field.colors,
+        "scale": field.scale,
+        "range": [low, high],
+        "reference": rise_reference(field.unit, low, high),
+    }
+
+
+def _json(data: Any) -> str:
+    """JSON that may stand in an HTML page, whatever strings are in it."""
+    text = json.dumps(_finite(data), ensure_ascii=True, allow_nan=False, separators=(",", ":"))
+    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+def _finite(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {key: _finite(item) for key, item in value.items()}
+    if isinstance(value, list | tuple):
+        return [_finite(item) for item in value]
+    return None if isinstance(value, float) and not math.isfinite(value) else value
+
+
+def _base64(data: bytes) -> str:
+    return base64.b64encode(data).decode("ascii")
+
+
+def _data(name: str, kind: str, text: str) -> str:
+    return f'<script type="{kind}" id="{name}">{text}</script>'
+
+
+def _file(name: str) -> str:
+    return resources.files("multicor_cli.report").joinpath(name).read_text(encoding="utf-8")

@@ -1,0 +1,311 @@
+/* Grains, walls and contacts on a canvas. */
+
+const COLORS = {
+  viridis: "44015448186a472d7b4240863b528b33638d2c728e26828e21918c1fa08828ae803fbc735ec96284d44baddc30d8e219fde725",
+  plasma: "0d08873105974c02a16600a77e03a89511a1aa2395bc3587cc4778da5a6ae66c5cf0804ef89540fdac33fdc527f8df25f0f921",
+  magma: "0000040a08221d114736106b51127c6a1c818326819c2e7fb73779d0416fe75263f56b5cfc8961fea772fec488fde2a3fcfdbf",
+  balance: "053c6e0b5c9c2f7fb96aa5cf9fc6e0d3d9ddeccdb9e8a983d9774fbd4a25862a0b",
+};
+const STEPS = 256;
+const KIND = { disc: 0, plane: 1, segment: 2, circle: 4 };
+
+/** Some 256 colors as CSS texts, from evenly spaced ones. */
+function makeColors(name) {
+  const anchors = COLORS[name].match(/.{6}/g).map((hex) => [0, 2, 4].map((k) => parseInt(hex.slice(k, k + 2), 16)));
+  return Array.from({ length: STEPS }, (_, step) => {
+    const place = (step / (STEPS - 1)) * (anchors.length - 1);
+    const k = Math.min(Math.floor(place), anchors.length - 2);
+    const mixed = anchors[k].map((channel, c) => Math.round(channel + (place - k) * (anchors[k + 1][c] - channel)));
+    return `rgb(${mixed.join(",")})`;
+  });
+}
+
+/** The number of the color of a value; -1 if it is not known. */
+function colorIndex(field, value, [low, high]) {
+  if (Number.isNaN(value)) return -1;
+  let share = (value - low) / (high - low);
+  if (field.scale === "logarithmic") share = value > low ? Math.log(value / low) / Math.log(high / low) : 0;
+  return Math.max(0, Math.min(STEPS - 1, Math.floor(share * STEPS)));
+}
+
+/** Smallest and largest value of a frame that get a color of their own. */
+function frameRange(field, values) {
+  let low = Infinity, high = -Infinity;
+  for (const value of values) {
+    if (value < low) low = value;
+    if (value > high) high = value;
+  }
+  if (low > high) return field.range;
+  if (field.scale === "logarithmic") return high > 0 ? [high * 1e-4, high] : field.range;
+  if (field.scale === "centered") [low, high] = [-Math.max(-low, high), Math.max(-low, high)];
+  return low < high ? [low, high] : [low - (Math.abs(low) * 1e-3 || 1), high + (Math.abs(high) * 1e-3 || 1)];
+}
+
+class Picture {
+  /** @param {HTMLCanvasElement} canvas where to draw
+   *  @param {Float32Array} radii radii of the grains [m] */
+  constructor(canvas, radii) {
+    this.canvas = canvas;
+    this.context = canvas.getContext("2d");
+    this.radii = radii;
+    this.largest = radii.reduce((a, b) => Math.max(a, b), 0);
+    this.mean = radii.reduce((a, b) => a + b, 0) / Math.max(radii.length, 1);
+    this.fit();
+  }
+
+  /** Show everything. */
+  fit() {
+    const [[left, bottom], [right, top]] = meta.box;
+    this.center = [(left + right) / 2, (bottom + top) / 2];
+    this.zoom = 1;
+    this.resize();
+  }
+
+  /** Take up the size that the page gives the canvas. */
+  resize() {
+    const [[left, bottom], [right, top]] = meta.box;
+    const width = this.canvas.clientWidth;
+    const height = Math.max(220, Math.min((width * (top - bottom)) / (right - left), 0.72 * window.innerHeight));
+    this.canvas.style.height = `${height}px`;
+    this.pixels = Math.min(window.devicePixelRatio || 1, 2);
+    this.canvas.width = Math.round(width * this.pixels);
+    this.canvas.height = Math.round(height * this.pixels);
+    this.whole = Math.min(this.canvas.width / (right - left), this.canvas.height / (top - bottom));
+  }
+
+  /** Pixels per meter. */
+  get scale() {
+    return this.whole * this.zoom;
+  }
+
+  /** Where a point of the page lies [m]. */
+  toWorld(clientX, clientY) {
+    const frame = this.canvas.getBoundingClientRect();
+    const x = (clientX - frame.left) * this.pixels, y = (clientY - frame.top) * this.pixels;
+    return [
+      this.center[0] + (x - this.canvas.width / 2) / this.scale,
+      this.center[1] - (y - this.canvas.height / 2) / this.scale,
+    ];
+  }
+
+  /** Zoom by a factor about a point of the page that stays where it is. */
+  zoomAt(factor, clientX, clientY) {
+    const before = this.toWorld(clientX, clientY);
+    this.zoom = Math.max(1, Math.min(this.zoom * factor, 4000));
+    const after = this.toWorld(clientX, clientY);
+    this.center = [this.center[0] + before[0] - after[0], this.center[1] + before[1] - after[1]];
+    this.keepInside();
+  }
+
+  /** Move by pixels of the page. */
+  pan(dx, dy) {
+    this.center = [this.center[0] - (dx * this.pixels) / this.scale, this.center[1] + (dy * this.pixels) / this.scale];
+    this.keepInside();
+  }
+
+  keepInside() {
+    const [[left, bottom], [right, top]] = meta.box;
+    this.center = [Math.max(left, Math.min(this.center[0], right)), Math.max(bottom, Math.min(this.center[1], top))];
+    if (this.zoom === 1) this.center = [(left + right) / 2, (bottom + top) / 2];
+  }
+
+  /** Draw a frame.
+   *  @param {object} frame from loadFrame
+   *  @param {object} show field, its colors and range, hasContacts, selected grain or -1 */
+  draw(frame, show) {
+    const context = this.context, style = getComputedStyle(this.canvas);
+    this.ink = (name) => style.getPropertyValue(name);
+    context.setTransform(1, 0, 0, 1, 0, 0);
+    context.clearRect(0, 0, this.canvas.width, this.canvas.height);
+    const scale = this.scale;
+    // The axis y points up: coordinates in meters from here on, lengths of lines too.
+    context.setTransform(scale, 0, 0, -scale, this.canvas.width / 2 - this.center[0] * scale, this.canvas.height / 2 + this.center[1] * scale);
+    context.save();
+    if (meta.period > 0) this.clipToPeriod();
+    this.drawGrains(frame, show);
+    this.drawWalls(frame.about.walls);
+    if (show.hasContacts) this.drawContacts(frame);
+    this.drawSelected(frame, show.selected);
+    context.restore();
+  }
+
+  clipToPeriod() {
+    const far = 1e3 * (meta.box[1][1] - meta.box[0][1]);
+    this.context.beginPath();
+    this.context.rect(0, meta.box[0][1] - far, meta.period, 2 * far);
+    this.context.clip();
+  }
+
+  /** Call draw(x) for a thing and for its images that cross the ends of the period. */
+  withImages(x, reach, draw) {
+    draw(x);
+    if (meta.period <= 0) return;
+    if (x + reach > meta.period) draw(x - meta.period);
+    if (x - reach < 0) draw(x + meta.period);
+  }
+
+  /** Corners of what is visible [m], with some room. */
+  visible() {
+    const half = [this.canvas.width / 2 / this.scale + this.largest, this.canvas.height / 2 / this.scale + this.largest];
+    return [this.center[0] - half[0], this.center[0] + half[0], this.center[1] - half[1], this.center[1] + half[1]];
+  }
+
+  drawGrains(frame, show) {
+    const { x, y } = frame, values = frame.values[show.field.name];
+    const [left, right, bottom, top] = this.visible();
+    const buckets = Array.from({ length: STEPS + 1 }, () => []);
+    for (let k = 0; k < x.length; k++) {
+      if (y[k] < bottom || y[k] > top) continue;
+      const color = values ? colorIndex(show.field, values[k], show.range) : -1;
+      this.withImages(x[k], this.radii[k], (at) => {
+        if (at >= left && at <= right) buckets[color + 1].push(k, at);
+      });
+    }
+    buckets.forEach((bucket, number) => {
+      if (bucket.length) this.fillDiscs(bucket, y, number ? show.colors[number - 1] : this.ink("--unknown"));
+    });
+  }
+
+  fillDiscs(bucket, y, color) {
+    const context = this.context, isSmall = this.largest * this.scale < 1.5;
+    context.fillStyle = color;
+    if (!isSmall) context.beginPath();
+    for (let k = 0; k < bucket.length; k += 2) {
+      const a = this.radii[bucket[k]], at = bucket[k + 1], high = y[bucket[k]];
+      if (isSmall) {
+        context.fillRect(at - a, high - a, 2 * a, 2 * a);
+      } else {
+        context.moveTo(at + a, high);
+        context.arc(at, high, a, 0, 2 * Math.PI);
+      }
+    }
+    if (isSmall) return;
+    context.fill();
+    if (this.mean * this.scale > 4) {
+      context.strokeStyle = this.ink("--edge");
+      context.lineWidth = 0.6 * this.pixels / this.scale;
+      context.stroke();
+    }
+  }
+
+  drawWalls(poses) {
+    const context = this.context, { kind, wall, geometry } = meta.shapes;
+    context.strokeStyle = this.ink("--wall");
+    context.fillStyle = this.ink("--glued");
+    const width = 2 * this.pixels / this.scale;
+    kind.forEach((which, shape) => {
+      const [dx, dy, angle] = poses[wall[shape]], g = geometry[shape];
+      const c = Math.cos(angle), s = Math.sin(angle);
+      const turn = (x, y) => [c * x - s * y, s * x + c * y];
+      const move = (x, y) => turn(x, y).map((value, axis) => value + [dx, dy][axis]);
+      context.lineWidth = width;
+      if (which === KIND.disc) this.drawGlued(move(g[0], g[1]), g[2]);
+      else if (which === KIND.circle) this.strokeCircle(move(g[0], g[1]), g[2]);
+      else if (which === KIND.segment) this.strokeLine(move(g[0], g[1]), move(g[2], g[3]));
+      else if (which === KIND.plane) this.drawPlane(move(g[0], g[1]), turn(g[2], g[3]));
+    });
+  }
+
+  drawGlued([x, y], a) {
+    const context = this.context;
+    const wrapped = meta.period > 0 ? x - meta.period * Math.floor(x / meta.period) : x;
+    context.lineWidth = 0.6 * this.pixels / this.scale;
+    this.withImages(wrapped, a, (at) => {
+      context.beginPath();
+      context.arc(at, y, a, 0, 2 * Math.PI);
+      context.fill();
+      if (a * this.scale > 3) context.stroke();
+    });
+  }
+
+  strokeCircle([x, y], a) {
+    this.context.beginPath();
+    this.context.arc(x, y, a, 0, 2 * Math.PI);
+    this.context.stroke();
+  }
+
+  strokeLine(from, to) {
+    this.context.beginPath();
+    this.context.moveTo(...from);
+    this.context.lineTo(...to);
+    this.context.stroke();
+  }
+
+  /** The visible part of an endless wall. */
+  drawPlane([x, y], [nx, ny]) {
+    const far = 3 * Math.hypot(meta.box[1][0] - meta.box[0][0], meta.box[1][1] - meta.box[0][1]);
+    this.strokeLine([x - far * ny, y + far * nx], [x + far * ny, y - far * nx]);
+  }
+
+  /** A line for every contact, as wide as its force is large. */
+  drawContacts(frame) {
+    const { first, end, force } = frame.contacts, context = this.context;
+    if (!force.length) return;
+    const mean = force.reduce((a, b) => a + b, 0) / force.length;
+    const widest = 1.4 * this.mean, pixel = this.pixels / this.scale;
+    const groups = new Map();
+    for (let k = 0; k < first.length; k++) {
+      const width = Math.min((0.35 * this.mean * force[k]) / mean, widest);
+      const step = Math.ceil((width / widest) * 40); // lines of nearly equal width are drawn at once
+      if (!groups.has(step)) groups.set(step, []);
+      groups.get(step).push(k);
+    }
+    // A rim in the color of the paper sets the lines off from grains of any color, if there is room for one.
+    const isFine = this.mean < 4 * pixel;
+    context.lineCap = isFine ? "butt" : "round";
+    const coats = [[this.ink("--paper"), 1.5 * pixel], [this.ink("--contact"), 0]];
+    for (const [color, rim] of isFine ? coats.slice(1) : coats) {
+      context.strokeStyle = color;
+      for (const [step, members] of groups) {
+        const width = (step / 40) * widest;
+        if (isFine && width < 0.25 * pixel) continue; // too weak to be seen
+        context.lineWidth = Math.max(width, 0.4 * pixel) + rim;
+        context.beginPath();
+        for (const k of members) this.addContact(frame, first[k], end[k]);
+        context.stroke();
+      }
+    }
+  }
+
+  addContact(frame, i, end) {
+    const x = frame.x[i], y = frame.y[i];
+    let dx, dy;
+    if (end < meta.grains) {
+      dx = frame.x[end] - x;
+      if (meta.period > 0) dx -= meta.period * Math.round(dx / meta.period);
+      dy = frame.y[end] - y;
+    } else {
+      const angle = ((end - meta.grains) / 1024) * 2 * Math.PI;
+      [dx, dy] = [this.radii[i] * Math.cos(angle), this.radii[i] * Math.sin(angle)];
+    }
+    this.withImages(x + dx / 2, Math.abs(dx) / 2, (middle) => {
+      this.context.moveTo(middle - dx / 2, y);
+      this.context.lineTo(middle + dx / 2, y + dy);
+    });
+  }
+
+  drawSelected(frame, grain) {
+    if (!(grain >= 0 && grain < meta.grains)) return;
+    const context = this.context;
+    const a = Math.max(this.radii[grain], 4 * this.pixels / this.scale);
+    for (const [color, width] of [[this.ink("--paper"), 5], [this.ink("--accent"), 2.5]]) {
+      context.strokeStyle = color;
+      context.lineWidth = width * this.pixels / this.scale;
+      this.withImages(frame.x[grain], a, (at) => this.strokeCircle([at, frame.y[grain]], a));
+    }
+  }
+
+  /** The grain at a point of the page, or -1. */
+  findGrain(frame, clientX, clientY) {
+    const [px, py] = this.toWorld(clientX, clientY);
+    const slack = (4 * this.pixels) / this.scale; // small grains need not be hit exactly
+    let found = -1, best = Infinity;
+    for (let k = 0; k < frame.x.length; k++) {
+      let dx = px - frame.x[k];
+      if (meta.period > 0) dx -= meta.period * Math.round(dx / meta.period);
+      const distance = Math.hypot(dx, py - frame.y[k]) - this.radii[k];
+      if (distance < Math.min(best, Math.max(0, slack - this.radii[k]))) [found, best] = [k, distance];
+    }
+    return found;
+  }
+}

@@ -1,0 +1,96 @@
+"""What was run, how it ended, and how good it is, as rows of names and values."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from datetime import timedelta
+from typing import Any
+
+import numpy as np
+
+from multicor_cli.post.energy import EnergyTable, Entry
+
+_CLOSURE = 1e-10
+_OVERLAP = 1e-3
+
+
+@dataclass(frozen=True)
+class Row:
+    """A line of a table.
+
+    Attributes:
+        name: What it is.
+        value: Its value, as text.
+        is_good: Whether the value is within its limit; None if there is no limit.
+    """
+
+    name: str
+    value: str
+    is_good: bool | None = None
+
+
+def describe_run(info: dict[str, Any]) -> list[Row]:
+    """What was run and how it ended, from `multicor_cli.store.run_info`."""
+    made = info["provenance"]
+    reason = info["stop_reason"]
+    status = info["status"] if not reason or reason == info["status"] else f"{info['status']} ({reason})"
+    rows = [
+        ("status", status),
+        ("time", _number(info["time"], "s")),
+        ("steps", _number(info["step"])),
+        ("stages", ", ".join(info["stages"])),
+        ("grains", _number(info["grain_count"])),
+        ("walls", ", ".join(info["walls"]) or "none"),
+        ("frames", f"{info['frame_count']:,}, and {info['series_count']:,} rows of the time series"),
+        ("seed", str(made.get("seed", "–"))),
+        ("started", _moment(info["started"])),
+        ("finished", _moment(info["finished"])),
+        ("wall time", "–" if info["duration"] is None else str(timedelta(seconds=round(info["duration"])))),
+        ("version", f"multicor {made.get('multicor_version', '–')}"),
+        ("command", made.get("command", "–")),
+        ("processor", str(made.get("cpu") or "–")),
+        ("threads", str(made.get("threads") or "–")),
+        ("state digest", str(info["state_digest"] or "–")),
+    ]
+    return [Row(name, str(value)) for name, value in rows if value != "–"]
+
+
+def describe_quality(info: dict[str, Any]) -> list[Row]:
+    """Closure of the books, overlap, residuals and counters of the solver."""
+    solver, heat = info["solver"], info["heat"]
+    rows = [
+        Row("energy closure", _number(info["energy_closure"]), _within(info["energy_closure"], _CLOSURE)),
+        Row("heat closure", _number(info["heat_closure"]), _within(info["heat_closure"], _CLOSURE)),
+        Row("largest overlap over the smaller radius", _number(info["max_overlap"]), _within(info["max_overlap"], _OVERLAP)),
+        Row("steps that did not converge", _number(solver["unconverged_steps"]), _within(solver["unconverged_steps"], 0)),
+        Row("largest residual over the reference velocity (rms of a step)", _number(solver["residual_rms_max"])),
+        Row("sweeps per step", _number(solver["sweeps_mean"])),
+        Row("largest contact force (mean of a step)", _number(info["max_contact_force"], "N")),
+        Row("Hertz deflection over the diameter at that force", _number(info["hertz_deflection"])),
+        Row("negative share of the losses at contacts", _number(info["negative_loss_share"])),
+    ]
+    if heat is not None:
+        rows.append(Row("largest Biot number", _number(heat["max_biot"])))
+    return [row for row in rows if row.value != "–"]
+
+
+def describe_books(table: EnergyTable, entries: Sequence[Entry]) -> list[Row]:
+    """Some lines of the energy books at the end [J]; what never happened is left out."""
+    lines = [(entry.label, table.books[entry.name]) for entry in entries if entry.name in table.books]
+    return [Row(label, _number(float(values[-1]), "J")) for label, values in lines if np.any(values) or "imbalance" in label]
+
+
+def _within(value: float | None, limit: float) -> bool | None:
+    return None if value is None else value <= limit
+
+
+def _number(value: Any, unit: str = "") -> str:
+    if value is None:
+        return "–"
+    text = f"{value:,}" if isinstance(value, int) else f"{value:.4g}"
+    return f"{text} {unit}".strip()
+
+
+def _moment(text: str | None) -> str:
+    return "–" if not text else text.replace("T", " ").replace("+00:00", " UTC")

@@ -1,0 +1,121 @@
+"""Writing the page: from a run directory to one HTML file."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from multicor_cli.post.energy import energy
+from multicor_cli.post.source import PostError
+from multicor_cli.report.figures import make_figures
+from multicor_cli.report.pack import Packing, Progress, pack_frames
+from multicor_cli.report.page import MARK, make_page
+from multicor_cli.store import StoreError, open_run, run_info
+from multicor_cli.store.atomic import GuardedFile, commit_file
+
+SIZE_LIMIT = 30_000_000
+"""Largest size of a page [bytes]: what most mail servers still take."""
+
+_ROOM = 2_000_000  # for figures, scripts and the scenario [bytes]
+_BASE64 = 4.0 / 3.0
+
+
+class ReportExists(StoreError):
+    """The file of the report exists already (exit code 6)."""
+
+    exit_code = 6
+
+
+@dataclass(frozen=True)
+class ReportSummary:
+    """What a page holds.
+
+    Attributes:
+        path: The file.
+        size: Its size [bytes].
+        frames: Frames in it.
+        frame_count: Frames of the run.
+        contact_limit: Most contacts per frame in it; None: all.
+        has_figures: Whether it has figures; they need matplotlib.
+    """
+
+    path: Path
+    size: int
+    frames: int
+    frame_count: int
+    contact_limit: int | None
+    has_figures: bool
+
+
+def default_path(directory: Path) -> Path:
+    """Where the page goes unless told: beside the run directory, as ``NAME-report.html``."""
+    whole = directory.resolve()
+    whole = whole.parent if whole.is_file() else whole
+    return whole.with_name(f"{whole.name}-report.html")
+
+
+def write_report(
+    directory: Path | str,
+    path: Path | str | None = None,
+    *,
+    frames: int | None = None,
+    is_overwriting: bool = False,
+    progress: Progress = lambda done, total: None,
+) -> ReportSummary:
+    """Write one self-contained HTML page about a run, finished or not.
+
+    Args:
+        directory: Run directory, or a ``results.h5`` on its own.
+        path: File to write; default: `default_path`.
+        frames: Largest number of frames in the interactive view; default: as many as fit into `SIZE_LIMIT`.
+        is_overwriting: Whether an existing file may be replaced.
+        progress: Is told how many frames have been read, and of how many.
+
+    Raises:
+        ReportExists: If the file exists and may not be replaced.
+        PostError: If the run has no frames yet.
+        StoreError: If the run cannot be read, or the file cannot be written.
+    """
+    target = default_path(Path(directory)) if path is None else Path(path)
+    check_target(target, is_overwriting=is_overwriting)
+    with open_run(directory) as run:
+        info = run_info(directory)
+        if not len(run.frames):
+            raise PostError(f"{directory}: the run has no frames yet; try again when it has written one")
+        packing = pack_frames(run, int((SIZE_LIMIT - _ROOM) / _BASE64), frames, progress)
+        books = energy(run) if run.series.row_count else None
+        figures = make_figures(run, books)
+        page = make_page(run, info, books, packing, figures)
+    commit_file(target, "report", _writer(page), size=len(page))
+    return _summary(target, len(page), packing, figures is not None)
+
+
+def check_target(path: Path, *, is_overwriting: bool) -> None:
+    """Refuse a file that exists.
+
+    Raises:
+        ReportExists: If it may not be replaced: always if it is not a page of ours.
+    """
+    if not path.exists():
+        return
+    if not is_overwriting:
+        raise ReportExists(f"{path} exists; choose another file with -o, or replace it with --overwrite")
+    if path.is_dir() or (path.stat().st_size and MARK not in _head(path)):
+        raise ReportExists(f"{path} is no report of multicor and is not replaced; choose another file with -o")
+
+
+def _head(path: Path) -> str:
+    with path.open("rb") as file:
+        return file.read(400).decode("utf-8", "replace")
+
+
+def _writer(page: bytes) -> Callable[[GuardedFile], None]:
+    def write(file: GuardedFile) -> None:
+        file.write(page)
+
+    return write
+
+
+def _summary(path: Path, size: int, packing: Packing, has_figures: bool) -> ReportSummary:
+    return ReportSummary(path, size, len(packing.chunks), packing.frame_count, packing.contact_limit, has_figures)

@@ -1,0 +1,338 @@
+"""``/VTKHDF`` in ``results.h5``: a view of the frames that ParaView opens, made of links to the data.
+
+Each step is one piece of PolyData: the grains are points, the contacts are lines. A contact with a wall, or one across the
+period, has no second grain next to it; its line ends in a point of its own, appended to the grains of the step. These few
+points, and who is joined to whom, are all that is stored anew. Everything else is a link, or a virtual dataset that maps the
+rows of grains and contacts to where VTK expects them and gives the appended points a fill value. There is equal room for the
+points of every step, of which a step uses as much as it needs: then one mapping does for all steps.
+
+A step without contacts gets one line from grain 0 to itself: several versions of VTK misread the step after one without cells.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import itertools
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+from numpy.typing import NDArray
+
+from multicor_cli.state import Model
+from multicor_cli.store import layout
+from multicor_cli.store.checked import reading
+from multicor_cli.store.errors import DamagedRun
+from multicor_cli.store.vtk_lines import BLOCK_ROWS, CHUNK_ROWS, Growing, Indices, LineBlock, frame_blocks, ranges
+
+GROUP = "VTKHDF"
+ENDS = "view/contact_ends"
+"""Where the appended points are stored: not among the data, and outside of what VTK looks at."""
+
+NO_CONTACT = 255
+"""``kind`` of the line that stands for no contact at all."""
+
+_VERSION = (2, 0)
+_MAPPING_BYTES = 320
+_TOPOLOGIES = ("Vertices", "Lines", "Polygons", "Strips")
+_LINES = _TOPOLOGIES.index("Lines")
+
+_POINT_FIELDS = ("velocity", "angle", "spin", "temperature", "generated", "wear")
+"""Datasets of ``particles`` that become point data where the run has them."""
+
+_CELL_FIELDS: dict[str, tuple[str, int | None, int]] = {
+    "kind": ("contacts/kind", None, NO_CONTACT),
+    "gap": ("contacts/gap", None, 0),
+    "normal_impulse": ("contacts/impulse", 0, 0),
+    "tangential_impulse": ("contacts/impulse", 1, 0),
+    "slip": ("contacts/slip", None, 0),
+    "sliding": ("contacts/sliding", None, 0),
+    "heat": ("contacts/heat", None, 0),
+    "conductance": ("contacts/conductance", None, 0),
+}
+"""Cell data: dataset, column of it, and value of the line that stands for no contact."""
+
+_STEP_FIELDS = ("step", "dt", "stage")
+"""Datasets of ``steps`` that become field data."""
+
+_CONSTANTS = ("radius", "group", "material", "is_grain")
+
+_STORED = (
+    "NumberOfPoints",
+    *(f"Lines/{name}" for name in ("NumberOfCells", "NumberOfConnectivityIds", "Connectivity", "Offsets")),
+    *(f"Vertices/{name}" for name in ("NumberOfCells", "Connectivity")),
+    *(f"Steps/{name}" for name in ("NumberOfParts", "PartOffsets", "PointOffsets", "CellOffsets", "ConnectivityIdOffsets")),
+    *(f"Steps/{name}" for name in ("CellDataOffsets/kind", "FieldDataSizes/step")),
+    *(f"PointData/{name}" for name in _CONSTANTS),
+)
+"""What the view stores anew: everything in it that is neither a link nor virtual."""
+
+
+@dataclass(frozen=True)
+class _Layout:
+    """Where the rows of each frame lie; every array has shape ``(K,)``.
+
+    Attributes:
+        grains: Number of grains n, the same in all frames.
+        contacts: Contacts of each frame.
+        ends: Appended points of each frame.
+    """
+
+    grains: int
+    contacts: Indices
+    ends: Indices
+
+    @property
+    def room(self) -> int:
+        """Rows that are kept for the points of each frame: equal room makes one mapping do for all frames."""
+        return self.grains + int(self.ends.max())
+
+    @property
+    def lines(self) -> Indices:
+        """Lines of each frame, at least one."""
+        return np.maximum(self.contacts, 1)
+
+
+def estimate_view(frames: int, contact_rows: int) -> int:
+    """Upper bound of the size of the view [bytes]."""
+    lines = contact_rows + frames
+    return 24 * lines + 24 * contact_rows + frames * (_MAPPING_BYTES * len(_CELL_FIELDS) + 512) + (256 << 10)
+
+
+def write_view(file: h5py.File, model: Model) -> None:
+    """Add the view to an open ``results.h5`` whose datasets are complete; nothing if it has no frames.
+
+    Args:
+        file: The open file.
+        model: The model of the run.
+    """
+    if not len(file["steps/time"]):
+        return
+    root = file.create_group(GROUP)
+    root.attrs["Version"] = np.array(_VERSION, np.int64)
+    root.attrs.create("Type", b"PolyData", dtype=h5py.string_dtype("ascii", len(b"PolyData")))
+    rows = _write_lines(file, root, model)
+    _write_no_cells(root, len(rows.ends))
+    root["NumberOfPoints"] = rows.grains + rows.ends
+    steps = _write_steps(file, root, rows)
+    _write_points(file, root, steps, rows)
+    _write_constants(root, steps, model, rows)
+    _write_cell_data(file, root, steps, rows)
+    _link_step_data(file, root, steps)
+    root.attrs["blake2b"] = _digest(file)
+
+
+def check_view(path: Path) -> None:
+    """Compare what the view stores anew with its digest; files of versions without a view have nothing to compare.
+
+    Virtual datasets are not opened: HDF5 may crash on a damaged one. What they show has digests where it is stored; how they
+    show it is covered by the digest of the whole file in ``run.json``.
+
+    Raises:
+        DamagedRun: If the view is not what was written.
+        StorageError: If the file cannot be read.
+    """
+    with reading(path), h5py.File(path, "r", locking=False) as file:
+        is_whole = GROUP not in file or file[GROUP].attrs["blake2b"] == _digest(file)
+    if not is_whole:
+        raise DamagedRun(f"{path}: {GROUP}, the view for ParaView, does not match its digest")
+
+
+def _digest(file: h5py.File) -> str:
+    total = hashlib.blake2b(digest_size=16)
+    for path in (ENDS, *(f"{GROUP}/{name}" for name in _STORED)):
+        dataset = file[path]
+        total.update(f"{path} {dataset.shape} {dataset.dtype.str}\n".encode())
+        for start in range(0, len(dataset), BLOCK_ROWS):
+            total.update(np.ascontiguousarray(dataset[start : start + BLOCK_ROWS]).tobytes())
+    return total.hexdigest()
+
+
+def link_view(directory: Path) -> None:
+    """Give ``results.h5`` a second name, the one by which ParaView knows the format; a file system may not allow it.
+
+    A symbolic link follows when ``results.h5`` is written anew; a hard link is the next best.
+    """
+    name, temporary = directory / layout.VTKHDF, directory / (layout.VTKHDF + ".tmp")
+    with contextlib.suppress(OSError):
+        temporary.unlink(missing_ok=True)
+        try:
+            temporary.symlink_to(layout.RESULTS)
+        except OSError:
+            os.link(directory / layout.RESULTS, temporary)
+        temporary.replace(name)
+
+
+def _write_lines(file: h5py.File, root: h5py.Group, model: Model) -> _Layout:
+    """Write who is joined to whom and the appended points, a block of frames at a time."""
+    offset = file["steps/contact_offset"][...]
+    counts: Indices = np.diff(offset)
+    connectivity = Growing(root, "Lines/Connectivity", np.int64)
+    offsets = Growing(root, "Lines/Offsets", np.int64)
+    points: list[NDArray[np.float64]] = []
+    ends = np.zeros(len(counts), np.int64)
+    for start, stop in frame_blocks(counts + model.grain_count):
+        block = LineBlock.read(file, model, start, stop, offset)
+        points.append(block.end_points())
+        ends[start:stop] = block.end_counts
+        lines = np.maximum(counts[start:stop], 1)
+        connectivity.append(block.connectivity(lines))
+        offsets.append(2 * ranges(lines + 1))
+    connectivity.close()
+    offsets.close()
+    rows = _Layout(model.grain_count, counts, ends)
+    root["Lines/NumberOfCells"] = rows.lines
+    root["Lines/NumberOfConnectivityIds"] = 2 * rows.lines
+    _write_ends(file, np.concatenate(points), rows)
+    return rows
+
+
+def _write_ends(file: h5py.File, points: NDArray[np.float64], rows: _Layout) -> None:
+    """The appended points, with equal room for every frame."""
+    length = rows.room - rows.grains
+    first = _starts(rows.ends)
+    stream = Growing(file, ENDS, file["particles/position"].dtype, 3)
+    for start, stop in frame_blocks(np.full(len(rows.ends), length)):
+        padded = np.zeros((stop - start, length, 3))
+        counts = rows.ends[start:stop]
+        frame = np.repeat(np.arange(stop - start), counts)
+        padded[frame, ranges(counts)] = points[first[start] : first[start] + counts.sum()]
+        stream.append(padded.reshape(-1, 3))
+    stream.close()
+    file[ENDS].attrs["unit"] = "m"
+    file[ENDS].attrs["long_name"] = "points appended to the grains of a step: ends of contacts with walls and across the period"
+
+
+def _write_no_cells(root: h5py.Group, frames: int) -> None:
+    """The kinds of cells that are not used: VTK wants them to be there."""
+    root["Vertices/NumberOfCells"] = np.zeros(frames, np.int64)
+    root["Vertices/Connectivity"] = np.zeros(0, np.int64)
+    for count in ("NumberOfConnectivityIds", "Offsets"):
+        root[f"Vertices/{count}"] = root["Vertices/NumberOfCells"]
+    root["Polygons"] = root["Strips"] = root["Vertices"]
+
+
+def _starts(counts: Indices) -> Indices:
+    return np.asarray(np.cumsum(counts) - counts, np.int64)
+
+
+def _write_steps(file: h5py.File, root: h5py.Group, rows: _Layout) -> h5py.Group:
+    """The index of the steps."""
+    count = len(rows.ends)
+    steps = root.create_group("Steps")
+    steps.attrs["NSteps"] = count
+    steps["Values"] = file["steps/time"]
+    steps["NumberOfParts"] = np.ones(count, np.int64)
+    steps["PartOffsets"] = np.arange(count, dtype=np.int64)
+    steps["PointOffsets"] = rows.room * np.arange(count, dtype=np.int64)
+    for name, per_line in (("CellOffsets", 1), ("ConnectivityIdOffsets", 2)):
+        offsets = np.zeros((count, len(_TOPOLOGIES)), np.int64)
+        offsets[:, _LINES] = per_line * _starts(rows.lines)
+        steps[name] = offsets
+    for name in ("PointData", "CellData", "FieldData"):
+        root.create_group(name)
+        steps.create_group(f"{name}Offsets")
+    return steps
+
+
+def _write_points(file: h5py.File, root: h5py.Group, steps: h5py.Group, rows: _Layout) -> None:
+    """Positions and point data: the rows of the grains, and behind those of each frame the appended points."""
+    frames, room, grains = len(rows.ends), rows.room, rows.grains
+    to_grains = [(_rows(0, room, frames, grains), slice(0, frames * grains))]
+    to_ends = [(_rows(grains, room, frames, room - grains), slice(0, frames * (room - grains)))] if room > grains else []
+    total = frames * room
+    position = [_Source(file["particles/position"], to_grains), _Source(file[ENDS], to_ends)]
+    _write_virtual(root, "Points", total, position, np.nan)
+    for name in _POINT_FIELDS:
+        if name in file["particles"]:
+            source = _Source(file[f"particles/{name}"], to_grains)
+            _write_virtual(root, f"PointData/{name}", total, [source], np.nan)
+            steps[f"PointDataOffsets/{name}"] = steps["PointOffsets"]
+
+
+def _rows(start: int, stride: int, count: int, length: int) -> Any:
+    """``count`` blocks of ``length`` rows, one every ``stride`` rows."""
+    return h5py.MultiBlockSlice(start, stride, count, length)
+
+
+@dataclass(frozen=True)
+class _Source:
+    """Rows of a dataset that a virtual dataset shows.
+
+    Attributes:
+        dataset: The dataset.
+        pieces: Rows in the virtual dataset, and as many here.
+        column: The only column that is shown, or None for all.
+    """
+
+    dataset: h5py.Dataset
+    pieces: Sequence[tuple[Any, slice]]
+    column: int | None = None
+
+
+def _write_virtual(root: h5py.Group, path: str, rows: int, sources: Sequence[_Source], fill: float) -> None:
+    """A dataset that shows rows of others, and ``fill`` elsewhere."""
+    first = sources[0]
+    shape = (rows, *(first.dataset.shape[1:] if first.column is None else ()))
+    if not any(source.pieces for source in sources):
+        root.create_dataset(path, shape, first.dataset.dtype, fillvalue=fill)
+        return
+    virtual = h5py.VirtualLayout(shape, first.dataset.dtype)
+    for source in sources:
+        shown = h5py.VirtualSource(".", source.dataset.name, source.dataset.shape, source.dataset.dtype)
+        for target, chosen in source.pieces:
+            virtual[target] = shown[chosen] if source.column is None else shown[chosen, source.column]
+    root.create_virtual_dataset(path, virtual, fillvalue=fill)
+
+
+def _write_constants(root: h5py.Group, steps: h5py.Group, model: Model, rows: _Layout) -> None:
+    """Point data that do not change are stored once; appended points have no radius, group or material."""
+    length = rows.room
+    grains = model.grains
+    is_grain = np.ones(rows.grains, np.uint8)
+    constants: list[tuple[NDArray[Any], float]] = [(grains.radius, 0.0), (grains.group, -1), (grains.material, -1), (is_grain, 0)]
+    for name, (values, fill) in zip(_CONSTANTS, constants, strict=True):
+        whole = np.full(length, fill, values.dtype)
+        whole[: rows.grains] = values
+        root.create_dataset(f"PointData/{name}", data=whole, chunks=(min(length, CHUNK_ROWS),), fletcher32=True)
+        steps[f"PointDataOffsets/{name}"] = root["Vertices/NumberOfCells"]  # zeros
+
+
+def _write_cell_data(file: h5py.File, root: h5py.Group, steps: h5py.Group, rows: _Layout) -> None:
+    """What the contacts carry; the line that stands for no contact has a ``kind`` of its own."""
+    starts, first, counts = _starts(rows.lines), _starts(rows.contacts), rows.contacts
+    runs = _runs((counts[:-1] == 0) | (counts[1:] == 0))
+    sizes = [int(counts[start:stop].sum()) for start, stop in runs]
+    pieces = [
+        (slice(int(starts[start]), int(starts[start]) + size), slice(int(first[start]), int(first[start]) + size))
+        for (start, _), size in zip(runs, sizes, strict=True)
+        if size
+    ]
+    steps["CellDataOffsets/kind"] = starts
+    total = int(rows.lines.sum())
+    for name, (path, column, fill) in _CELL_FIELDS.items():
+        if path in file:
+            _write_virtual(root, f"CellData/{name}", total, [_Source(file[path], pieces, column)], fill)
+            if name != "kind":
+                steps[f"CellDataOffsets/{name}"] = steps["CellDataOffsets/kind"]
+
+
+def _runs(is_last: NDArray[np.bool_]) -> list[tuple[int, int]]:
+    """Ranges of frames whose rows follow each other without a break; ``is_last`` says after which frame (but the last) one is."""
+    edges = [0, *(np.flatnonzero(is_last) + 1).tolist(), len(is_last) + 1]
+    return list(itertools.pairwise(edges))
+
+
+def _link_step_data(file: h5py.File, root: h5py.Group, steps: h5py.Group) -> None:
+    """One value per step; the length of the last step turns impulses into forces."""
+    steps["FieldDataSizes/step"] = np.ones((len(file["steps/time"]), 2), np.int64)
+    for name in _STEP_FIELDS:
+        root[f"FieldData/{name}"] = file[f"steps/{name}"]
+        steps[f"FieldDataOffsets/{name}"] = steps["PartOffsets"]
+        if name != "step":
+            steps[f"FieldDataSizes/{name}"] = steps["FieldDataSizes/step"]

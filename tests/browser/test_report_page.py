@@ -1,0 +1,288 @@
+"""The report in a real browser: it draws what the run holds, plays, tells values, and no text of the user is run."""
+
+from __future__ import annotations
+
+import re
+import shutil
+from collections.abc import Callable, Iterator
+from typing import Any
+
+import pytest
+from heat_run import GRAINS
+from report_run import EVIL, write_evil_run
+
+from multicor_cli.report import write_report
+
+sync_api = pytest.importorskip("playwright.sync_api", reason="needs the Python package playwright")
+CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
+pytestmark = [pytest.mark.browser, pytest.mark.skipif(CHROMIUM is None, reason="needs chromium")]
+
+FLAGS = [
+    "--no-sandbox", "--disable-gpu", "--disable-quic", "--no-first-run", "--disable-background-networking",
+    "--disable-component-update", "--disable-sync",
+]  # fmt: skip
+
+
+@pytest.fixture(scope="module")
+def browser() -> Iterator[Any]:
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=FLAGS)
+        yield browser
+        browser.close()
+
+
+@pytest.fixture(scope="module")
+def address(tmp_path_factory: pytest.TempPathFactory) -> str:
+    folder = tmp_path_factory.mktemp("report")
+    write_evil_run(folder / "run")
+    write_report(folder / "run", folder / "page.html")
+    return (folder / "page.html").as_uri()
+
+
+class Opened:
+    """A page, and everything that it said or asked for."""
+
+    def __init__(self, browser: Any, address: str, script: str = "", **options: Any) -> None:
+        self.said: list[str] = []
+        self.context = browser.new_context(**{"viewport": {"width": 1000, "height": 900}, **options})
+        self.page = self.context.new_page()
+        self.page.on("console", lambda message: self.said.append(message.text))
+        self.page.on("pageerror", lambda error: self.said.append(str(error)))
+        self.page.on("request", lambda request: self.said.append(request.url) if request.url != address else None)
+        if script:
+            self.page.add_init_script(script)
+        self.page.goto(address)
+        self.page.wait_for_selector("#where:not(:empty), #trouble:not([hidden])")
+        self.settle()
+
+    def settle(self) -> None:
+        """Wait until what was asked for is drawn."""
+        self.page.evaluate("() => new Promise((done) => requestAnimationFrame(() => requestAnimationFrame(done)))")
+
+    @property
+    def frame(self) -> int:
+        """Number of the frame that the page says it shows."""
+        return int(re.match(r"frame (\d+) of", self.page.inner_text("#where")).group(1))
+
+    def wait(self, is_so: Callable[[], Any]) -> bool:
+        """Wait until something is so; the policy of the page forbids to wait inside of it."""
+        for _ in range(200):
+            if is_so():
+                return True
+            self.page.wait_for_timeout(25)
+        return False
+
+    def place(self, grain: int) -> tuple[float, float]:
+        """Where a grain is in the window."""
+        return tuple(
+            self.page.evaluate(
+                """(grain) => { const p = state.picture, f = state.frame, box = p.canvas.getBoundingClientRect();
+                return [box.left + (p.canvas.width / 2 + (f.x[grain] - p.center[0]) * p.scale) / p.pixels,
+                        box.top + (p.canvas.height / 2 - (f.y[grain] - p.center[1]) * p.scale) / p.pixels]; }""",
+                grain,
+            )
+        )
+
+    def color(self, x: float, y: float) -> list[int]:
+        """Color of a point in meters."""
+        return self.page.evaluate(
+            """([x, y]) => { const p = state.picture;
+            const at = [p.canvas.width / 2 + (x - p.center[0]) * p.scale, p.canvas.height / 2 - (y - p.center[1]) * p.scale];
+            const pixel = new OffscreenCanvas(1, 1).getContext("2d", { willReadFrequently: true });
+            pixel.drawImage(p.canvas, -Math.round(at[0]), -Math.round(at[1]));
+            return [...pixel.getImageData(0, 0, 1, 1).data]; }""",
+            [x, y],
+        )
+
+    def picture(self) -> str:
+        """Everything that is drawn."""
+        self.settle()
+        return self.page.evaluate("() => state.picture.canvas.toDataURL()")
+
+    def key(self, name: str) -> None:
+        """Press a key with the picture in focus."""
+        self.page.press("#canvas", name)
+        self.settle()
+
+
+@pytest.fixture
+def opened(browser: Any, address: str) -> Iterator[Opened]:
+    opened = Opened(browser, address)
+    yield opened
+    assert opened.said == []
+    opened.context.close()
+
+
+def test_page_shows_the_last_frame_and_runs_no_text_of_the_user(opened: Opened) -> None:
+    assert opened.frame == 5
+    assert opened.page.inner_text("h1") == EVIL
+    assert opened.page.evaluate("() => window.broken") is None
+    assert EVIL in opened.page.inner_text("#where")
+    assert opened.page.locator("figure svg").count() >= 5
+    assert not opened.page.is_visible("#trouble")
+    opened.page.click("details summary >> nth=0")
+    assert EVIL in opened.page.inner_text("pre >> nth=0")
+
+
+def test_it_plays_to_the_end_and_stops(opened: Opened) -> None:
+    opened.page.select_option("#speed", "5")
+    opened.page.click("#play")
+    assert "Pause" in opened.page.inner_text("#play")
+    seen = set()
+    assert opened.wait(lambda: seen.add(opened.frame) or "Play" in opened.page.inner_text("#play"))
+    assert len(seen) >= 3
+    assert (opened.frame, opened.page.inner_text("#play")) == (5, "▶ Play")
+
+
+def test_it_repeats_and_pauses(opened: Opened) -> None:
+    opened.page.select_option("#speed", "10")
+    opened.page.check("#loop")
+    opened.page.click("#play")
+    for frame in (5, 1, 4, 1):
+        assert opened.wait(lambda frame=frame: opened.frame == frame)
+    opened.page.click("#play")
+    opened.page.wait_for_timeout(100)  # a frame may be on its way
+    before = opened.frame
+    opened.page.wait_for_timeout(200)
+    assert opened.frame == before
+
+
+def test_keyboard_and_scrubbing(opened: Opened) -> None:
+    for key, frame in (("Home", 0), ("ArrowRight", 1), ("ArrowRight", 2), ("ArrowLeft", 1), ("End", 5), ("ArrowRight", 5)):
+        opened.key(key)
+        assert opened.wait(lambda frame=frame: opened.frame == frame)
+    opened.key(" ")
+    assert "Pause" in opened.page.inner_text("#play")
+    opened.key(" ")
+    opened.page.locator("#scrub").fill("3")
+    assert opened.wait(lambda: opened.frame == 3)
+    assert "t = 1.5 s · step 3" in opened.page.inner_text("#where")
+    before = opened.page.evaluate("() => state.picture.zoom")
+    opened.key("+")
+    assert opened.page.evaluate("() => state.picture.zoom") > before
+    opened.key("Shift+ArrowLeft")
+    opened.key("0")
+    assert opened.page.evaluate("() => state.picture.zoom") == 1
+    opened.key("c")
+    assert opened.page.is_checked("#contacts")
+
+
+def test_pointing_tells_the_values_of_a_grain_and_a_click_keeps_them(opened: Opened) -> None:
+    opened.page.mouse.move(*opened.place(3))
+    tip = opened.page.inner_text("#tip").split("\n")
+    told = dict(zip(tip[::2], tip[1::2], strict=True))
+    assert told["grain"] == "3"
+    assert told["group"] == "other"
+    assert told["radius"] == "0.05 m"
+    assert told["speed"] == "0.3 m/s"
+    assert told["spin"] == "−2 rad/s"
+    assert told["temperature"] == "300.02 K"
+    assert told["generated heat"] == "0.003 W"
+    assert told["largest contact force"] == "4 N"
+    opened.page.mouse.click(*opened.place(4))
+    assert opened.page.input_value("#grain") == "4"
+    opened.page.mouse.move(2, 2)
+    assert not opened.page.is_visible("#tip")
+    assert "0.4 m/s" in opened.page.inner_text("#chosen")
+    opened.key("Home")
+    assert opened.wait(lambda: "\n0 m/s" in opened.page.inner_text("#chosen"))
+    opened.page.fill("#grain", "7")
+    assert opened.page.inner_text("#chosen").split("\n")[1] == "7"
+    opened.page.fill("#grain", str(GRAINS))
+    assert not opened.page.is_visible("#chosen")
+
+
+def test_grains_have_the_colors_of_their_values_also_across_the_period(opened: Opened) -> None:
+    opened.key("ArrowLeft")  # frame 4: the column stands at x = 3.99 in a period of 4, radius 0.05
+    assert opened.wait(lambda: opened.frame == 4)
+    opened.page.select_option("#field", label="spin")
+    opened.settle()
+    expected = opened.page.evaluate(
+        """() => { const field = state.field, value = state.frame.values.spin[8];
+        return makeColors(field.colors)[colorIndex(field, value, field.range)].match(/\\d+/g).map(Number); }"""
+    )
+    assert opened.color(3.985, 0.85) == [*expected, 255]
+    assert opened.color(0.02, 0.85) == [*expected, 255]  # its image at the other end
+    other = opened.color(3.985, 0.15)
+    assert other[3] == 255
+    assert other[:3] != expected
+    assert opened.color(2.9, 0.85)[3] == 0
+
+
+def test_choices_change_the_picture(opened: Opened) -> None:
+    pictures = [opened.picture()]
+    for label in ("spin", "temperature", "generated heat", "largest contact force"):
+        opened.page.select_option("#field", label=label)
+        pictures.append(opened.picture())
+        assert label in opened.page.inner_text("#bar-label")
+    opened.page.select_option("#range", "frame")
+    opened.page.check("#contacts")
+    pictures.append(opened.picture())
+    assert opened.page.inner_text("#contact-note") == "10 contacts carry a force"
+    opened.page.select_option("#field", label="temperature")
+    opened.settle()
+    assert opened.page.inner_text("#bar-label") == "temperature above 300 K [mK]"
+    assert len(set(pictures)) == len(pictures)
+    opened.key("Home")
+    assert opened.wait(lambda: "not in the file" in opened.page.inner_text("#contact-note"))
+
+
+def test_zooming_keeps_the_place_and_fit_shows_everything(opened: Opened) -> None:
+    whole = opened.picture()
+    x, y = opened.place(5)
+    opened.page.mouse.move(x, y)
+    opened.page.mouse.wheel(0, -600)
+    assert opened.wait(lambda: opened.picture() != whole)
+    assert opened.place(5) == pytest.approx((x, y), abs=2.0)  # the wheel tells whole pixels
+    opened.page.mouse.down()
+    opened.page.mouse.move(x + 60, y + 30, steps=4)
+    opened.page.mouse.up()
+    opened.settle()
+    assert opened.place(5) == pytest.approx((x + 60, y + 30), abs=8.0)
+    opened.page.click("#zoom-out")
+    opened.page.click("#fit")
+    opened.page.mouse.move(2, 2)
+    assert opened.picture() == whole
+
+
+@pytest.mark.parametrize("scheme", ["light", "dark"])
+def test_light_and_dark(scheme: str, browser: Any, address: str) -> None:
+    opened = Opened(browser, address, color_scheme=scheme)
+
+    def brightness() -> int:
+        return sum(map(int, re.findall(r"\d+", opened.page.evaluate("() => getComputedStyle(document.body).backgroundColor"))[:3]))
+
+    before, picture = brightness(), opened.picture()
+    assert (before > 600) == (scheme == "light")
+    opened.page.click("#theme")
+    assert (brightness() > 600) == (scheme == "dark")
+    assert opened.picture() != picture
+    opened.page.click("#theme")
+    assert brightness() == before
+    assert opened.said == []
+    opened.context.close()
+
+
+def test_phone(browser: Any, address: str) -> None:
+    opened = Opened(browser, address, viewport={"width": 375, "height": 700}, has_touch=True, device_scale_factor=2)
+    page = opened.page
+    assert page.evaluate("() => document.documentElement.scrollWidth") <= 375
+    assert page.locator("#canvas").bounding_box()["width"] <= 375
+    for control in page.locator("button:visible, select:visible, #scrub").all():
+        box = control.bounding_box()
+        assert box["height"] >= 32
+        assert box["x"] >= 0
+        assert box["x"] + box["width"] <= 375
+    page.locator("#scrub").scroll_into_view_if_needed()
+    page.touchscreen.tap(*opened.place(6))
+    assert opened.wait(lambda: "0.6 m/s" in page.inner_text("#chosen"))
+    assert page.evaluate("() => document.documentElement.scrollWidth") <= 375
+    assert opened.said == []
+    opened.context.close()
+
+
+def test_browser_without_decompression_says_so(browser: Any, address: str) -> None:
+    opened = Opened(browser, address, script="delete window.DecompressionStream")
+    assert "too old" in opened.page.inner_text("#trouble")
+    assert opened.page.locator("table").count() >= 3
+    opened.context.close()

@@ -1,0 +1,91 @@
+"""Runs for tests of the report, and its packed numbers read as its scripts read them."""
+
+from __future__ import annotations
+
+import base64
+import json
+import re
+import zlib
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from heat_run import GRAINS, RADIUS, contact_rows, heated_model
+
+from multicor_cli.state import Model, State
+from multicor_cli.store import FrameData, RunDirectory, SeriesRow
+
+EVIL = "</script><script>window.broken = 1</script><img src=x onerror='window.broken = 2'>&amp;"
+"""What must arrive in the page as text and nothing else; JSON and TOML strings may hold it as it is."""
+
+
+def write_evil_run(path: Path, *, frames: int = 6, is_finished: bool = True, is_crossing: bool = True) -> Model:
+    """A run with heat whose every text is `EVIL`, with a plane, a glued disc, a segment and a circle that move."""
+    model = heated_model()
+    names = (f"bottom {EVIL}", "top")
+    shapes = replace(
+        model.shapes,
+        kind=np.array([1, 1, 0, 2, 4], np.int32),
+        wall=np.array([0, 1, 1, 1, 0], np.int32),
+        geometry=np.array([[0, 0, 0, 1], [0, 1, 0, -1], [1, 1, 0.1, 0], [0.5, 0.2, 1, 0.4], [2, 0.5, 0.6, 0]], np.float64),
+        material=np.zeros(5, np.int32),
+    )
+    model = replace(model, walls=replace(model.walls, names=names), shapes=shapes, groups=(EVIL, "other"))
+    model = replace(model, grains=replace(model.grains, group=np.arange(GRAINS, dtype=np.int32) % 2))
+    source = f"# {EVIL}\n[scenario]\nname = '''{EVIL}'''\ndescription = '''{EVIL}'''\n"
+    with RunDirectory.create(path, source, source, {"seed": 1, "command": EVIL}, stages=(EVIL,)) as run:
+        writer = run.writer(model)
+        state = State.at_rest(model, np.column_stack([np.full(GRAINS, 2.0), RADIUS + 2.0 * RADIUS * np.arange(GRAINS)]))
+        for frame in range(frames):
+            if frame:
+                _advance(state, model, is_crossing)
+            writer.frame(FrameData.from_state(state, model, contact_rows(state)))
+            writer.series_row(SeriesRow.from_state(state, model))
+        run.checkpoint(state, writer)
+        if is_finished:
+            run.finish("finished")
+    return model
+
+
+def _advance(state: State, model: Model, is_crossing: bool) -> None:
+    """The column of grains goes round the period, each grain with a speed, spin and heat of its own."""
+    number = np.arange(GRAINS)
+    state.step += 1
+    state.time += 0.5
+    state.last_dt = 0.1
+    state.position[:, 0] = (2.0 + (0.4975 if is_crossing else 0.0) * state.step) % model.period
+    state.velocity[:, 0], state.velocity[:, 2] = 0.1 * number, number - 5.0
+    assert model.thermal is not None
+    state.heat = model.thermal.capacity * (0.005 * number + 0.001 * state.step)
+    state.generated = 1e-3 * number * state.time
+    state.wall_position[1] = [0.05 * state.step, 0.02, 0.1 * state.step]
+    state.window[:2] = 0.5, 5.0
+
+
+def read_page(page: str) -> tuple[dict[str, Any], list[dict[str, np.ndarray]], np.ndarray]:
+    """What the scripts of a page find: the JSON, the integers of each frame by name, and the radii."""
+    meta = json.loads(_element(page, "meta"))
+    frames = []
+    for number, about in enumerate(meta["frames"]):
+        data, arrays = zlib.decompress(base64.b64decode(_element(page, f"frame-{number}"))), {}
+        for name, width, count in about["arrays"]:
+            planes = np.frombuffer(data[: width * count], np.uint8).reshape(width, count).astype(np.int64)
+            arrays[name] = (planes * 256 ** np.arange(width)[:, np.newaxis]).sum(axis=0)
+            data = data[width * count :]
+        assert not data
+        frames.append(arrays)
+    planes = np.frombuffer(zlib.decompress(base64.b64decode(_element(page, "radii"))), np.uint8).reshape(4, -1)
+    return meta, frames, np.ascontiguousarray(planes.T).view("<f4")[:, 0]
+
+
+def _element(page: str, name: str) -> str:
+    return re.search(f'<script type="[a-z/]*" id="{name}">(.*?)</script>', page, re.DOTALL).group(1)
+
+
+def decode(meta: dict[str, Any], name: str, codes: np.ndarray) -> np.ndarray:
+    """Numbers of integers, as ``data.js`` computes them."""
+    code = meta["codes"][name]
+    share = codes / code["largest"]
+    numbers = code["low"] + (code["high"] - code["low"]) * (share**2 if code["spacing"] == "square" else share)
+    return np.where(codes > code["largest"], np.nan, numbers)

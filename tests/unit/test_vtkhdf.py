@@ -1,0 +1,216 @@
+"""``/VTKHDF`` as the VTK library reads it back: every step, those without contacts included, without a warning."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+from store_support import make_model, make_run, run_whole, start
+
+from multicor_cli.state import State
+from multicor_cli.store import ContactRows, Frame, FrameData, SeriesRow, open_run, verify
+from multicor_cli.store.vtkhdf import NO_CONTACT
+
+vtk = pytest.importorskip("vtk")
+numpy_support = pytest.importorskip("vtkmodules.util.numpy_support")
+
+FIELDS = ("velocity", "angle", "spin", "temperature", "generated", "wear")
+
+
+@pytest.fixture(autouse=True)
+def no_warning() -> Iterator[None]:
+    """VTK prints what it does not like; here it must print nothing."""
+    window = vtk.vtkStringOutputWindow()
+    vtk.vtkOutputWindow.SetInstance(window)
+    yield
+    vtk.vtkOutputWindow.SetInstance(None)
+    assert window.GetOutput() == ""
+
+
+def read_steps(file: Path) -> Iterator[Any]:
+    reader = vtk.vtkHDFReader()
+    reader.SetFileName(str(file))
+    assert reader.CanReadFile(str(file))
+    reader.UpdateInformation()
+    for step in range(reader.GetNumberOfSteps()):
+        reader.SetStep(step)
+        reader.Modified()
+        reader.Update()
+        yield reader.GetOutput()
+
+
+def array(data: Any, name: str) -> np.ndarray:
+    found = data.GetArray(name)
+    assert found is not None, name
+    return numpy_support.vtk_to_numpy(found)
+
+
+def joined(step: Any) -> np.ndarray:
+    return numpy_support.vtk_to_numpy(step.GetLines().GetConnectivityArray()).reshape(-1, 2)
+
+
+def points(step: Any) -> np.ndarray:
+    return numpy_support.vtk_to_numpy(step.GetPoints().GetData())
+
+
+def check_step(step: Any, frame: Frame, radius: np.ndarray) -> None:
+    """One step of the view against the frame that the reader of the run gives."""
+    n, contacts = len(radius), frame.contacts
+    np.testing.assert_array_equal(points(step)[:n, :2], frame.position)
+    assert array(step.GetPointData(), "is_grain").tolist() == [1] * n + [0] * (step.GetNumberOfPoints() - n)
+    np.testing.assert_array_equal(array(step.GetPointData(), "radius")[:n], radius)
+    assert not array(step.GetPointData(), "radius")[n:].any()
+    for name in FIELDS:
+        if name in ("temperature", "generated", "wear") and not frame.has_heat:
+            assert step.GetPointData().GetArray(name) is None
+            continue
+        np.testing.assert_array_equal(array(step.GetPointData(), name)[:n], frame.column(f"particles/{name}"))
+    assert array(step.GetFieldData(), "dt") == [frame.dt]
+    assert array(step.GetFieldData(), "step") == [frame.step]
+    check_contacts(step, contacts, n)
+
+
+def check_contacts(step: Any, contacts: Any, n: int) -> None:
+    cells = step.GetCellData()
+    if not len(contacts):
+        assert array(cells, "kind").tolist() == [NO_CONTACT]
+        assert array(cells, "normal_impulse").tolist() == [0.0]
+        assert joined(step).tolist() == [[0, 0]]
+        return
+    assert step.GetNumberOfCells() == len(contacts)
+    np.testing.assert_array_equal(joined(step)[:, 0], contacts.i)
+    inner = joined(step)[:, 1] < n
+    np.testing.assert_array_equal(joined(step)[inner, 1], contacts.j[inner])
+    assert joined(step)[~inner, 1].tolist() == list(range(n, step.GetNumberOfPoints()))
+    for name in ("kind", "gap", "slip", "sliding"):
+        np.testing.assert_array_equal(array(cells, name), getattr(contacts, name))
+    np.testing.assert_array_equal(array(cells, "normal_impulse"), contacts.impulse[:, 0])
+    np.testing.assert_array_equal(array(cells, "tangential_impulse"), contacts.impulse[:, 1])
+    for name in ("heat", "conductance"):
+        if getattr(contacts, name) is not None:
+            np.testing.assert_array_equal(array(cells, name), getattr(contacts, name))
+
+
+def check_run(directory: Path) -> int:
+    """Every step of a run; returns their number."""
+    with open_run(directory) as run:
+        radius = run.model.grains.radius
+        steps = 0
+        for step, frame in zip(read_steps(directory / "results.vtkhdf"), run.frames, strict=True):
+            check_step(step, frame, radius)
+            steps += 1
+    assert verify(directory) == []
+    return steps
+
+
+@pytest.mark.parametrize("heat", [False, True])
+@pytest.mark.parametrize("precision", ["double", "single"])
+def test_every_step_is_read_back(tmp_path: Path, heat: bool, precision: str) -> None:
+    run_whole(tmp_path / "run", make_model(heat=heat), precision=precision)
+    assert check_run(tmp_path / "run") == 9
+
+
+@pytest.mark.parametrize("grains", [1, 5])
+def test_runs_without_walls(tmp_path: Path, grains: int) -> None:
+    run_whole(tmp_path / "run", make_model(grains, walls=False))
+    assert check_run(tmp_path / "run") == 9
+
+
+def write_contacts(path: Path, sequence: list[list[tuple[int, int]] | None]) -> None:
+    """A run whose frames hold these contacts; the normals point from the middle of the period."""
+    model = make_model()
+    with make_run(path) as run:
+        writer, state = run.writer(model), start(model)
+        for pairs in sequence:
+            writer.frame(FrameData.from_state(state, model, None if pairs is None else rows_of(pairs)))
+            writer.series_row(SeriesRow.from_state(state, model))
+            state.step += 1
+            state.time += 0.1
+            state.last_dt = 0.1
+        run.checkpoint(state, writer)
+        run.finish("finished")
+
+
+def rows_of(pairs: list[tuple[int, int]]) -> ContactRows:
+    i, j = np.array(pairs, np.int32).reshape(-1, 2).T
+    c = len(pairs)
+    impulse = 1.0 + np.arange(2.0 * c).reshape(c, 2)
+    normal = np.tile([-0.6, 0.8], (c, 1))
+    return ContactRows(i, j, normal, np.full(c, 1e-4), impulse, np.zeros(c), np.zeros(c, np.bool_), None, None)
+
+
+@pytest.mark.parametrize("counts", [(0, 2, 0, 0, 3, 1, 0), (2, 1), (3, 0), (0, 0, 0), (1,), (0,), (2, 0, 0, 0, 1, 0, 2, 3, 0, 0)])
+def test_steps_without_contacts_anywhere(tmp_path: Path, counts: tuple[int, ...]) -> None:
+    """Several versions of VTK misread the step after one without cells."""
+    possible = [(0, 1), (1, 2), (2, 6)]
+    write_contacts(tmp_path / "run", [possible[:count] for count in counts])
+    assert check_run(tmp_path / "run") == len(counts)
+
+
+@pytest.mark.parametrize("rows", [1, 12, 13])
+def test_frames_are_written_in_blocks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rows: int) -> None:
+    """Blocks of frames and chunks of rows end at different places."""
+    monkeypatch.setattr("multicor_cli.store.vtk_lines.BLOCK_ROWS", rows)
+    monkeypatch.setattr("multicor_cli.store.vtk_lines.CHUNK_ROWS", 5)
+    run_whole(tmp_path / "run", make_model(heat=True))
+    assert check_run(tmp_path / "run") == 9
+
+
+def test_contacts_that_were_not_recorded(tmp_path: Path) -> None:
+    write_contacts(tmp_path / "run", [None, None])
+    assert check_run(tmp_path / "run") == 2
+
+
+def test_contacts_with_walls_and_across_the_period_end_in_a_point_of_their_own(tmp_path: Path) -> None:
+    write_contacts(tmp_path / "run", [[(0, 1), (0, 4), (3, 5)]])
+    (step,) = read_steps(tmp_path / "run" / "results.vtkhdf")
+    radius = make_model().grains.radius
+    where = State.at_rest(make_model(), np.zeros((5, 2))).position  # grain 0 lies at the origin
+    assert joined(step).tolist() == [[0, 1], [0, 5], [3, 6]]
+    reach = radius[0] + radius[4] + 1e-4
+    np.testing.assert_allclose(points(step)[5], where[0] + [0.6 * reach, -0.8 * reach, 0.0], rtol=1e-15)
+    reach = radius[3] + 1e-4
+    np.testing.assert_allclose(points(step)[6] - points(step)[3], [0.6 * reach, -0.8 * reach, 0.0], rtol=1e-12)
+    assert np.isnan(array(step.GetPointData(), "spin")[5:]).all()
+
+
+def test_the_view_holds_links_not_copies(tmp_path: Path) -> None:
+    run_whole(tmp_path / "run", make_model(heat=True))
+    with h5py.File(tmp_path / "run" / "results.h5") as file:
+        assert file["VTKHDF/Steps/Values"] == file["steps/time"]
+        for name in ("Points", "PointData/temperature", "CellData/normal_impulse"):
+            assert file[f"VTKHDF/{name}"].is_virtual
+
+
+def test_the_second_name_follows_when_the_directory_is_moved(tmp_path: Path) -> None:
+    run_whole(tmp_path / "run")
+    shutil.move(tmp_path / "run", tmp_path / "elsewhere")
+    assert check_run(tmp_path / "elsewhere") == 9
+
+
+def test_a_file_system_without_links_does_no_harm(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def refuse(*_: object, **__: object) -> None:
+        raise OSError(1, "no links here")
+
+    monkeypatch.setattr(Path, "symlink_to", refuse)
+    monkeypatch.setattr("os.link", refuse)
+    run_whole(tmp_path / "run")
+    assert not (tmp_path / "run" / "results.vtkhdf").exists()
+    assert verify(tmp_path / "run") == []
+
+
+@pytest.mark.parametrize("name", ["PointData/radius", "Lines/Connectivity", "Steps/PointOffsets"])
+def test_a_damaged_view_is_noticed(tmp_path: Path, name: str) -> None:
+    run_whole(tmp_path / "run")
+    file = shutil.copy(tmp_path / "run" / "results.h5", tmp_path / "alone.h5")
+    assert verify(file) == []
+    with h5py.File(file, "r+") as opened:
+        opened[f"VTKHDF/{name}"][1] += 1
+    assert ["VTKHDF" in finding.message for finding in verify(file)] == [True]
+    shutil.copy(file, tmp_path / "run" / "results.h5")
+    assert len(verify(tmp_path / "run")) == 1
