@@ -16,11 +16,9 @@ from multicor_cli.cli.post_options import (
     Frames,
     OneFrame,
     Start,
-    check_output,
-    deliver,
-    draw,
     parse_frames,
 )
+from multicor_cli.cli.post_output import Output
 
 Distribution = Annotated[bool, typer.Option("--distribution", help="The distribution of the forces over their magnitude instead.")]
 Angles = Annotated[bool, typer.Option("--angles", help="The distribution of contacts and forces over their directions instead.")]
@@ -59,13 +57,13 @@ def forces(
     Forces are means of the step before the frame. With --distribution: the probability density of forces between grains over their
     mean. With --angles: the directions of contacts between grains, the mean forces along them, and their anisotropies.
     """
-    check_output(is_json, is_csv, plot)
+    output = Output(is_json, is_csv, plot)
     if has_distribution and has_angles:
         raise typer.BadParameter("--distribution and --angles exclude each other")
     if not (has_distribution or has_angles):
         if frames is not None:
             raise typer.BadParameter("--frames needs --distribution or --angles; choose one frame with --frame")
-        _network(directory, frame, is_json, is_csv, plot)
+        _network(directory, frame, output)
         return
     from multicor_cli.post import Selection, angular_distribution, force_distribution, frame_index
     from multicor_cli.store import open_run
@@ -75,35 +73,23 @@ def forces(
         index = frame_index(run.frames, frame)
         selection = Selection(frames=slice(index, index + 1) if wanted is None else wanted)
         found: Any = (force_distribution if has_distribution else angular_distribution)(run, selection)
-    if plot is not None:
-        from multicor_cli.plots import plot_angles, plot_distribution
-
-        draw(plot, lambda path: (plot_distribution if has_distribution else plot_angles)(found, path))
+    output.draw(found)
     first, last = found.times
     about = f"{found.contacts} contacts between grains in {found.frames.size} frames from t = {first:g} s to {last:g} s"
     if has_angles:
         about += "; " + ", ".join(f"{name} = {value:.4g}" for name, value in found.moments.items())
-    deliver(found, lambda: {"run": str(directory), **found.as_dict()}, is_json=is_json, is_csv=is_csv, about=about)
+    output.deliver(found, about, run=directory)
 
 
-def _network(directory: Path, frame: int, is_json: bool, is_csv: bool, plot: Path | None) -> None:
+def _network(directory: Path, frame: int, output: Output) -> None:
     from multicor_cli.post import force_network
     from multicor_cli.store import open_run
 
     with open_run(directory) as run:
         network = force_network(run, frame)
-    if plot is not None:
-        from multicor_cli.plots import plot_forces
-
-        draw(plot, lambda path: plot_forces(network, path))
-    deliver(
-        network,
-        lambda: {"run": str(directory), **network.as_dict()},
-        is_json=is_json,
-        is_csv=is_csv,
-        about=f"contact forces in frame {network.frame} at t = {network.time:g} s",
-        details=(network.detail_headings, network.detail_rows),
-    )
+    output.draw(network)
+    about = f"contact forces in frame {network.frame} at t = {network.time:g} s"
+    output.deliver(network, about, run=directory, is_detailed=True)
 
 
 def rheology(
@@ -122,7 +108,7 @@ def rheology(
     is rate × d/√(P/ρ), with the mass ρ of the grains per area they cover. Friction μ* is shear over normal stress. Rattlers are
     grains with fewer than two contacts that carry a force.
     """
-    check_output(is_json, is_csv, plot)
+    output = Output(is_json, is_csv, plot)
     from multicor_cli.post import Selection
     from multicor_cli.post import rheology as make_table
     from multicor_cli.store import open_run
@@ -130,16 +116,9 @@ def rheology(
     selection = Selection(start, end, parse_frames(frames, start, end))
     with open_run(directory) as run:
         table = make_table(run, selection, margin=margin)
-    if plot is not None:
-        from multicor_cli.plots import plot_rheology
-
-        draw(plot, lambda path: plot_rheology(table, path))
-    deliver(
-        table,
-        lambda: {"run": str(directory), **table.as_dict()},
-        is_json=is_json,
-        is_csv=is_csv,
-        about=f"{table.frames.size} frames from t = {table.times[0]:g} s to {table.times[1]:g} s, between '{table.walls[0]}' and "
-        f"'{table.walls[1]}', {table.height:g} m apart; the bulk begins {table.margin:g} m from each",
-        details=(table.detail_headings, table.detail_rows),
+    output.draw(table)
+    about = (
+        f"{table.frames.size} frames from t = {table.times[0]:g} s to {table.times[1]:g} s, between '{table.walls[0]}' and "
+        f"'{table.walls[1]}', {table.height:g} m apart; the bulk begins {table.margin:g} m from each"
     )
+    output.deliver(table, about, run=directory, is_detailed=True)

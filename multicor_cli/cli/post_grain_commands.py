@@ -16,11 +16,9 @@ from multicor_cli.cli.post_options import (
     Frames,
     OneFrame,
     Start,
-    check_output,
-    deliver,
-    draw,
     parse_frames,
 )
+from multicor_cli.cli.post_output import Output
 
 ProfileOf = Annotated[
     str,
@@ -92,7 +90,7 @@ def profile(
     on a grain times the branch towards it, spread along the branch, per area of the plane (force per length, compression positive);
     "kinetic-stress" is what fluctuations of the velocity add to it.
     """
-    check_output(is_json, is_csv, plot, has_text=True)
+    output = Output(is_json, is_csv, plot)
     if bins is not None and bin_width is not None:
         raise typer.BadParameter("--bins and --bin-width exclude each other")
     from multicor_cli.post import Selection, profiles
@@ -103,19 +101,10 @@ def profile(
         found = profiles(run, of, selection, bins, bin_width=bin_width, exclude_walls=exclude_walls)
     if is_normalized:
         found = found.normalized()
-    if plot is not None:
-        from multicor_cli.plots import plot_profiles
-        from multicor_cli.plots.terminal import profile_text
-
-        draw(plot, lambda path: plot_profiles(found, path), lambda: profile_text(found.first))
+    output.draw(found)
     table = found.first
-    deliver(
-        found,
-        lambda: {"run": str(directory), **found.as_dict()},
-        is_json=is_json,
-        is_csv=is_csv,
-        about=f"{table.frames.size} frames from t = {table.times[0]:g} s to {table.times[1]:g} s, height {table.height:g} m",
-    )
+    about = f"{table.frames.size} frames from t = {table.times[0]:g} s to {table.times[1]:g} s, height {table.height:g} m"
+    output.deliver(found, about, run=directory)
 
 
 def theta_eta(
@@ -134,7 +123,7 @@ def theta_eta(
 
     y is measured from the surface of the wall, where the nearest grain touches it.
     """
-    check_output(is_json, is_csv, plot, has_text=True)
+    output = Output(is_json, is_csv, plot)
     if has_grains and not (is_json or is_csv):
         raise typer.BadParameter("--grains needs --json or --csv", param_hint="--grains")
     from multicor_cli.post import theta_eta as make_table
@@ -142,20 +131,12 @@ def theta_eta(
 
     with open_run(directory) as run:
         table = make_table(run, frame, bins=bins, wall=wall, height=height, reference=reference)
-    if plot is not None:
-        from multicor_cli.plots import plot_theta_eta
-        from multicor_cli.plots.terminal import theta_text
-
-        draw(plot, lambda path: plot_theta_eta(table, path), lambda: theta_text(table))
-    deliver(
-        table,
-        lambda: {"run": str(directory), **table.as_dict(has_grains=has_grains)},
-        is_json=is_json,
-        is_csv=is_csv,
-        about=f"frame {table.frame} at t = {table.time:g} s, wall '{table.wall}' at {table.wall_temperature:g} K, "
-        f"T0 = {table.reference:g} K, H = {table.height:g} m",
-        details=(table.detail_headings, table.detail_rows) if has_grains else None,
+    output.draw(table)
+    about = (
+        f"frame {table.frame} at t = {table.time:g} s, wall '{table.wall}' at {table.wall_temperature:g} K, "
+        f"T0 = {table.reference:g} K, H = {table.height:g} m"
     )
+    output.deliver(table, about, run=directory, is_detailed=has_grains, has_grains=has_grains)
 
 
 def map_grains(
@@ -173,21 +154,12 @@ def map_grains(
     impacts have generated since the frame before; "stress" the mean pressure in a grain by its contact forces, their sum over the
     circumference.
     """
-    check_output(is_json, is_csv, plot)
+    output = Output(is_json, is_csv, plot)
     from multicor_cli.post import grain_map
     from multicor_cli.store import open_run
 
     with open_run(directory) as run:
         table = grain_map(run, of, frame)
-    if plot is not None:
-        from multicor_cli.plots import plot_map
-
-        draw(plot, lambda path: plot_map(table, path, has_streamlines=has_streamlines))
-    deliver(
-        table,
-        lambda: {"run": str(directory), **table.as_dict()},
-        is_json=is_json,
-        is_csv=is_csv,
-        about=f"{table.field.label} in frame {table.frame} at t = {table.time:g} s",
-        details=(table.detail_headings, table.detail_rows),
-    )
+    output.draw(table, has_streamlines=has_streamlines)
+    about = f"{table.field.label} in frame {table.frame} at t = {table.time:g} s"
+    output.deliver(table, about, run=directory, is_detailed=True)

@@ -17,11 +17,9 @@ from multicor_cli.cli.post_options import (
     FigureFile,
     Frames,
     Start,
-    check_output,
-    deliver,
-    draw,
     parse_frames,
 )
+from multicor_cli.cli.post_output import Output
 
 Earliest = Annotated[
     Optional[float],  # noqa: UP045  (evaluated by typer)
@@ -51,25 +49,15 @@ def energy(
 
     They count from the start of the run. The closure is the largest imbalance so far over the sum of all terms.
     """
-    check_output(is_json, is_csv, plot, has_text=True)
+    output = Output(is_json, is_csv, plot)
     from multicor_cli.post import energy as make_table
     from multicor_cli.store import open_run
 
     with open_run(directory) as run:
         table = make_table(run, start, end)
-    if plot is not None:
-        from multicor_cli.plots import plot_energy
-        from multicor_cli.plots.terminal import energy_text
-
-        draw(plot, lambda path: plot_energy(table, path), lambda: energy_text(table))
-    deliver(
-        table,
-        lambda: {"run": str(directory), **table.as_dict()},
-        is_json=is_json,
-        is_csv=is_csv,
-        about=f"energy books from the start of the run to t = {table.time[-1]:g} s",
-        details=(table.detail_headings, table.detail_rows),
-    )
+    output.draw(table)
+    about = f"energy books from the start of the run to t = {table.time[-1]:g} s"
+    output.deliver(table, about, run=directory, is_detailed=True)
 
 
 def compare(
@@ -89,7 +77,7 @@ def compare(
     Differences are given over their standard errors where these are known: beyond 2 or 3 they are not chance. Profiles have the
     same number of bins in both runs and are matched by y/H; CSV and figure show them.
     """
-    check_output(is_json, is_csv, plot)
+    output = Output(is_json, is_csv, plot)
     from multicor_cli.post import Selection
     from multicor_cli.post import compare as make_comparison
     from multicor_cli.store import open_run
@@ -97,19 +85,9 @@ def compare(
     selection = Selection(start, end, parse_frames(frames, start, end))
     with open_run(directory) as first, open_run(other) as second:
         found = make_comparison(first, second, of or ["velocity"], selection, bins, names=(str(directory), str(other)))
-    if plot is not None:
-        from multicor_cli.plots import plot_comparison
-
-        draw(plot, lambda path: plot_comparison(found, path))
+    output.draw(found)
     if not is_json:
         say(f"{len(found.keys)} keys of the scenarios differ" + (":" if found.keys else ""))
         for key, one, two in found.keys:
             say(f"  {key}: {one} | {two}")
-    deliver(
-        found,
-        found.as_dict,
-        is_json=is_json,
-        is_csv=is_csv,
-        about=f"{directory} and {other}",
-        details=(found.detail_headings, found.detail_rows),
-    )
+    output.deliver(found, f"{directory} and {other}", is_detailed=True)

@@ -1,6 +1,7 @@
 """Figures of the tables that `post` makes."""
 
 from multicor_cli.plots.compare import draw_comparison, plot_comparison
+from multicor_cli.plots.dispatch import plot, show
 from multicor_cli.plots.energy import draw_energy, plot_energy
 from multicor_cli.plots.force_statistics import draw_angles, draw_distribution, plot_angles, plot_distribution
 from multicor_cli.plots.forces import draw_forces, plot_forces
@@ -8,10 +9,12 @@ from multicor_cli.plots.grain_map import draw_map, plot_map
 from multicor_cli.plots.profile import draw_profile, plot_profile, plot_profiles
 from multicor_cli.plots.rheology import draw_rheology, plot_rheology
 from multicor_cli.plots.style import PlotError
+from multicor_cli.plots.text_picture import Terminal
 from multicor_cli.plots.theta_eta import draw_theta_eta, plot_theta_eta
 
 __all__ = [
     "PlotError",
+    "Terminal",
     "draw_angles",
     "draw_comparison",
     "draw_distribution",
@@ -21,6 +24,7 @@ __all__ = [
     "draw_profile",
     "draw_rheology",
     "draw_theta_eta",
+    "plot",
     "plot_angles",
     "plot_comparison",
     "plot_distribution",
@@ -31,4 +35,5 @@ __all__ = [
     "plot_profiles",
     "plot_rheology",
     "plot_theta_eta",
+    "show",
 ]

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from multicor_cli.plots.profile import axis_labels
-from multicor_cli.plots.style import COLORS, COLUMN, PAGE, check_suffix, house_style, save_figure
+from multicor_cli.plots.style import COLORS, COLUMN, PAGE, figure_file
 from multicor_cli.post.compare import Comparison, ProfilePair
 
 
@@ -23,13 +23,8 @@ def plot_comparison(comparison: Comparison, path: Path) -> None:
         PlotError: If matplotlib is not installed, the ending is not known, or there are no profiles.
         OSError: If the file cannot be written.
     """
-    check_suffix(path)
-    with house_style():
-        from matplotlib.figure import Figure
-
-        figure = Figure(figsize=(PAGE, 0.85 * COLUMN * len(comparison.profiles)), layout="constrained")
+    with figure_file(path, PAGE, 0.85 * COLUMN * len(comparison.profiles)) as figure:
         draw_comparison(figure, comparison)
-        save_figure(figure, path)
 
 
 def draw_comparison(figure: Any, comparison: Comparison) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from multicor_cli.plots.style import COLORS, COLUMN, PAGE, check_suffix, house_style, save_figure
+from multicor_cli.plots.style import COLORS, COLUMN, PAGE, figure_file
 from multicor_cli.post.energy import HEAT, MECHANICAL, EnergyTable, Entry
 from multicor_cli.state.model import Floats
 
@@ -33,14 +33,8 @@ def plot_energy(table: EnergyTable, path: Path) -> None:
         PlotError: If matplotlib is not installed or the ending is not known.
         OSError: If the file cannot be written.
     """
-    check_suffix(path)
-    with house_style():
-        from matplotlib.figure import Figure
-
-        columns = 1 if table.heat_closure is None else 2
-        figure = Figure(figsize=((COLUMN, PAGE)[columns - 1], 1.15 * COLUMN), layout="constrained")
+    with figure_file(path, COLUMN if table.heat_closure is None else PAGE, 1.15 * COLUMN) as figure:
         draw_energy(figure, table)
-        save_figure(figure, path)
 
 
 def draw_energy(figure: Any, table: EnergyTable) -> None:

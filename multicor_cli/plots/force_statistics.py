@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from multicor_cli.plots.style import COLORS, COLUMN, PAGE, check_suffix, house_style, save_figure
+from multicor_cli.plots.style import COLORS, COLUMN, PAGE, figure_file
 from multicor_cli.post.force_statistics import AngularDistribution, ForceDistribution
 
 
@@ -22,13 +22,8 @@ def plot_distribution(table: ForceDistribution, path: Path) -> None:
         PlotError: If matplotlib is not installed or the ending is not known.
         OSError: If the file cannot be written.
     """
-    check_suffix(path)
-    with house_style():
-        from matplotlib.figure import Figure
-
-        figure = Figure(figsize=(COLUMN, 0.85 * COLUMN), layout="constrained")
+    with figure_file(path, COLUMN, 0.85 * COLUMN) as figure:
         draw_distribution(figure.add_subplot(), table)
-        save_figure(figure, path)
 
 
 def draw_distribution(axes: Any, table: ForceDistribution) -> None:
@@ -54,13 +49,8 @@ def plot_angles(table: AngularDistribution, path: Path) -> None:
         PlotError: If matplotlib is not installed or the ending is not known.
         OSError: If the file cannot be written.
     """
-    check_suffix(path)
-    with house_style():
-        from matplotlib.figure import Figure
-
-        figure = Figure(figsize=(PAGE, 0.55 * PAGE), layout="constrained")
+    with figure_file(path, PAGE, 0.55 * PAGE) as figure:
         draw_angles(figure, table)
-        save_figure(figure, path)
 
 
 def draw_angles(figure: Any, table: AngularDistribution) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from multicor_cli.plots.scene import draw_discs, draw_walls, figure_size, fit_height
-from multicor_cli.plots.style import COLORS, check_suffix, house_style, save_figure
+from multicor_cli.plots.style import COLORS, figure_file
 from multicor_cli.post.forces import ForceNetwork
 from multicor_cli.post.scene import images
 from multicor_cli.state.model import Floats
@@ -29,35 +29,38 @@ def plot_forces(network: ForceNetwork, path: Path) -> None:
         PlotError: If matplotlib is not installed or the ending is not known.
         OSError: If the file cannot be written.
     """
-    check_suffix(path)
-    with house_style():
-        from matplotlib.figure import Figure
-
-        figure = Figure(figsize=figure_size(network.scene, has_bar=False), layout="constrained")
+    with figure_file(path, *figure_size(network.scene, has_bar=False)) as figure:
         axes = figure.add_subplot()
         draw_forces(axes, network)
         fit_height(figure, axes)
-        save_figure(figure, path)
 
 
 def draw_forces(axes: Any, network: ForceNetwork) -> None:
-    """Draw a force network into matplotlib axes."""
-    from matplotlib.collections import LineCollection
+    """Draw a force network into matplotlib axes, with a legend above the figure."""
     from matplotlib.lines import Line2D
+
+    width = draw_network(axes, network)
+    if not width.size:
+        return
+    handles = [Line2D([], [], color=COLORS[k], linewidth=max(float(width.mean()), 1.0)) for k in (0, 1)]
+    labels = ["sticking", "sliding"]
+    title = f"width: normal force, mean {network.force[:, 0].mean():.3g} N"
+    axes.figure.legend(handles, labels, loc="outside upper center", ncols=2, title=title, title_fontsize=7.0)
+
+
+def draw_network(axes: Any, network: ForceNetwork) -> Floats:
+    """Draw grains, walls and contacts into matplotlib axes; returns the widths of the lines of the contacts [points]."""
+    from matplotlib.collections import LineCollection
 
     draw_discs(axes, network.scene, color="0.92", edgecolors="0.8", linewidths=0.2, zorder=1)
     draw_walls(axes, network.scene)
     if not network.i.size:
-        return
+        return np.zeros(0)
     lines, which = segments(network)
     width = line_widths(axes, network)
     color = np.where(network.sliding, COLORS[1], COLORS[0])
     axes.add_collection(LineCollection(list(lines), linewidths=width[which], colors=color[which], capstyle="round", zorder=3))
-    mean = float(width.mean())
-    handles = [Line2D([], [], color=COLORS[k], linewidth=max(mean, 1.0)) for k in (0, 1)]
-    labels = ["sticking", "sliding"]
-    title = f"width: normal force, mean {network.force[:, 0].mean():.3g} N"
-    axes.figure.legend(handles, labels, loc="outside upper center", ncols=2, title=title, title_fontsize=7.0)
+    return width
 
 
 def segments(network: ForceNetwork) -> tuple[Floats, Any]:

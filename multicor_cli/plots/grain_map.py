@@ -10,7 +10,7 @@ import numpy as np
 from multicor_cli.plots.scene import draw_discs, draw_walls, figure_size, fit_height, is_wide
 from multicor_cli.plots.small_rises import rise_formatter, rise_label, rise_reference
 from multicor_cli.plots.streamlines import draw_streamlines
-from multicor_cli.plots.style import check_suffix, house_style, save_figure
+from multicor_cli.plots.style import figure_file
 from multicor_cli.post.grain_map import GrainMap
 
 _MAPS = {
@@ -41,15 +41,10 @@ def plot_map(table: GrainMap, path: Path, *, has_streamlines: bool = True) -> No
         PlotError: If matplotlib is not installed or the ending is not known.
         OSError: If the file cannot be written.
     """
-    check_suffix(path)
-    with house_style():
-        from matplotlib.figure import Figure
-
-        figure = Figure(figsize=figure_size(table.scene), layout="constrained")
+    with figure_file(path, *figure_size(table.scene)) as figure:
         axes = figure.add_subplot()
         draw_map(axes, table, has_streamlines=has_streamlines)
         fit_height(figure, axes)
-        save_figure(figure, path)
 
 
 def draw_map(axes: Any, table: GrainMap, *, has_streamlines: bool = True) -> None:

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from multicor_cli.plots.small_rises import rise_formatter, rise_label, rise_reference
-from multicor_cli.plots.style import COLORS, COLUMN, check_suffix, house_style, save_figure
+from multicor_cli.plots.style import COLORS, COLUMN, figure_file
 from multicor_cli.post import ProfileSet, ProfileTable
 
 
@@ -23,13 +23,8 @@ def plot_profile(table: ProfileTable, path: Path) -> None:
         PlotError: If matplotlib is not installed or the ending is not known.
         OSError: If the file cannot be written.
     """
-    check_suffix(path)
-    with house_style():
-        from matplotlib.figure import Figure
-
-        figure = Figure(figsize=(COLUMN, 0.9 * COLUMN), layout="constrained")
+    with figure_file(path, COLUMN, 0.9 * COLUMN) as figure:
         draw_profile(figure.add_subplot(), table)
-        save_figure(figure, path)
 
 
 def plot_profiles(profiles: ProfileSet, path: Path) -> None:
@@ -37,24 +32,22 @@ def plot_profiles(profiles: ProfileSet, path: Path) -> None:
     if len(profiles.tables) == 1:
         plot_profile(profiles.first, path)
         return
-    check_suffix(path)
-    with house_style():
-        from matplotlib.figure import Figure
-
-        figure = Figure(figsize=(COLUMN, COLUMN), layout="constrained")
-        axes = figure.add_subplot()
-        for color, marker, table in zip(COLORS, "os^D", profiles.tables, strict=False):
-            error = np.where(np.isfinite(table.error), table.error, 0.0)
-            axes.fill_betweenx(table.y, table.value - error, table.value + error, color=color, alpha=0.25, linewidth=0.0)
-            style: Any = {"color": color, "markeredgewidth": 0.0, "markersize": 2.5, "linewidth": 0.9}
-            axes.plot(table.value, table.y, marker + "-", label=f"${table.field.symbol}$", **style)
-        _, upwards = axis_labels(profiles.first)
-        axes.set_xlabel(f"{profiles.name.replace('-', ' ')} [{_unit(profiles.first.units[1])}]")
-        axes.set_ylabel(upwards)
-        axes.set_ylim(0.0, profiles.first.height)
-        axes.ticklabel_format(scilimits=(-3, 4), useMathText=True)
+    with figure_file(path, COLUMN, COLUMN) as figure:
+        _draw_profiles(figure.add_subplot(), profiles)
         figure.legend(loc="outside upper center", ncols=4, columnspacing=1.2)
-        save_figure(figure, path)
+
+
+def _draw_profiles(axes: Any, profiles: ProfileSet) -> None:
+    for color, marker, table in zip(COLORS, "os^D", profiles.tables, strict=False):
+        error = np.where(np.isfinite(table.error), table.error, 0.0)
+        axes.fill_betweenx(table.y, table.value - error, table.value + error, color=color, alpha=0.25, linewidth=0.0)
+        style: Any = {"color": color, "markeredgewidth": 0.0, "markersize": 2.5, "linewidth": 0.9}
+        axes.plot(table.value, table.y, marker + "-", label=f"${table.field.symbol}$", **style)
+    _, upwards = axis_labels(profiles.first)
+    axes.set_xlabel(f"{profiles.name.replace('-', ' ')}, compression positive [{_unit(profiles.first.units[1])}]")
+    axes.set_ylabel(upwards)
+    axes.set_ylim(0.0, profiles.first.height)
+    axes.ticklabel_format(scilimits=(-3, 4), useMathText=True)
 
 
 def draw_profile(axes: Any, table: ProfileTable) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from multicor_cli.plots.style import COLORS, PAGE, check_suffix, house_style, save_figure
+from multicor_cli.plots.style import COLORS, PAGE, figure_file
 from multicor_cli.post.rheology import Rheology
 
 _PANELS: tuple[tuple[str, tuple[tuple[str, str], ...]], ...] = (
@@ -32,13 +32,8 @@ def plot_rheology(table: Rheology, path: Path) -> None:
         PlotError: If matplotlib is not installed or the ending is not known.
         OSError: If the file cannot be written.
     """
-    check_suffix(path)
-    with house_style():
-        from matplotlib.figure import Figure
-
-        figure = Figure(figsize=(PAGE, 0.62 * PAGE), layout="constrained")
+    with figure_file(path, PAGE, 0.62 * PAGE) as figure:
         draw_rheology(figure, table)
-        save_figure(figure, path)
 
 
 def draw_rheology(figure: Any, table: Rheology) -> None:

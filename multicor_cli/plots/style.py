@@ -76,6 +76,28 @@ def check_suffix(path: Path) -> None:
         raise PlotError(f"{path}: the name of a figure ends in {', '.join(SUFFIXES)}")
 
 
+@contextmanager
+def figure_file(path: Path, width: float, height: float) -> Iterator[Any]:
+    """Give a figure of matplotlib in the house style to draw into, and write it when the context is left without an error.
+
+    Args:
+        path: File to write; its ending (.png, .svg, .pdf) chooses the format.
+        width: Width of the figure [inch].
+        height: Height of the figure [inch].
+
+    Raises:
+        PlotError: If matplotlib is not installed or the ending is not known.
+        OSError: If the file cannot be written.
+    """
+    check_suffix(path)
+    with house_style():
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(width, height), layout="constrained")
+        yield figure
+        save_figure(figure, path)
+
+
 def save_figure(figure: Any, path: Path) -> None:
     """Write a figure in the format of the file name; the same data give the same bytes.
 

@@ -1,102 +1,104 @@
-"""Lines drawn with letters, for `--plot term`: needs no library and looks the same in every terminal."""
+"""What `--plot term` shows of each table: charts of letters, and grains as a picture of colored cells."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass
-
 import numpy as np
-from numpy.typing import NDArray
 
+from multicor_cli.plots.text_chart import TextLine, draw_text
+from multicor_cli.plots.text_picture import Terminal, draw_picture
+from multicor_cli.post.compare import Comparison
 from multicor_cli.post.energy import EnergyTable
-from multicor_cli.post.profile import ProfileTable
+from multicor_cli.post.force_statistics import AngularDistribution, ForceDistribution
+from multicor_cli.post.forces import ForceNetwork
+from multicor_cli.post.grain_map import GrainMap
+from multicor_cli.post.profile import ProfileSet
+from multicor_cli.post.rheology import Rheology
 from multicor_cli.post.theta_eta import ThetaTable
-from multicor_cli.state.model import Floats
-
-WIDTH, HEIGHT = 72, 20
-"""Columns and rows of the area of a chart."""
 
 _VISIBLE = 0.02  # lines that stay below this part of the largest one are left out of charts of many lines
-_MARKS = "abcdefghijklmnop"
+_LOW = 8  # rows of a chart of which several are shown
+_RHEOLOGY = (
+    ("inertial number I [1]", (("inertial_number", ""),)),
+    ("friction mu* [1]", (("friction_walls", "walls"), ("friction_bulk", "bulk"))),
+    ("solid fraction nu [1]", (("solid_fraction", ""),)),
+    ("contacts per grain [1]", (("coordination", "all"), ("coordination_loaded", "without rattlers"))),
+)
+"""Label of the axis, and the quantities of each chart with their names."""
 
 
-@dataclass(frozen=True)
-class TextLine:
-    """A line of a chart.
-
-    Attributes:
-        label: What it is; empty if it is the only one.
-        x: Where its points are, shape ``(k,)``.
-        y: Their heights, shape ``(k,)``; points with nan are left out.
-    """
-
-    label: str
-    x: Floats
-    y: Floats
+def profiles_text(profiles: ProfileSet, _terminal: Terminal) -> str:
+    """Profiles: the fields across, the height upwards."""
+    first, has_many = profiles.first, len(profiles.tables) > 1
+    lines = [TextLine(t.field.name if has_many else "", t.value, t.y) for t in profiles.tables]
+    label = profiles.name.replace("-", " ") if has_many else first.field.label
+    return draw_text(lines, f"{label} [{first.units[1]}]", f"height y [{first.units[0]}]")
 
 
-def profile_text(table: ProfileTable) -> str:
-    """A profile: the field across, the height upwards."""
-    names = (f"{table.field.label} [{table.units[1]}]", f"height y [{table.units[0]}]")
-    return draw_text([TextLine("", table.value, table.y)], *names)
-
-
-def theta_text(table: ThetaTable) -> str:
+def theta_eta_text(table: ThetaTable, _terminal: Terminal) -> str:
     """Mean θ of the bins against η."""
     return draw_text([TextLine("", table.center, table.mean)], "eta [1]", "theta [1]")
 
 
-def energy_text(table: EnergyTable) -> str:
+def energy_text(table: EnergyTable, _terminal: Terminal) -> str:
     """The energy books over time, mechanical ones and those of heat in one chart."""
     lines = [TextLine(f"{entry.label} [J]", table.time, table.books[entry.name]) for entry in table.entries]
     largest = max((float(np.abs(line.y).max()) for line in lines), default=0.0)
     return draw_text([line for line in lines if np.abs(line.y).max() > _VISIBLE * largest], "time [s]", "energy [J]")
 
 
-def draw_text(lines: Sequence[TextLine], x_label: str, y_label: str) -> str:
-    """A chart as lines of text; the first line that passes a place is the one that is seen there.
+def rheology_text(table: Rheology, _terminal: Terminal) -> str:
+    """A rheology over time, one low chart for each kind of quantity."""
+    charts = [
+        draw_text([TextLine(text, table.time, table.values[name]) for name, text in lines], "time [s]", label, rows=_LOW)
+        for label, lines in _RHEOLOGY
+    ]
+    return "\n\n".join(charts)
 
-    Args:
-        lines: Up to 16 lines; more are left out.
-        x_label: Quantity and unit across.
-        y_label: Quantity and unit upwards.
+
+def distribution_text(table: ForceDistribution, _terminal: Terminal) -> str:
+    """A force distribution on logarithmic scales."""
+    lines = [TextLine("normal", table.center, table.normal), TextLine("tangential", table.center, table.tangential)]
+    return draw_text(lines, "force over mean force [1]", "probability density [1]", is_logarithmic=True)
+
+
+def angles_text(table: AngularDistribution, _terminal: Terminal) -> str:
+    """Directions of the contacts and the forces along them, each over what it would be if all directions were alike."""
+    degrees = np.degrees(table.angle)
+    density = TextLine("density of contacts", degrees, 2.0 * np.pi * table.density)
+    return draw_text([density, TextLine("normal force", degrees, table.normal)], "direction [deg]", "over mean [1]")
+
+
+def comparison_text(comparison: Comparison, _terminal: Terminal) -> str:
+    """The profiles of two runs, one chart for each field."""
+    charts = []
+    for pair in comparison.profiles.values():
+        tables = zip((pair.first, pair.second), comparison.names, strict=True)
+        lines = [TextLine(name, table.value, table.y / table.height) for table, name in tables]
+        charts.append(draw_text(lines, f"{pair.first.field.label} [{pair.first.field.unit}]", "height y/H [1]"))
+    return "\n\n".join(charts)
+
+
+def map_text(table: GrainMap, terminal: Terminal, *, has_streamlines: bool = True) -> str:
+    """A map as a picture, with the values of its darkest and lightest color below.
+
+    Raises:
+        PlotError: If matplotlib is not installed.
     """
-    known = [_known(line) for line in lines[: len(_MARKS)]]
-    points = np.concatenate([np.column_stack([line.x, line.y]) for line in known]) if known else np.zeros((0, 2))
-    if not points.size:
-        return f"{y_label}: nothing to draw"
-    low, high = points.min(axis=0), points.max(axis=0)
-    same = low == high
-    low, high = np.where(same, low - 0.5 * (np.abs(low) + same), low), np.where(same, high + 0.5 * (np.abs(high) + same), high)
-    area = np.full((HEIGHT, WIDTH), " ")
-    for number in reversed(range(len(known))):
-        column, row = _cells(known[number], low, high)
-        area[row, column] = _MARKS[number] if len(known) > 1 else "*"
-    chart = _frame(area, low, high, x_label, y_label)
-    return "\n".join([*chart, *(f"  {_MARKS[k]}  {line.label}" for k, line in enumerate(known) if len(known) > 1)])
+    from multicor_cli.plots.grain_map import color_scale, draw_values
+
+    norm, _ = color_scale(table)
+    picture = draw_picture(table.scene, lambda axes: draw_values(axes, table, norm, has_streamlines=has_streamlines), terminal)
+    return f"{picture}\n{table.field.label} [{table.field.unit}] from {norm.vmin:.6g} to {norm.vmax:.6g}"
 
 
-def _known(line: TextLine) -> TextLine:
-    kept = np.isfinite(line.x) & np.isfinite(line.y)
-    return TextLine(line.label, np.asarray(line.x, np.float64)[kept], np.asarray(line.y, np.float64)[kept])
+def forces_text(network: ForceNetwork, terminal: Terminal) -> str:
+    """A force network as a picture.
 
+    Raises:
+        PlotError: If matplotlib is not installed.
+    """
+    from multicor_cli.plots.forces import draw_network
 
-def _cells(line: TextLine, low: Floats, high: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Columns and rows that a line passes, row 0 at the top."""
-    part = (np.column_stack([line.x, line.y]) - low) / (high - low)
-    if len(part) > 1:  # so many points between that no cell is missed
-        between = np.linspace(0.0, 1.0, 2 * (WIDTH + HEIGHT))[:, np.newaxis, np.newaxis]
-        part = (part[:-1] + between * np.diff(part, axis=0)).reshape(-1, 2)
-    column, row = np.rint(part * [WIDTH - 1, HEIGHT - 1]).astype(np.int64).T
-    return column, HEIGHT - 1 - row
-
-
-def _frame(area: NDArray[np.str_], low: Floats, high: Floats, x_label: str, y_label: str) -> list[str]:
-    """The area with numbers at the ends of its axes."""
-    ends = [f"{high[1]:.4g}", f"{low[1]:.4g}"]
-    margin = max(map(len, ends))
-    names = {0: ends[0], HEIGHT - 1: ends[1]}
-    rows = [f"{names.get(k, ''):>{margin}} |{''.join(row).rstrip()}" for k, row in enumerate(area)]
-    left, right = f"{low[0]:.4g}", f"{high[0]:.4g}"
-    across = f"{left}{x_label:^{WIDTH - len(left) - len(right)}}{right}"
-    return [f"{'':{margin}}  {y_label}", *rows, f"{'':{margin}} +{'-' * WIDTH}", f"{'':{margin}}  {across}"]
+    picture = draw_picture(network.scene, lambda axes: draw_network(axes, network), terminal)
+    mean = float(network.force[:, 0].mean()) if network.i.size else 0.0
+    return f"{picture}\nwidth: normal force, mean {mean:.3g} N; blue: sticking, red: sliding"

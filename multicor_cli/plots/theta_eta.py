@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from multicor_cli.plots.style import COLORS, COLUMN, check_suffix, house_style, save_figure
+from multicor_cli.plots.style import COLORS, COLUMN, figure_file
 from multicor_cli.post.theta_eta import ThetaTable
 
 _NOTHING = 0.005
@@ -25,13 +25,8 @@ def plot_theta_eta(table: ThetaTable, path: Path) -> None:
         PlotError: If matplotlib is not installed or the ending is not known.
         OSError: If the file cannot be written.
     """
-    check_suffix(path)
-    with house_style():
-        from matplotlib.figure import Figure
-
-        figure = Figure(figsize=(COLUMN, 0.8 * COLUMN), layout="constrained")
+    with figure_file(path, COLUMN, 0.8 * COLUMN) as figure:
         draw_theta_eta(figure.add_subplot(), table)
-        save_figure(figure, path)
 
 
 def draw_theta_eta(axes: Any, table: ThetaTable) -> None:

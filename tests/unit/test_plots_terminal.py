@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from multicor_cli.plots.terminal import HEIGHT, WIDTH, TextLine, draw_text
+from multicor_cli.plots.text_chart import HEIGHT, WIDTH, TextLine, draw_text
 
 
 def area(chart: str) -> list[str]:
