@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from comparison import Beds
 
-from multicor_cli.plots.style import COLORS, COLUMN, house_style, save_figure
+from multicor_cli.plots.style import COLORS, COLUMN, figure_file
 from multicor_cli.post import ThetaTable
 
 _SHOWN = 0.3
@@ -23,10 +23,7 @@ def draw_figure(beds: Beds, folder: Path) -> Path:
     """
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "theta_eta.png"
-    with house_style():
-        from matplotlib.figure import Figure
-
-        figure = Figure(figsize=(COLUMN, 0.85 * COLUMN), layout="constrained")
+    with figure_file(path, COLUMN, 0.85 * COLUMN) as figure:
         axes = figure.subplots()
         pairs = (("vacuum", beds.vacuum, beds.lattice_vacuum), ("air", beds.air, beds.lattice_air))
         for (name, table, lattice), color in zip(pairs, COLORS, strict=False):
@@ -37,7 +34,6 @@ def draw_figure(beds: Beds, folder: Path) -> Path:
         axes.set_xlabel(r"distance from the floor $\eta = y/H$ [–]")
         axes.set_ylabel(r"temperature $\theta = (T - T_0)/(T_\mathrm{wall} - T_0)$ [–]")
         axes.legend(loc="upper right", title="bar: standard deviation", title_fontsize=7.0)
-        save_figure(figure, path)
     return path
 
 

@@ -8,11 +8,13 @@ from multicor_cli.plots.forces import draw_forces, plot_forces
 from multicor_cli.plots.grain_map import draw_map, plot_map
 from multicor_cli.plots.profile import draw_profile, plot_profile, plot_profiles
 from multicor_cli.plots.rheology import draw_rheology, plot_rheology
+from multicor_cli.plots.scene import Place, place_scene
 from multicor_cli.plots.style import PlotError
 from multicor_cli.plots.text_picture import Terminal
 from multicor_cli.plots.theta_eta import draw_theta_eta, plot_theta_eta
 
 __all__ = [
+    "Place",
     "PlotError",
     "Terminal",
     "draw_angles",
@@ -24,6 +26,7 @@ __all__ = [
     "draw_profile",
     "draw_rheology",
     "draw_theta_eta",
+    "place_scene",
     "plot",
     "plot_angles",
     "plot_comparison",

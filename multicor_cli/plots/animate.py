@@ -14,15 +14,16 @@ from typing import Any
 import numpy as np
 
 from multicor_cli.plots.grain_map import color_scale, draw_bar, draw_values
-from multicor_cli.plots.scene import figure_size, fit_height
-from multicor_cli.plots.style import PlotError, house_style
+from multicor_cli.plots.scene import place_scene
+from multicor_cli.plots.style import PAGE, PlotError, house_style
 from multicor_cli.post.grain_map import GrainMap
 from multicor_cli.state.model import Floats
 
 SUFFIXES = (".mp4", ".gif")
 """Formats of films."""
 
-_WIDTHS = {".mp4": 1200, ".gif": 800}  # pixels
+_SIDES = {".mp4": 1200, ".gif": 800}  # pixels of the longer side of a picture
+_TITLE = 0.32  # room for the time [inch]
 _SAMPLE = 2_000_000  # values that the color scale is made from, at most
 
 Progress = Callable[[int, int], None]
@@ -81,7 +82,7 @@ def write_film(
         temporary = _temporary(target)
         drawn = _Counter(count, progress)
         try:
-            pictures = _draw_all(drawn.watch(maps()), stage, _WIDTHS[target.suffix.lower()])
+            pictures = _draw_all(drawn.watch(maps()), stage, _SIDES[target.suffix.lower()])
             (_write_mp4 if target.suffix.lower() == ".mp4" else _write_gif)(pictures, temporary, rate)
             temporary.replace(target)
         finally:
@@ -134,53 +135,34 @@ def _sample(values: Floats, most: int) -> Floats:
     return np.concatenate([values[:: -(-values.size // most)], [values.min(), values.max()]])
 
 
-def _draw_all(maps: Iterable[GrainMap], stage: _Stage, width: int) -> Iterator[Any]:
+def _draw_all(maps: Iterable[GrainMap], stage: _Stage, most: int) -> Iterator[Any]:
     """Pictures as arrays of RGBA bytes, shape ``(height, width, 4)`` with even numbers; all of one size."""
     from matplotlib.backends.backend_agg import FigureCanvasAgg
     from matplotlib.figure import Figure
 
-    figure = axes = None
+    figure = place = None
     for table in maps:
-        placed = replace(table, scene=replace(table.scene, box=stage.box))
-        if figure is None or axes is None:
-            size = figure_size(placed.scene)
-            figure = Figure(figsize=size, layout="constrained", dpi=width / size[0])
+        shown = replace(table, scene=replace(table.scene, box=stage.box))
+        if figure is None or place is None:
+            figure = Figure(dpi=100.0)
             canvas: Any = FigureCanvasAgg(figure)
-            axes = figure.add_subplot()
-            discs = draw_values(axes, placed, stage.scale[0], has_streamlines=False)
-            draw_bar(axes, placed, discs, stage.scale)
-            axes.set_title(_time_label(placed), fontsize=8.0)
-            fit_height(figure, axes)
-            _fit_width(figure, axes)
-            fit_height(figure, axes)
-            _make_even(figure)
-            figure.draw_without_rendering()
-            figure.set_layout_engine("none")  # from now on everything stays where it is
+            place = place_scene(figure, shown.scene, top=_TITLE, width=PAGE)
+            _make_even(figure, most)
+            draw_bar(place.bar, shown, draw_values(place.axes, shown, stage.scale[0], has_streamlines=False), stage.scale)
         else:
-            for artist in [*axes.collections, *axes.patches]:
+            for artist in [*place.axes.collections, *place.axes.patches]:
                 artist.remove()
-            draw_values(axes, placed, stage.scale[0], has_streamlines=False)
-            axes.set_title(_time_label(placed), fontsize=8.0)
+            draw_values(place.axes, shown, stage.scale[0], has_streamlines=False)
+        place.axes.set_title(f"$t$ = {shown.time:.4g} s", fontsize=8.0)
         canvas.draw()
         yield np.asarray(canvas.buffer_rgba())
 
 
-def _time_label(table: GrainMap) -> str:
-    return f"$t$ = {table.time:.4g} s"
-
-
-def _fit_width(figure: Any, axes: Any) -> None:
-    """Take away the width that axes of equal aspect leave empty in a figure that may not be higher."""
-    for _ in range(2):
-        figure.draw_without_rendering()
-        offered, used = axes.get_position(original=True), axes.get_position()
-        width, height = figure.get_size_inches()
-        figure.set_size_inches(width * (1.0 - (offered.width - used.width)), height)
-
-
-def _make_even(figure: Any) -> None:
-    """Widths and heights of films are even numbers of pixels."""
-    figure.set_size_inches([(2.0 * round(0.5 * figure.dpi * side) + 1e-3) / figure.dpi for side in figure.get_size_inches()])
+def _make_even(figure: Any, most: int) -> None:
+    """Choose pixels per inch and size so that width and height are even numbers of pixels, the larger of them ``most``."""
+    sides = figure.get_size_inches()
+    figure.dpi = most / max(sides)
+    figure.set_size_inches([(2.0 * round(0.5 * figure.dpi * side) + 1e-3) / figure.dpi for side in sides])
 
 
 def _temporary(target: Path) -> Path:

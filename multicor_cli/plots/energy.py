@@ -8,7 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from multicor_cli.plots.style import COLORS, COLUMN, PAGE, figure_file
+from multicor_cli.plots.style import COLORS, COLUMN, PAGE, figure_file, show_decades
 from multicor_cli.post.energy import HEAT, MECHANICAL, EnergyTable, Entry
 from multicor_cli.state.model import Floats
 
@@ -74,7 +74,4 @@ def _draw_closure(panel: Any, time: Floats, closure: Floats) -> None:
     panel.semilogy(time[known], closure[known], color=COLORS[0])
     panel.set_xlabel("time $t$ [s]")
     panel.set_ylabel("closure [–]")
-    if known.any():
-        decades = np.floor(np.log10(closure[known].min())), np.floor(np.log10(closure[known].max())) + 1.0
-        panel.set_ylim(10.0 ** decades[0], 10.0 ** decades[1])
-    panel.yaxis.set_minor_formatter("")
+    show_decades(panel.yaxis, closure[known])

@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from multicor_cli.plots.style import COLORS, COLUMN, PAGE, figure_file
+from multicor_cli.plots.style import COLORS, COLUMN, PAGE, figure_file, show_decades
 from multicor_cli.post.force_statistics import AngularDistribution, ForceDistribution
 
 
@@ -33,6 +33,9 @@ def draw_distribution(axes: Any, table: ForceDistribution) -> None:
         known = density > 0.0
         if known.any():
             axes.loglog(table.center[known], density[known], marker, linestyle="-", color=color, label=label, linewidth=0.7)
+    shown = np.concatenate([table.normal, table.tangential])
+    show_decades(axes.yaxis, shown[shown > 0.0])
+    axes.xaxis.set_minor_formatter("")
     axes.set_xlabel(r"force $f/\langle f \rangle$ [–]")
     axes.set_ylabel(r"probability density $P(f/\langle f \rangle)$ [–]")
     axes.legend(loc="lower left")

@@ -7,14 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from multicor_cli.plots.scene import draw_discs, draw_walls, figure_size, fit_height
-from multicor_cli.plots.style import COLORS, figure_file
+from multicor_cli.plots.scene import draw_discs, draw_walls, place_scene
+from multicor_cli.plots.style import COLORS, COLUMN, figure_file
 from multicor_cli.post.forces import ForceNetwork
 from multicor_cli.post.scene import images
 from multicor_cli.state.model import Floats
 
 _POINTS = 72.0  # points per inch
 _WIDTH = 0.2  # width of the line of a mean force over the mean diameter
+_LEGEND = 0.5  # room for the legend [inch]
 _WIDEST = 1.0  # width of the widest line over the mean diameter
 
 
@@ -29,10 +30,8 @@ def plot_forces(network: ForceNetwork, path: Path) -> None:
         PlotError: If matplotlib is not installed or the ending is not known.
         OSError: If the file cannot be written.
     """
-    with figure_file(path, *figure_size(network.scene, has_bar=False)) as figure:
-        axes = figure.add_subplot()
-        draw_forces(axes, network)
-        fit_height(figure, axes)
+    with figure_file(path, COLUMN, COLUMN) as figure:
+        draw_forces(place_scene(figure, network.scene, has_bar=False, top=_LEGEND).axes, network)
 
 
 def draw_forces(axes: Any, network: ForceNetwork) -> None:

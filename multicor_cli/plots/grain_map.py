@@ -7,10 +7,10 @@ from typing import Any
 
 import numpy as np
 
-from multicor_cli.plots.scene import draw_discs, draw_walls, figure_size, fit_height, is_wide
+from multicor_cli.plots.scene import Place, draw_discs, draw_walls, is_wide, place_scene
 from multicor_cli.plots.small_rises import rise_formatter, rise_label, rise_reference
 from multicor_cli.plots.streamlines import draw_streamlines
-from multicor_cli.plots.style import figure_file
+from multicor_cli.plots.style import COLUMN, figure_file
 from multicor_cli.post.grain_map import GrainMap
 
 _MAPS = {
@@ -41,16 +41,14 @@ def plot_map(table: GrainMap, path: Path, *, has_streamlines: bool = True) -> No
         PlotError: If matplotlib is not installed or the ending is not known.
         OSError: If the file cannot be written.
     """
-    with figure_file(path, *figure_size(table.scene)) as figure:
-        axes = figure.add_subplot()
-        draw_map(axes, table, has_streamlines=has_streamlines)
-        fit_height(figure, axes)
+    with figure_file(path, COLUMN, COLUMN) as figure:
+        draw_map(place_scene(figure, table.scene), table, has_streamlines=has_streamlines)
 
 
-def draw_map(axes: Any, table: GrainMap, *, has_streamlines: bool = True) -> None:
-    """Draw a map with its color bar into matplotlib axes; see `plot_map`."""
+def draw_map(place: Place, table: GrainMap, *, has_streamlines: bool = True) -> None:
+    """Draw a map with its color bar where `place_scene` has made room; see `plot_map`."""
     scale = color_scale(table)
-    draw_bar(axes, table, draw_values(axes, table, scale[0], has_streamlines=has_streamlines), scale)
+    draw_bar(place.bar, table, draw_values(place.axes, table, scale[0], has_streamlines=has_streamlines), scale)
 
 
 def draw_values(axes: Any, table: GrainMap, norm: Any, *, has_streamlines: bool = True) -> Any:
@@ -63,10 +61,10 @@ def draw_values(axes: Any, table: GrainMap, norm: Any, *, has_streamlines: bool 
 
 
 def draw_bar(axes: Any, table: GrainMap, discs: Any, scale: tuple[Any, str]) -> None:
-    """Draw the color bar of a map beside or below its axes."""
+    """Draw the color bar of a map into axes beside or below it."""
     norm, extend = scale
-    where = {"location": "bottom", "aspect": 40} if is_wide(table.scene) else {"location": "right", "aspect": 30}
-    bar = axes.figure.colorbar(discs, ax=axes, extend=extend, pad=0.02, **where)
+    direction = "horizontal" if is_wide(table.scene) else "vertical"
+    bar = axes.figure.colorbar(discs, cax=axes, extend=extend, extendfrac=0.03, orientation=direction)
     field = table.field
     reference = rise_reference(field.unit, norm.vmin, norm.vmax)
     if reference is None:

@@ -46,6 +46,7 @@ def _draw_profiles(axes: Any, profiles: ProfileSet) -> None:
     _, upwards = axis_labels(profiles.first)
     axes.set_xlabel(f"{profiles.name.replace('-', ' ')}, compression positive [{_unit(profiles.first.units[1])}]")
     axes.set_ylabel(upwards)
+    axes.locator_params(axis="x", nbins=5)
     axes.set_ylim(0.0, profiles.first.height)
     axes.ticklabel_format(scilimits=(-3, 4), useMathText=True)
 
@@ -58,7 +59,7 @@ def draw_profile(axes: Any, table: ProfileTable) -> None:
     )
     axes.plot(table.value, table.y, "o-", color=COLORS[0], markeredgewidth=0.0, label="mean")
     across, upwards = axis_labels(table)
-    axes.locator_params(axis="x", nbins=6)
+    axes.locator_params(axis="x", nbins=5)
     axes.ticklabel_format(scilimits=(-3, 4), useMathText=True)
     field = table.field
     reference = rise_reference(table.units[1], float(np.nanmin(table.value)), float(np.nanmax(table.value)))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -15,27 +15,60 @@ WALL = "0.35"
 
 _MANY = 1500  # grains above which a figure takes the width of a page
 _FEW = 600  # grains up to which each has an outline
-_ASIDE = 0.75  # room for labels of the axes and the color bar [inch]
-_TALLEST = 8.0  # height of a figure [inch]
+_TALLEST, _NARROWEST = 8.0, 2.0  # height and width of a figure [inch]
+_LEFT, _RIGHT, _BOTTOM, _TOP = 0.6, 0.15, 0.45, 0.12  # room beside the axes for their labels [inch]
+_BAR, _BAR_GAP = 0.12, 0.1  # thickness of the color bar, and what lies between it and the axes [inch]
+_BESIDE, _BELOW = 0.85, 0.62  # room for the color bar with its labels, beside or below the axes [inch]
+_TICK_X, _TICK_Y = 0.5, 0.3  # room that the label of a tick takes [inch]
 
 
-def figure_size(scene: Scene, *, has_bar: bool = True) -> tuple[float, float]:
-    """Width and height [inch] that fit the scene; the bar of a wide one lies below it, of a tall one beside it."""
-    width = PAGE if scene.radius.size > _MANY else COLUMN
+class Place(NamedTuple):
+    """Where a scene is drawn.
+
+    Attributes:
+        axes: Axes of matplotlib with the aspect of the scene.
+        bar: Axes for the color bar; None without one.
+    """
+
+    axes: Any
+    bar: Any
+
+
+def place_scene(figure: Any, scene: Scene, *, has_bar: bool = True, top: float = _TOP, width: float = 0.0) -> Place:
+    """Give a figure the size that a scene needs, and axes that fill it: nothing is left empty, no label is cut.
+
+    Args:
+        figure: The figure; whatever size it has.
+        scene: The scene. A wide one has its color bar below it, a tall one beside it.
+        has_bar: Whether there is a color bar.
+        top: Room above the axes [inch].
+        width: Width of the figure [inch]; 0: of a column, of a page if there are many grains. A tall scene takes less.
+    """
     across, upwards = (scene.box[1] - scene.box[0]).tolist()
-    beside = _ASIDE if has_bar and not is_wide(scene) else 0.0
-    below = _ASIDE if has_bar and is_wide(scene) else 0.0
-    height = (width - 0.6 - beside) * upwards / across + 0.5 + below
-    return width, float(np.clip(height, 0.5 * COLUMN, _TALLEST))
+    beside = _BESIDE if has_bar and not is_wide(scene) else 0.0
+    below = _BELOW if has_bar and is_wide(scene) else 0.0
+    aside, above = _LEFT + _RIGHT + beside, _BOTTOM + top + below
+    width = width or (PAGE if scene.radius.size > _MANY else COLUMN)
+    scale = min((width - aside) / across, (_TALLEST - above) / upwards)
+    wide, high = scale * across, scale * upwards
+    figure.set_layout_engine("none")  # everything has its place
+    spare = max(0.0, _NARROWEST - wide - aside)
+    left = _LEFT + 0.5 * spare
+    figure.set_size_inches(wide + aside + spare, high + above)
+    axes = _add_axes(figure, left, _BOTTOM + below, wide, high)
+    axes.locator_params(axis="x", nbins=int(np.clip(wide / _TICK_X, 1, 5)))
+    axes.locator_params(axis="y", nbins=int(np.clip(high / _TICK_Y, 1, 5)))
+    if not has_bar:
+        return Place(axes, None)
+    if below:
+        return Place(axes, _add_axes(figure, left, _BELOW - _BAR - _BAR_GAP, wide, _BAR))
+    return Place(axes, _add_axes(figure, left + wide + _BAR_GAP, _BOTTOM, _BAR, high))
 
 
-def fit_height(figure: Any, axes: Any) -> None:
-    """Take away the height that axes of equal aspect leave empty."""
-    for _ in range(2):
-        figure.draw_without_rendering()
-        offered, used = axes.get_position(original=True), axes.get_position()
-        width, height = figure.get_size_inches()
-        figure.set_size_inches(width, height * (1.0 - (offered.height - used.height)))
+def _add_axes(figure: Any, left: float, bottom: float, width: float, height: float) -> Any:
+    """Axes at a place [inch]."""
+    across, upwards = figure.get_size_inches()
+    return figure.add_axes((left / across, bottom / upwards, width / across, height / upwards))
 
 
 def is_wide(scene: Scene) -> bool:
@@ -67,7 +100,6 @@ def draw_walls(axes: Any, scene: Scene) -> None:
     axes.set_aspect("equal")
     axes.tick_params(top=False, right=False, which="both", direction="out")
     axes.minorticks_off()
-    axes.locator_params(nbins=5)
     axes.set_xlabel("$x$ [m]")
     axes.set_ylabel("$y$ [m]")
 

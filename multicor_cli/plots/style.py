@@ -7,6 +7,10 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
+from multicor_cli.state.model import Floats
+
 COLUMN = 3.35
 """Width of a journal column [inch]."""
 
@@ -27,6 +31,7 @@ _RC: Any = {
     "axes.linewidth": 0.6,
     "axes.labelsize": 8.0,
     "axes.unicode_minus": True,
+    "axes.formatter.useoffset": False,
     "xtick.direction": "in",
     "ytick.direction": "in",
     "xtick.top": True,
@@ -68,6 +73,14 @@ def house_style() -> Iterator[None]:
         raise PlotError(message) from error
     with mpl.rc_context(_RC):
         yield
+
+
+def show_decades(axis: Any, values: Floats) -> None:
+    """Let a logarithmic axis of matplotlib span the whole decades around positive values, with labels at the decades only."""
+    axis.set_minor_formatter("")
+    if values.size:
+        low, high = np.floor(np.log10(values.min())), np.floor(np.log10(values.max())) + 1.0
+        axis.axes.set(**{f"{axis.axis_name}lim": (10.0**low, 10.0**high)})
 
 
 def check_suffix(path: Path) -> None:

@@ -12,8 +12,9 @@ from heat_run import GRAINS, write_heated_run
 from multicor_cli.plots import PlotError, draw_forces, draw_map, draw_theta_eta, plot_forces, plot_map, plot_theta_eta
 from multicor_cli.plots.forces import line_widths, segments
 from multicor_cli.plots.grain_map import color_scale
+from multicor_cli.plots.scene import place_scene
 from multicor_cli.plots.style import COLORS, house_style
-from multicor_cli.post import MAP_FIELDS, force_network, grain_map, theta_eta
+from multicor_cli.post import MAP_FIELDS, GrainMap, force_network, grain_map, theta_eta
 from multicor_cli.store import Run, open_run
 
 
@@ -30,12 +31,20 @@ def axes():
     return Figure(layout="constrained").add_subplot()
 
 
+def mapped(table: GrainMap):
+    """The axes of a map."""
+    from matplotlib.figure import Figure
+
+    place = place_scene(Figure(), table.scene)
+    draw_map(place, table)
+    return place.axes
+
+
 @pytest.mark.parametrize("of", MAP_FIELDS)
 def test_map_shows_every_grain_and_names_its_colors(run: Run, of: str) -> None:
     with house_style():
         table = grain_map(run, of)
-        panel = axes()
-        draw_map(panel, table)
+        panel = mapped(table)
     discs = panel.collections[0]
     assert discs.get_array().tolist() == table.value.tolist()  # none crosses the ends of the period
     assert discs.get_offsets() == pytest.approx(table.scene.center)
@@ -49,8 +58,7 @@ def test_grains_at_the_ends_of_the_period_are_drawn_twice(run: Run) -> None:
     table = grain_map(run, "temperature")
     table.scene.center[3, 0] = 0.01
     with house_style():
-        panel = axes()
-        draw_map(panel, table)
+        panel = mapped(table)
     offsets = panel.collections[0].get_offsets()
     assert len(offsets) == GRAINS + 1
     assert offsets[-1] == pytest.approx([4.01, table.scene.center[3, 1]])

@@ -24,6 +24,7 @@ from multicor_cli.plots import (
     plot_profiles,
     plot_rheology,
 )
+from multicor_cli.plots.scene import place_scene
 from multicor_cli.plots.streamlines import smooth_field
 from multicor_cli.plots.style import house_style
 from multicor_cli.post import (
@@ -161,13 +162,15 @@ def test_map_has_streamlines_or_arrows(run: Run) -> None:
     table = make_vortex(500)
     for has_streamlines in (True, False):
         with house_style():
-            axes = make_figure().add_subplot()
-            draw_map(axes, table, has_streamlines=has_streamlines)
+            place = place_scene(make_figure(), table.scene)
+            draw_map(place, table, has_streamlines=has_streamlines)
+        axes = place.axes
         lines = [c for c in axes.collections if isinstance(c, LineCollection) and len(c.get_segments()) > 5]
         assert bool(lines) is has_streamlines
         assert any(isinstance(c, Quiver) for c in axes.collections) is not has_streamlines
     with house_style():
-        draw_map(make_figure().add_subplot(), grain_map(run, "fluctuation", 0))  # at rest: no lines, no error
+        still = grain_map(run, "fluctuation", 0)
+        draw_map(place_scene(make_figure(), still.scene), still)  # at rest: no lines, no error
 
 
 def test_figures_are_written_and_reproducible(run: Run, tmp_path: Path) -> None:

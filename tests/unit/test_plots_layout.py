@@ -1,0 +1,136 @@
+"""Nothing is cut off and nothing overlaps: the places of all texts of all figures, for scenes of any shape."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from heat_run import write_heated_run
+
+from multicor_cli.plots import plot, style
+from multicor_cli.post import (
+    ForceNetwork,
+    GrainMap,
+    Selection,
+    angular_distribution,
+    compare,
+    energy,
+    force_distribution,
+    force_network,
+    grain_map,
+    profiles,
+    rheology,
+    theta_eta,
+)
+from multicor_cli.store import Run, open_run
+
+ALL = Selection(start=0.0)
+SHAPES = [(4.0, 4.0), (0.1, 0.1), (20.0, 1.0), (1.0, 20.0), (4.5e-3, 3.0e-3), (1234.5, 2345.6), (3.0, 2.2)]
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    path = tmp_path_factory.mktemp("run") / "run"
+    write_heated_run(path)
+    return open_run(path)
+
+
+@pytest.fixture
+def drawn(monkeypatch: pytest.MonkeyPatch) -> Any:
+    """Draws a table and gives the figure instead of writing it."""
+    figures: list[Any] = []
+    monkeypatch.setattr(style, "save_figure", lambda figure, path: figures.append(figure) or check(figure))
+
+    def draw(table: Any) -> Any:
+        plot(table, Path("figure.pdf"))
+        return figures[-1]
+
+    return draw
+
+
+def check(figure: Any) -> None:
+    """All texts lie inside the figure; those of one axis, and labels of axes, do not touch."""
+    figure.draw_without_rendering()
+    renderer = figure._get_renderer()
+    legends = [*figure.legends, *(axes.get_legend() for axes in figure.axes if axes.get_legend())]
+    names = [axis.label for axes in figure.axes if axes.name != "polar" for axis in (axes.xaxis, axes.yaxis)]
+    titles = [axes.title for axes in figure.axes]
+    for text in (*names, *titles, *(text for legend in legends for text in legend.get_texts())):
+        inside(text, figure, renderer)
+    for axes in figure.axes:
+        for axis in (axes.xaxis, axes.yaxis):
+            check_axis(axis, figure, renderer)
+
+
+def check_axis(axis: Any, figure: Any, renderer: Any) -> None:
+    shown = [label for tick in axis._update_ticks() for label in (tick.label1, tick.label2)]  # ticks inside the limits
+    boxes = [inside(label, figure, renderer) for label in shown if label.get_visible() and label.get_text()]
+    if axis.axes.name == "polar":
+        return
+    inside(axis.offsetText, figure, renderer)
+    along = 0 if axis.axis_name == "x" else 1
+    boxes.sort(key=lambda box: box.min[along])
+    texts = [label.get_text() for label in shown]
+    assert all(a.max[along] < b.min[along] for a, b in pairwise(boxes)), (axis.axes.get_xlabel(), axis.axes.get_ylabel(), texts)
+    if axis.label.get_text():
+        name = axis.label.get_window_extent(renderer)
+        assert not any(name.overlaps(box) for box in boxes), (axis.label.get_text(), texts)
+
+
+def inside(text: Any, figure: Any, renderer: Any) -> Any:
+    """The place of a text, which must be in the figure."""
+    box, whole = text.get_window_extent(renderer), figure.bbox
+    if text.get_text().strip():
+        is_inside = (box.min > whole.min - 1).all() and (box.max < whole.max + 1).all()
+        assert is_inside, f"{text.get_text()!r} at {box.extents} in {whole.extents}"
+    return box
+
+
+def test_charts(run: Run, drawn: Any) -> None:
+    for table in (
+        *(profiles(run, of, ALL) for of in ("velocity", "spin", "temperature", "stress", "kinetic-stress")),
+        profiles(run, "velocity", ALL).normalized(),
+        theta_eta(run, wall="top"),
+        energy(run),
+        rheology(run, ALL),
+        force_distribution(run, ALL),
+        angular_distribution(run, ALL),
+        compare(run, run, ["velocity", "temperature"], ALL),
+    ):
+        drawn(table)
+
+
+def reshaped(table: Any, across: float, upwards: float) -> Any:
+    """The same grains in a box of another shape."""
+    scene = table.scene
+    low, high = scene.box
+    stretch = np.array([across, upwards]) / (high - low)
+    center = (scene.center - low) * stretch
+    box = np.array([[0.0, 0.0], [across, upwards]])
+    nothing = np.zeros((0, 3))
+    radius = scene.radius * stretch.min()
+    return replace(table, scene=replace(scene, center=center, radius=radius, glued=nothing, circles=nothing, period=0.0, box=box))
+
+
+@pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: f"{shape[0]:g}x{shape[1]:g}")
+@pytest.mark.parametrize("of", ["temperature", "velocity", "heat", "spin"])
+def test_maps_of_any_shape(run: Run, drawn: Any, shape: tuple[float, float], of: str) -> None:
+    table: GrainMap = reshaped(grain_map(run, of), *shape)
+    figure = drawn(table)
+    axes, bar = figure.axes
+    box = axes.get_window_extent()
+    assert box.width / box.height == pytest.approx(shape[0] / shape[1], rel=1e-6)  # to scale, and no room is left empty
+    assert not bar.get_window_extent().overlaps(box)
+
+
+@pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: f"{shape[0]:g}x{shape[1]:g}")
+def test_networks_of_any_shape(run: Run, drawn: Any, shape: tuple[float, float]) -> None:
+    network: ForceNetwork = reshaped(force_network(run), *shape)
+    figure = drawn(network)
+    (axes,) = figure.axes
+    legend = figure.legends[0].get_window_extent()
+    assert not legend.overlaps(axes.get_window_extent())
