@@ -13,7 +13,11 @@ from typing import Any
 from multicor_cli import __version__
 from multicor_cli.cli.console import format_bytes
 
-_LIBRARIES = ("numpy", "numba", "llvmlite", "h5py", "pydantic", "typer", "rich", "matplotlib")
+_LIBRARIES = ("numpy", "numba", "llvmlite", "h5py", "pydantic", "typer", "rich")
+_OPTIONAL = {
+    "matplotlib": "not installed (figures need it: pip install 'multicor-cli[plots]')",
+    "gsd": "not installed (export gsd needs it: pip install 'multicor-cli[gsd]')",
+}
 
 
 def diagnose() -> dict[str, Any]:
@@ -23,6 +27,8 @@ def diagnose() -> dict[str, Any]:
         "python": f"{platform.python_version()} ({sys.executable})",
         **{name: _version(name) for name in _LIBRARIES},
         "hdf5": _hdf5_version(),
+        **{name: _version(name, missing) for name, missing in _OPTIONAL.items()},
+        "ffmpeg": shutil.which("ffmpeg") or "not installed (films become GIF)",
         "platform": platform.platform(),
         "cores": _cores(),
         **_threading(),
@@ -32,11 +38,11 @@ def diagnose() -> dict[str, Any]:
     }
 
 
-def _version(name: str) -> str:
+def _version(name: str, missing: str = "not installed") -> str:
     try:
         return metadata.version(name)
     except metadata.PackageNotFoundError:
-        return "not installed"
+        return missing
 
 
 def _hdf5_version() -> str:
