@@ -93,7 +93,7 @@ def interval_sums(source: FrameSource, band: Band, flow: MeanFlow, first: GrainF
     y, radius = heights(second), model.grains.radius
     area = area_below(high - y, radius) - area_below(low - y, radius)
     inside = (y > low) & (y < high)
-    slip = flow.fluctuation(second, band.extent.origin(second))[inside]
+    slip = flow.fluctuation(second)[inside]
     return np.array(
         [
             lapse,

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.post.source import FrameSource, GrainFrame, PostError
-from multicor_cli.state.model import Floats, Model
+from multicor_cli.state.model import Floats, Model, ShapeKind
 
 
 class ContactRows(Protocol):
@@ -67,7 +67,8 @@ class LoadedContacts:
         force: Normal and tangential force on i, mean of the last step [N], shape ``(c, 2)``.
         row: Numbers of these contacts among all of the frame, shape ``(c,)``.
         rows: All contacts of the frame; what is not needed is not read.
-        radius: Radii of the grains [m], shape ``(n,)``.
+        reach_of: Radii of the grains, then of the wall shapes: of glued grains, 0 of smooth walls [m], shape ``(n + m,)``.
+        grain_count: Number of grains n.
     """
 
     i: NDArray[Any]
@@ -75,12 +76,8 @@ class LoadedContacts:
     force: Floats
     row: NDArray[np.int64]
     rows: ContactRows
-    radius: Floats
-
-    @property
-    def grain_count(self) -> int:
-        """Number of grains n."""
-        return self.radius.size
+    reach_of: Floats
+    grain_count: int
 
     @cached_property
     def normal(self) -> Floats:
@@ -89,10 +86,8 @@ class LoadedContacts:
 
     @cached_property
     def reach(self) -> Floats:
-        """Distance from the center of i to that of j, or to the point where i touches a wall [m], shape ``(c,)``."""
-        reach = self.radius[self.i] + np.asarray(self.rows.gap, np.float64)[self.row]
-        reach += np.where(self.is_wall, 0.0, self.radius[np.where(self.is_wall, 0, self.j)])
-        return np.asarray(reach)
+        """Distance from the center of i to that of j, or to the point where i touches a smooth wall [m], shape ``(c,)``."""
+        return np.asarray(self.reach_of[self.i] + np.asarray(self.rows.gap, np.float64)[self.row] + self.reach_of[self.j])
 
     @cached_property
     def is_wall(self) -> NDArray[np.bool_]:
@@ -107,7 +102,7 @@ class LoadedContacts:
 
     @cached_property
     def branch(self) -> Floats:
-        """From the center of j, or the point where i touches a wall, to the center of i [m], shape ``(c, 2)``."""
+        """From the center of j, or the point where i touches a smooth wall, to the center of i [m], shape ``(c, 2)``."""
         return np.asarray(self.normal * self.reach[:, np.newaxis])
 
     def virial(self, a: int, b: int) -> Floats:
@@ -135,7 +130,9 @@ def loaded_contacts(frame: GrainFrame, model: Model) -> LoadedContacts:
     contacts: ContactRows = frame.contacts  # type: ignore[attr-defined]
     force = np.asarray(contacts.force, np.float64)
     row = np.flatnonzero(force[:, 0] > 0.0)
-    return LoadedContacts(contacts.i[row], contacts.j[row], force[row], row, contacts, model.grains.radius)
+    glued = np.where(model.shapes.kind == ShapeKind.DISC, model.shapes.geometry[:, 2], 0.0)
+    reach_of = np.concatenate([model.grains.radius, glued])
+    return LoadedContacts(contacts.i[row], contacts.j[row], force[row], row, contacts, reach_of, model.grain_count)
 
 
 def with_forces(source: FrameSource, chosen: NDArray[np.int64]) -> NDArray[np.int64]:

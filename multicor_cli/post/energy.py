@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.post.source import PostError
+from multicor_cli.post.source import PostError, within
 from multicor_cli.state.model import Floats
 
 
@@ -137,7 +137,7 @@ def energy(source: SeriesHolder, start: float | None = None, end: float | None =
     """
     series = source.series
     time = np.asarray(series["time"], np.float64)
-    rows = np.flatnonzero((time >= (-np.inf if start is None else start)) & (time <= (np.inf if end is None else end)))
+    rows = within(time, start, end)
     if not rows.size:
         raise PostError("the time series has no row in this time" if time.size else "the run has no time series yet")
     has_heat = "heat_stored" in series

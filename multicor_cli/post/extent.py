@@ -12,6 +12,7 @@ from multicor_cli.state import Model, ShapeKind
 from multicor_cli.state.model import Floats
 
 _LEVEL = 0.7  # a plane bounds the grains in y if its normal points within 45 degrees up or down
+_STRAY = 0.1  # part of the grains that may have got through a wall without its ceasing to bound them
 
 
 @dataclass(frozen=True)
@@ -19,7 +20,9 @@ class Extent:
     """Where the heights of a profile are measured from, and how far they go.
 
     Heights count from the lower wall where there is one, wherever it has moved to: from the line through the centers of its
-    glued grains, or from its surface if it is smooth. Otherwise they count from the lowest point that a grain reaches.
+    glued grains (between the lowest and the highest of them), or from its surface if it is smooth. Otherwise they count from the
+    lowest point that a grain reaches. A wall is below the grains if it lies below the middle of them and the centers of nine grains
+    in ten lie above its line, in the first frame and in the last; and it must be wider than it is high.
 
     Attributes:
         lower: Index of the wall below the grains, or None.
@@ -41,19 +44,21 @@ class Extent:
             return self.floor
         return float(self.line[self.lower] + frame.wall_position[self.lower, 1])
 
+    def span(self, frame: GrainFrame) -> float:
+        """Distance of the walls in this frame [m]; where one is missing, `height`."""
+        if self.lower is None or self.upper is None:
+            return self.height
+        return float(self.line[self.upper] + frame.wall_position[self.upper, 1]) - self.origin(frame)
+
 
 def find_extent(source: FrameSource, indices: NDArray[np.int64]) -> Extent:
     """The extent over the selected frames."""
     model = source.model
     radius = model.grains.radius
-    lows, highs = wall_spans(model)
-    first = source.frames[int(indices[0])]
-    middle = float(np.median(first.position[:, 1]))
-    wall_y = np.asarray(first.wall_position)[:, 1]
-    lower = _nearest(highs + wall_y, below=middle)
-    upper = _nearest(-(lows + wall_y), below=-middle)
-    is_bounded = np.isfinite(lows) & np.isfinite(highs)
-    line = 0.5 * (np.where(is_bounded, lows, 0.0) + np.where(is_bounded, highs, 0.0))
+    spans = wall_spans(model)
+    line = 0.5 * np.where(np.isfinite(spans), spans, 0.0).sum(axis=0)
+    ends = [source.frames[int(indices[k])] for k in (0, -1)]
+    lower, upper = _bounding_walls(ends, spans, line)
     floor, ceiling, gap = np.inf, -np.inf, 0.0
     for k in indices:
         frame = source.frames[int(k)]
@@ -70,25 +75,39 @@ def find_extent(source: FrameSource, indices: NDArray[np.int64]) -> Extent:
     return Extent(lower, upper, line, floor, gap or ceiling - floor)
 
 
-def _nearest(reach: Floats, below: float) -> int | None:
-    """The wall that reaches highest among those that end below a height."""
-    candidates = np.where(reach < below, reach, -np.inf)
-    if not candidates.size or not np.isfinite(candidates.max()):
-        return None
-    return int(candidates.argmax())
+def _bounding_walls(frames: list[GrainFrame], spans: tuple[Floats, Floats], line: Floats) -> tuple[int | None, int | None]:
+    """The highest of the walls that are below the grains in all of some frames, and the lowest of those above them."""
+    is_below, is_above = np.ones(line.size, np.bool_), np.ones(line.size, np.bool_)
+    for frame in frames:
+        low, middle, high = np.quantile(np.asarray(frame.position)[:, 1], (_STRAY, 0.5, 1.0 - _STRAY))
+        wall_y = np.asarray(frame.wall_position)[:, 1]
+        is_below &= (spans[1] + wall_y < middle) & (line + wall_y <= low)
+        is_above &= (spans[0] + wall_y > middle) & (line + wall_y >= high)
+    wall_y = np.asarray(frames[0].wall_position)[:, 1]
+    return _largest(spans[1] + wall_y, is_below), _largest(-(spans[0] + wall_y), is_above)
+
+
+def _largest(values: Floats, candidate: NDArray[np.bool_]) -> int | None:
+    """Index of the largest value among candidates; None without one."""
+    values = np.where(candidate, values, -np.inf)
+    return int(values.argmax()) if values.size and np.isfinite(values.max()) else None
 
 
 def wall_spans(model: Model) -> tuple[Floats, Floats]:
-    """Lowest and highest reference point of each wall in its frame [m]; infinite where a wall goes on upwards or downwards."""
-    low, high = np.full(model.wall_count, np.inf), np.full(model.wall_count, -np.inf)
+    """Lowest and highest reference point of each wall in its frame [m]; infinite where a wall is upright.
+
+    Upright are planes more than 45° from the level, and other walls that are higher than wide.
+    """
+    low, high = np.full((model.wall_count, 2), np.inf), np.full((model.wall_count, 2), -np.inf)
+    is_upright = np.zeros(model.wall_count, np.bool_)
     shapes = model.shapes
     for kind, wall, g in zip(shapes.kind, shapes.wall, shapes.geometry, strict=True):
-        heights = [g[1]]
-        if kind == ShapeKind.SEGMENT:
-            heights.append(g[3])
-        elif kind == ShapeKind.CIRCLE:
-            heights = [g[1] - g[2], g[1] + g[2]]
-        elif kind == ShapeKind.PLANE and abs(g[3]) < _LEVEL:
-            heights = [-np.inf, np.inf]
-        low[wall], high[wall] = min(low[wall], *heights), max(high[wall], *heights)
-    return low, high
+        reach = g[2] if kind == ShapeKind.CIRCLE else 0.0
+        end = g[2:] if kind == ShapeKind.SEGMENT else g[:2]
+        low[wall] = np.minimum(low[wall], np.minimum(g[:2], end) - reach)
+        high[wall] = np.maximum(high[wall], np.maximum(g[:2], end) + reach)
+        is_upright[wall] |= kind == ShapeKind.PLANE and abs(g[3]) < _LEVEL
+    # Infinities of walls without shapes stay what they are: nothing bounds nothing.
+    size = np.where(np.isfinite(low), high, 0.0) - np.where(np.isfinite(low), low, 0.0)
+    is_upright |= size[:, 1] > size[:, 0]
+    return np.where(is_upright, -np.inf, low[:, 1]), np.where(is_upright, np.inf, high[:, 1])

@@ -12,13 +12,15 @@ from multicor_cli.post.contacts import LoadedContacts, loaded_contacts
 from multicor_cli.post.source import GrainFrame, need_heat
 from multicor_cli.state.model import Floats, Model
 
-Kind = Literal["mean", "rate", "share", "contact"]
+Kind = Literal["mean", "number", "rate", "share", "contact"]
 """How grains or contacts add up to the value of a bin.
 
-``mean``: average over the grains, weighted by their area in the bin. ``rate``: increase of what the grains hold from frame to
-frame, over the time between and the area of the bin. ``share``: area of the grains in the bin times their value, over the area of
-the bin. ``contact``: what contacts carry, spread evenly along the branch that joins the centers of two grains (or the center of a
-grain and the point where it touches a wall), over the area of the bin.
+``mean``: average over the grains, weighted by their area in the bin. ``number``: average over the grains, which count alike, each
+with the part of its area that lies in the bin. ``rate``: increase of what the grains hold from frame to frame, over the time
+between and the area of the bin. ``share``: area of the grains in the bin times their value, over the area of the bin. ``contact``:
+what contacts carry, spread evenly along the branch that joins the centers of two grains, free or glued (or the center of a grain
+and the point where it touches a smooth wall), over the area of the bin. The area of a bin is its width times the period, or, where
+there is none, times how far the grains of the frame reach in x.
 """
 
 Scaling = Literal["walls", "shear", "none"]
@@ -142,13 +144,22 @@ FIELDS: dict[str, Field] = {
         Field("heat", "generated heat", r"\dot{q}", "W/m2", _generated, kind="rate"),
         Field("solid-fraction", "solid fraction", r"\phi", "1", _one, kind="share"),
         Field("granular-temperature", "granular temperature", r"T_g", "m2/s2", _granular_temperature, is_relative=True),
-        Field("coordination", "contacts per grain", "Z", "1", _coordination, needs_contacts=True),
+        Field("coordination", "contacts per grain", "Z", "1", _coordination, kind="number", needs_contacts=True),
         Field("pressure", "contact pressure", "p", "N/m", None, kind="contact", of_contacts=_pressure, needs_contacts=True),
         *(_stress(a, b) for a in (0, 1) for b in (0, 1)),
         *(_kinetic_stress(a, b) for a, b in ((0, 0), (0, 1), (1, 1))),
     )
 }
-"""All fields, by name."""
+"""All fields, by name.
+
+Only free grains count, not those glued to walls: the solid fraction is the area of the free grains (of spheres their cross-section)
+over that of the plane. Heat is that of friction and impacts which the grains receive; what goes into walls is left out. The
+granular temperature is ½⟨v'·v'⟩ per unit of mass (per degree of freedom in the plane) with velocities v' relative to the mean flow
+of all selected frames at the height of the grain (`multicor_cli.post.flow.MeanFlow`). Contacts are those with a positive normal
+force; Z is their number at each grain, those with walls included, averaged over all grains, rattlers included. Stresses are forces
+per length, compression positive: σ_ab is the flux of the momentum along a through a line across b, so a flow in which the upper
+layers move towards +x has σ_xy < 0. The pressure is half the trace of the contact stress.
+"""
 
 FIELD_GROUPS: dict[str, tuple[str, ...]] = {
     "stress": ("stress-xx", "stress-xy", "stress-yx", "stress-yy"),

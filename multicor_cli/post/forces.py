@@ -24,7 +24,7 @@ class ForceNetwork:
         j: Second grain, or wall shape (not below the number of grains), shape ``(c,)``.
         normal: Unit normal from j to i, shape ``(c, 2)``.
         start: Center of the grain i [m], shape ``(c, 2)``.
-        end: Center of the grain j next to it, or the point where the grain touches a wall [m], shape ``(c, 2)``.
+        end: Center of the grain j next to it, free or glued, or where the grain touches a smooth wall [m], shape ``(c, 2)``.
         force: Normal and tangential force on i, mean of the last step [N], shape ``(c, 2)``.
         sliding: Whether the contact slides, shape ``(c,)``.
         frame: Index of the frame.

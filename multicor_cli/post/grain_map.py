@@ -159,10 +159,9 @@ def _pressures(source: FrameSource, frame: int) -> Floats:
 def _fluctuations(source: FrameSource, frame: int) -> Floats:
     """Velocities relative to the mean horizontal flow of the same frame at the height of each grain [m/s], shape ``(n, 2)``."""
     chosen = np.array([frame])
-    bins = make_bins(source, chosen)
-    flow = mean_flow(source, chosen, bins)
+    flow = mean_flow(source, chosen, make_bins(source, chosen))
     flow.velocity[:, 1] = 0.0
-    return flow.fluctuation(source.frames[frame], bins.extent.origin(source.frames[frame]))
+    return flow.fluctuation(source.frames[frame])
 
 
 MAP_FIELDS: dict[str, MapField] = {

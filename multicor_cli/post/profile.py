@@ -14,7 +14,18 @@ from multicor_cli.post.extent import find_extent
 from multicor_cli.post.fields import FIELD_GROUPS, FIELDS, Field
 from multicor_cli.post.flow import RelativeFrame, mean_flow
 from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Selection
-from multicor_cli.post.sums import Bins, Sums, Values, average, sum_contacts, sum_means, sum_rates, sum_shares
+from multicor_cli.post.sums import (
+    Bins,
+    Sums,
+    Values,
+    average,
+    plane_width,
+    sum_contacts,
+    sum_means,
+    sum_numbers,
+    sum_rates,
+    sum_shares,
+)
 from multicor_cli.state.model import Floats
 
 BIN_LIMIT = 100_000
@@ -25,9 +36,13 @@ class ProfileTable:
     """A profile over the height; ``b`` bins.
 
     The value of a bin is the average over the grains in it and over the frames, weighted by the area of each grain that lies in
-    the bin. Rates and shares are per area of the plane instead (see `multicor_cli.post.fields.Kind`). The standard error comes from
-    the scatter between up to ten blocks of consecutive frames (for rates: of intervals between frames); it is nan with one of
-    them. Averages over bins that no grain has touched are nan.
+    the bin. Rates, shares and stresses are per area of the plane instead, and contacts per grain an average over grains that count
+    alike (see `multicor_cli.post.fields.Kind`, and `multicor_cli.post.fields.FIELDS` for the quantities). Between two walls the
+    bins move and stretch with the walls, so that in every frame they end at the walls.
+
+    The standard error comes from the scatter between up to ten blocks of consecutive frames (for rates: of intervals between
+    frames); it is nan with one of them, rough with a few, and too small where the blocks are shorter than the flow remembers:
+    choose a longer time rather than more frames. Averages over bins that no grain has touched are nan.
 
     Attributes:
         field: What was averaged.
@@ -43,6 +58,8 @@ class ProfileTable:
         frames: Indices of the frames.
         times: Times of the first and last frame [s].
         is_normalized: Whether ``y`` and ``value`` are normalized.
+        bin_area: Area of the plane that a bin covers, averaged over the frames [m²]. Times the sum of the values it gives what all
+            bins hold, for values per area: the area of the grains, the heat per time [W], the sum of f ℓ [N m].
     """
 
     field: Field
@@ -58,6 +75,7 @@ class ProfileTable:
     frames: NDArray[np.int64]
     times: tuple[float, float]
     is_normalized: bool = False
+    bin_area: float = np.nan
 
     @property
     def units(self) -> tuple[str, str]:
@@ -90,6 +108,7 @@ class ProfileTable:
             "wall_values": list(self.wall_values),
             "shear_rate": self.shear_rate,
             "bin_width": self.width,
+            "bin_area": self.bin_area,
             "y": self.y.tolist(),
             "value": self.value.tolist(),
             "standard_error": self.error.tolist(),
@@ -127,7 +146,10 @@ class ProfileTable:
             raise PostError("normalizing needs a wall below and a wall above the grains")
         if not np.isfinite(low) or not np.isfinite(high):
             free = [name for name, value in zip(self.walls, self.wall_values, strict=True) if not np.isfinite(value)]
-            raise PostError(f"normalizing needs a prescribed {self.field.label} of both walls; '{free[0]}' has none")
+            raise PostError(
+                f"normalizing needs a prescribed {self.field.label} of both walls; '{free[0]}' has none, "
+                "or not in all of these frames"
+            )
         if low == high:
             raise PostError(f"normalizing needs walls of different {self.field.label}; both have {low:g} {self.field.unit}")
         return low, high - low
@@ -209,7 +231,8 @@ def profile(
         selection: Which frames; default: the later half of the last stage.
         bins: Number of bins; default: as many as make a bin about ``bin_width`` wide.
         bin_width: Width of a bin in mean diameters, rounded so that a whole number of bins fits; default: 1.
-        exclude_walls: What to leave out at each wall, in mean diameters.
+        exclude_walls: What to leave out at each wall, in mean diameters, counted as the heights are: from the line through the
+            centers of glued grains, or from the surface of a smooth wall.
 
     Raises:
         PostError: If there is no such field, no frame (for a rate: fewer than two), or no sensible number of bins; or if the
@@ -253,6 +276,7 @@ def profiles(
 
 _SUMS: dict[str, Callable[[FrameSource, NDArray[np.int64], Bins, Sequence[Values]], list[Sums]]] = {
     "mean": sum_means,
+    "number": sum_numbers,
     "rate": sum_rates,
     "share": sum_shares,
 }
@@ -285,7 +309,17 @@ def _make_table(source: FrameSource, field: Field, sums: Sums, chosen: NDArray[n
         shear_rate=(speeds[1] - speeds[0]) / extent.height,
         frames=chosen,
         times=(float(times[0]), float(times[-1])),
+        bin_area=_bin_area(source, field, sums, chosen, bins),
     )
+
+
+def _bin_area(source: FrameSource, field: Field, sums: Sums, chosen: NDArray[np.int64], bins: Bins) -> float:
+    """Area of a bin, averaged over the frames, or over the time of a rate [m²]."""
+    if field.kind in ("mean", "number"):
+        frames = (source.frames[int(k)] for k in chosen)
+        return float(np.mean([bins.place(frame).width * plane_width(source, frame) for frame in frames]))
+    times = np.asarray(source.frames.time)[chosen]
+    return float(sums.weight[:, 0].sum() / (times[-1] - times[0] if field.kind == "rate" else chosen.size))
 
 
 def make_bins(
@@ -331,7 +365,7 @@ def _values_of(source: FrameSource, fields: tuple[Field, ...], chosen: NDArray[n
 
         def values(frame: GrainFrame) -> Floats:
             if flow is not None:
-                frame = RelativeFrame(frame, flow.fluctuation(frame, bins.extent.origin(frame)))
+                frame = RelativeFrame(frame, flow.fluctuation(frame))
             return np.asarray(of_grains(frame, source.model), np.float64)
 
         return values

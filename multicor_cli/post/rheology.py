@@ -71,10 +71,16 @@ class Rheology:
     """Rheology over time and on average; ``r`` intervals between consecutive frames.
 
     I = |γ̇| √(m/P) with the mean mass m of a grain and the force P per length [N/m] with which the walls press (the mean of both):
-    the convention of da Cruz et al. (2005). ``inertial_number_density`` is |γ̇| d̄/√(P/ρ) with the mass ρ of the grains per area that
-    they cover, the convention of GDR MiDi (2004). The first is √(π/4) times the second for equal discs. Friction is
-    μ* = −σ_xy/σ_yy for a positive shear rate, and positive where stress resists the shear. Contacts are those that carry a force;
-    rattlers have fewer than two. The density of contact directions is taken as (1 + a_c cos 2(θ − θ_c))/2π.
+    the convention of da Cruz et al. (2005); of grains of several sizes m is the mean of their masses, not the mass of a grain of
+    mean size. ``inertial_number_density`` is |γ̇| d̄/√(P/ρ) with the mass ρ of the grains per area that they cover, the convention of
+    GDR MiDi (2004). The first is √(π/4) times the second for equal discs. Friction is μ* = −σ_xy/σ_yy for a positive shear rate,
+    and positive where stress resists the shear; that of the walls is the mean of both shear forces over that of both normal forces.
+
+    The solid fraction is the area of the free grains in the bulk (parts of grains included) over that of the bulk. Contacts are
+    those that carry a force, those with walls included; Z averages over all grains whose center lies in the bulk, Z' over those
+    with at least two contacts (the others are rattlers). The granular temperature is ½⟨v'·v'⟩ over all these grains, which count
+    alike (see `multicor_cli.post.flow.MeanFlow`). The spin over the shear rate is −1/2 for grains that turn with the flow. The
+    density of contact directions is taken as (1 + a_c cos 2(θ − θ_c))/2π.
 
     Attributes:
         time: Ends of the intervals [s], shape ``(r,)``.
@@ -226,7 +232,7 @@ def _derive(model: Model, sums: Floats, direction: float) -> dict[str, Floats]:
         rate = s["rate"] / s["lapse"]
         pressure = s["normal_impulse"] / s["window"] / model.period
         fabric, angle = _fabric(s)
-        return {
+        found = {
             "shear_rate": rate,
             "pressure": pressure,
             "inertial_number": np.abs(rate) * np.sqrt(grains.mass.mean() / pressure),
@@ -242,6 +248,8 @@ def _derive(model: Model, sums: Floats, direction: float) -> dict[str, Floats]:
             "spin_ratio": s["spin"] / s["rate"],
             "granular_temperature": s["kinetic"] / s["weight"],
         }
+        # Where nothing presses a ratio has no value, whether it is 0/0 or 1/0.
+        return {name: np.where(np.isfinite(values), values, np.nan) for name, values in found.items()}
 
 
 def _fabric(s: dict[str, Floats]) -> tuple[Floats, Floats]:

@@ -95,13 +95,25 @@ def frame_index(frames: FrameSequence, frame: int) -> int:
     return frame % count
 
 
+_ROUNDING = 1e-9  # times are sums of steps, and a frame at 0.06 s may say 0.060000000000000005
+
+
+def within(times: Floats, start: float | None, end: float | None) -> NDArray[np.int64]:
+    """Indices of the times from ``start`` to ``end`` [s], both included, but for the rounding of times; None is no limit."""
+    slack = _ROUNDING * float(np.abs(times).max(initial=0.0))
+    first, last = -np.inf if start is None else start, np.inf if end is None else end
+    return np.flatnonzero((times >= first - slack) & (times <= last + slack))
+
+
 @dataclass(frozen=True)
 class Selection:
-    """Which frames to look at. Without any choice: the later half, in time, of the last stage.
+    """Which frames to look at.
+
+    Without any choice: those of the last stage in the later half of the time between its first and its last frame.
 
     Attributes:
-        start: Earliest time [s].
-        end: Latest time [s].
+        start: Earliest time [s]; a frame at this time is included.
+        end: Latest time [s]; likewise.
         frames: A slice of the frames, as in Python.
     """
 
@@ -130,6 +142,4 @@ class Selection:
         if self.start is None and self.end is None:
             last = everything[stages == stages[-1]]
             return np.asarray(last[times[last] >= 0.5 * (times[last[0]] + times[-1])])
-        start = -np.inf if self.start is None else self.start
-        end = np.inf if self.end is None else self.end
-        return np.asarray(everything[(times >= start) & (times <= end)])
+        return within(times, self.start, self.end)

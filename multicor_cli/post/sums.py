@@ -13,11 +13,13 @@ from numpy.typing import NDArray
 from multicor_cli.post.binning import Shares, share_discs, share_lines
 from multicor_cli.post.contacts import LoadedContacts, loaded_contacts
 from multicor_cli.post.extent import Extent
-from multicor_cli.post.source import FrameSource, GrainFrame
+from multicor_cli.post.source import FrameSource, GrainFrame, PostError
 from multicor_cli.state.model import Floats
 
 BLOCKS = 10
 """Number of blocks of consecutive rows whose scatter gives the standard error (fewer if there are fewer rows)."""
+
+_ROUNDING = 1e-14
 
 Values = Callable[[GrainFrame], Floats]
 """Values of the grains of a frame, shape ``(n,)``."""
@@ -26,13 +28,28 @@ ContactValues = Callable[[LoadedContacts], Floats]
 """Values of the contacts of a frame, shape ``(c,)``."""
 
 
+class Place(NamedTuple):
+    """Where the bins are in a frame.
+
+    Attributes:
+        bottom: Lower edge of the first bin [m].
+        width: Width of a bin [m].
+    """
+
+    bottom: float
+    width: float
+
+
 @dataclass(frozen=True)
 class Bins:
     """Horizontal bins of equal width.
 
+    Between two walls that approach each other or move apart they become narrower or wider with the distance, so that they end at
+    the walls in every frame; what is left out next to the walls keeps its width.
+
     Attributes:
         extent: Where heights are measured from.
-        width: Width of a bin [m].
+        width: Width of a bin, averaged over the frames [m].
         count: Number of bins b.
         bottom: Lower edge of the first bin above the origin [m].
     """
@@ -44,17 +61,27 @@ class Bins:
 
     @property
     def centers(self) -> Floats:
-        """Centers above the origin [m], shape ``(b,)``."""
+        """Centers above the origin, averaged over the frames [m], shape ``(b,)``."""
         return np.asarray(self.bottom + (np.arange(self.count) + 0.5) * self.width)
 
-    def share(self, y: Floats, radius: Floats, origin: float) -> Shares:
-        """Which grain lies in which bin with which area."""
-        return share_discs(y, radius, origin + self.bottom, self.width, self.count)
+    def place(self, frame: GrainFrame) -> Place:
+        """Where the bins are in a frame; raises `PostError` if the walls come too near to each other."""
+        width = self.width + (self.extent.span(frame) - self.extent.height) / self.count
+        if not width > 0.0:
+            raise PostError(
+                f"nothing is left between the walls where they come nearest, {self.extent.span(frame):.4g} m: "
+                "leave out less at the walls, or choose other frames"
+            )
+        return Place(self.extent.origin(frame) + self.bottom, width)
 
-    def share_branches(self, contacts: LoadedContacts, y: Floats, origin: float) -> Shares:
+    def share(self, y: Floats, radius: Floats, place: Place) -> Shares:
+        """Which grain lies in which bin with which area."""
+        return share_discs(y, radius, *place, self.count)
+
+    def share_branches(self, contacts: LoadedContacts, y: Floats, place: Place) -> Shares:
         """Which branch of a contact lies in which bin with which part of its length; ``y`` are the heights of the grains [m]."""
         start = y[contacts.i]
-        return share_lines(start, start - contacts.branch[:, 1], origin + self.bottom, self.width, self.count)
+        return share_lines(start, start - contacts.branch[:, 1], *place, self.count)
 
     def total(self, shares: Shares, values: Floats) -> Floats:
         """Sum of values of the shares in each bin, shape ``(b,)``."""
@@ -77,21 +104,36 @@ class Sums(NamedTuple):
 
 def sum_means(source: FrameSource, chosen: NDArray[np.int64], bins: Bins, values: Sequence[Values]) -> list[Sums]:
     """For averages over grains, weighted by their area; one row per frame, one result for each of ``values``."""
-    area, weighted = _empty(chosen.size, bins), [_empty(chosen.size, bins) for _ in values]
+    return _sum_grains(source, chosen, bins, values, np.ones(source.model.grain_count))
+
+
+def sum_numbers(source: FrameSource, chosen: NDArray[np.int64], bins: Bins, values: Sequence[Values]) -> list[Sums]:
+    """For averages over grains that count alike, each with the part of its area that lies in a bin; one row per frame."""
+    return _sum_grains(source, chosen, bins, values, 1.0 / (np.pi * source.model.grains.radius**2))
+
+
+def _sum_grains(
+    source: FrameSource, chosen: NDArray[np.int64], bins: Bins, values: Sequence[Values], per_area: Floats
+) -> list[Sums]:
+    """Sums over grains that count with their area in a bin times ``per_area``, shape ``(n,)``."""
+    area, weight = _empty(chosen.size, bins), _empty(chosen.size, bins)
+    weighted = [_empty(chosen.size, bins) for _ in values]
     for row, k in enumerate(chosen):
         frame = source.frames[int(k)]
-        shares = bins.share(heights(frame), source.model.grains.radius, bins.extent.origin(frame))
-        area[row] = bins.total(shares, shares.area)
+        shares = bins.share(heights(frame), source.model.grains.radius, bins.place(frame))
+        counting = shares.area * per_area[shares.grain]
+        area[row], weight[row] = bins.total(shares, shares.area), bins.total(shares, counting)
         for column, value in zip(weighted, values, strict=True):
-            column[row] = bins.total(shares, shares.area * value(frame)[shares.grain])
-    return [Sums(column, area, area) for column in weighted]
+            column[row] = bins.total(shares, counting * value(frame)[shares.grain])
+    return [Sums(column, weight, area) for column in weighted]
 
 
 def sum_shares(source: FrameSource, chosen: NDArray[np.int64], bins: Bins, values: Sequence[Values]) -> list[Sums]:
     """For values per area of the plane; one row per frame, one result for each of ``values``."""
     sums = sum_means(source, chosen, bins, values)
-    widths = np.array([plane_width(source, source.frames[int(k)]) for k in chosen])
-    weight = np.repeat(bins.width * widths[:, np.newaxis], bins.count, axis=1)
+    frames = (source.frames[int(k)] for k in chosen)
+    areas = np.array([bins.place(frame).width * plane_width(source, frame) for frame in frames])
+    weight = np.repeat(areas[:, np.newaxis], bins.count, axis=1)
     return [found._replace(weight=weight) for found in sums]
 
 
@@ -101,13 +143,13 @@ def sum_contacts(source: FrameSource, chosen: NDArray[np.int64], bins: Bins, val
     spread = [_empty(chosen.size, bins) for _ in values]
     for row, k in enumerate(chosen):
         frame = source.frames[int(k)]
-        y, origin = heights(frame), bins.extent.origin(frame)
+        y, place = heights(frame), bins.place(frame)
         contacts = loaded_contacts(frame, source.model)
-        lines = bins.share_branches(contacts, y, origin)
+        lines = bins.share_branches(contacts, y, place)
         for column, value in zip(spread, values, strict=True):
             column[row] = bins.total(lines, lines.area * value(contacts)[lines.grain])
-        weight[row] = bins.width * plane_width(source, frame)
-        discs = bins.share(y, source.model.grains.radius, origin)
+        weight[row] = place.width * plane_width(source, frame)
+        discs = bins.share(y, source.model.grains.radius, place)
         area[row] = bins.total(discs, discs.area)
     return [Sums(column, weight, area) for column in spread]
 
@@ -124,14 +166,14 @@ def sum_rates(source: FrameSource, chosen: NDArray[np.int64], bins: Bins, values
     before = source.frames[int(chosen[0])]
     for row, (first, last) in enumerate(pairwise(chosen)):
         after = source.frames[int(last)]
-        origin = 0.5 * (bins.extent.origin(before) + bins.extent.origin(after))
-        shares = bins.share(0.5 * (heights(before) + heights(after)), radius, origin)
+        place = Place(*(0.5 * (a + b) for a, b in zip(bins.place(before), bins.place(after), strict=True)))
+        shares = bins.share(0.5 * (heights(before) + heights(after)), radius, place)
         area[row] = bins.total(shares, shares.area)
         for column, value in zip(gained, values, strict=True):
             gain = (value(after) - value(before)) / (np.pi * radius**2)
             column[row] = bins.total(shares, shares.area * gain[shares.grain])
         width = 0.5 * (plane_width(source, before) + plane_width(source, after))
-        weight[row] = bins.width * width * float(times[last] - times[first])
+        weight[row] = place.width * width * float(times[last] - times[first])
         before = after
     return [Sums(column, weight, area) for column in gained]
 
@@ -165,7 +207,8 @@ def standard_error(means: Floats) -> Floats:
         means: Means of the blocks, shape ``(blocks, …)``; those that are not finite do not count.
 
     Returns:
-        Their standard deviation over √(number of blocks), shape ``(…)``; nan where there are fewer than two.
+        Their standard deviation over √(number of blocks), shape ``(…)``; nan where there are fewer than two. What is no more than
+        rounding is 0: in a packing at rest nothing scatters.
     """
     known = np.isfinite(means)
     number = known.sum(axis=0)
@@ -173,7 +216,8 @@ def standard_error(means: Floats) -> Floats:
         deviation = np.where(known, means, 0.0) - np.where(known, means, 0.0).sum(axis=0) / number
         variance = (np.where(known, deviation, 0.0) ** 2).sum(axis=0) / (number - 1)
         error = np.sqrt(variance / number)
-    return np.asarray(np.where(number < 2, np.nan, error), np.float64)
+    rounding = _ROUNDING * np.abs(np.where(known, means, 0.0)).max(axis=0, initial=0.0)
+    return np.asarray(np.where(number < 2, np.nan, np.where(error <= rounding, 0.0, error)), np.float64)
 
 
 def heights(frame: GrainFrame) -> Floats:

@@ -14,6 +14,8 @@ from multicor_cli.state.model import Floats
 
 BIN_LIMIT = 100_000
 
+_ROUNDING = 1e-12  # of a mean of equal temperatures, which is to be that temperature
+
 
 @dataclass(frozen=True)
 class ThetaTable:
@@ -123,7 +125,7 @@ def theta_eta(
     number = _find_wall(source, chosen, wall)
     hot = float(need_heat(chosen.wall_temperature)[number])
     start = _first_temperature(source) if reference is None else reference
-    if hot == start:
+    if abs(hot - start) <= _ROUNDING * abs(start):
         raise PostError(f"θ needs a wall that is not at the reference temperature {start:g} K; choose another with --reference")
     distance, reach = _distances(source, chosen, number)
     if height is not None and not height > 0.0:

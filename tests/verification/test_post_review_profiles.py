@@ -1,0 +1,222 @@
+"""Every profile of random runs with moving walls against plain loops, and what must be conserved."""
+
+from __future__ import annotations
+
+from itertools import pairwise
+from pathlib import Path
+
+import numpy as np
+import pytest
+from post_review_support import (
+    BEFORE_FORCES,
+    FRAMES,
+    Floats,
+    areas,
+    block_error,
+    branches,
+    fluctuations,
+    layer,
+    parts,
+    write_random_run,
+)
+
+from multicor_cli.post import FIELDS, PostError, Selection, profile
+from multicor_cli.store import Run
+
+ALL = Selection(frames=slice(None))
+
+
+@pytest.fixture(scope="module", params=[True, False], ids=["periodic", "bounded"])
+def run(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Run:
+    return write_random_run(tmp_path_factory.mktemp("random") / "run", is_periodic=request.param, seed=5)
+
+
+def _grain_values(run: Run, of: str, chosen: list[int], spacing: float) -> dict[int, Floats]:
+    """What the grains hold in each frame."""
+    frames = {k: run.frames[k] for k in chosen}
+    if of == "velocity":
+        return {k: f.velocity[:, 0] for k, f in frames.items()}
+    if of == "spin":
+        return {k: f.spin for k, f in frames.items()}
+    if of == "temperature":
+        return {k: f.temperature for k, f in frames.items()}
+    if of == "coordination":
+        counts = {k: np.zeros(run.model.grain_count) for k in chosen}
+        for k, frame in frames.items():
+            for i, j, _, _ in branches(run, frame):
+                counts[k][i] += 1
+                if j < run.model.grain_count:
+                    counts[k][j] += 1
+        return counts
+    slips = dict(zip(chosen, fluctuations(run, chosen, spacing), strict=True))
+    if of == "granular-temperature":
+        return {k: 0.5 * (v**2).sum(axis=1) for k, v in slips.items()}
+    a, b = ("xy".index(axis) for axis in of.rsplit("-", 1)[1])
+    density = run.model.grains.mass / (np.pi * run.model.grains.radius**2)
+    return {k: density * v[:, a] * v[:, b] for k, v in slips.items()}
+
+
+def _contact_sum(run: Run, of: str, k: int, edges: Floats) -> Floats:
+    """Force times branch in each bin."""
+    axes = [(0, 0), (1, 1)] if of == "pressure" else [tuple("xy".index(axis) for axis in of.rsplit("-", 1)[1])]
+    total = np.zeros(edges.size - 1)
+    frame = run.frames[k]
+    for i, _, force, way in branches(run, frame):
+        start = float(frame.position[i, 1])
+        carried = sum(force[a] * way[b] for a, b in axes) / len(axes)
+        total += carried * parts(start, start - way[1], edges)
+    return total
+
+
+def direct(run: Run, of: str, chosen: list[int], count: int, left_out: float) -> tuple[Floats, Floats]:
+    """Values and standard errors of the bins by loops over frames, grains and bins."""
+    radius, rows = run.model.grains.radius, []
+    mean = float(np.mean([np.diff(layer(run, run.frames[k], 1, left_out).edges)[0] for k in chosen]))
+    layers = {k: layer(run, run.frames[k], count, left_out) for k in chosen}
+    if of == "heat":
+        for before, after in pairwise(chosen):
+            first, second = run.frames[before], run.frames[after]
+            edges = 0.5 * (layers[before].edges + layers[after].edges)
+            inside = areas(0.5 * (first.position[:, 1] + second.position[:, 1]), radius, edges)
+            gain = (second.generated - first.generated) / (np.pi * radius**2)
+            plane = 0.5 * (layers[before].plane + layers[after].plane)
+            rows.append((gain @ inside, np.diff(edges) * plane * (second.time - first.time)))
+    elif FIELDS[of].of_contacts is not None:
+        rows = [(_contact_sum(run, of, k, layers[k].edges), np.diff(layers[k].edges) * layers[k].plane) for k in chosen]
+    else:
+        spacing = min(mean / count, float(2.0 * radius.mean()))
+        values = {} if of == "solid-fraction" else _grain_values(run, of, chosen, spacing)
+        for k in chosen:
+            inside = areas(run.frames[k].position[:, 1], radius, layers[k].edges)
+            if of == "coordination":
+                inside = inside / (np.pi * radius**2)[:, np.newaxis]
+            per_plane = of == "solid-fraction" or of.startswith("kinetic")
+            below = np.diff(layers[k].edges) * layers[k].plane if per_plane else inside.sum(axis=0)
+            rows.append((values.get(k, np.ones(radius.size)) @ inside, below))
+    with np.errstate(invalid="ignore"):
+        value = sum(row[0] for row in rows) / sum(row[1] for row in rows)
+    return value, block_error(rows)
+
+
+@pytest.mark.parametrize("of", list(FIELDS))
+@pytest.mark.parametrize(
+    ("frames", "count", "left_out"), [(slice(None), 9, 0.0), (slice(2, 12, 3), 30, 0.0), (slice(5, 9), 4, 2.0)]
+)
+def test_profile_agrees_with_plain_loops(run: Run, of: str, frames: slice, count: int, left_out: float) -> None:
+    chosen = list(range(FRAMES)[frames])
+    if FIELDS[of].needs_contacts:
+        chosen = [k for k in chosen if k not in BEFORE_FORCES]
+    table = profile(run, of, Selection(frames=frames), count, exclude_walls=left_out)
+    assert table.frames.tolist() == chosen
+    edge = left_out * run.model.mean_diameter
+    value, error = direct(run, of, chosen, count, edge)
+    scale = np.nanmax(np.abs(value))
+    assert table.value == pytest.approx(value, rel=1e-9, abs=1e-10 * scale, nan_ok=True)
+    assert table.error == pytest.approx(error, rel=1e-7, abs=1e-9 * scale, nan_ok=True)
+    spans = [1.6 + f.wall_position[1, 1] - 0.4 - f.wall_position[0, 1] for f in (run.frames[k] for k in chosen)]
+    assert table.height == pytest.approx(np.mean(spans))
+    assert table.width == pytest.approx((np.mean(spans) - 2.0 * edge) / count)
+    assert table.y == pytest.approx(edge + (np.arange(count) + 0.5) * table.width)
+
+
+@pytest.mark.parametrize("count", [1, 7, 200])
+def test_nothing_is_lost_between_moving_walls(run: Run, count: int) -> None:
+    """Sums over the bins are those over the grains and contacts, though the lid moves up and down by several grains."""
+    area = float((np.pi * run.model.grains.radius**2).sum())
+    fraction = profile(run, "solid-fraction", ALL, count)
+    assert fraction.value.sum() * fraction.bin_area == pytest.approx(area, rel=1e-12)
+    assert fraction.area.sum() == pytest.approx(area, rel=1e-12)
+    if run.period:
+        assert fraction.bin_area == pytest.approx(fraction.width * run.period, rel=1e-12)
+    heat = profile(run, "heat", ALL, count)
+    ends = [run.frames[k] for k in (0, -1)]
+    total = float((ends[1].generated - ends[0].generated).sum()) / (ends[1].time - ends[0].time)
+    assert heat.value.sum() * heat.bin_area == pytest.approx(total, rel=1e-12)
+    frames = [run.frames[k] for k in range(FRAMES) if k not in BEFORE_FORCES]
+    for of, a, b in (("stress-xx", 0, 0), ("stress-xy", 0, 1), ("stress-yx", 1, 0), ("stress-yy", 1, 1)):
+        stress = profile(run, of, ALL, count)
+        virial = np.mean([sum(force[a] * way[b] for _, _, force, way in branches(run, frame)) for frame in frames])
+        assert stress.value.sum() * stress.bin_area == pytest.approx(virial, rel=1e-9)
+
+
+def test_mean_number_of_contacts_is_that_of_all_grains(run: Run) -> None:
+    """One bin: twice the contacts between grains and once those with walls, over the grains: sizes do not count."""
+    chosen, n = Selection(frames=slice(6, 7)), run.model.grain_count
+    found = branches(run, run.frames[6])
+    expected = sum(2 if j < n else 1 for _, j, _, _ in found) / n
+    assert profile(run, "coordination", chosen, 1).value[0] == pytest.approx(expected, rel=1e-12)
+
+
+def test_a_frame_without_contacts_has_no_stress_and_no_contacts(run: Run) -> None:
+    for of in ("stress-yy", "pressure", "coordination"):
+        assert profile(run, of, Selection(frames=slice(4, 5)), 1).value.tolist() == [0.0]
+
+
+def test_a_linear_flow_has_no_fluctuations_whatever_the_bins(run: Run) -> None:
+    """Grains of all sizes, cut by edges and walls: only what was added to the flow is found."""
+    frames = []
+    for k, sign in ((3, 1.0), (5, -1.0)):
+        frame = run.frames[k]
+        low, high = layer(run, frame, 1).edges
+        frame.velocity[:] = 0.0
+        frame.velocity[:, 0] = 7.0 * (frame.position[:, 1] - low) / (high - low) - 2.0
+        frame.velocity[:, 1] = 0.4 * sign
+        frames.append(frame)
+    found = type("Frames", (list,), {"time": np.array([0.0, 1.0]), "stage": np.zeros(2, int)})(frames)
+    source = type("Source", (), {"model": run.model, "frames": found})()
+    # the same grains at other places: 0.4 upwards and 0.4 downwards are no flow, but for what few grains at a knot leave of it
+    for frame in frames:
+        frame.velocity[:, 1] = 0.0
+    for count in (1, 5, 40):
+        table = profile(source, "granular-temperature", ALL, count)
+        assert table.value[np.isfinite(table.value)] == pytest.approx(0.0, abs=1e-18)
+    for frame, sign in zip(frames, (1.0, -1.0), strict=True):
+        frame.velocity[:, 1] = 0.4 * sign
+    table = profile(source, "granular-temperature", ALL, 1)
+    assert table.value[0] == pytest.approx(0.5 * 0.4**2, rel=0.2)
+
+
+def test_walls_that_come_too_near_are_named(run: Run) -> None:
+    """The mean distance leaves room, the smallest does not."""
+    spans = [np.diff(layer(run, frame, 1).edges)[0] for frame in run.frames]
+    edge = 0.25 * (min(spans) + np.mean(spans)) / run.model.mean_diameter
+    with pytest.raises(PostError, match="where they come nearest"):
+        profile(run, "velocity", ALL, exclude_walls=edge)
+
+
+def test_normalized_temperature_needs_that_of_the_walls_in_every_frame(run: Run) -> None:
+    """The lid has no temperature in frame 7."""
+    with pytest.raises(PostError, match="'lid' has none, or not in all of these frames"):
+        profile(run, "temperature", Selection(frames=slice(6, 9)), 3).normalized()
+    table = profile(run, "temperature", Selection(frames=slice(8, 10)), 3)
+    assert table.normalized().value == pytest.approx((table.value - 310.0) / 40.0)
+    assert table.normalized().error == pytest.approx(table.error / 40.0)
+
+
+@pytest.mark.parametrize("frames", [slice(3, 4), slice(3, 5), slice(3, 6)])
+def test_errors_of_few_frames(run: Run, frames: slice) -> None:
+    """One frame: none. Two and three: the scatter of so many numbers."""
+    table = profile(run, "spin", Selection(frames=frames), 1)
+    means = [profile(run, "spin", Selection(frames=slice(k, k + 1)), 1).value[0] for k in range(FRAMES)[frames]]
+    expected = np.std(means, ddof=1) / np.sqrt(len(means)) if len(means) > 1 else np.nan
+    assert table.error[0] == pytest.approx(expected, nan_ok=True)
+
+
+def test_a_run_that_still_goes_on_gives_the_same_numbers(tmp_path: Path) -> None:
+    """Segments instead of results.h5, several of them."""
+    whole = write_random_run(tmp_path / "whole", seed=9)
+    part = write_random_run(tmp_path / "part", seed=9, is_finished=False)
+    assert not (tmp_path / "part" / "results.h5").exists()
+    for of in ("velocity", "heat", "stress-xy", "coordination", "kinetic-stress-xy"):
+        one, two = (profile(run, of, ALL, 6) for run in (whole, part))
+        assert one.value.tolist() == two.value.tolist()
+        assert one.error.tolist() == two.error.tolist()
+
+
+def test_what_does_not_change_has_no_error(run: Run) -> None:
+    """The same frame eleven times, as in a stage of frozen mechanics: rounding of sums is no scatter."""
+    times = {"time": np.arange(11.0), "stage": np.zeros(11, int)}
+    source = type("Source", (), {"model": run.model, "frames": type("Frames", (list,), times)([run.frames[6]] * 11)})()
+    for of in ("solid-fraction", "velocity", "stress-yy"):
+        table = profile(source, of, ALL, 7)
+        assert table.error.tolist() == [0.0] * 7

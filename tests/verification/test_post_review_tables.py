@@ -1,0 +1,462 @@
+"""Rheology, forces, maps, θ–η and comparisons of random runs against plain loops; windows; data as it leaves the program."""
+
+from __future__ import annotations
+
+import csv
+import json
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from heat_run import write_heated_run
+from post_review_support import FLOOR, FRAMES, GLUED, LID, PERIOD, areas, branches, fluctuations, parts, write_random_run
+from run_fakes import make_model
+from typer.testing import CliRunner
+
+from multicor_cli.cli.app import app
+from multicor_cli.post import (
+    FIELD_GROUPS,
+    FIELDS,
+    MAP_FIELDS,
+    PostError,
+    Selection,
+    angular_distribution,
+    compare,
+    energy,
+    force_distribution,
+    force_network,
+    grain_map,
+    profile,
+    rheology,
+    theta_eta,
+)
+from multicor_cli.post.extent import find_extent
+from multicor_cli.state import ShapeKind, WallShapes
+from multicor_cli.store import Run, open_run
+
+ALL = Selection(frames=slice(None))
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    return write_random_run(tmp_path_factory.mktemp("random") / "run", seed=21)
+
+
+# --- rheology
+
+
+def bulk_of(frame: Any, edge: float) -> tuple[float, float]:
+    return FLOOR + frame.wall_position[0, 1] + edge, LID + frame.wall_position[1, 1] - edge
+
+
+def direct_interval(run: Run, first: Any, second: Any, edge: float, slip: Any) -> dict[str, Any]:
+    """What one interval adds to the sums, with plain loops."""
+    model, radius = run.model, run.model.grains.radius
+    low, high = bulk_of(second, edge)
+    y = second.position[:, 1]
+    inside = [k for k in range(radius.size) if low < y[k] < high]
+    found = branches(run, second)
+    counts = np.zeros(radius.size)
+    for i, j, _, _ in found:
+        counts[[i] if j >= radius.size else [i, j]] += 1
+    stress, normals = np.zeros((2, 2)), np.zeros((2, 2))
+    middle = 0
+    for i, _, force, way in found:
+        start = float(y[i])
+        stress += np.outer(force, way) * parts(start, start - way[1], np.array([low, high]))[0]
+        if low < start - 0.5 * way[1] < high:
+            normal = way / np.linalg.norm(way)
+            normals += np.outer(normal, normal)
+            middle += 1
+    between = 0.5 * (np.array(bulk_of(first, edge)) + bulk_of(second, edge))
+    halfway = 0.5 * (first.position[:, 1] + y)
+    near = (halfway > between[0]) & (halfway < between[1])
+    way_x = (second.position[:, 0] - first.position[:, 0] + PERIOD * (second.image - first.image))[near]
+    weight = ((halfway - between[0]) * (between[1] - halfway))[near]
+    turn = (second.angle - first.angle)[near]
+    rows = [k for k, t in enumerate(run.series["time"]) if first.time < t <= second.time]
+    forces = sum(run.series["wall_force"][k] * run.series["window_duration"][k] for k in rows)
+    return {
+        "lapse": second.time - first.time,
+        "strain": np.polyfit(halfway[near], way_x, 1)[0],
+        "turn": (weight * turn).sum() / weight.sum(),
+        "solid": areas(y, radius, np.array([low, high])).sum(),
+        "area": (high - low) * PERIOD,
+        "kinetic": sum(0.5 * (slip[k] @ slip[k]) for k in inside),
+        "grains": len(inside),
+        "contacts": counts[inside].sum(),
+        "heavy": sum(counts[k] for k in inside if counts[k] > 1),
+        "heavies": sum(1 for k in inside if counts[k] > 1),
+        "stress": stress,
+        "normals": normals,
+        "middle": middle,
+        "shear": 0.5 * (forces[0, 0] - forces[1, 0]),
+        "press": 0.5 * (forces[1, 1] - forces[0, 1]),
+        "window": sum(run.series["window_duration"][k] for k in rows),
+        "mass": model.grains.mass.mean(),
+    }
+
+
+def derived(rows: list[dict[str, Any]], run: Run) -> dict[str, float]:
+    """The quantities from sums of intervals, as they are defined in the reference."""
+    s = {name: sum(row[name] for row in rows) for name in rows[0]}
+    rate, pressure = s["strain"] / s["lapse"], s["press"] / s["window"] / PERIOD
+    grains = run.model.grains
+    if not s["middle"]:  # nothing touches
+        s["middle"], s["normals"], s["heavies"] = np.nan, np.eye(2), np.nan
+    values, vectors = np.linalg.eigh(s["normals"])
+    return {
+        "shear_rate": rate,
+        "pressure": pressure,
+        "inertial_number": abs(rate) * np.sqrt(grains.mass.mean() / pressure),
+        "inertial_number_density": abs(rate)
+        * 2.0
+        * grains.radius.mean()
+        * np.sqrt(grains.mass.sum() / (np.pi * grains.radius**2).sum() / pressure),
+        "friction_walls": s["shear"] / s["press"],
+        "friction_bulk": -s["stress"][0, 1] / (s["stress"][1, 1] or np.nan),
+        "bulk_stress_yy": s["stress"][1, 1] / s["area"],
+        "solid_fraction": s["solid"] / s["area"],
+        "coordination": s["contacts"] / s["grains"],
+        "coordination_loaded": s["heavy"] / s["heavies"],
+        "fabric_anisotropy": 2.0 * (values[1] - values[0]) / s["middle"],
+        "fabric_direction": np.degrees(np.arctan2(vectors[1, 1], vectors[0, 1])) % 180.0 if s["middle"] > 0 else np.nan,
+        "spin_ratio": s["turn"] / s["strain"],
+        "granular_temperature": s["kinetic"] / s["grains"],
+    }
+
+
+@pytest.mark.parametrize("frames", [slice(None), slice(1, 12, 2), slice(3, 5)])
+def test_rheology_agrees_with_plain_loops(run: Run, frames: slice) -> None:
+    table = rheology(run, Selection(frames=frames), margin=1.0)
+    chosen = list(range(FRAMES)[frames])
+    edge = run.model.mean_diameter + GLUED
+    mean = np.mean([np.diff(bulk_of(run.frames[k], 0.0))[0] for k in chosen])
+    spacing = min(mean / round(mean / run.model.mean_diameter), run.model.mean_diameter)
+    slips = fluctuations(run, chosen, spacing)
+    found = [run.frames[k] for k in chosen]
+    rows = [direct_interval(run, a, b, edge, slip) for a, b, slip in zip(found[:-1], found[1:], slips[1:], strict=True)]
+    assert table.mean == pytest.approx(derived(rows, run), rel=1e-8, nan_ok=True)
+    assert table.time.tolist() == [frame.time for frame in found[1:]]
+    for k, row in enumerate(rows):
+        if row["contacts"]:
+            assert {name: values[k] for name, values in table.values.items()} == pytest.approx(derived([row], run), rel=1e-8)
+    blocks = [derived([rows[k] for k in block], run) for block in np.array_split(np.arange(len(rows)), min(10, len(rows)))]
+    for name in ("shear_rate", "inertial_number", "solid_fraction", "spin_ratio", "granular_temperature", "friction_walls"):
+        values = np.array([block[name] for block in blocks])
+        expected = values.std(ddof=1) / np.sqrt(values.size) if values.size > 1 else np.nan
+        assert table.error[name] == pytest.approx(expected, rel=1e-8, nan_ok=True), name
+
+
+def test_where_nothing_presses_ratios_have_no_value(run: Run) -> None:
+    """Neither infinity nor a number for I and μ* where the walls are loose; what the grains do is still known."""
+    series = {name: np.array(run.series[name]) for name in ("time", "window_duration", "wall_force")}
+    series["wall_force"][:] = 0.0
+    series["wall_force"][:, 0, 0] = 1.0
+    loose = SimpleNamespace(model=run.model, frames=run.frames, series=series)
+    mean = rheology(loose, ALL, margin=1.0).mean
+    assert all(np.isnan(mean[name]) for name in ("inertial_number", "inertial_number_density", "friction_walls"))
+    assert mean["pressure"] == 0.0
+    assert np.isfinite(mean["shear_rate"])
+
+
+# --- forces
+
+
+def between_grains(run: Run, k: int) -> list[tuple[float, float, float]]:
+    """Direction, normal and tangential force of each contact between grains."""
+    frame, n = run.frames[k], run.model.grain_count
+    rows = []
+    for c in range(frame.contacts.count):
+        p, q = frame.contacts.impulse[c] / frame.dt
+        if p > 0.0 and frame.contacts.j[c] < n:
+            x, y = frame.contacts.normal[c]
+            rows.append((float(np.arctan2(y, x)), float(p), float(q)))
+    return rows
+
+
+def test_force_distribution_agrees_with_plain_loops(run: Run) -> None:
+    table = force_distribution(run, ALL, 15)
+    frames = [between_grains(run, k) for k in range(1, FRAMES)]
+    normal, tangential, total = np.zeros(15), np.zeros(15), 0
+    for rows in (rows for rows in frames if rows):
+        f, g = np.array([row[1] for row in rows]), np.abs([row[2] for row in rows])
+        normal += np.histogram(f / f.mean(), table.edges)[0]
+        tangential += np.histogram(g / g.mean(), table.edges)[0]
+        total += len(rows)
+    assert table.contacts == total
+    assert table.normal == pytest.approx(normal / total / np.diff(table.edges))
+    assert table.tangential == pytest.approx(tangential / total / np.diff(table.edges))
+    assert table.mean == pytest.approx(np.mean([row[1] for rows in frames for row in rows]))
+    # the mean of f/<f> is 1: the first moment of the density, to the width of the bins
+    assert (table.normal * np.diff(table.edges) * table.center).sum() == pytest.approx(1.0, rel=0.05)
+
+
+def test_angular_distribution_agrees_with_plain_loops(run: Run) -> None:
+    table = angular_distribution(run, ALL, 12)
+    rows = np.array([row for k in range(1, FRAMES) for row in between_grains(run, k)])
+    both = np.concatenate([rows, rows + np.array([np.pi, 0.0, 0.0])])
+    bins = np.floor((both[:, 0] % (2.0 * np.pi)) / (np.pi / 6.0)).astype(int) % 12
+    for b in range(12):
+        mine = both[bins == b]
+        assert table.density[b] == pytest.approx(len(mine) / len(both) / (np.pi / 6.0))
+        assert table.normal[b] == pytest.approx(mine[:, 1].mean() / rows[:, 1].mean())
+        assert table.tangential[b] == pytest.approx(mine[:, 2].mean() / rows[:, 1].mean())
+    tensor = np.mean([np.outer(n, n) for n in np.column_stack([np.cos(rows[:, 0]), np.sin(rows[:, 0])])], axis=0)
+    assert table.moments["a_c"] == pytest.approx(2.0 * np.ptp(np.linalg.eigvalsh(tensor)))
+
+
+def test_anisotropies_make_up_the_stress_ratio() -> None:
+    """(σ₁ − σ₂)/(σ₁ + σ₂) = (a_c + a_n + a_t)/2 for aligned anisotropies: the signs of forces and angles are one convention."""
+    theta = (np.arange(20_000) + 0.5) * np.pi / 10_000
+    keep = np.random.default_rng(3).random(theta.size) < (1.0 + 0.1 * np.cos(2.0 * (theta - 2.2))) / 1.1
+    theta = theta[keep]
+    f, g = 1.0 + 0.06 * np.cos(2.0 * (theta - 2.2)), -0.04 * np.sin(2.0 * (theta - 2.2))
+    normal = np.column_stack([np.cos(theta), np.sin(theta)])
+    count = theta.size
+    contacts = SimpleNamespace(
+        recorded=True,
+        i=np.zeros(count, int),
+        j=np.ones(count, int),
+        normal=normal,
+        gap=np.zeros(count),
+        force=np.column_stack([f, g]),
+    )
+    frames = type("Frames", (list,), {"time": np.zeros(1), "stage": np.zeros(1, int)})([SimpleNamespace(dt=1.0, contacts=contacts)])
+    moments = angular_distribution(SimpleNamespace(model=make_model(), frames=frames), ALL).moments
+    force = f[:, np.newaxis] * normal + g[:, np.newaxis] * np.column_stack([-normal[:, 1], normal[:, 0]])
+    small, large = np.linalg.eigvalsh(0.5 * (force.T @ normal + normal.T @ force))
+    expected = 0.5 * (moments["a_c"] + moments["a_n"] + moments["a_t"])
+    assert (large - small) / (large + small) == pytest.approx(expected, rel=0.02)
+    assert moments["theta_t"] == pytest.approx(np.degrees(2.2), abs=1.0)
+
+
+def test_force_network_agrees_with_plain_loops(run: Run) -> None:
+    network, frame, n = force_network(run, 9), run.frames[9], run.model.grain_count
+    found = branches(run, frame)
+    counts = np.zeros(n)
+    for i, j, _, _ in found:
+        counts[[i] if j >= n else [i, j]] += 1
+    summary = network.summary
+    assert summary["contacts"] == len(found)
+    assert summary["wall_contacts"] == sum(1 for _, j, _, _ in found if j >= n) > 0
+    assert summary["coordination"] == pytest.approx(counts.mean())
+    assert summary["rattler_share"] == pytest.approx((counts < 2).mean())
+    ends = np.array([frame.position[i] - way for i, _, _, way in found])
+    assert network.end == pytest.approx(ends)
+    empty = force_network(run, 4).summary
+    assert empty["contacts"] == empty["coordination"] == 0
+    assert empty["rattler_share"] == 1.0
+
+
+# --- maps and θ–η
+
+
+def test_maps_agree_with_plain_loops(run: Run) -> None:
+    frame, before = run.frames[8], run.frames[7]
+    load = np.zeros(run.model.grain_count)
+    for i, j, force, way in branches(run, frame):
+        push = float(force @ way) / float(np.linalg.norm(way))
+        load[i] += push
+        if j < load.size:
+            load[j] += push
+    assert grain_map(run, "stress", 8).value == pytest.approx(load / (2.0 * np.pi * run.model.grains.radius))
+    heat = (frame.generated - before.generated) / (frame.time - before.time)
+    assert grain_map(run, "heat", 8).value == pytest.approx(heat)
+    mean = np.diff(bulk_of(frame, 0.0))[0]
+    spacing = min(mean / round(mean / run.model.mean_diameter), run.model.mean_diameter)
+    slip = fluctuations(run, [8], spacing)[0]
+    vector = grain_map(run, "fluctuation", 8).vector
+    assert vector is not None
+    assert vector[:, 0] == pytest.approx(slip[:, 0])
+    assert vector[:, 1] == pytest.approx(frame.velocity[:, 1])
+
+
+@pytest.mark.parametrize(("wall", "temperature"), [("floor", 310.0), ("lid", 350.0)])
+def test_theta_eta_agrees_with_plain_loops(run: Run, wall: str, temperature: float) -> None:
+    """The first frame is at 300 K."""
+    table = theta_eta(run, 9, wall=wall, bins=6)
+    frame, radius = run.frames[9], run.model.grains.radius
+    y = frame.position[:, 1]
+    low, high = min(y - radius), max(y + radius)
+    eta = ((y - low) if wall == "floor" else (high - y)) / (high - low)
+    theta = (frame.temperature - 300.0) / (temperature - 300.0)
+    assert table.eta == pytest.approx(eta)
+    assert table.theta == pytest.approx(theta)
+    for b in range(6):
+        mine = theta[(eta >= b / 6.0) & (eta < (b + 1) / 6.0)]
+        assert table.count[b] == mine.size
+        if mine.size:
+            assert (table.mean[b], table.spread[b]) == pytest.approx((mine.mean(), mine.std()))
+            assert (table.lowest[b], table.highest[b]) == pytest.approx((mine.min(), mine.max()))
+    with pytest.raises(PostError, match="'lid' has no prescribed temperature in this frame"):
+        theta_eta(run, 7, wall="lid")
+
+
+def test_a_wall_at_the_temperature_of_the_grains_gives_no_theta(run: Run) -> None:
+    """A mean of equal temperatures with weights is 1e-13 beside them: that is not a difference of temperatures."""
+    rng = np.random.default_rng(1)
+    for _ in range(20):
+        capacity = rng.uniform(1.0, 2.0, run.model.grain_count)
+        thermal = SimpleNamespace(capacity=capacity)
+        model = SimpleNamespace(thermal=thermal, walls=run.model.walls, grains=run.model.grains)
+        frame = run.frames[9]
+        frame.temperature[:] = frame.wall_temperature[0] = 298.15
+        frames = type("Frames", (list,), {"time": np.zeros(1), "stage": np.zeros(1, int)})([frame])
+        with pytest.raises(PostError, match="not at the reference temperature"):
+            theta_eta(SimpleNamespace(model=model, frames=frames), 0, wall="floor")
+
+
+# --- windows
+
+
+def test_ends_of_a_window_count_though_times_are_rounded(tmp_path: Path) -> None:
+    """A frame after 300 steps of 0.2 ms is at 0.06 s for people, and at 0.060000000000000005 s in the file; 0.3 likewise."""
+    write_heated_run(tmp_path / "run")
+    with open_run(tmp_path / "run") as run:
+        times = np.array([0.0, 300 * 0.0002, 0.1 + 0.2, 1648 * 0.00028, 1.1 - 0.2])
+        assert times[1] > 0.06
+        assert times[2] > 0.3
+        assert times[3] < 0.46144
+        frames = type("Frames", (list,), {"time": times, "stage": np.zeros(5, int)})(list(run.frames))
+        series = {name: np.array(run.series[name]) for name in run.series} | {"time": times}
+        source = SimpleNamespace(model=run.model, frames=frames, series=series)
+        for start, end, expected in (
+            (0.06, 0.3, [1, 2]),
+            (0.46144, None, [3, 4]),
+            (None, 0.06, [0, 1]),
+            (0.3, 0.3, [2]),
+            (0.07, 0.3, [2]),
+        ):
+            assert profile(source, "velocity", Selection(start, end)).frames.tolist() == expected
+            assert energy(source, start, end).time.tolist() == times[expected].tolist()
+        for start, end in ((0.07, 0.29), (0.3, 0.06), (5.0, None)):
+            with pytest.raises(PostError, match="no frame is selected"):
+                profile(source, "velocity", Selection(start, end))
+            with pytest.raises(PostError, match="no row in this time"):
+                energy(source, start, end)
+
+
+# --- which walls bound the grains
+
+
+def with_walls(run: Run, kinds: list[ShapeKind], geometry: list[list[float]]) -> Any:
+    """The run with four other walls, at rest at their places."""
+    shapes = WallShapes(np.array(kinds, np.int32), np.arange(4, dtype=np.int32), np.array(geometry), np.zeros(4, np.int32))
+    model = SimpleNamespace(
+        grains=run.model.grains,
+        walls=run.model.walls,
+        shapes=shapes,
+        period=run.model.period,
+        wall_count=4,
+        grain_count=run.model.grain_count,
+        mean_diameter=run.model.mean_diameter,
+    )
+    frames = list(run.frames)
+    for frame in frames:
+        frame.wall_position[:] = 0.0
+    source = type("Frames", (list,), {"time": run.frames.time, "stage": run.frames.stage})(frames)
+    return SimpleNamespace(model=model, frames=source)
+
+
+SIDES = [[0.0, 0.0, 1.0, 0.0], [PERIOD, 0.0, -1.0, 0.0]]
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "lower", "upper"),
+    [
+        ([0.0, 0.2, 3.0, 0.2], [0.0, 1.9, 3.0, 1.9], 0, 1),
+        ([0.0, 0.3, 3.0, 0.2], [0.0, 1.9, 3.0, 1.9], 0, 1),  # a little tilted: its middle counts
+        ([0.0, 0.2, 3.0, 0.85], [0.0, 1.9, 3.0, 1.9], None, 1),  # grains lie below its middle
+        ([1.0, 1.9, 1.0, 2.9], [0.0, 2.5, 3.0, 2.5], None, 1),  # a gate that was lifted is no lid
+        ([0.2, 1.0, 0.3, 1.0], [0.0, 0.1, 3.0, 0.1], 1, None),  # a plate amid the grains bounds nothing
+    ],
+)
+def test_only_walls_that_bound_the_grains_count(
+    run: Run, first: list[float], second: list[float], lower: int | None, upper: int | None
+) -> None:
+    kinds = [ShapeKind.SEGMENT, ShapeKind.SEGMENT, ShapeKind.PLANE, ShapeKind.PLANE]
+    source = with_walls(run, kinds, [first, second, *SIDES])
+    extent = find_extent(source, np.arange(FRAMES))
+    assert (extent.lower, extent.upper) == (lower, upper)
+    table = profile(source, "solid-fraction", ALL, 8)
+    area = float((np.pi * run.model.grains.radius**2).sum())
+    assert table.value.sum() * table.bin_area == pytest.approx(area, rel=1e-12)
+
+
+# --- comparisons, and data as it leaves the program
+
+
+def test_comparison_agrees_with_plain_loops(tmp_path: Path) -> None:
+    runs = [write_random_run(tmp_path / f"run-{seed}", seed=seed) for seed in (1, 2)]
+    found = compare(*[_with_scenario(run) for run in runs], of=["spin"], selection=ALL, bins=5)
+    tables = [profile(run, "spin", ALL, 5) for run in runs]
+    ratio = (tables[1].value - tables[0].value) / np.sqrt(tables[0].error ** 2 + tables[1].error ** 2)
+    pair = found.profiles["spin"]
+    assert pair.ratio == pytest.approx(ratio)
+    assert pair.rms_ratio == pytest.approx(np.sqrt(np.mean(ratio**2)))
+    assert 0.3 < pair.rms_ratio < 3.0  # both runs are drawn alike
+    numbers = {number.name: number for number in found.numbers}
+    flows = [rheology(run, ALL) for run in runs]
+    for name in ("shear_rate", "solid_fraction", "spin_ratio"):
+        one, two = (flow.mean[name] for flow in flows)
+        error = np.sqrt(sum(flow.error[name] ** 2 for flow in flows))
+        assert (numbers[name].difference, numbers[name].ratio) == pytest.approx((two - one, (two - one) / error))
+
+
+def _with_scenario(run: Run) -> Any:
+    return SimpleNamespace(model=run.model, frames=run.frames, series=run.series, scenario_resolved="")
+
+
+COMMANDS: list[list[str]] = [
+    *(["profile", "--of", of, "--frames", ":"] for of in (*FIELDS, *FIELD_GROUPS)),
+    ["profile", "--of", "stress-yy", "--frames", "4:5"],
+    ["theta-eta", "--wall", "floor"],
+    *(["map", "--of", of] for of in MAP_FIELDS),
+    ["forces"],
+    ["forces", "--frame", "4"],
+    ["forces", "--distribution", "--frames", ":"],
+    ["forces", "--angles", "--frames", ":"],
+    ["rheology", "--frames", ":"],
+    ["rheology", "--frames", "3:5"],
+    ["energy"],
+]
+
+
+@pytest.mark.parametrize("command", COMMANDS, ids=" ".join)
+def test_data_are_strict_json_and_csv_of_full_precision(run: Run, command: list[str]) -> None:
+    """No NaN or Infinity in JSON; every number of the CSV that is in the JSON is there to the last bit."""
+    words = ["post", command[0], str(run.path), *command[1:]]
+    done = [CliRunner().invoke(app, [*words, extra]) for extra in ("--json", "--csv")]
+    assert [result.exit_code for result in done] == [0, 0], done[0].stderr
+
+    def refuse(name: str) -> None:
+        raise AssertionError(f"{name} is not JSON")
+
+    data = json.loads(done[0].stdout, parse_constant=refuse)
+    rows = list(csv.reader(done[1].stdout.splitlines()))
+    assert len({len(row) for row in rows}) == 1
+    numbers = [float(cell) for row in rows[1:] for cell in row if _is_number(cell)]
+    assert numbers or command == ["forces", "--frame", "4"]  # no contacts, no rows
+    assert np.isfinite(numbers).all()
+    if command[0] in ("profile", "rheology", "energy", "theta-eta"):
+        known = set(_numbers(data))
+        assert all(number in known for number in numbers)
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
+
+
+def _numbers(data: Any) -> list[float]:
+    if isinstance(data, dict):
+        return [number for value in data.values() for number in _numbers(value)]
+    if isinstance(data, list):
+        return [number for value in data for number in _numbers(value)]
+    return [float(data)] if isinstance(data, int | float) else []
