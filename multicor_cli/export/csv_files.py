@@ -114,7 +114,7 @@ def _frame_columns(run: Run, frames: Sequence[Frame]) -> list[Column]:
     columns: list[Column] = [("frame", index)]
     for spec in schema.STEPS:
         columns += _split(spec, run.frames.column(spec.path)[index])
-    stages = [run.stages[k] if k < len(run.stages) else "" for k in run.frames.stage[index]]
+    stages = [run.stages[k] if 0 <= k < len(run.stages) else "" for k in run.frames.stage[index]]
     return [*columns, ("stage_name", stages)]
 
 

@@ -216,8 +216,9 @@ def read_fclib(path: Path) -> tuple[ContactProblem, Floats | None]:
             known = "an FCLib file, but one of another program" if _LOCAL in file or "fclib_global" in file else "not an FCLib file"
             raise ExportError(f"{path}: is {known}; only files that multicor has exported can be read back")
         arrays: dict[str, NDArray[Any]] = {f.name: file[f"{_BODIES}/{f.name}"][...] for f in fields(ContactProblem)}
-        start = file[f"{_GUESSES}/1/r"][...].reshape(-1, 2) if _GUESSES in file else None
-        return ContactProblem(**arrays), start
+        problem = ContactProblem(**arrays)
+        start = file[f"{_GUESSES}/1/r"][...].reshape(len(problem.pair), 2) if _GUESSES in file else None
+        return problem, start
 
 
 def read_local_form(path: Path) -> LocalForm:
@@ -230,7 +231,19 @@ def read_local_form(path: Path) -> LocalForm:
     """
     with reading(path), h5py.File(path, "r", locking=False) as file:
         local = file[_LOCAL]
-        if int(local["spacedim"][0]) != 2 or int(local["W/nz"][0]) not in (-1, _ROWS):
+        if local["spacedim"][...].tolist() != [2] or local["W/nz"][...].tolist() not in ([-1], [_ROWS]):
             raise ExportError(f"{path}: is not a two-dimensional problem with a matrix in compressed rows")
         start, column, value = (local[f"W/{name}"][...] for name in "pix")
-        return LocalForm(start, column, value, local["vectors/q"][...], local["vectors/mu"][...])
+        form = LocalForm(start, column, value, local["vectors/q"][...], local["vectors/mu"][...])
+        _check_form(form)
+        return form
+
+
+def _check_form(form: LocalForm) -> None:
+    """Raises `ValueError` if the arrays do not belong together."""
+    entries, rows = len(form.value), 2 * len(form.friction)
+    is_whole = form.q.shape == (rows,) and form.start.shape == (rows + 1,) and form.column.shape == (entries,)
+    if not is_whole or form.start[0] != 0 or form.start[-1] != entries or (np.diff(form.start) < 0).any():
+        raise ValueError(f"W, q and mu are not those of {len(form.friction)} contacts")
+    if entries and not 0 <= int(form.column.min()) <= int(form.column.max()) < rows:
+        raise ValueError(f"W has columns outside 0 … {rows - 1}")

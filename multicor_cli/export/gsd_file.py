@@ -6,6 +6,8 @@ bond, as OVITO expects it (``log/particles/temperature``).
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -18,7 +20,7 @@ from multicor_cli.export.selection import Progress, choose_frames, no_progress
 from multicor_cli.export.target import check_file, new_file
 from multicor_cli.state import Model
 from multicor_cli.state.model import Floats
-from multicor_cli.store import Frame, Run
+from multicor_cli.store import Frame, Run, StorageError
 
 _DEPTH = 1.0
 """Length of the box in z: OVITO wants one, though the frame says that it has two dimensions."""
@@ -60,12 +62,27 @@ def export_gsd(
         raise MissingLibrary(message) from error
     check_file(path, is_overwriting=is_overwriting)
     chosen = choose_frames(run, frames)
-    box = _Box.around(run.model, chosen)
-    with new_file(path, is_overwriting=is_overwriting) as temporary, gsd.hoomd.open(str(temporary), "w") as file:
+    # A number of a damaged file that single precision cannot hold becomes infinite, without a warning.
+    with (
+        np.errstate(all="ignore"),
+        new_file(path, is_overwriting=is_overwriting) as temporary,
+        _library_errors(path),
+        gsd.hoomd.open(str(temporary), "w") as file,
+    ):
+        box = _Box.around(run.model, chosen)
         for number, frame in enumerate(chosen):
             file.append(_gsd_frame(gsd.hoomd.Frame(), run.model, frame, box))
             progress(number + 1, len(chosen))
     return len(chosen)
+
+
+@contextlib.contextmanager
+def _library_errors(path: Path) -> Iterator[None]:
+    """The library does not always say that the disk is full: what it writes last fails with an error of its own."""
+    try:
+        yield
+    except RuntimeError as error:
+        raise StorageError(f"{path}: the library gsd cannot write it ({error}); is there space left on the disk?") from error
 
 
 @dataclass(frozen=True)
@@ -104,9 +121,9 @@ def _gsd_frame(target: Any, model: Model, frame: Frame, box: _Box) -> Any:
     target.log["dt"] = np.array([frame.dt])
     target.log["stage"] = np.array([frame.stage])
     target.log["box_center"] = box.center
+    target.log["contacts_recorded"] = np.array([frame.contacts.recorded], np.uint8)
     _fill_particles(target, model, frame, box)
-    if frame.contacts.recorded:
-        _fill_bonds(target, model, frame)
+    _fill_bonds(target, frame)
     return target
 
 
@@ -134,8 +151,8 @@ def _fill_particles(target: Any, model: Model, frame: Frame, box: _Box) -> None:
             target.log[f"particles/{name}"] = values
 
 
-def _fill_bonds(target: Any, model: Model, frame: Frame) -> None:
-    """Contacts between grains that carry a force."""
+def _fill_bonds(target: Any, frame: Frame) -> None:
+    """Contacts between grains that carry a force; frames without any say so, or readers would repeat those of the first one."""
     contacts, bonds = frame.contacts, target.bonds
     shown = (contacts.kind == 0) & (contacts.impulse[:, 0] > 0.0)
     bonds.N = int(shown.sum())

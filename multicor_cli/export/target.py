@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import os
 import re
 import shutil
 from collections.abc import Iterator
@@ -15,19 +16,35 @@ from multicor_cli.store.atomic import fsync_path, storage_errors
 _REMEDY = "choose another name with -o, or give --overwrite"
 
 
+def refuse_files_of_runs(path: Path) -> None:
+    """Refuse the names that the files of a run have or will have, and what lies in its directories.
+
+    Raises:
+        ExportRefused: If it is one.
+        StorageError: If it cannot be looked at.
+    """
+    with storage_errors(path):
+        whole = path.parent.resolve() / path.name  # a link at the place itself would be replaced, not followed
+        for directory, name in ((whole.parent, whole.name), (whole.parent.parent, whole.parent.name)):
+            if (directory / layout.RUN).is_file() and name.removesuffix(".tmp") in layout.file_names():
+                raise ExportRefused(f"{path}: is the name of a file of the run; choose another with -o")
+
+
 def check_file(path: Path, *, is_overwriting: bool) -> None:
     """Refuse a name at which no file may be written; changes nothing.
 
     Raises:
-        ExportRefused: If it is a directory, a file of a run, or a file and ``is_overwriting`` is False.
+        ExportRefused: If it is a file of a run, a directory, a device or the like, or a file or a link and ``is_overwriting``
+            is False.
         StorageError: If it cannot be looked at.
     """
+    refuse_files_of_runs(path)
     with storage_errors(path):
         if path.is_dir():
             raise ExportRefused(f"{path}: is a directory; choose the name of a file with -o")
-        if (path.parent / layout.RUN).is_file() and path.name in layout.file_names():
-            raise ExportRefused(f"{path}: is the name of a file of the run; choose another with -o")
-        if path.exists() and not is_overwriting:
+        if path.exists() and not path.is_file():
+            raise ExportRefused(f"{path}: is not an ordinary file, and is not replaced; choose another name with -o")
+        if os.path.lexists(path) and not is_overwriting:
             raise ExportRefused(f"{path}: exists; {_REMEDY}")
 
 
@@ -70,10 +87,12 @@ def new_directory(path: Path, names: re.Pattern[str], *, is_overwriting: bool) -
         is_overwriting: Whether a directory that is there may be replaced.
 
     Raises:
-        ExportRefused: If ``path`` is no directory, holds other files, or is not empty and ``is_overwriting`` is False.
+        ExportRefused: If ``path`` is no directory, holds other files, has the name of a file of a run, or is not empty and
+            ``is_overwriting`` is False.
         StorageFull: If there is not enough space.
         StorageError: For any other error of the system.
     """
+    refuse_files_of_runs(path)
     _check_directory(path, names, is_overwriting=is_overwriting)
     temporary = path.with_name(path.name + ".tmp")
     _check_directory(temporary, names, is_overwriting=True)

@@ -5,7 +5,8 @@
  *
  * The element "meta" holds JSON; the elements "radii" and "frame-K" hold base64 of deflated arrays of unsigned
  * integers: of each array first the lowest bytes of all its numbers, then the next ones. An integer q of a quantity stands for
- * low + (high - low) f(q / largest), with f(s) = s, or s * s where spacing is "square"; q > largest: not known.
+ * low + (high - low) f(q / largest); q > largest: not known. With the spacing "even" f(s) = s, with "square" s², and with
+ * "signed" (1 + t |t|) / 2 of t = 2s − 1.
  */
 
 const meta = JSON.parse(document.getElementById("meta").textContent);
@@ -32,15 +33,29 @@ function joinPlanes(bytes, offset, width, count) {
   return numbers;
 }
 
+const SPACINGS = {
+  even: (share) => share,
+  square: (share) => share * share,
+  signed: (share) => 0.5 + 0.5 * (2 * share - 1) * Math.abs(2 * share - 1),
+};
+
 /** Numbers of integers. */
 function decode(name, integers) {
   const { low, high, largest, spacing } = meta.codes[name];
-  const numbers = new Float64Array(integers.length);
+  const numbers = new Float64Array(integers.length), place = SPACINGS[spacing];
   for (let k = 0; k < numbers.length; k++) {
     const share = integers[k] / largest;
-    numbers[k] = share > 1 ? NaN : low + (high - low) * (spacing === "square" ? share * share : share);
+    numbers[k] = share > 1 ? NaN : low + (high - low) * place(share);
   }
   return numbers;
+}
+
+/** How far apart the numbers are that a quantity can have near a value. */
+function resolution(name, value) {
+  const { low, high, largest, spacing } = meta.codes[name], range = high - low, share = (value - low) / range;
+  if (spacing === "even") return range / largest;
+  const slope = 2 * Math.sqrt(Math.abs(spacing === "signed" ? 2 * share - 1 : share)); // of the spacing at the value
+  return (range * (slope + 2 / largest)) / largest;
 }
 
 /** Contacts of a frame: first grains, second ends, forces. */
@@ -51,12 +66,16 @@ function decodeContacts(arrays) {
   return { first, end: arrays.contact_end, force: decode("contact", arrays.contact_force), known: true };
 }
 
-const loaded = new Map();
+const loaded = new Map(); // by number, the one used last at the end
+const MOST_LOADED = Math.max(3, Math.floor(1.5e6 / meta.grains));
 
-/** A frame with its numbers; what has been unpacked once is kept. */
+/** A frame with its numbers; those used last are kept, as many as may be in memory. */
 function loadFrame(number) {
-  if (!loaded.has(number)) loaded.set(number, unpackFrame(number));
-  return loaded.get(number);
+  const frame = loaded.get(number) || unpackFrame(number);
+  loaded.delete(number);
+  loaded.set(number, frame);
+  if (loaded.size > MOST_LOADED) loaded.delete(loaded.keys().next().value);
+  return frame;
 }
 
 async function unpackFrame(number) {

@@ -74,7 +74,7 @@ def largest_forces(run: Run, frame: int) -> Floats | None:
 
 VIEW_FIELDS = (
     ViewField("speed", "speed", "m/s", "viridis", _speed, spacing="square"),
-    ViewField("spin", "spin", "rad/s", "balance", _spin, scale="centered"),
+    ViewField("spin", "spin", "rad/s", "balance", _spin, scale="centered", spacing="signed"),
     ViewField("temperature", "temperature", "K", "plasma", _temperature, needs_heat=True),
     ViewField("heat", "generated heat", "W", "magma", _heat, needs_heat=True, scale="logarithmic", spacing="square"),
     ViewField("force", "largest contact force", "N", "viridis", largest_forces, spacing="square"),

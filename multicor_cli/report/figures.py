@@ -16,12 +16,15 @@ from multicor_cli.plots.small_rises import rise_formatter, rise_label, rise_refe
 from multicor_cli.plots.style import COLORS, PlotError, house_style
 from multicor_cli.post import PostError, Selection, profile
 from multicor_cli.post.energy import HEAT, MECHANICAL, EnergyTable, Entry
+from multicor_cli.report.tables import CLOSURE_LIMIT
 from multicor_cli.state.model import Floats
 from multicor_cli.store import Run
 
 _POINTS = 1200  # of a line; longer series are thinned
 _PROFILE_FRAMES = 20
 _VISIBLE = 2e-3  # of the height of a figure
+_ROUNDING = 1e3  # books that close and whose entries are not this much larger than their imbalance hold rounding errors only
+_ABSURD = 1e100  # larger numbers come from damaged files, and axes cannot show them
 _SHORT = 12  # letters of a label of which three fit side by side
 _INK = "#012345"  # stands for the color of text of the page
 _SIZE = (3.7, 2.6)  # inch
@@ -110,15 +113,20 @@ def _histories(run: Run, books: EnergyTable) -> list[Figure]:
     if series.row_count < 2:
         return []
     pick = _Thinning(np.asarray(series["time"]))
-    energies = _book_lines(books, MECHANICAL, pick)
-    found = [_draw("Energy books over time (sums since the start)", lambda axes: _lines(axes, pick.time, energies, "energy [J]"))]
+    found = []
+    if energies := _book_lines(books, MECHANICAL, pick, books.closure):
+        found.append(
+            _draw("Energy books over time (sums since the start)", lambda axes: _lines(axes, pick.time, energies, "energy [J]"))
+        )
+    if books.heat_closure is not None and (heats := _book_lines(books, HEAT, pick, books.heat_closure)):
+        found.append(
+            _draw("Books of heat over time (sums since the start)", lambda axes: _lines(axes, pick.time, heats, "heat [J]"))
+        )
     if "heat_stored" in series:
-        heats = _book_lines(books, HEAT, pick)
         temperatures = [Line(label, pick.last(series[f"temperature_{name}"])) for name, label in _TEMPERATURES]
-        found += [
-            _draw("Books of heat over time (sums since the start)", lambda axes: _lines(axes, pick.time, heats, "heat [J]")),
-            _draw("Temperature over time", lambda axes: _lines(axes, pick.time, temperatures, "temperature [K]", keep=True)),
-        ]
+        found.append(
+            _draw("Temperature over time", lambda axes: _lines(axes, pick.time, temperatures, "temperature [K]", keep=True))
+        )
     worked = pick.most(series["window_steps"]) > 0
     if worked.sum() < 2:
         return found
@@ -136,11 +144,18 @@ def _histories(run: Run, books: EnergyTable) -> list[Figure]:
     ]
 
 
-def _book_lines(books: EnergyTable, entries: tuple[Entry, ...], pick: _Thinning) -> list[Line]:
-    """Lines of the books that matter: those that differ from zero in the figure."""
-    lines = [Line(entry.label, pick.last(books.books[entry.name])) for entry in entries if entry.name in books.books]
-    largest = max((float(np.abs(line.value).max()) for line in lines), default=0.0)
-    return [line for line in lines if float(np.abs(line.value).max()) > _VISIBLE * largest]
+def _book_lines(books: EnergyTable, entries: tuple[Entry, ...], pick: _Thinning, closure: Floats) -> list[Line]:
+    """Lines of the books that matter, those that differ from zero in the figure; none if the books hold rounding errors only."""
+    sizes = {entry: _largest(books.books[entry.name]) for entry in entries if entry.name in books.books}
+    rest = max((size for entry, size in sizes.items() if "imbalance" in entry.name), default=0.0)
+    largest = max(sizes.values(), default=0.0)
+    if largest <= _ROUNDING * rest and _largest(closure) <= CLOSURE_LIMIT:
+        return []
+    return [Line(entry.label, pick.last(books.books[entry.name])) for entry, size in sizes.items() if size > _VISIBLE * largest]
+
+
+def _largest(values: Floats) -> float:
+    return float(np.abs(_finite(values)).max(initial=0.0))
 
 
 _TEMPERATURES = (("max", "highest"), ("mean", "mean"), ("min", "lowest"))
@@ -174,6 +189,7 @@ def _lines(axes: Any, time: Floats, lines: list[Line], label: str, *, log: bool 
     shown = [line for line in lines if keep or np.any(line.value)]
     for number, line in enumerate(shown):
         value = np.where(line.value > 0.0, line.value, np.nan) if log else line.value
+        value = np.where(np.abs(value) < _ABSURD, value, np.nan)
         style = "-" if number < len(COLORS) else "--"
         axes.plot(time, value, style, color=COLORS[number % len(COLORS)], linewidth=1.2, label=line.label)
     if log and any(np.any(line.value > 0.0) for line in shown):

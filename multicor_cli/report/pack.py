@@ -19,8 +19,10 @@ from multicor_cli.store import Run
 _CONTACT_SHARE = 0.25  # of the bytes of a frame may belong to contacts if not everything fits
 _SAFETY = 1.03  # frames may be this much larger than the one that was tried
 _ENOUGH = 400  # with fewer grains colors span all values
-_QUANTILE = 0.995  # with more of them colors span this part
+_QUANTILE = 0.995  # with more of them colors may span this part
+_WORTH = 0.1  # values are left out of the colors at an end only if that shortens the scale by more than this part
 _DECADES = 1e-4  # lowest color of a logarithmic scale over the highest
+_ABSURD = 1e38  # single precision ends there
 _ANGLES = 1024  # directions that the contact with a wall can have
 
 Progress = Callable[[int, int], None]
@@ -53,6 +55,7 @@ class Packing:
         fields: The quantities that grains have.
         codes: How they and the coordinates ``x`` and ``y`` are stored, by name; ``contact`` are the forces of contacts.
         colors: Smallest and largest value that has a color of its own, by field.
+        mean_force: Mean force of the contacts that carry one [N]; 0 without such contacts.
         walls: Displacement and angle of the walls, shape ``(frames, w, 3)``.
         box: Corners of what is to be seen [m], shape ``(2, 2)``.
         radii: Radii of the grains, compressed float32.
@@ -64,6 +67,7 @@ class Packing:
     fields: tuple[ViewField, ...]
     codes: dict[str, Code]
     colors: dict[str, tuple[float, float]]
+    mean_force: float
     walls: Floats
     box: Floats
     radii: bytes
@@ -121,8 +125,9 @@ def pack_frames(run: Run, budget: int, frames: int | None = None, progress: Prog
         fields=tuple(field for field in fields_of(run) if field.name != "heat" or codes["heat"].high > 0.0),
         codes=codes,
         colors=_color_ranges(fields_of(run), [view for view, _ in views]),
+        mean_force=_mean_force([view for view, _ in views]),
         walls=np.array([view.walls for view, _ in views]),
-        box=_join_boxes([view.box for view, _ in views]),
+        box=_join_boxes([view.box for view, _ in views], codes),
         radii=compress([run.model.grains.radius.astype("<f4").view("<u4")]),
         frame_count=count,
         contact_limit=plan.contacts,
@@ -154,21 +159,33 @@ def _sizes(view: FrameView, run: Run, width: int) -> tuple[float, float]:
 
 
 def _make_codes(views: Sequence[FrameView], run: Run, width: int) -> dict[str, Code]:
-    low = np.min([view.center.min(axis=0) for view in views], axis=0).tolist()
-    high = np.max([view.center.max(axis=0) for view in views], axis=0).tolist()
-    codes = {"x": Code(low[0], high[0], 2), "y": Code(low[1], high[1], 2)}
+    codes = {name: Code(*_ends([view.center[:, axis] for view in views]), 2) for axis, name in enumerate("xy")}
     for field in fields_of(run):
         found = [view.values[field.name] for view in views if field.name in view.values]
-        ends = _ends(found)
-        codes[field.name] = Code(0.0 if field.spacing == "square" else ends[0], ends[1], width, field.spacing)
+        low, high = _ends(found)
+        most = max(abs(low), abs(high))
+        ends = {"even": (low, high), "square": (0.0, high), "signed": (-most, most)}[field.spacing]
+        codes[field.name] = Code(*ends, width, field.spacing)
     contacts = [view.contacts.force for view in views if view.contacts is not None]
     codes["contact"] = Code(0.0, _ends(contacts)[1], width, "square")
     return codes
 
 
 def _ends(arrays: list[NDArray[Any]]) -> tuple[float, float]:
-    full = [array for array in arrays if array.size]
+    """Smallest and largest number."""
+    full = [numbers for array in arrays if (numbers := _sane(array)).size]
     return (float(min(a.min() for a in full)), float(max(a.max() for a in full))) if full else (0.0, 0.0)
+
+
+def _sane(values: NDArray[Any]) -> NDArray[Any]:
+    """Numbers that are none, or absurd, do not count: a damaged file must not spoil the scale of the others."""
+    return np.asarray(values[np.abs(values) < _ABSURD])
+
+
+def _mean_force(views: Sequence[FrameView]) -> float:
+    forces = [_sane(view.contacts.force) for view in views if view.contacts is not None]
+    count = sum(force.size for force in forces)
+    return sum(float(force.sum(dtype=np.float64)) for force in forces) / count if count else 0.0
 
 
 def _pack(view: FrameView, codes: dict[str, Code], contact_count: int | None, grains: int) -> Chunk:
@@ -182,7 +199,7 @@ def _pack(view: FrameView, codes: dict[str, Code], contact_count: int | None, gr
 
 def _contact_arrays(contacts: ContactsView, code: Code, grains: int) -> dict[str, NDArray[Any]]:
     """First grains as steps from one contact to the next; second grains, or ``grains`` plus the direction of a wall."""
-    turn = np.rint(contacts.angle / (2.0 * np.pi) * _ANGLES).astype(np.int64) % _ANGLES
+    turn = np.rint(np.nan_to_num(contacts.angle) / (2.0 * np.pi) * _ANGLES).astype(np.int64) % _ANGLES
     return {
         "contact_step": np.diff(contacts.i, prepend=0).astype("<u4"),
         "contact_end": np.where(contacts.j >= 0, contacts.j, grains + turn).astype("<u4"),
@@ -194,25 +211,36 @@ def _color_ranges(fields: tuple[ViewField, ...], views: list[FrameView]) -> dict
     found = {}
     for field in fields:
         values = [view.values[field.name] for view in views if field.name in view.values]
-        found[field.name] = _color_range(field, np.concatenate(values)) if values else (0.0, 1.0)
+        found[field.name] = _color_range(field, np.concatenate(values or [np.zeros(0)]), views[0].center.shape[0])
     return found
 
 
-def _color_range(field: ViewField, values: NDArray[Any]) -> tuple[float, float]:
-    """As in the figures of `multicor post map`, for all frames together."""
+def _color_range(field: ViewField, values: NDArray[Any], grains: int) -> tuple[float, float]:
+    """About as in the figures of `multicor post map`, for all frames together."""
+    values = _sane(values)
+    if not values.size:
+        return 0.0, 1.0
     if field.scale == "logarithmic":
         high = float(values.max()) or 1.0
         return _DECADES * high, high
-    beyond = 1.0 - _QUANTILE if values.size >= _ENOUGH else 0.0
-    low, high = np.quantile(values, (beyond, 1.0 - beyond)).tolist()
+    low, high = float(values.min()), float(values.max())
+    if grains >= _ENOUGH:
+        inner = np.quantile(values, (1.0 - _QUANTILE, _QUANTILE)).tolist()
+        room = _WORTH * (inner[1] - inner[0])
+        low, high = (low if low >= inner[0] - room else inner[0]), (high if high <= inner[1] + room else inner[1])
     if field.scale == "centered":
         low, high = -max(abs(low), abs(high)), max(abs(low), abs(high))
     elif field.spacing == "square":
-        low = 0.0
+        return 0.0, high or 1.0
     if low == high:
         low, high = low - (abs(low) * 1e-3 or 1.0), high + (abs(high) * 1e-3 or 1.0)
     return low, high
 
 
-def _join_boxes(boxes: list[Floats]) -> Floats:
-    return np.array([np.min([box[0] for box in boxes], axis=0), np.max([box[1] for box in boxes], axis=0)])
+def _join_boxes(boxes: list[Floats], codes: dict[str, Code]) -> Floats:
+    """Around the boxes that are finite, and of a width and height above zero."""
+    grains = np.array([[codes[name].low, codes[name].high] for name in "xy"]).T
+    whole = [box for box in boxes if (np.abs(box) < _ABSURD).all()] or [grains]
+    low, high = np.min([box[0] for box in whole], axis=0), np.max([box[1] for box in whole], axis=0)
+    room = np.where(high > low, 0.0, 0.5)
+    return np.array([low - room, high + room])

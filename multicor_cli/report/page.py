@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import base64
+import hashlib
 import json
 import math
 import tomllib
@@ -17,14 +18,15 @@ from multicor_cli.plots.small_rises import rise_reference
 from multicor_cli.post.energy import HEAT, MECHANICAL, EnergyTable
 from multicor_cli.report.figures import Figure
 from multicor_cli.report.pack import Packing
-from multicor_cli.report.tables import Row, describe_books, describe_quality, describe_run
+from multicor_cli.report.tables import Row, describe_books, describe_quality, describe_run, pretty
 from multicor_cli.store import Run
 
 MARK = '<meta name="generator" content="multicor report">'
 """What tells a page of ours from other files; it stands within the first 400 bytes."""
 
-_POLICY = "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'"
-_SCRIPTS = ("data.js", "picture.js", "viewer.js")
+_POLICY = "default-src 'none'; script-src 'sha256-{}'; style-src 'unsafe-inline'; base-uri 'none'; form-action 'none'"
+_SCRIPTS = ("data.js", "scale.js", "picture.js", "viewer.js")
+_LONGEST = 200  # letters of a name; longer ones stand whole in the scenario at the end of the page
 
 
 def make_page(run: Run, info: dict[str, Any], books: EnergyTable | None, packing: Packing, figures: list[Figure] | None) -> bytes:
@@ -42,7 +44,8 @@ def make_page(run: Run, info: dict[str, Any], books: EnergyTable | None, packing
     """
     source, resolved = run.scenario_source, run.scenario_resolved
     scenario = _scenario_of(resolved)
-    name = str(scenario.get("name") or run.path.resolve().name)
+    name = _shorten(str(scenario.get("name") or run.path.resolve().name))
+    program = "\n" + "\n".join(_file(script) for script in _SCRIPTS)
     body = [
         _header(name, str(scenario.get("description") or ""), info),
         _file("view.html").replace("NOTE_ON_FRAMES", escape(_note(packing))),
@@ -53,48 +56,59 @@ def make_page(run: Run, info: dict[str, Any], books: EnergyTable | None, packing
         _data("meta", "application/json", _json(_meta(run, packing))),
         _data("radii", "text/plain", _base64(packing.radii)),
         *(_data(f"frame-{k}", "text/plain", _base64(chunk.data)) for k, chunk in enumerate(packing.chunks)),
-        "<script>\n" + "\n".join(_file(script) for script in _SCRIPTS) + "</script>",
+        f"<script>{program}</script>",
     ]
-    return "\n".join([_head(name), "<body>", *body, "</body>", "</html>", ""]).encode()
+    return "\n".join([_head(name, program), "<body>", *body, "</body>", "</html>", ""]).encode()
 
 
-def _head(name: str) -> str:
+def _shorten(text: str) -> str:
+    return text if len(text) <= _LONGEST else text[: _LONGEST - 1] + "…"
+
+
+def _head(name: str, program: str) -> str:
+    """The head; its policy lets the browser run the one program of the page, known by its digest, and load nothing."""
+    policy = _POLICY.format(_base64(hashlib.sha256(program.encode()).digest()))
     return (
         f'<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n{MARK}\n'
-        f'<meta http-equiv="Content-Security-Policy" content="{_POLICY}">\n'
+        f'<meta http-equiv="Content-Security-Policy" content="{policy}">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n<meta name="color-scheme" content="light dark">\n'
         f"<title>{escape(name)} – multicor</title>\n<style>\n{_file('viewer.css')}</style>\n</head>"
     )
 
 
 def _header(name: str, description: str, info: dict[str, Any]) -> str:
-    about = f"<p>{escape(description)}</p>" if description else ""
-    status = str(info["status"])
+    about = f'<p dir="auto">{escape(_shorten(description))}</p>' if description else ""
+    status, reason = str(info["status"]), str(info["stop_reason"] or "")
+    if reason not in ("", status):
+        about += f'<p data-status="{escape(status)}" dir="auto">{escape(_shorten(reason))}</p>'
     return (
-        f'<header><div><h1>{escape(name)}</h1>{about}</div><div class="corner"><span class="badge" data-status="{escape(status)}">'
-        f'{escape(status)}</span> <button id="theme" type="button" aria-label="Light or dark">◐</button></div></header>'
+        f'<header><div><h1 dir="auto">{escape(name)}</h1>{about}</div><div class="corner">'
+        f'<span class="badge" data-status="{escape(status)}">{escape(status)}</span> '
+        '<button id="theme" type="button" aria-label="Light or dark">◐</button></div></header>'
     )
 
 
 def _note(packing: Packing) -> str:
     shown, count = len(packing.chunks), packing.frame_count
-    frames = f"All {count:,} frames of the run" if shown == count else f"{shown:,} of {count:,} frames of the run"
+    frames = f"{shown:,} of {count:,} frames of the run"
+    if shown == count:
+        frames = "The only frame of the run" if count == 1 else f"All {count:,} frames of the run"
     if packing.contact_limit is not None and any((c.contact_count or 0) > packing.contact_limit for c in packing.chunks):
         frames += f", with the {packing.contact_limit:,} strongest contacts of each"
-    speed = packing.codes["speed"]
+    step = max((code.high - code.low) * code.resolution for code in (packing.codes["x"], packing.codes["y"]))
+    share = 100.0 * packing.codes["speed"].resolution
     return (
-        f"{frames}. Positions are rounded to {_steps(packing, 'x')} m (x) and {_steps(packing, 'y')} m (y), values to "
-        f"{_percent(speed.resolution)} of their range or better; results.h5 holds them exactly."
+        f"{frames}. Positions are stored in steps of {_up(step)} m, values in steps of {_up(share)} % of their range over these "
+        f"frames or finer; the values told have no more digits than that. The files of the run hold them exactly."
     )
 
 
-def _steps(packing: Packing, name: str) -> str:
-    code = packing.codes[name]
-    return f"{(code.high - code.low) * code.resolution:.1g}"
-
-
-def _percent(share: float) -> str:
-    return f"{100.0 * share:.1g} %"
+def _up(value: float) -> str:
+    """A number rounded up to one digit: what is true of the number is true of it."""
+    if value <= 0.0:
+        return "0"
+    power = 10.0 ** math.floor(math.log10(value))
+    return pretty(math.ceil(value / power - 1e-9) * power, 1)
 
 
 def _tables(info: dict[str, Any], books: EnergyTable | None) -> str:
@@ -119,8 +133,9 @@ def _table(title: str, rows: list[Row]) -> str:
 
 
 def _row(row: Row) -> str:
-    marks = {True: ' <span class="good">within its limit</span>', False: ' <span class="bad">above its limit</span>', None: ""}
-    return f'<tr><th scope="row">{escape(row.name)}</th><td>{escape(row.value)}{marks[row.is_good]}</td></tr>'
+    kind, words = ("good", "within the limit") if row.is_good else ("bad", "above the limit")
+    mark = f' <span class="{kind}">{words} {escape(row.limit)}</span>' if row.limit else ""
+    return f'<tr><th scope="row">{escape(row.name)}</th><td dir="auto">{escape(_shorten(row.value))}{mark}</td></tr>'
 
 
 def _figures(figures: list[Figure] | None) -> str:
@@ -128,9 +143,13 @@ def _figures(figures: list[Figure] | None) -> str:
         text = "<p>There are no figures here: the installation that made this page has no matplotlib.</p>"
     else:
         text = "".join(
-            f'<figure class="card"><figcaption>{escape(figure.title)}</figcaption>{figure.svg}</figure>' for figure in figures
+            f'<figure class="card"><figcaption>{escape(figure.title)}</figcaption>{_labeled(figure)}</figure>' for figure in figures
         )
     return f'<section class="figures">{text}</section>' if text else ""
+
+
+def _labeled(figure: Figure) -> str:
+    return figure.svg.replace("<svg", f'<svg role="img" aria-label="{escape(figure.title)}"', 1)
 
 
 def _scenario(source: str, resolved: str) -> str:
@@ -156,9 +175,10 @@ def _meta(run: Run, packing: Packing) -> dict[str, Any]:
     times, steps, stages = np.asarray(frames.time), np.asarray(frames.step), np.asarray(frames.stage)
     return {
         "grains": model.grain_count,
-        "groups": list(model.groups),
+        "groups": [_shorten(name) for name in model.groups],
         "group": model.grains.group.tolist() if len(model.groups) > 1 else [],
         "period": model.period,
+        "meanForce": packing.mean_force,
         "box": packing.box.tolist(),
         "frameCount": packing.frame_count,
         "codes": {name: _code(code) for name, code in packing.codes.items()},
@@ -184,7 +204,7 @@ def _meta(run: Run, packing: Packing) -> dict[str, Any]:
 
 
 def _stage_name(run: Run, stage: int) -> str:
-    return run.stages[stage] if stage < len(run.stages) else ""
+    return _shorten(run.stages[stage]) if 0 <= stage < len(run.stages) else ""
 
 
 def _code(code: Any) -> dict[str, Any]:

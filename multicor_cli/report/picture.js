@@ -7,6 +7,8 @@ const COLORS = {
   balance: "053c6e0b5c9c2f7fb96aa5cf9fc6e0d3d9ddeccdb9e8a983d9774fbd4a25862a0b",
 };
 const STEPS = 256;
+const CRISP = 20000; // with more grains a picture has two pixels per point at most
+const LEAST = 0.6; // smallest radius of a grain, in points
 const KIND = { disc: 0, plane: 1, segment: 2, circle: 4 };
 
 /** Some 256 colors as CSS texts, from evenly spaced ones. */
@@ -38,6 +40,7 @@ function frameRange(field, values) {
   if (low > high) return field.range;
   if (field.scale === "logarithmic") return high > 0 ? [high * 1e-4, high] : field.range;
   if (field.scale === "centered") [low, high] = [-Math.max(-low, high), Math.max(-low, high)];
+  if (meta.codes[field.name].spacing === "square") [low, high] = [0, high || 1];
   return low < high ? [low, high] : [low - (Math.abs(low) * 1e-3 || 1), high + (Math.abs(high) * 1e-3 || 1)];
 }
 
@@ -65,9 +68,11 @@ class Picture {
   resize() {
     const [[left, bottom], [right, top]] = meta.box;
     const width = this.canvas.clientWidth;
-    const height = Math.max(220, Math.min((width * (top - bottom)) / (right - left), 0.72 * window.innerHeight));
+    // Not innerHeight: that changes when a phone hides its bars while the page scrolls.
+    const most = 0.64 * document.documentElement.clientHeight;
+    const height = Math.round(Math.max(220, Math.min((width * (top - bottom)) / (right - left), most)));
     this.canvas.style.height = `${height}px`;
-    this.pixels = Math.min(window.devicePixelRatio || 1, 2);
+    this.pixels = Math.min(window.devicePixelRatio || 1, meta.grains > CRISP ? 2 : 3);
     this.canvas.width = Math.round(width * this.pixels);
     this.canvas.height = Math.round(height * this.pixels);
     this.whole = Math.min(this.canvas.width / (right - left), this.canvas.height / (top - bottom));
@@ -111,7 +116,7 @@ class Picture {
 
   /** Draw a frame.
    *  @param {object} frame from loadFrame
-   *  @param {object} show field, its colors and range, hasContacts, selected grain or -1 */
+   *  @param {object} show field, its colors and range, force of the widest contacts (0: no contacts), selected grain or -1 */
   draw(frame, show) {
     const context = this.context, style = getComputedStyle(this.canvas);
     this.ink = (name) => style.getPropertyValue(name);
@@ -124,9 +129,11 @@ class Picture {
     if (meta.period > 0) this.clipToPeriod();
     this.drawGrains(frame, show);
     this.drawWalls(frame.about.walls);
-    if (show.hasContacts) this.drawContacts(frame);
+    if (show.widest > 0) this.drawContacts(frame, show.widest);
     this.drawSelected(frame, show.selected);
     context.restore();
+    if (meta.period > 0) this.drawSeam();
+    this.drawRuler();
   }
 
   clipToPeriod() {
@@ -134,6 +141,35 @@ class Picture {
     this.context.beginPath();
     this.context.rect(0, meta.box[0][1] - far, meta.period, 2 * far);
     this.context.clip();
+  }
+
+  /** The ends of the period: what leaves at one comes in at the other. */
+  drawSeam() {
+    const context = this.context, pixel = this.pixels / this.scale, far = 1e3 * (meta.box[1][1] - meta.box[0][1]);
+    context.strokeStyle = this.ink("--soft");
+    context.lineWidth = pixel;
+    context.setLineDash([4 * pixel, 4 * pixel]);
+    const [, , bottom, top] = this.visible();
+    for (const x of [0, meta.period]) this.strokeLine([x, Math.max(bottom, -far)], [x, Math.min(top, far)]);
+    context.setLineDash([]);
+  }
+
+  /** A line of a round length in the corner. */
+  drawRuler() {
+    const context = this.context, pixel = this.pixels, length = roundDown((0.2 * this.canvas.width) / this.scale);
+    const [unit, factor] = [["m", 1], ["mm", 1e3], ["µm", 1e6]].find(([, times]) => length * times >= 1) || ["m", 1];
+    const [x, y, width] = [10 * pixel, this.canvas.height - 12 * pixel, length * this.scale];
+    context.setTransform(1, 0, 0, 1, 0, 0);
+    context.font = `600 ${12 * pixel}px system-ui, sans-serif`;
+    context.lineJoin = context.lineCap = "round";
+    context.fillStyle = this.ink("--ink");
+    for (const [color, line] of [["--paper", 5], ["--ink", 2]]) { // set off from grains of any color
+      context.strokeStyle = this.ink(color);
+      context.lineWidth = line * pixel;
+      this.strokeLine([x, y], [x + width, y]);
+      if (color === "--paper") context.strokeText(`${format(length * factor)} ${unit}`, x, y - 6 * pixel);
+    }
+    context.fillText(`${format(length * factor)} ${unit}`, x, y - 6 * pixel);
   }
 
   /** Call draw(x) for a thing and for its images that cross the ends of the period. */
@@ -167,11 +203,11 @@ class Picture {
   }
 
   fillDiscs(bucket, y, color) {
-    const context = this.context, isSmall = this.largest * this.scale < 1.5;
+    const context = this.context, isSmall = this.largest * this.scale < 1.5, least = (LEAST * this.pixels) / this.scale;
     context.fillStyle = color;
     if (!isSmall) context.beginPath();
     for (let k = 0; k < bucket.length; k += 2) {
-      const a = this.radii[bucket[k]], at = bucket[k + 1], high = y[bucket[k]];
+      const a = Math.max(this.radii[bucket[k]], least), at = bucket[k + 1], high = y[bucket[k]];
       if (isSmall) {
         context.fillRect(at - a, high - a, 2 * a, 2 * a);
       } else {
@@ -237,16 +273,13 @@ class Picture {
     this.strokeLine([x - far * ny, y + far * nx], [x + far * ny, y - far * nx]);
   }
 
-  /** A line for every contact, as wide as its force is large. */
-  drawContacts(frame) {
-    const { first, end, force } = frame.contacts, context = this.context;
-    if (!force.length) return;
-    const mean = force.reduce((a, b) => a + b, 0) / force.length;
-    const widest = 1.4 * this.mean, pixel = this.pixels / this.scale;
+  /** A line for every contact, as wide as its force is large, up to a force. */
+  drawContacts(frame, force) {
+    const { first, end, force: forces } = frame.contacts, context = this.context;
+    const widest = 0.9 * this.mean, pixel = this.pixels / this.scale;
     const groups = new Map();
     for (let k = 0; k < first.length; k++) {
-      const width = Math.min((0.35 * this.mean * force[k]) / mean, widest);
-      const step = Math.ceil((width / widest) * 40); // lines of nearly equal width are drawn at once
+      const step = Math.ceil(Math.min(forces[k] / force, 1) * 40); // lines of nearly equal width are drawn at once
       if (!groups.has(step)) groups.set(step, []);
       groups.get(step).push(k);
     }

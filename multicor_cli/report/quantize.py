@@ -11,8 +11,9 @@ from numpy.typing import NDArray
 
 from multicor_cli.state.model import Floats
 
-Spacing = Literal["even", "square"]
-"""``even``: all steps are equal. ``square``: steps grow from the low end on, for quantities of which most values are small."""
+Spacing = Literal["even", "square", "signed"]
+"""``even``: all steps are equal. ``square``: steps grow from the low end on, ``signed``: from the middle on, to both sides, for
+quantities of which most values are small."""
 
 _LEVEL = 6  # of deflate: 9 takes three times as long for 1 % less
 
@@ -41,7 +42,7 @@ class Code:
     @property
     def resolution(self) -> float:
         """Largest distance of neighboring numbers, over their range."""
-        return (2.0 if self.spacing == "square" else 1.0) / self.largest
+        return (1.0 if self.spacing == "even" else 2.0) / self.largest
 
     def encode(self, values: NDArray[Any]) -> NDArray[Any]:
         """Codes of numbers; those outside of the range get the code of its end, nan the one for "not known"."""
@@ -50,6 +51,8 @@ class Code:
         share = np.clip((values - self.low) / width, 0.0, 1.0) if width > 0.0 else np.where(np.isnan(values), np.nan, 0.0)
         if self.spacing == "square":
             share = np.sqrt(share)
+        elif self.spacing == "signed":
+            share = 0.5 + 0.5 * np.sign(share - 0.5) * np.sqrt(np.abs(2.0 * share - 1.0))
         unknown = np.isnan(share)
         codes = np.rint(np.where(unknown, 0.0, share) * self.largest).astype(f"<u{self.width}")
         codes[unknown] = self.largest + 1
@@ -60,6 +63,8 @@ class Code:
         share = codes.astype(np.float64) / self.largest
         if self.spacing == "square":
             share *= share
+        elif self.spacing == "signed":
+            share = 0.5 + 0.5 * (2.0 * share - 1.0) * np.abs(2.0 * share - 1.0)
         return np.where(codes > self.largest, np.nan, self.low + (self.high - self.low) * share)
 
 

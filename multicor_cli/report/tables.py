@@ -11,8 +11,11 @@ import numpy as np
 
 from multicor_cli.post.energy import EnergyTable, Entry
 
-_CLOSURE = 1e-10
+CLOSURE_LIMIT = 1e-10
+"""Books that close better than this hold rounding errors only."""
+
 _OVERLAP = 1e-3
+_SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 @dataclass(frozen=True)
@@ -22,12 +25,14 @@ class Row:
     Attributes:
         name: What it is.
         value: Its value, as text.
-        is_good: Whether the value is within its limit; None if there is no limit.
+        limit: Its limit, as text; empty if it has none.
+        is_good: Whether it is within its limit.
     """
 
     name: str
     value: str
-    is_good: bool | None = None
+    limit: str = ""
+    is_good: bool = True
 
 
 def describe_run(info: dict[str, Any]) -> list[Row]:
@@ -47,7 +52,7 @@ def describe_run(info: dict[str, Any]) -> list[Row]:
         ("started", _moment(info["started"])),
         ("finished", _moment(info["finished"])),
         ("wall time", "–" if info["duration"] is None else str(timedelta(seconds=round(info["duration"])))),
-        ("version", f"multicor {made.get('multicor_version', '–')}"),
+        ("version", f"multicor {made['multicor_version']}" if "multicor_version" in made else "–"),
         ("command", made.get("command", "–")),
         ("processor", str(made.get("cpu") or "–")),
         ("threads", str(made.get("threads") or "–")),
@@ -60,10 +65,10 @@ def describe_quality(info: dict[str, Any]) -> list[Row]:
     """Closure of the books, overlap, residuals and counters of the solver."""
     solver, heat = info["solver"], info["heat"]
     rows = [
-        Row("energy closure", _number(info["energy_closure"]), _within(info["energy_closure"], _CLOSURE)),
-        Row("heat closure", _number(info["heat_closure"]), _within(info["heat_closure"], _CLOSURE)),
-        Row("largest overlap over the smaller radius", _number(info["max_overlap"]), _within(info["max_overlap"], _OVERLAP)),
-        Row("steps that did not converge", _number(solver["unconverged_steps"]), _within(solver["unconverged_steps"], 0)),
+        _limited("energy closure", info["energy_closure"], CLOSURE_LIMIT),
+        _limited("heat closure", info["heat_closure"], CLOSURE_LIMIT),
+        _limited("largest overlap over the smaller radius", info["max_overlap"], _OVERLAP),
+        _limited("steps that did not converge", solver["unconverged_steps"], 0, f" of {_number(info['step'])}"),
         Row("largest residual over the reference velocity (rms of a step)", _number(solver["residual_rms_max"])),
         Row("sweeps per step", _number(solver["sweeps_mean"])),
         Row("largest contact force (mean of a step)", _number(info["max_contact_force"], "N")),
@@ -81,15 +86,23 @@ def describe_books(table: EnergyTable, entries: Sequence[Entry]) -> list[Row]:
     return [Row(label, _number(float(values[-1]), "J")) for label, values in lines if np.any(values) or "imbalance" in label]
 
 
-def _within(value: float | None, limit: float) -> bool | None:
-    return None if value is None else value <= limit
+def _limited(name: str, value: float | None, limit: float, more: str = "") -> Row:
+    if value is None:
+        return Row(name, "–")
+    return Row(name, _number(value) + more, _number(limit), value <= limit)
 
 
 def _number(value: Any, unit: str = "") -> str:
-    if value is None:
-        return "–"
-    text = f"{value:,}" if isinstance(value, int) else f"{value:.4g}"
-    return f"{text} {unit}".strip()
+    return "–" if value is None else f"{pretty(value)} {unit}".strip()
+
+
+def pretty(value: float, digits: int = 4) -> str:
+    """A number for people: with a real minus sign, and powers of ten as the scripts of the page write them."""
+    if isinstance(value, int):
+        return f"{value:,}".replace("-", "−")
+    mantissa, _, exponent = f"{value:.{digits}g}".partition("e")
+    power = f"·10{str(int(exponent)).translate(_SUPERSCRIPTS)}" if exponent else ""
+    return mantissa.replace("-", "−") + power
 
 
 def _moment(text: str | None) -> str:

@@ -2,25 +2,6 @@
 
 const $ = (id) => document.getElementById(id);
 
-const SUPERSCRIPTS = "⁰¹²³⁴⁵⁶⁷⁸⁹";
-
-/** A number for people, with some digits. */
-function format(value, digits = 4) {
-  if (value === null || Number.isNaN(value)) return "–";
-  const [mantissa, exponent] = value.toPrecision(digits).split("e");
-  const size = Math.abs(value);
-  if (exponent === undefined && (size >= 1e-3 || size === 0)) return tidy(mantissa);
-  const [m, e] = value.toExponential(digits - 1).split("e");
-  const power = Math.abs(Number(e)).toString().replace(/\d/g, (digit) => SUPERSCRIPTS[digit]);
-  return `${tidy(m)}·10${Number(e) < 0 ? "⁻" : ""}${power}`;
-}
-
-/** Without zeros at the end, and with a real minus sign. */
-function tidy(text) {
-  const short = text.includes(".") ? text.replace(/\.?0+$/, "") : text;
-  return short.replace("-", "−");
-}
-
 const state = {
   number: 0, // of the frame wanted
   frame: null, // the frame shown
@@ -33,38 +14,32 @@ const state = {
 
 // ---------------------------------------------------------------------------------------------------------------- drawing
 
+/** Draw when the browser is ready for it. */
 function redraw() {
   if (!state.isIdle) return;
   state.isIdle = false;
   requestAnimationFrame(() => {
     state.isIdle = true;
-    if (!state.frame || !state.picture) return;
-    const values = state.frame.values[state.field.name];
-    const range = $("range").value === "frame" && values ? frameRange(state.field, values) : state.field.range;
-    const colors = makeColors(state.field.colors);
-    const show = { field: state.field, range, colors, hasContacts: $("contacts").checked, selected: state.selected };
-    state.picture.draw(state.frame, show);
-    showBar(colors, range);
+    draw();
   });
 }
 
-function showBar(colors, range) {
-  const { label, unit, scale, reference, name } = state.field;
-  const isKnown = Boolean(state.frame.values[name]);
-  const rise = reference === null ? { shift: 0, factor: 1, unit } : { shift: reference, factor: 1e3, unit: "mK" };
-  const above = reference === null ? "" : ` above ${reference} K`;
-  $("bar-label").textContent = `${label}${above} [${rise.unit}]${isKnown ? "" : " – not recorded in this frame"}`;
-  $("bar-colors").style.background = `linear-gradient(to right, ${colors.filter((_, k) => k % 15 === 0).join(",")})`;
-  const shares = [0, 0.25, 0.5, 0.75, 1];
-  const value = (share) =>
-    scale === "logarithmic" ? range[0] * (range[1] / range[0]) ** share : range[0] + share * (range[1] - range[0]);
-  $("bar-ticks").replaceChildren(
-    ...shares.map((share) => {
-      const tick = document.createElement("span");
-      tick.textContent = format((value(share) - rise.shift) * rise.factor, 3);
-      return tick;
-    }),
-  );
+function draw() {
+  if (!state.frame || !state.picture) return;
+  const { field, frame, selected } = state, isOneFrame = $("range").value === "frame";
+  const values = frame.values[field.name];
+  const range = isOneFrame && values ? frameRange(field, values) : field.range;
+  const colors = makeColors(field.colors);
+  const widest = $("contacts").checked ? widestForce(frame, isOneFrame) : 0;
+  state.picture.draw(frame, { field, range, colors, widest, selected });
+  showBar(field, colors, range, isOneFrame, Boolean(values));
+  $("contact-note").textContent = $("contacts").checked ? contactNote(frame, widest) : "";
+}
+
+/** The force of the widest lines [N]: four times the mean. */
+function widestForce({ contacts }, isOneFrame) {
+  const { force } = contacts;
+  return 4 * (isOneFrame && force.length ? force.reduce((a, b) => a + b, 0) / force.length : meta.meanForce);
 }
 
 async function showFrame(number) {
@@ -77,17 +52,18 @@ async function showFrame(number) {
   $("scrub").value = wanted;
   const place = `frame ${index} of 0–${meta.frameCount - 1}`;
   $("scrub").setAttribute("aria-valuetext", `${place}, ${format(time)} seconds`);
-  $("where").textContent = `${place} · t = ${format(time)} s · step ${step}${stage ? ` · ${stage}` : ""}`;
-  $("contact-note").textContent = contactNote(frame);
+  $("where").textContent = `${place} · t = ${format(time)} s · step ${step}`;
+  $("stage-name").textContent = stage;
   showValues();
+  if (pointed) showTip(pointed);
   redraw();
 }
 
-function contactNote(frame) {
-  if (!$("contacts").checked) return "";
+function contactNote(frame, widest) {
   if (!frame.contacts.known) return "the contacts of this frame are not in the file";
   const all = frame.about.contactCount, shown = frame.contacts.force.length;
-  return shown < all ? `the ${shown} strongest of ${all} contacts` : `${all} contacts carry a force`;
+  const count = shown < all ? `the ${shown} strongest of ${all} contacts` : `${all} contacts carry a force`;
+  return shown ? `${count}; the widest lines stand for ${format(widest, 2)} N and more` : count;
 }
 
 // ----------------------------------------------------------------------------------------------------------------- values
@@ -98,11 +74,11 @@ function valuesOf(grain) {
   const rows = [["grain", String(grain)]];
   if (meta.group.length) rows.push(["group", meta.groups[meta.group[grain]]]);
   rows.push(["radius", `${format(picture.radii[grain])} m`]);
-  rows.push(["x, y", `${format(frame.x[grain])}, ${format(frame.y[grain])} m`]);
+  rows.push(["x, y", `${formatKnown("x", frame.x[grain], 6)}, ${formatKnown("y", frame.y[grain], 6)} m`]);
   for (const field of meta.fields) {
     const values = frame.values[field.name];
-    const digits = field.unit === "K" ? 8 : 4;
-    rows.push([field.label, values ? `${format(values[grain], digits)} ${field.unit}` : "–"]);
+    const digits = field.unit === "K" ? 9 : 4;
+    rows.push([field.label, values ? `${formatKnown(field.name, values[grain], digits)} ${field.unit}` : "–"]);
   }
   return rows;
 }
@@ -131,16 +107,25 @@ function select(grain) {
   redraw();
 }
 
-function showTip(event) {
+let pointed = null; // where in the window values are told of what is there
+
+function showTip({ clientX, clientY }) {
+  pointed = { clientX, clientY };
   const tip = $("tip");
-  const grain = state.frame ? state.picture.findGrain(state.frame, event.clientX, event.clientY) : -1;
+  const grain = state.frame ? state.picture.findGrain(state.frame, clientX, clientY) : -1;
   tip.hidden = grain < 0;
   if (grain < 0) return;
   fillList(tip, valuesOf(grain));
   const area = $("stage").getBoundingClientRect();
-  const x = event.clientX - area.left, y = event.clientY - area.top;
-  tip.style.left = `${x < area.width / 2 ? x + 14 : Math.max(0, x - tip.offsetWidth - 14)}px`;
+  const x = clientX - area.left, y = clientY - area.top;
+  const left = x < area.width / 2 ? x + 14 : x - tip.offsetWidth - 14;
+  tip.style.left = `${Math.max(0, Math.min(left, area.width - tip.offsetWidth))}px`;
   tip.style.top = `${Math.max(0, Math.min(y + 12, area.height - tip.offsetHeight))}px`;
+}
+
+function hideTip() {
+  pointed = null;
+  $("tip").hidden = true;
 }
 
 // ---------------------------------------------------------------------------------------------------------------- playing
@@ -166,6 +151,7 @@ async function advance(now, last) {
       return;
     }
     await showFrame(next % meta.frames.length);
+    loadFrame((next + 1) % meta.frames.length).catch(() => {}); // ahead of its turn; what fails is told when it is shown
     last = Math.max(last + interval, now - interval);
   }
   requestAnimationFrame((later) => advance(later, last));
@@ -199,6 +185,7 @@ function pan(dx, dy) {
 function afterMove() {
   // At the smallest zoom a finger scrolls the page; enlarged it moves the picture.
   $("canvas").style.touchAction = state.picture.zoom > 1 ? "none" : "pan-y";
+  if (pointed) showTip(pointed);
   redraw();
 }
 
@@ -218,10 +205,11 @@ function onPointerMove(event) {
   moved += Math.hypot(event.clientX - before.x, event.clientY - before.y);
   if (start) {
     const now = spread();
+    hideTip();
     state.picture.pan(now.x - start.x, now.y - start.y);
     zoom(now.distance / Math.max(start.distance, 1), now.x, now.y);
   } else if (moved > 4) {
-    $("tip").hidden = true;
+    hideTip();
     pan(event.clientX - before.x, event.clientY - before.y);
   }
 }
@@ -229,7 +217,9 @@ function onPointerMove(event) {
 function onPointerUp(event) {
   const isTap = pointers.size === 1 && moved <= 4;
   pointers.delete(event.pointerId);
-  if (isTap && state.frame) select(state.picture.findGrain(state.frame, event.clientX, event.clientY));
+  if (!isTap || !state.frame) return;
+  select(state.picture.findGrain(state.frame, event.clientX, event.clientY));
+  showTip(event); // a finger does not hover
 }
 
 function listenToPointers(canvas) {
@@ -241,7 +231,9 @@ function listenToPointers(canvas) {
   canvas.addEventListener("pointermove", onPointerMove);
   canvas.addEventListener("pointerup", onPointerUp);
   canvas.addEventListener("pointercancel", (event) => pointers.delete(event.pointerId));
-  canvas.addEventListener("pointerleave", () => ($("tip").hidden = true));
+  canvas.addEventListener("pointerleave", (event) => {
+    if (event.pointerType !== "touch") hideTip();
+  });
   canvas.addEventListener(
     "wheel",
     (event) => {
@@ -290,6 +282,37 @@ function toggleTheme() {
   redraw();
 }
 
+/** Paper is white. */
+function listenToPrinting() {
+  const root = document.documentElement;
+  let before;
+  window.addEventListener("beforeprint", () => {
+    before = root.dataset.theme;
+    root.dataset.theme = "light";
+    draw();
+  });
+  window.addEventListener("afterprint", () => {
+    if (before) root.dataset.theme = before;
+    else delete root.dataset.theme;
+    draw();
+  });
+}
+
+/** The first quantity that differs among nearly all grains of the frame shown, or else in the course of the run. */
+function chooseField() {
+  const differs = ({ name, range }) => {
+    const values = (state.frame.values[name] || new Float64Array(1)).slice().sort(), last = values.length - 1;
+    return values[Math.round(0.99 * last)] - values[Math.round(0.01 * last)] > 0.02 * (range[1] - range[0]);
+  };
+  const changes = ({ name }) => meta.codes[name].high > meta.codes[name].low;
+  return meta.fields.find(differs) || meta.fields.find(changes) || meta.fields[0];
+}
+
+function tellTrouble(error) {
+  $("trouble").textContent = error.message;
+  $("trouble").hidden = false;
+}
+
 function listen() {
   $("play").addEventListener("click", () => setPlaying(!state.isPlaying));
   $("back").addEventListener("click", () => stepTo(state.number - 1));
@@ -300,10 +323,7 @@ function listen() {
     redraw();
   });
   $("range").addEventListener("change", redraw);
-  $("contacts").addEventListener("change", () => {
-    $("contact-note").textContent = contactNote(state.frame);
-    redraw();
-  });
+  $("contacts").addEventListener("change", redraw);
   $("grain").addEventListener("input", () => {
     const text = $("grain").value;
     state.selected = text === "" ? -1 : Number(text);
@@ -319,6 +339,7 @@ function listen() {
     state.picture.resize();
     redraw();
   });
+  listenToPrinting();
   matchMedia("(prefers-color-scheme: dark)").addEventListener("change", redraw);
 }
 
@@ -328,14 +349,16 @@ async function start() {
     state.picture = new Picture($("canvas"), await loadRadii());
     $("scrub").max = meta.frames.length - 1;
     $("grain").max = meta.grains - 1;
-    $("field").replaceChildren(...meta.fields.map((field, k) => new Option(field.label, k)));
-    listen();
+    for (const id of ["play", "back", "next", "scrub"]) $(id).disabled = meta.frames.length === 1;
     await showFrame(meta.frames.length - 1);
+    state.field = chooseField();
+    $("field").replaceChildren(...meta.fields.map((field, k) => new Option(field.label, k, false, field === state.field)));
+    listen();
     afterMove();
   } catch (error) {
-    $("trouble").textContent = error.message;
-    $("trouble").hidden = false;
+    tellTrouble(error);
   }
 }
 
+window.addEventListener("unhandledrejection", (event) => tellTrouble(event.reason));
 start();

@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
+from multicor_cli.export.target import refuse_files_of_runs
 from multicor_cli.post.energy import energy
 from multicor_cli.post.source import PostError
 from multicor_cli.report.figures import make_figures
@@ -74,12 +78,14 @@ def write_report(
 
     Raises:
         ReportExists: If the file exists and may not be replaced.
+        ExportRefused: If it is the name of a file of a run.
         PostError: If the run has no frames yet.
         StoreError: If the run cannot be read, or the file cannot be written.
     """
     target = default_path(Path(directory)) if path is None else Path(path)
     check_target(target, is_overwriting=is_overwriting)
-    with open_run(directory) as run:
+    # What a damaged file holds may be absurd: it is left out of scales, without warnings on the way.
+    with open_run(directory) as run, np.errstate(all="ignore"):
         info = run_info(directory)
         if not len(run.frames):
             raise PostError(f"{directory}: the run has no frames yet; try again when it has written one")
@@ -92,16 +98,18 @@ def write_report(
 
 
 def check_target(path: Path, *, is_overwriting: bool) -> None:
-    """Refuse a file that exists.
+    """Refuse a file that exists, and the name of a file of a run.
 
     Raises:
         ReportExists: If it may not be replaced: always if it is not a page of ours.
+        ExportRefused: If it is the name of a file of a run.
     """
-    if not path.exists():
+    refuse_files_of_runs(path)
+    if not os.path.lexists(path):
         return
     if not is_overwriting:
         raise ReportExists(f"{path} exists; choose another file with -o, or replace it with --overwrite")
-    if path.is_dir() or (path.stat().st_size and MARK not in _head(path)):
+    if not path.is_file() or (path.stat().st_size and MARK not in _head(path)):
         raise ReportExists(f"{path} is no report of multicor and is not replaced; choose another file with -o")
 
 

@@ -5,13 +5,16 @@ from __future__ import annotations
 import re
 import shutil
 from collections.abc import Callable, Iterator
+from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
-from heat_run import GRAINS
+from heat_run import GRAINS, write_heated_run
 from report_run import EVIL, write_evil_run
 
 from multicor_cli.report import write_report
+from multicor_cli.store import Run, open_run
 
 sync_api = pytest.importorskip("playwright.sync_api", reason="needs the Python package playwright")
 CHROMIUM = shutil.which("chromium") or shutil.which("chromium-browser")
@@ -37,6 +40,13 @@ def address(tmp_path_factory: pytest.TempPathFactory) -> str:
     write_evil_run(folder / "run")
     write_report(folder / "run", folder / "page.html")
     return (folder / "page.html").as_uri()
+
+
+@pytest.fixture
+def run(address: str) -> Iterator[Run]:
+    """The run that the page is about."""
+    with open_run(Path(address.removeprefix("file://")).parent / "run") as opened:
+        yield opened
 
 
 class Opened:
@@ -117,8 +127,8 @@ def test_page_shows_the_last_frame_and_runs_no_text_of_the_user(opened: Opened) 
     assert opened.frame == 5
     assert opened.page.inner_text("h1") == EVIL
     assert opened.page.evaluate("() => window.broken") is None
-    assert EVIL in opened.page.inner_text("#where")
-    assert opened.page.locator("figure svg").count() >= 5
+    assert opened.page.inner_text("#stage-name") == EVIL
+    assert opened.page.locator("figure svg[role=img][aria-label]").count() == opened.page.locator("figure").count() >= 4
     assert not opened.page.is_visible("#trouble")
     opened.page.click("details summary >> nth=0")
     assert EVIL in opened.page.inner_text("pre >> nth=0")
@@ -192,6 +202,110 @@ def test_pointing_tells_the_values_of_a_grain_and_a_click_keeps_them(opened: Ope
     assert not opened.page.is_visible("#chosen")
 
 
+def test_values_under_a_resting_pointer_follow_the_frames(opened: Opened) -> None:
+    """Frames 0 to 5: speeds are 0 in the first one; the grains of the column stay where they are in y."""
+    opened.page.mouse.move(*opened.place(3))
+    assert "0.3 m/s" in opened.page.inner_text("#tip")
+    opened.key("ArrowLeft")
+    assert opened.wait(lambda: opened.frame == 4)
+    assert not opened.page.is_visible("#tip")  # the column has moved away
+    opened.key("ArrowRight")
+    assert opened.wait(lambda: opened.page.is_visible("#tip"))
+
+
+def test_values_told_are_those_of_the_run_as_far_as_their_digits_go(opened: Opened, run: Run) -> None:
+    """The page stores steps of 1/65534 of the range; what it tells has no digits beyond that, and the others are right."""
+    frame = run.frames[-1]
+    own = np.maximum(contact_force := 1.0 + np.arange(GRAINS), np.append(0.0, contact_force[:-1]))
+    expected = {
+        "speed": np.hypot(*frame.velocity.T), "spin": frame.spin, "temperature": frame.temperature,
+        "generated heat": 1e-3 * np.arange(GRAINS), "largest contact force": own,
+    }  # fmt: skip
+    for grain in range(GRAINS):
+        told = dict(opened.page.evaluate("(grain) => valuesOf(grain)", grain))
+        for name, values in expected.items():
+            text = told[name].split(" ")[0].replace("−", "-")
+            number, last = parse(text)
+            assert number == pytest.approx(values[grain], abs=0.5 * last + 2.0 / 65534 * np.abs(values).max()), (name, grain)
+        x, y = told["x, y"].removesuffix(" m").split(", ")
+        assert (float(x), float(y)) == pytest.approx(tuple(frame.position[grain]), abs=2e-4)
+
+
+SUPERSCRIPTS = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")
+
+
+def parse(text: str) -> tuple[float, float]:
+    """A number that the page tells, and what its last digit stands for."""
+    mantissa, _, power = text.partition("·10")
+    scale = 10.0 ** int(power.translate(SUPERSCRIPTS) or 0)
+    return float(mantissa) * scale, 10.0 ** -len(mantissa.partition(".")[2]) * scale
+
+
+def test_numbers_and_ticks_for_people(opened: Opened) -> None:
+    ticks = opened.page.evaluate(
+        "() => [[0, 0.296], [-3, 3], [1000, 1010], [2e-7, 9e-7], [293, 373]].map((range) => chooseTicks(range).map((t) => t[1]))"
+    )
+    assert ticks[0] == ["0", "0.05", "0.1", "0.15", "0.2", "0.25"]
+    assert ticks[1] == ["−3", "−2", "−1", "0", "1", "2", "3"]
+    assert ticks[2] == ["1000", "1002", "1004", "1006", "1008", "1010"]
+    assert ticks[3][0] == "2·10⁻⁷"
+    assert ticks[4] == ["300", "320", "340", "360"]
+    decades = opened.page.evaluate("() => chooseTicks([1e-6, 1e-2], true).map((t) => t[1])")
+    assert decades == ["1·10⁻⁶", "1·10⁻⁵", "1·10⁻⁴", "0.001", "0.01"]
+    numbers = opened.page.evaluate("() => [0, -0.5, 12345.678, 1e-5, -2.5e21, NaN].map((number) => format(number))")
+    assert opened.page.evaluate("() => [1e-9, 1.23456789].map((x) => formatKnown('x', x, 6))") == ["0", "1.2346"]
+    assert numbers == ["0", "−0.5", "1.235·10⁴", "1·10⁻⁵", "−2.5·10²¹", "–"]
+
+
+def test_values_without_a_color_of_their_own_are_told(opened: Opened) -> None:
+    opened.page.evaluate("() => { state.field = { ...state.field, range: [0, 0.45] }; draw(); }")
+    assert opened.page.inner_text("#bar-label") == "speed [m/s]; values up to 0.9 share the last color"
+
+
+def test_the_first_color_shown_is_that_of_a_quantity_that_differs(browser: Any, tmp_path: Path) -> None:
+    """Grains at rest with different temperatures, after a run of one frame: nothing to play."""
+    write_heated_run(tmp_path / "run", frames=1)
+    write_report(tmp_path / "run", tmp_path / "one.html")
+    write_heated_run(tmp_path / "still", frames=2)
+    write_report(tmp_path / "still", tmp_path / "still.html")
+    opened = Opened(browser, (tmp_path / "one.html").as_uri())
+    for control in ("#play", "#back", "#next", "#scrub"):
+        assert opened.page.is_disabled(control)
+    assert "The only frame of the run." in opened.page.inner_text(".view")
+    assert opened.said == []
+    opened.context.close()
+    opened = Opened(browser, (tmp_path / "still.html").as_uri())
+    opened.key("Home")
+    assert opened.wait(lambda: opened.frame == 0)
+    assert opened.page.evaluate("() => chooseField().name") == "speed"  # nothing differs in this frame, speeds do in the run
+    opened.page.evaluate("() => { state.frame.values.temperature[0] += 10; }")
+    assert opened.page.evaluate("() => chooseField().name") == "temperature"
+    opened.context.close()
+
+
+def test_a_script_that_got_into_the_page_does_not_run(browser: Any, address: str, tmp_path: Path) -> None:
+    """The policy names the digest of the one program; this is what an escape that was forgotten would look like."""
+    text = Path(address.removeprefix("file://")).read_text(encoding="utf-8")
+    added = "<script>window.broken = 1</script><img src=x onerror='window.broken = 2'>"
+    (tmp_path / "page.html").write_text(text.replace("<footer>", f"{added}<footer>"), encoding="utf-8")
+    opened = Opened(browser, (tmp_path / "page.html").as_uri())
+    assert opened.page.evaluate("() => window.broken") is None
+    assert any("Content Security Policy" in words for words in opened.said)
+    assert opened.frame == 5
+    opened.context.close()
+
+
+def test_printed_pages_are_light_and_without_controls(opened: Opened) -> None:
+    opened.page.click("#theme")
+    opened.page.evaluate("() => window.dispatchEvent(new Event('beforeprint'))")
+    opened.page.emulate_media(media="print")
+    assert opened.page.evaluate("() => document.documentElement.dataset.theme") == "light"
+    assert not opened.page.is_visible("#play")
+    assert opened.page.is_visible("#canvas")
+    opened.page.evaluate("() => window.dispatchEvent(new Event('afterprint'))")
+    assert opened.page.evaluate("() => document.documentElement.dataset.theme") == "dark"
+
+
 def test_grains_have_the_colors_of_their_values_also_across_the_period(opened: Opened) -> None:
     opened.key("ArrowLeft")  # frame 4: the column stands at x = 3.99 in a period of 4, radius 0.05
     assert opened.wait(lambda: opened.frame == 4)
@@ -218,7 +332,7 @@ def test_choices_change_the_picture(opened: Opened) -> None:
     opened.page.select_option("#range", "frame")
     opened.page.check("#contacts")
     pictures.append(opened.picture())
-    assert opened.page.inner_text("#contact-note") == "10 contacts carry a force"
+    assert opened.page.inner_text("#contact-note") == "10 contacts carry a force; the widest lines stand for 22 N and more"
     opened.page.select_option("#field", label="temperature")
     opened.settle()
     assert opened.page.inner_text("#bar-label") == "temperature above 300 K [mK]"
@@ -276,7 +390,29 @@ def test_phone(browser: Any, address: str) -> None:
     page.locator("#scrub").scroll_into_view_if_needed()
     page.touchscreen.tap(*opened.place(6))
     assert opened.wait(lambda: "0.6 m/s" in page.inner_text("#chosen"))
+    assert "0.6 m/s" in page.inner_text("#tip")  # a finger does not hover
+    for x in (0.3, 0.49, 0.51, 0.9):  # wherever it is, nothing of it is cut off
+        box = page.locator("#canvas").bounding_box()
+        page.evaluate("(at) => { state.picture.findGrain = () => 6; showTip(at); }", {"clientX": x * 375, "clientY": box["y"] + 40})
+        tip = page.locator("#tip").bounding_box()
+        assert tip["x"] >= box["x"] - 1
+        assert tip["x"] + tip["width"] <= box["x"] + box["width"] + 1
     assert page.evaluate("() => document.documentElement.scrollWidth") <= 375
+    assert opened.said == []
+    opened.context.close()
+
+
+def test_two_fingers_zoom_and_the_page_does_not(browser: Any, address: str) -> None:
+    opened = Opened(browser, address, viewport={"width": 390, "height": 844}, has_touch=True, is_mobile=True, device_scale_factor=3)
+    box = opened.page.locator("#canvas").bounding_box()
+    x, y = box["x"] + 0.5 * box["width"], box["y"] + 0.5 * box["height"]
+    touch = opened.context.new_cdp_session(opened.page)
+    for kind, apart in (("touchStart", 20), ("touchMove", 40), ("touchMove", 60), ("touchEnd", None)):
+        points = [] if apart is None else [{"x": x + side * apart, "y": y, "id": side + 1} for side in (-1, 1)]
+        touch.send("Input.dispatchTouchEvent", {"type": kind, "touchPoints": points})
+    assert opened.wait(lambda: opened.page.evaluate("() => state.picture.zoom") > 2.0)
+    assert opened.page.evaluate("() => visualViewport.scale") == 1
+    assert opened.page.evaluate("() => state.picture.pixels") == opened.page.evaluate("() => devicePixelRatio")
     assert opened.said == []
     opened.context.close()
 

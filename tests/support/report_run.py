@@ -87,5 +87,6 @@ def decode(meta: dict[str, Any], name: str, codes: np.ndarray) -> np.ndarray:
     """Numbers of integers, as ``data.js`` computes them."""
     code = meta["codes"][name]
     share = codes / code["largest"]
-    numbers = code["low"] + (code["high"] - code["low"]) * (share**2 if code["spacing"] == "square" else share)
+    place = {"even": share, "square": share**2, "signed": 0.5 + 0.5 * (2.0 * share - 1.0) * np.abs(2.0 * share - 1.0)}
+    numbers = code["low"] + (code["high"] - code["low"]) * place[code["spacing"]]
     return np.where(codes > code["largest"], np.nan, numbers)

@@ -146,6 +146,9 @@ def test_foreign_files_are_never_removed(run: Run, directory: Path, tmp_path: Pa
     assert (tmp_path / "out" / "thesis.tex").read_text() == "years of work"
     with pytest.raises(ExportRefused):
         export_csv(run, directory, is_overwriting=True)
+    with pytest.raises(ExportRefused, match="file of the run"):
+        export_csv(run, directory / "segments")
+    assert not (directory / "segments").exists()
     (tmp_path / "file").write_text("")
     with pytest.raises(ExportRefused, match="not a directory"):
         export_csv(run, tmp_path / "file", is_overwriting=True)

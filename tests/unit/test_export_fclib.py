@@ -249,6 +249,33 @@ def test_other_files_are_refused_by_name(tmp_path: Path) -> None:
             ContactProblem.load_fclib(tmp_path / name)
 
 
+@pytest.mark.parametrize(
+    ("name", "value"),
+    [
+        ("W/i", np.full(4, 10**8, np.int32)), ("W/i", np.zeros(3, np.int32)), ("W/p", np.array([0, -3, 4], np.int32)),
+        ("W/p", np.array([0, 4], np.int32)), ("vectors/q", np.zeros(7)), ("vectors/mu", np.zeros(0)),
+        ("W/nz", np.zeros(0, np.int32)), ("spacedim", np.array([3], np.int32)),
+    ],
+)  # fmt: skip
+def test_local_forms_whose_arrays_do_not_belong_together_are_refused(name: str, value: np.ndarray, tmp_path: Path) -> None:
+    column_problem(1).save_fclib(tmp_path / "a.hdf5", start=np.zeros((1, 2)))
+    assert read_local_form(tmp_path / "a.hdf5").velocity(np.zeros(2)).shape == (2,)
+    with h5py.File(tmp_path / "a.hdf5", "r+") as file:
+        del file[f"fclib_local/{name}"]
+        file[f"fclib_local/{name}"] = value
+    with pytest.raises(StoreError, match=r"a\.hdf5"):
+        read_local_form(tmp_path / "a.hdf5")
+
+
+def test_a_guess_of_another_problem_is_refused(tmp_path: Path) -> None:
+    column_problem(3).save_fclib(tmp_path / "a.hdf5", start=np.zeros((3, 2)))
+    with h5py.File(tmp_path / "a.hdf5", "r+") as file:
+        del file["guesses/1/r"]
+        file["guesses/1/r"] = np.zeros(8)
+    with pytest.raises(DamagedRun, match=r"a\.hdf5"):
+        read_fclib(tmp_path / "a.hdf5")
+
+
 def test_without_contacts_there_is_no_problem(tmp_path: Path) -> None:
     none = np.empty((0, 2))
     problem = ContactProblem(

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import dataclasses
 import logging
+import os
 import resource
 import sys
 from collections.abc import Iterator
@@ -10,10 +12,12 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from heat_run import GRAINS, contact_rows, heated_model
 from store_support import make_model, run_whole
 
 from multicor_cli.export import ExportError, ExportRefused, MissingLibrary, export_gsd
-from multicor_cli.store import Run, StorageError, open_run
+from multicor_cli.state import State
+from multicor_cli.store import FrameData, Run, RunDirectory, SeriesRow, StorageError, open_run
 
 hoomd = pytest.importorskip("gsd.hoomd")
 
@@ -100,6 +104,32 @@ def test_bonds_are_the_contacts_that_carry_a_force(run: Run, tmp_path: Path) -> 
     assert found > 2
 
 
+def test_frames_without_contacts_do_not_repeat_those_of_the_first_one(tmp_path: Path) -> None:
+    """What a GSD frame lacks is that of the first one: a frame without bonds has to say so, recorded or not."""
+    model = heated_model()
+    state = State.at_rest(model, np.column_stack([np.full(GRAINS, 2.0), 0.05 + 0.1 * np.arange(GRAINS)]))
+    with RunDirectory.create(tmp_path / "run", "", "", {"seed": 1}, stages=("a",)) as run:
+        writer = run.writer(model)
+        state.last_dt = 0.1
+        loaded = contact_rows(state)
+        fields = {field.name: getattr(loaded, field.name) for field in dataclasses.fields(loaded)}
+        empty = dataclasses.replace(loaded, **{name: values[:0] for name, values in fields.items()})
+        for rows in (loaded, empty, None, loaded):
+            writer.frame(FrameData.from_state(state, model, rows))
+            writer.series_row(SeriesRow.from_state(state, model))
+            state.step, state.time = state.step + 1, state.time + 0.1
+        run.checkpoint(state, writer)
+        run.finish("finished")
+    with open_run(tmp_path / "run") as opened:
+        export_gsd(opened, tmp_path / "a.gsd")
+    with hoomd.open(str(tmp_path / "a.gsd")) as file:
+        frames = list(file)
+    assert [frame.bonds.N for frame in frames] == [GRAINS - 1, 0, 0, GRAINS - 1]
+    for name in ("normal_force", "tangential_force", "heat"):
+        assert [len(frame.log[f"bonds/{name}"]) for frame in frames] == [GRAINS - 1, 0, 0, GRAINS - 1]
+    assert [frame.log["contacts_recorded"].tolist() for frame in frames] == [[1], [1], [0], [1]]
+
+
 def test_runs_without_heat_and_with_single_precision(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
     run_whole(tmp_path / "run", make_model(walls=False), precision="single")
     with caplog.at_level(logging.WARNING), open_run(tmp_path / "run") as run:
@@ -136,15 +166,46 @@ def test_files_of_the_run_are_never_overwritten(run: Run, directory: Path) -> No
         export_gsd(run, directory, is_overwriting=True)
 
 
+@pytest.mark.parametrize("name", ["checkpoints/step-00000000040.h5", "checkpoints/new.gsd", "segments/a.gsd", "results.h5.tmp"])
+def test_nothing_is_written_among_the_files_of_a_run(name: str, run: Run, directory: Path, tmp_path: Path) -> None:
+    """By its own name, and by that of a link to the directory."""
+    before = sorted(path.name for path in directory.rglob("*"))
+    (tmp_path / "link").symlink_to(directory)
+    for place in (directory, tmp_path / "link"):
+        with pytest.raises(ExportRefused, match="file of the run"):
+            export_gsd(run, place / name, is_overwriting=True)
+    assert sorted(path.name for path in directory.rglob("*")) == before
+
+
+def test_a_link_is_not_replaced_unasked_and_a_device_never(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "mine").write_text("mine")
+    (tmp_path / "link").symlink_to("mine")
+    (tmp_path / "dangling").symlink_to("nowhere")
+    os.mkfifo(tmp_path / "pipe")
+    for name in ("link", "dangling", "pipe"):
+        with pytest.raises(ExportRefused, match=name):
+            export_gsd(run, tmp_path / name)
+        assert not (tmp_path / name).is_file() or name == "link"
+    with pytest.raises(ExportRefused, match="not an ordinary file"):
+        export_gsd(run, tmp_path / "pipe", is_overwriting=True)
+    assert (tmp_path / "pipe").is_fifo()
+    export_gsd(run, tmp_path / "link", is_overwriting=True)
+    assert (tmp_path / "mine").read_text() == "mine"
+
+
 def test_no_such_frames(run: Run, tmp_path: Path) -> None:
     with pytest.raises(ExportError, match="from 0 to 8"):
         export_gsd(run, tmp_path / "a.gsd", slice(20, 30))
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_full_disk_leaves_nothing(run: Run, tmp_path: Path) -> None:
+@pytest.mark.parametrize("share", [0.2, 0.5, 0.8, 0.99])
+def test_a_full_disk_leaves_nothing(share: float, run: Run, tmp_path: Path) -> None:
+    export_gsd(run, tmp_path / "a.gsd")
+    size = (tmp_path / "a.gsd").stat().st_size
+    (tmp_path / "a.gsd").unlink()
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (4096, limits[1]))
+    resource.setrlimit(resource.RLIMIT_FSIZE, (int(share * size), limits[1]))
     try:
         with pytest.raises(StorageError):
             export_gsd(run, tmp_path / "a.gsd")

@@ -2,28 +2,38 @@
 
 from __future__ import annotations
 
+import base64
+import hashlib
+import os
 import re
+import shutil
 import sys
+import warnings
 from html import unescape
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from heat_run import GRAINS, write_heated_run
 from report_run import EVIL, decode, read_page, write_evil_run
 from store_support import drive, make_model, run_whole
 
+from multicor_cli.export import ExportRefused
 from multicor_cli.post import PostError
+from multicor_cli.post.energy import HEAT, EnergyTable
 from multicor_cli.report import ReportExists, write_report
 from multicor_cli.report.collect import ContactsView, choose_frames
-from multicor_cli.report.fields import largest_forces
-from multicor_cli.report.pack import pack_frames
+from multicor_cli.report.fields import VIEW_FIELDS, largest_forces
+from multicor_cli.report.figures import _book_lines, _Thinning
+from multicor_cli.report.pack import _color_range, _ends, pack_frames
 from multicor_cli.report.quantize import Code, compress
+from multicor_cli.report.tables import describe_run, pretty
 from multicor_cli.report.write import default_path
 from multicor_cli.store import RunDirectory, StoreError, open_run
 
 
-@pytest.mark.parametrize("spacing", ["even", "square"])
+@pytest.mark.parametrize("spacing", ["even", "square", "signed"])
 @pytest.mark.parametrize("width", [1, 2])
 def test_codes_are_as_fine_as_they_say(spacing, width: int) -> None:
     code = Code(-2.0, 6.0, width, spacing)
@@ -40,6 +50,12 @@ def test_square_codes_resolve_small_values() -> None:
         [1e-4], rel=0.01
     )
     assert Code(0.0, 1.0, 1).encode(np.array([1e-4])).tolist() == [0]
+
+
+def test_signed_codes_resolve_small_values_of_both_signs_and_zero() -> None:
+    code = Code(-1.0, 1.0, 1, "signed")
+    assert code.decode(code.encode(np.array([-0.01, 0.0, 0.01]))) == pytest.approx([-0.01, 0.0, 0.01], rel=0.05, abs=0.0)
+    assert Code(-1.0, 1.0, 1).decode(Code(-1.0, 1.0, 1).encode(np.array([0.003]))).tolist() == [0.0]
 
 
 def test_codes_of_a_constant() -> None:
@@ -147,9 +163,15 @@ def test_nothing_of_the_user_becomes_markup(page: str) -> None:
     assert meta["groups"][0] == meta["frames"][0]["stage"] == EVIL
 
 
+def _digest(program: str) -> str:
+    return f"sha256-{base64.b64encode(hashlib.sha256(program.encode()).digest()).decode()}"
+
+
 def test_page_asks_for_nothing_from_anywhere(page: str) -> None:
     policy = re.search(r'http-equiv="Content-Security-Policy" content="([^"]*)"', page).group(1)
-    assert policy.startswith("default-src 'none';")
+    assert policy.startswith("default-src 'none'; script-src 'sha256-")
+    program = re.search(r"<script>(.*)</script>", page, re.DOTALL).group(1)
+    assert f"script-src '{_digest(program)}';" in policy
     assert not re.search(r"https?://", page)
     assert not re.search(r"""\b(src|href)=["'](?!#)""", page)
     assert "@import" not in page
@@ -160,13 +182,17 @@ def test_page_names_what_was_run_and_how_good_it_is(page: str) -> None:
     for words in ("What was run", "How good it is", "Energy books", "Books of heat", "heat closure", "energy closure"):
         assert words in page
     assert "All 6 frames of the run" in page
-    assert page.count("<figure") >= 5
+    for title in ("Temperature over time", "Work of the solver", "Contacts that carry a force"):
+        assert f'aria-label="{title}' in page
+    assert "Energy books over time" not in page  # they are empty, as those of heat
+    assert 'steps that did not converge</th><td dir="auto">0 of 5 ' in page
     assert page.index("multicor report") < 400
 
 
 @pytest.mark.usefixtures("no_figures")
 def test_small_budget_thins_frames_and_contacts_and_says_so(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     write_evil_run(tmp_path / "run", frames=40)
+    monkeypatch.setattr("multicor_cli.report.pack._CONTACT_SHARE", 0.1)
     with open_run(tmp_path / "run") as run:
         whole = pack_frames(run, 10**6)
         assert (len(whole.chunks), whole.contact_limit, whole.codes["speed"].width) == (40, None, 2)
@@ -220,7 +246,9 @@ def test_default_file_lies_beside_the_run(tmp_path: Path) -> None:
 def test_runs_that_lack_something(options: dict, tmp_path: Path) -> None:
     write_heated_run(tmp_path / "run", **options)
     write_report(tmp_path / "run", tmp_path / "page.html")
-    meta, frames, _ = read_page((tmp_path / "page.html").read_text(encoding="utf-8"))
+    text = (tmp_path / "page.html").read_text(encoding="utf-8")
+    assert ("The only frame of the run." in text) == (options.get("frames") == 1)
+    meta, frames, _ = read_page(text)
     names = [field["name"] for field in meta["fields"]]
     assert ("temperature" in names) == options.get("heat", True)
     assert ("contact_step" in frames[-1]) == ("heat" in options)
@@ -232,6 +260,116 @@ def test_run_without_walls_with_one_grain(tmp_path: Path) -> None:
     meta, frames, _ = read_page((tmp_path / "page.html").read_text(encoding="utf-8"))
     assert meta["shapes"]["kind"] == []
     assert decode(meta, "x", frames[-1]["x"]).shape == (1,)
+
+
+FIELDS = {field.name: field for field in VIEW_FIELDS}
+
+
+@pytest.mark.parametrize(
+    ("name", "values", "grains", "expected"),
+    [
+        ("speed", np.zeros(9), 9, (0.0, 1.0)),  # nothing moves: no negative speeds
+        ("temperature", np.append(np.full(999, 300.0), 400.0), 10, (300.0, 400.0)),  # the one hot grain of few is what matters
+        ("temperature", np.append(np.linspace(300.0, 310.0, 1999), 900.0), 2000, (300.0, 309.95)),  # an outlier is not
+        ("temperature", np.linspace(300.0, 310.0, 1999), 2000, (300.0, 310.0)),  # nothing is gained by leaving out ends
+        ("spin", np.linspace(-1.0, 3.0, 9), 9, (-3.0, 3.0)),
+        ("speed", np.array([np.nan, 2.0, np.inf, 1e305]), 4, (0.0, 2.0)),
+        ("heat", np.array([np.nan]), 1, (0.0, 1.0)),
+    ],
+)
+def test_colors_span(name: str, values: np.ndarray, grains: int, expected: tuple[float, float]) -> None:
+    assert _color_range(FIELDS[name], values, grains) == pytest.approx(expected, abs=0.01)
+
+
+def test_books_of_rounding_errors_are_not_drawn_but_those_that_do_not_close_are() -> None:
+    time = np.linspace(0.0, 1.0, 5)
+    books = EnergyTable(time, {"heat_stored": 1e-15 * time, "heat_imbalance": 1e-15 * time}, np.zeros(5), None)
+    assert _book_lines(books, HEAT, _Thinning(time), np.full(5, 1e-15)) == []
+    assert len(_book_lines(books, HEAT, _Thinning(time), np.full(5, 1e-3))) == 2
+
+
+@pytest.mark.parametrize(
+    ("value", "text"), [(0.0, "0"), (-2.08123e-6, "−2.081·10⁻⁶"), (1.5e20, "1.5·10²⁰"), (0.25, "0.25"), (-1600, "−1,600")]
+)
+def test_numbers_for_people(value: float, text: str) -> None:
+    assert pretty(value) == text
+
+
+ABSURD = {
+    "particles/position": [(3, 1, 1e308), (14, 0, np.nan), (25, 1, -np.inf)],
+    "particles/velocity": [(33, 0, 1.7e308), (34, 0, np.nan)],
+    "particles/temperature": [(41, None, np.inf), (42, None, np.nan)],
+    "contacts/impulse": [(31, 0, 1e308), (32, 0, np.nan)],
+    "contacts/normal": [(33, 0, np.nan)],
+    "series/heat_stored": [(3, None, 1e308)],
+    "walls/position": [(2, 0, np.nan)],
+}
+
+
+def test_absurd_numbers_of_a_damaged_file_spoil_nothing_else(evil: Path, tmp_path: Path) -> None:
+    """Scales, the place of everything else and the figures stay as they are, and nothing complains on the way."""
+    file = Path(shutil.copy(evil / "results.h5", tmp_path / "damaged.h5"))
+    with h5py.File(file, "r+") as opened:
+        for path, changes in ABSURD.items():
+            for row, column, value in changes:
+                opened[path][(row, column) if column is not None else row] = value
+    with warnings.catch_warnings():
+        warnings.simplefilter("error")
+        write_report(file, tmp_path / "page.html")
+    meta, frames, _ = read_page((tmp_path / "page.html").read_text(encoding="utf-8"))
+    with open_run(evil) as run:
+        last = run.frames[-1]
+        assert np.isfinite(meta["box"]).all()
+        assert decode(meta, "y", frames[-1]["y"]) == pytest.approx(last.position[:, 1], abs=1e-4)
+        assert decode(meta, "speed", frames[-1]["speed"]) == pytest.approx(np.hypot(*last.velocity.T), abs=1e-3)
+        assert decode(meta, "contact", frames[-1]["contact_force"]) == pytest.approx(1.0 + np.arange(GRAINS), rel=1e-3)
+    assert np.isnan(decode(meta, "temperature", frames[4]["temperature"])[2])
+
+
+def test_ends_ignore_what_is_no_number() -> None:
+    assert _ends([np.array([1.0, np.nan]), np.array([np.inf, -3.0, 1e301]), np.zeros(0)]) == (-3.0, 1.0)
+    assert _ends([np.array([np.nan])]) == (0.0, 0.0)
+
+
+@pytest.mark.usefixtures("no_figures")
+def test_endless_names_are_cut_and_texts_keep_their_direction(tmp_path: Path) -> None:
+    name = "שלום\u202e" + "x" * 10_000
+    source = f"[scenario]\nname = '{name}'\ndescription = '{name}'\n"
+    model = make_model()
+    with RunDirectory.create(tmp_path / "run", source, source, {"seed": 1}, stages=(name, "b")) as run:
+        drive(run, model, steps=20, checkpoint_every=10, finish=False)
+        run.finish("failed", stop_reason=f"grain 3 is lost {name}", exit_code=4)
+    write_report(tmp_path / "run", tmp_path / "page.html")
+    text = (tmp_path / "page.html").read_text(encoding="utf-8")
+    heading = re.search(r'<h1 dir="auto">(.*?)</h1>', text).group(1)
+    assert (len(heading), heading[-1]) == (200, "…")
+    assert '<p data-status="failed" dir="auto">grain 3 is lost' in text
+    assert max(map(len, re.findall(r'<td dir="auto">(.*?)</td>', text))) <= 200
+    assert len(read_page(text)[0]["frames"][-1]["stage"]) == 200
+    assert text.count(name) == 2 * 2  # whole in the two scenarios only
+
+
+def test_a_version_that_is_not_known_is_left_out() -> None:
+    known = {"status": "running", "stages": [], "walls": [], "frame_count": 1, "series_count": 1, "provenance": {}}
+    names = ("stop_reason", "time", "step", "grain_count", "started", "finished", "duration", "state_digest")
+    rows = describe_run({**dict.fromkeys(names), **known})
+    assert "version" not in [row.name for row in rows]
+
+
+@pytest.mark.usefixtures("no_figures")
+def test_files_of_a_run_links_and_devices_are_refused(evil: Path, tmp_path: Path) -> None:
+    for name in ("results.h5", "model.h5", "checkpoints/step-00000000005.h5", "segments/page.html"):
+        with pytest.raises(ExportRefused, match="file of the run"):
+            write_report(evil, evil / name, is_overwriting=True)
+    (tmp_path / "link.html").symlink_to("nowhere")
+    os.mkfifo(tmp_path / "pipe.html")
+    for is_overwriting in (False, True):
+        for name in ("link.html", "pipe.html"):
+            with pytest.raises(ReportExists):
+                write_report(evil, tmp_path / name, is_overwriting=is_overwriting)
+    assert (tmp_path / "link.html").is_symlink()
+    assert not (tmp_path / "nowhere").exists()
+    assert (tmp_path / "pipe.html").is_fifo()
 
 
 @pytest.mark.usefixtures("no_figures")
