@@ -240,7 +240,7 @@ def profile(
         StoreError: If the run cannot be read.
     """
     if of in FIELD_GROUPS:
-        raise PostError(f"'{of}' has several components: choose one of {', '.join(FIELD_GROUPS[of])}, or ask for `profiles`")
+        raise PostError(f"'{of}' has several components: choose one of {', '.join(FIELD_GROUPS[of])}")
     return profiles(source, of, selection, bins, bin_width=bin_width, exclude_walls=exclude_walls).first
 
 

@@ -96,27 +96,6 @@ class ContactProblem:
         pair = arrays.pop("pair").astype(np.int32)
         return cls(pair=pair, **{name: array.astype(np.float64) for name, array in arrays.items()})
 
-    def save_fclib(self, path: str | Path, start: Floats | None = None) -> None:
-        """Write the problem in the HDF5 format of FCLib, over a file that is there.
-
-        Args:
-            path: The file.
-            start: Impulses that go into the file as a guess [N s], shape ``(c, 2)``; none by default.
-
-        Raises:
-            StoreError: If there is no contact, or the file cannot be written.
-        """
-        from multicor_cli.export import write_fclib
-
-        write_fclib(self, Path(path), start=start, is_overwriting=True)
-
-    @classmethod
-    def load_fclib(cls, path: str | Path) -> ContactProblem:
-        """Read a problem written by `save_fclib` or by ``multicor export fclib``; raises `StoreError` for anything else."""
-        from multicor_cli.export import read_fclib
-
-        return read_fclib(Path(path))[0]
-
 
 @dataclass(frozen=True)
 class ContactSolution:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 from typing import Any, overload
 
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from multicor_cli.state import Model
 from multicor_cli.store import schema
+from multicor_cli.store.errors import DamagedRun
 from multicor_cli.store.parts import Parts
 
 Array = NDArray[Any]
@@ -39,13 +40,20 @@ class Contacts:
 
     @cached_property
     def i(self) -> Array:
-        """First shape, a grain, shape ``(c,)``."""
-        return self._frame.column("contacts/i")
+        """First shape, a grain, shape ``(c,)``; raises `DamagedRun` if there is no such grain."""
+        return self._shapes("contacts/i", self._frame.facts.grain_count)
 
     @cached_property
     def j(self) -> Array:
-        """Second shape: a grain if below the number of grains n, else wall shape ``j - n``, shape ``(c,)``."""
-        return self._frame.column("contacts/j")
+        """Second shape: a grain if below the number of grains n, else wall shape ``j - n``, shape ``(c,)``; raises as `i`."""
+        return self._shapes("contacts/j", self._frame.facts.shape_count)
+
+    def _shapes(self, path: str, count: int) -> Array:
+        """Numbers of shapes: files that come from elsewhere may hold anything."""
+        found = self._frame.column(path)
+        if found.size and not 0 <= found.min() <= found.max() < count:
+            raise DamagedRun(f"frame {self._frame.index}: damaged ({path} names shapes that do not exist)")
+        return found
 
     @cached_property
     def kind(self) -> Array:
@@ -99,10 +107,11 @@ class Frame:
 
     Attributes:
         index: Number of the frame in the run.
+        facts: What is known of the model.
     """
 
-    def __init__(self, parts: Parts, index: int, period: Period) -> None:
-        self._parts, self._period = parts, period
+    def __init__(self, parts: Parts, index: int, facts: ModelFacts) -> None:
+        self._parts, self.facts = parts, facts
         self.index = index
 
     def column(self, path: str) -> Array:
@@ -153,7 +162,7 @@ class Frame:
     def unwrapped(self) -> Array:
         """Centers of the grains with the periods added by which x was wrapped [m], shape ``(n, 2)``."""
         position = np.array(self.position, np.float64)
-        position[:, 0] += self.image * self._period.value
+        position[:, 0] += self.image * self.facts.period
         return position
 
     @cached_property
@@ -223,27 +232,36 @@ class Frame:
     def contacts(self) -> Contacts:
         """Contacts of the last step."""
         # They read through a frame of their own: one that held itself would keep its arrays until the next garbage collection.
-        return Contacts(Frame(self._parts, self.index, self._period))
+        return Contacts(Frame(self._parts, self.index, self.facts))
 
 
-class Period:
-    """The period of the domain, taken from the model when it is first needed."""
+class ModelFacts:
+    """What frames need to know of the model, which is read when that is first needed."""
 
-    def __init__(self, model: Any) -> None:
+    def __init__(self, model: Callable[[], Model]) -> None:
         self._model = model
 
     @cached_property
-    def value(self) -> float:
+    def period(self) -> float:
         """Period in x [m]; 0 if the domain is not periodic."""
-        model: Model = self._model()
-        return model.period
+        return self._model().period
+
+    @cached_property
+    def grain_count(self) -> int:
+        """Number of grains n."""
+        return self._model().grain_count
+
+    @cached_property
+    def shape_count(self) -> int:
+        """Number of grains and wall shapes n + m."""
+        return self.grain_count + self._model().shape_count
 
 
 class Frames(Sequence[Frame]):
     """All frames of a run: a sequence of `Frame`; a slice gives a list of lazy frames."""
 
-    def __init__(self, parts: Parts, period: Period) -> None:
-        self._parts, self._period = parts, period
+    def __init__(self, parts: Parts, facts: ModelFacts) -> None:
+        self._parts, self.facts = parts, facts
 
     def __len__(self) -> int:
         return self._parts.frame_count
@@ -258,7 +276,7 @@ class Frames(Sequence[Frame]):
         count = len(self)
         if not -count <= index < count:
             raise IndexError(f"frame {index} of a run with {count} frames")
-        return Frame(self._parts, index % count, self._period)
+        return Frame(self._parts, index % count, self.facts)
 
     def __iter__(self) -> Iterator[Frame]:
         return (self[k] for k in range(len(self)))

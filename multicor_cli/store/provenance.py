@@ -94,5 +94,6 @@ def _git(root: Path, *arguments: str) -> str:
 
 
 def current_command() -> list[str]:
-    """The command line of this process."""
-    return [Path(sys.argv[0]).name or "python", *sys.argv[1:]]
+    """The command line of this process; ``python -m multicor_cli`` is named as the command that it is."""
+    name = Path(sys.argv[0]).name or "python"
+    return ["multicor" if name == "__main__.py" else name, *sys.argv[1:]]

@@ -16,7 +16,7 @@ from multicor_cli.store.checked import CheckedFile
 from multicor_cli.store.checkpoint import Identity, load_newest
 from multicor_cli.store.documents import Document
 from multicor_cli.store.errors import DamagedRun
-from multicor_cli.store.frame_view import Frames, Period
+from multicor_cli.store.frame_view import Frames, ModelFacts
 from multicor_cli.store.lock import is_alive
 from multicor_cli.store.manifest import read_manifest
 from multicor_cli.store.model_file import load_model, read_model
@@ -80,7 +80,7 @@ class Run:
         self.path, self.info = path, info
         self._results = results
         self._parts = Parts(self._find_parts(), self.run_id, self._find_parts_again)
-        self.frames = Frames(self._parts, Period(lambda: self.model))
+        self.frames = Frames(self._parts, ModelFacts(lambda: self.model))
         self.series = Series(self._parts, lambda: self.features)
 
     def __enter__(self) -> Run:

@@ -149,7 +149,7 @@ def test_exported_and_read_again_the_solution_is_the_same(run: Run, small: tuple
 def test_our_solution_solves_the_problem_in_the_file(name: str, run: Run, tmp_path: Path) -> None:
     """With W, q and mu of the file alone: complementarity, Coulomb's cone, and friction against the slip."""
     problem = heap_problem() if name == "heap" else frame_problem(run, -2).problem
-    problem.save_fclib(tmp_path / "a.hdf5")
+    write_fclib(problem, tmp_path / "a.hdf5", is_overwriting=True)
     form = read_local_form(tmp_path / "a.hdf5")
     impulse = solve_contacts(problem, TIGHT).impulse
     u_n, u_t = form.velocity(impulse).reshape(-1, 2).T
@@ -230,23 +230,23 @@ def test_the_guess_is_a_velocity_of_the_local_form(run: Run, tmp_path: Path) -> 
 
 def test_problems_are_saved_and_loaded(tmp_path: Path) -> None:
     problem = heap_problem()
-    problem.save_fclib(tmp_path / "a.hdf5", start=np.ones((len(problem.pair), 2)))
-    assert_same(ContactProblem.load_fclib(tmp_path / "a.hdf5"), problem)
+    write_fclib(problem, tmp_path / "a.hdf5", start=np.ones((len(problem.pair), 2)), is_overwriting=True)
+    assert_same(read_fclib(tmp_path / "a.hdf5")[0], problem)
     assert read_fclib(tmp_path / "a.hdf5")[1].tolist() == [[1.0, 1.0]] * len(problem.pair)
-    problem.save_fclib(tmp_path / "a.hdf5")
+    write_fclib(problem, tmp_path / "a.hdf5", is_overwriting=True)
     assert read_fclib(tmp_path / "a.hdf5")[1] is None
 
 
 def test_other_files_are_refused_by_name(tmp_path: Path) -> None:
-    heap_problem().save_fclib(tmp_path / "a.hdf5")
+    write_fclib(heap_problem(), tmp_path / "a.hdf5", is_overwriting=True)
     with h5py.File(tmp_path / "a.hdf5", "r+") as file:
         del file["multicor"]
     with pytest.raises(ExportError, match="another program"):
-        ContactProblem.load_fclib(tmp_path / "a.hdf5")
+        read_fclib(tmp_path / "a.hdf5")
     (tmp_path / "b.hdf5").write_text("no")
     for name in ("b.hdf5", "c.hdf5"):
         with pytest.raises(DamagedRun, match=name):
-            ContactProblem.load_fclib(tmp_path / name)
+            read_fclib(tmp_path / name)
 
 
 @pytest.mark.parametrize(
@@ -258,7 +258,7 @@ def test_other_files_are_refused_by_name(tmp_path: Path) -> None:
     ],
 )  # fmt: skip
 def test_local_forms_whose_arrays_do_not_belong_together_are_refused(name: str, value: np.ndarray, tmp_path: Path) -> None:
-    column_problem(1).save_fclib(tmp_path / "a.hdf5", start=np.zeros((1, 2)))
+    write_fclib(column_problem(1), tmp_path / "a.hdf5", start=np.zeros((1, 2)), is_overwriting=True)
     assert read_local_form(tmp_path / "a.hdf5").velocity(np.zeros(2)).shape == (2,)
     with h5py.File(tmp_path / "a.hdf5", "r+") as file:
         del file[f"fclib_local/{name}"]
@@ -268,7 +268,7 @@ def test_local_forms_whose_arrays_do_not_belong_together_are_refused(name: str, 
 
 
 def test_a_guess_of_another_problem_is_refused(tmp_path: Path) -> None:
-    column_problem(3).save_fclib(tmp_path / "a.hdf5", start=np.zeros((3, 2)))
+    write_fclib(column_problem(3), tmp_path / "a.hdf5", start=np.zeros((3, 2)), is_overwriting=True)
     with h5py.File(tmp_path / "a.hdf5", "r+") as file:
         del file["guesses/1/r"]
         file["guesses/1/r"] = np.zeros(8)

@@ -478,3 +478,15 @@ def test_damaged_segment_is_not_merged(tmp_path: Path) -> None:
         assert run.status == "running"
     assert not (path / "results.h5").exists()
     assert sorted((path / "segments").glob("*.h5")) == segments
+
+
+@pytest.mark.parametrize(("name", "value"), [("i", -1), ("i", 10**6), ("j", -3), ("j", 10**6)])
+def test_contacts_of_shapes_that_do_not_exist_are_refused(name: str, value: int, copy: Path, tmp_path: Path) -> None:
+    alone = tmp_path / "elsewhere.h5"
+    shutil.copy(copy / "results.h5", alone)
+    with h5py.File(alone, "r+") as file:
+        file[f"contacts/{name}"][:] = value
+    with open_run(alone) as run:
+        frame = next(frame for frame in run.frames if len(frame.contacts))
+        with pytest.raises(DamagedRun, match=f"contacts/{name}"):
+            getattr(frame.contacts, name)
