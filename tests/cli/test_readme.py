@@ -1,0 +1,34 @@
+"""The README tells the truth: its Python runs as it stands there, and the commands and files that it names exist."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+from small_run import environment
+
+from multicor_cli.cli.post_commands import COMMANDS
+
+ROOT = Path(__file__).parents[2]
+README = (ROOT / "README.md").read_text(encoding="utf-8")
+
+
+def test_python_example_runs(tmp_path: Path) -> None:
+    (code,) = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+    (tmp_path / "configs").symlink_to(ROOT / "configs")
+    done = subprocess.run(
+        [sys.executable, "-c", code], cwd=tmp_path, env=environment(), capture_output=True, text=True, timeout=300, check=False
+    )
+    assert done.returncode == 0, done.stderr
+    assert "298.1" in done.stdout  # the temperature of the walls
+    assert (tmp_path / "runs" / "short-shear" / "results.h5").exists()
+
+
+def test_what_it_names_exists() -> None:
+    for path in re.findall(r"\]\(([\w./-]+)\)", README) + re.findall(r"`(configs/[\w-]+\.toml)`", README):
+        assert (ROOT / path).exists(), path
+    for path in re.findall(r"python (benchmarks/[\w./]+)", README):
+        assert (ROOT / path).exists(), path
+    assert all(f"`{name}`" in README for name in COMMANDS)
