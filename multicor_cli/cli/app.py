@@ -8,7 +8,15 @@ from typing import Annotated
 import typer
 
 from multicor_cli import __version__
-from multicor_cli.cli import export_command, post_commands, reading_commands, report_command, run_command, scenario_commands
+from multicor_cli.cli import (
+    bench_command,
+    export_command,
+    post_commands,
+    reading_commands,
+    report_command,
+    run_command,
+    scenario_commands,
+)
 from multicor_cli.cli.guard import guarded
 
 app = typer.Typer(
@@ -36,7 +44,7 @@ def options(
     """Options before a command."""
 
 
-for module in (scenario_commands, run_command, reading_commands, post_commands, export_command, report_command):
+for module in (scenario_commands, run_command, reading_commands, post_commands, export_command, report_command, bench_command):
     module.register(app, guarded)
 
 

@@ -7,7 +7,7 @@ from typing import Annotated, Any, Optional
 
 import typer
 
-from multicor_cli.cli.options import RunPath
+from multicor_cli.cli.options import RunPath, count_noun
 from multicor_cli.cli.post_options import (
     AsCsv,
     AsJson,
@@ -75,7 +75,9 @@ def forces(
         found: Any = (force_distribution if has_distribution else angular_distribution)(run, selection)
     output.draw(found)
     first, last = found.times
-    about = f"{found.contacts} contacts between grains in {found.frames.size} frames from t = {first:g} s to {last:g} s"
+    about = (
+        f"{found.contacts} contacts between grains in {count_noun(found.frames.size, 'frame')} from t = {first:g} s to {last:g} s"
+    )
     if has_angles:
         about += "; " + ", ".join(f"{name} = {value:.4g}" for name, value in found.moments.items())
     output.deliver(found, about, run=directory)
@@ -118,7 +120,7 @@ def rheology(
         table = make_table(run, selection, margin=margin)
     output.draw(table)
     about = (
-        f"{table.frames.size} frames from t = {table.times[0]:g} s to {table.times[1]:g} s, between '{table.walls[0]}' and "
-        f"'{table.walls[1]}', {table.height:g} m apart; the bulk begins {table.margin:g} m from each"
+        f"{count_noun(table.frames.size, 'frame')} from t = {table.times[0]:g} s to {table.times[1]:g} s, "
+        f"between '{table.walls[0]}' and '{table.walls[1]}', {table.height:g} m apart; the bulk begins {table.margin:g} m from each"
     )
     output.deliver(table, about, run=directory, is_detailed=True)

@@ -6,7 +6,7 @@ from typing import Annotated, Optional
 
 import typer
 
-from multicor_cli.cli.options import RunPath
+from multicor_cli.cli.options import RunPath, count_noun
 from multicor_cli.cli.post_options import (
     AsCsv,
     AsJson,
@@ -103,7 +103,9 @@ def profile(
         found = found.normalized()
     output.draw(found)
     table = found.first
-    about = f"{table.frames.size} frames from t = {table.times[0]:g} s to {table.times[1]:g} s, height {table.height:g} m"
+    about = (
+        f"{count_noun(table.frames.size, 'frame')} from t = {table.times[0]:g} s to {table.times[1]:g} s, height {table.height:g} m"
+    )
     output.deliver(found, about, run=directory)
 
 

@@ -23,6 +23,10 @@ HEARTBEAT = 2.0
 """Wall-clock time between two heartbeats [s]."""
 
 
+CHECKPOINT_SHARE = 20.0
+"""Checkpoints are at least this many times as far apart as the last one took: they never cost more than a twentieth of a run."""
+
+
 class Stepper(Protocol):
     """What the controller needs of `multicor_cli.heat.coupled.CoupledEngine`."""
 
@@ -115,6 +119,7 @@ class Controller:
         self._pace = Pace()
         self._steps = 0
         self._last_checkpoint = clock()
+        self._checkpoint_took = 0.0
         self._last_heartbeat = float("-inf")
 
     def run(self, *, is_new: bool) -> StopReason:
@@ -224,15 +229,17 @@ class Controller:
         self._recorder.frame(self._engine.state, contacts)
 
     def _checkpoint(self) -> None:
+        before = self._clock()
         self._recorder.checkpoint(self._engine.state)
         self._last_checkpoint = self._clock()
+        self._checkpoint_took = self._last_checkpoint - before
         self._signals.is_checkpoint_wanted = False
 
     def _checkpoint_if_due(self) -> None:
         if self._signals.is_checkpoint_wanted:
             self._checkpoint()
             self._observer.message(f"checkpoint written at step {self._engine.state.step}")
-        elif self._clock() - self._last_checkpoint >= self._plan.checkpoint_interval:
+        elif self._clock() - self._last_checkpoint >= max(self._plan.checkpoint_interval, CHECKPOINT_SHARE * self._checkpoint_took):
             self._checkpoint()
 
     def _reason_to_stop(self) -> StopReason | None:

@@ -67,5 +67,10 @@ class Output(Table):
         description="time between rows of the time series [s]; default: frame_interval/10",
     )
     contacts: bool = Field(True, description="whether frames hold the contact network")
-    checkpoint_interval: float = Field(300.0, ge=1e-3, le=1e9, description="wall-clock time between checkpoints [s]")
+    checkpoint_interval: float = Field(
+        60.0,
+        ge=1e-3,
+        le=1e9,
+        description="wall-clock time between checkpoints [s]; while the run goes on, what is older than the last one can be read",
+    )
     precision: Literal["double", "single"] = Field("double", description="precision of the frames")

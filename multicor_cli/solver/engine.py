@@ -31,7 +31,7 @@ from multicor_cli.solver.neighbour_list import NeighbourList
 from multicor_cli.solver.problem import ContactProblem, problem_of_step
 from multicor_cli.solver.settings import PhysicsError, Settings, StepReport
 from multicor_cli.solver.solve import Outcome, Scale, solve_system
-from multicor_cli.solver.system import assemble
+from multicor_cli.solver.system import OrderedSystem, assemble
 from multicor_cli.solver.walls import WallMotion
 from multicor_cli.state.model import Floats, Model
 from multicor_cli.state.state import State
@@ -169,12 +169,21 @@ class Engine:
 
     def next_start(self, dt: float, t: float) -> tuple[ContactProblem, Floats]:
         """As `next_problem`, with the impulses from which the solver would start [N s], shape ``(c, 2)``."""
+        scene, contacts = self._next_contacts(dt, t)
+        problem = problem_of_step(scene, contacts, self._free, self._motion.inverse, self.model.shape_factor)
+        return problem, contacts.impulse
+
+    def next_system(self, dt: float, t: float) -> OrderedSystem:
+        """The contact problem of the next step as the sweep sees it, without taking the step. Arguments as `step`."""
+        return self._assemble(*self._next_contacts(dt, t))
+
+    def _next_contacts(self, dt: float, t: float) -> tuple[Scene, Contacts]:
+        """Shapes and contacts of the next step, as `step` finds them at first."""
         reach = 2.0 * dt * self._predict(dt, t)
         scene = self._scene(self._middle, self.state.wall_position + 0.5 * dt * self.state.wall_velocity)
         self._list.update(self._middle, scene.world, reach)
         contacts, _ = self._gather(scene, dt * self._measure_pairs(scene, reach), dt)
-        problem = problem_of_step(scene, contacts, self._free, self._motion.inverse, self.model.shape_factor)
-        return problem, contacts.impulse
+        return scene, contacts
 
     def _predict(self, dt: float, t: float) -> float:
         """Fill mid-step positions and free velocities; returns the largest speed of anything [m/s]."""
@@ -220,14 +229,16 @@ class Engine:
         model = self.model
         with self._timed("prepare"):
             contacts, scale = self._gather(scene, margin, dt)
-            ordered = assemble(
-                scene, contacts, self._free, self._motion.inverse, self._motion.is_free, model.mean_diameter, model.shape_factor
-            )
+            ordered = self._assemble(scene, contacts)
         with self._timed("solve"):
             outcome = solve_system(ordered.system, scale, self.settings, self.threads, should_stop)
         ordered.collect(contacts)
         bodies = model.grain_count + model.wall_count
         return contacts, ordered.system.velocity[:bodies], outcome
+
+    def _assemble(self, scene: Scene, contacts: Contacts) -> OrderedSystem:
+        model, motion = self.model, self._motion
+        return assemble(scene, contacts, self._free, motion.inverse, motion.is_free, model.mean_diameter, model.shape_factor)
 
     def _gather(self, scene: Scene, margin: float, dt: float) -> tuple[Contacts, Scale]:
         """Contacts with a gap up to ``margin``, with their warm start, and the scale of the residuals."""

@@ -12,7 +12,7 @@ from small_run import call, environment
 from multicor_cli import __version__
 
 HEAVY = {"numpy", "numba", "h5py", "pydantic", "matplotlib", "scipy"}
-COMMANDS = ["new", "validate", "run", "info", "verify", "post", "export", "report", "schema", "doctor"]
+COMMANDS = ["new", "validate", "run", "info", "verify", "post", "export", "report", "bench", "schema", "doctor"]
 
 
 SCRIPT = """

@@ -163,12 +163,35 @@ def test_time_limit_stops_with_a_checkpoint() -> None:
     assert recorder.checkpoints[-1][0].digest() == engine.state.digest()
 
 
+class SlowRecorder(MemoryRecorder):
+    """Takes some time to write a checkpoint."""
+
+    def __init__(self, clock: Clock, seconds: float) -> None:
+        super().__init__()
+        self.clock, self.seconds = clock, seconds
+
+    def checkpoint(self, state: State) -> None:
+        super().checkpoint(state)
+        self.clock.now += self.seconds
+
+
+def test_slow_checkpoints_are_rare() -> None:
+    model = make_model()
+    recorder = SlowRecorder(Clock(), 1.5)
+    engine = FakeEngine(model)
+    engine.before_step = lambda _step: setattr(recorder.clock, "now", recorder.clock.now + 3.0)
+    Controller(make_plan(model, checkpoint_interval=10.0), engine, recorder, clock=recorder.clock).run(is_new=True)
+    assert [checkpoint[0].step for checkpoint in recorder.checkpoints] == [0, 10, 20, 30, 38]  # 30 s apart: 20 times 1.5 s
+
+
 def test_checkpoints_follow_the_wall_clock() -> None:
     model = make_model()
-    recorder = MemoryRecorder()
+    recorder = SlowRecorder(Clock(), 0.01)
     plan = make_plan(model, checkpoint_interval=10.0)
-    Controller(plan, FakeEngine(model), recorder, clock=Clock(tick=1.0)).run(is_new=True)
-    assert len(recorder.checkpoints) > 5
+    engine = FakeEngine(model)
+    engine.before_step = lambda _step: setattr(recorder.clock, "now", recorder.clock.now + 3.0)
+    Controller(plan, engine, recorder, clock=recorder.clock).run(is_new=True)
+    assert [checkpoint[0].step for checkpoint in recorder.checkpoints] == [*range(0, 38, 4), 38]
     never = MemoryRecorder()
     run_all(make_plan(model), never, FakeEngine(model))
     assert [checkpoint[0].step for checkpoint in never.checkpoints] == [0, 38]  # the start and the end

@@ -1,0 +1,157 @@
+"""What this machine can do in this minute: the bandwidth of copying, and the sweep in C. Times are given as ratios to these."""
+
+from __future__ import annotations
+
+import ctypes
+import shutil
+import statistics
+import subprocess
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from importlib import resources
+from pathlib import Path
+
+import numba
+import numpy as np
+
+from multicor_cli.kernels.copying import copy_blocks
+from multicor_cli.kernels.sweep import EXACT, Relaxation, System, sweep
+
+_COPIED = 1 << 25  # numbers: 256 MB, more than any cache
+_ROUNDS = 7
+_ENOUGH = 2_000_000  # contact relaxations in one measurement
+
+CSweep = Callable[[System], float]
+"""One sweep of a system in C; returns the sum of the squares of the velocity corrections."""
+
+
+@dataclass(frozen=True)
+class SweepTimes:
+    """One sweep, ours and that in C, measured alternately.
+
+    Attributes:
+        contacts: Light contacts of the problem.
+        bytes_moved: Bytes of the problem that a sweep reads or writes at least once [B].
+        ours: Time per contact and sweep by number of threads, median [s].
+        in_c: That in C on one thread; nan without a compiler [s].
+        ratio: Ours on one thread over C: median of the ratios of neighboring measurements; nan without a compiler.
+    """
+
+    contacts: int
+    bytes_moved: int
+    ours: dict[int, float]
+    in_c: float
+    ratio: float
+
+    @property
+    def bandwidth(self) -> dict[int, float]:
+        """Bytes that a sweep must move over its time, by number of threads [B/s]."""
+        return {threads: self.bytes_moved / (seconds * self.contacts) for threads, seconds in self.ours.items()}
+
+
+def copy_bandwidth(threads: int) -> float:
+    """Bytes read and written per second when memory is copied by some threads, median [B/s]."""
+    numba.set_num_threads(threads)
+    source, target = np.ones(_COPIED), np.zeros(_COPIED)
+    copy_blocks(source, target)
+    times = [_time(lambda: copy_blocks(source, target)) for _ in range(_ROUNDS)]
+    return 2.0 * source.nbytes / statistics.median(times)
+
+
+def time_sweep(system: System, threads: tuple[int, ...]) -> SweepTimes:
+    """Measure one sweep of a problem. The problem is copied; general contacts are left out.
+
+    Raises:
+        RuntimeError: If the sweep in C does not do what ours does.
+    """
+    light = _only_light(system)
+    repeats = max(1, _ENOUGH // max(1, light.pair.shape[0]))
+    c_sweep = compile_sweep()
+    if c_sweep is not None:
+        _compare(light, c_sweep)
+    ours: dict[int, list[float]] = {count: [] for count in threads}
+    in_c: list[float] = []
+    partial = np.zeros(light.tile_start.size - 1)
+    relaxation = Relaxation(1.0, 1.0)
+    for round_ in range(_ROUNDS + 1):
+        for count in threads:
+            numba.set_num_threads(count)
+            seconds = _time(lambda: _repeat(light, repeats, lambda s: sweep(s, EXACT, relaxation, count > 1, partial)))  # noqa: B023
+            ours[count].append(seconds / (repeats * light.pair.shape[0]))
+        if c_sweep is not None:
+            in_c.append(_time(lambda: _repeat(light, repeats, c_sweep)) / (repeats * light.pair.shape[0]))
+        if round_ == 0:  # the first round only warms up
+            ours, in_c = {count: [] for count in threads}, []
+    ratio = statistics.median(a / b for a, b in zip(ours[threads[0]], in_c, strict=True)) if in_c else float("nan")
+    return SweepTimes(
+        light.pair.shape[0],
+        _bytes_moved(light),
+        {count: statistics.median(times) for count, times in ours.items()},
+        statistics.median(in_c) if in_c else float("nan"),
+        ratio,
+    )
+
+
+def compile_sweep() -> CSweep | None:
+    """The sweep in C, compiled here and now; None where there is no C compiler."""
+    compiler = shutil.which("cc") or shutil.which("gcc") or shutil.which("clang")
+    if compiler is None:
+        return None
+    source = resources.files("multicor_cli.bench").joinpath("sweep.c").read_text(encoding="utf-8")
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder)
+        (path / "sweep.c").write_text(source, encoding="utf-8")
+        command = [compiler, "-O3", "-march=native", "-shared", "-fPIC", "-o", str(path / "sweep.so"), str(path / "sweep.c")]
+        if subprocess.run(command, capture_output=True, check=False).returncode:
+            return None
+        function = ctypes.CDLL(str(path / "sweep.so")).sweep
+    function.restype = ctypes.c_double
+    function.argtypes = [ctypes.c_ssize_t, ctypes.c_double, *[ctypes.c_void_p] * 4]
+
+    def run(s: System) -> float:
+        pointers = [array.ctypes.data for array in (s.velocity, s.pair, s.frame, s.impulse)]
+        return float(function(s.pair.shape[0], s.spin_factor, *pointers))
+
+    return run
+
+
+def _only_light(system: System) -> System:
+    """A copy without general contacts."""
+    none = slice(0, 0)
+    return system._replace(
+        velocity=system.velocity.copy(),
+        impulse=system.impulse.copy(),
+        general_pair=system.general_pair[none],
+        general_frame=system.general_frame[none],
+        general_lever=system.general_lever[none],
+        general_impulse=system.general_impulse[none],
+    )
+
+
+def _compare(system: System, c_sweep: CSweep) -> None:
+    """Both sweeps give the same but for the order of roundings."""
+    mine, other = (system._replace(velocity=system.velocity.copy(), impulse=system.impulse.copy()) for _ in range(2))
+    sweep(mine, EXACT, Relaxation(1.0, 1.0), False, np.zeros(mine.tile_start.size - 1))
+    c_sweep(other)
+    scale = np.abs(mine.impulse).max(initial=0.0)
+    if not np.allclose(mine.impulse, other.impulse, rtol=0.0, atol=1e-9 * scale):
+        raise RuntimeError("the sweep in C differs from that of the program")
+
+
+def _repeat(system: System, repeats: int, one: CSweep) -> None:
+    for _ in range(repeats):
+        one(system)
+
+
+def _time(work: Callable[[], object]) -> float:
+    start = time.perf_counter()
+    work()
+    return time.perf_counter() - start
+
+
+def _bytes_moved(system: System) -> int:
+    """Pairs and frames are read, impulses and the velocities of the bodies in contact read and written."""
+    bodies = np.unique(system.pair).size
+    return int(system.pair.nbytes + system.frame.nbytes + 2 * system.impulse.nbytes + 2 * bodies * system.velocity.itemsize * 4)

@@ -1,0 +1,139 @@
+"""Carries a scene, in memory, to where it is measured, and measures it there."""
+
+from __future__ import annotations
+
+import time
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from multicor_cli.bench.scenes import BenchScene
+from multicor_cli.bench.tiling import repeat_scene
+from multicor_cli.heat.coupled import CoupledEngine
+from multicor_cli.packing import build
+from multicor_cli.run.controller import Controller
+from multicor_cli.run.plan import RunPlan, StagePlan
+from multicor_cli.run.planning import make_plan
+from multicor_cli.run.session import make_engine
+from multicor_cli.scenario import Scenario, parse_scenario
+from multicor_cli.solver.settings import StepReport
+from multicor_cli.state import Model, State
+
+
+class _NoRecorder:
+    """Writes nothing."""
+
+    def frame(self, state: State, contacts: Any) -> None:
+        """Ignored."""
+
+    def series(self, state: State) -> None:
+        """Ignored."""
+
+    def checkpoint(self, state: State) -> None:
+        """Ignored."""
+
+    def heartbeat(self, data: dict[str, Any]) -> None:
+        """Ignored."""
+
+
+@dataclass(frozen=True)
+class Round:
+    """Steps that were measured together.
+
+    Attributes:
+        seconds: Time of each step, shape ``(steps,)``.
+        stages: Seconds in each stage of the time step.
+        reports: What the steps said.
+    """
+
+    seconds: list[float]
+    stages: dict[str, float]
+    reports: list[StepReport]
+
+
+@dataclass
+class Prepared:
+    """A scene in front of its clock.
+
+    Attributes:
+        scene: The scene.
+        model: Its grains and walls.
+        engine: Advances it.
+        stage: The stage that is measured.
+    """
+
+    scene: BenchScene
+    model: Model
+    engine: CoupledEngine
+    stage: StagePlan
+
+    @property
+    def state(self) -> State:
+        """The state of the scene."""
+        return self.engine.state
+
+    def take(self, steps: int) -> Round:
+        """Take some steps."""
+        before = dict(self.engine.timers)
+        seconds, reports = [], []
+        for _ in range(steps):
+            start = time.perf_counter()
+            reports.append(self.engine.step(self.stage.dt, self.state.stage_step * self.stage.dt))
+            seconds.append(time.perf_counter() - start)
+        after = self.engine.timers
+        return Round(seconds, {name: after[name] - before[name] for name in after}, reports)
+
+
+def prepare(scene: BenchScene, grains: int, *, seed: int = 1, threads: int = 1) -> Prepared:
+    """Bring a scene to where it is measured.
+
+    Args:
+        scene: The scene.
+        grains: Number of grains; of a tiled scene the nearest multiple of its tile is taken.
+        seed: Seed of its sizes and places.
+        threads: Number of threads of the part that is measured; preparation takes all.
+    """
+    count, copies = (scene.tile, max(1, round(grains / scene.tile))) if scene.tile else (grains, 1)
+    model, state, plan = _begin(scene, count, seed, copies)
+    starts = [0.0]
+    if len(plan.stages) > 1:
+        starts = _run_to(plan, scene, count, seed, model, state)
+    if copies > 1 or len(plan.stages) > 1:
+        model, state = repeat_scene(model, state, copies) if scene.tile else (model, _fresh(model, state))
+    stage = plan.stages[-1]
+    engine = make_engine(_scenario(scene, count, seed, copies), model, state, threads)
+    engine.settings = stage.settings
+    if stage.heat is not None:
+        engine.set_heat(stage.heat.conditions.started(starts), is_on=stage.heat.is_on, is_frozen=stage.heat.is_frozen)
+    engine.set_drives(stage.drives.started(starts))
+    return Prepared(scene, model, engine, stage)
+
+
+def _scenario(scene: BenchScene, count: int, seed: int, copies: int) -> Scenario:
+    return parse_scenario(scene.text(count, seed, copies), Path(f"{scene.name}.toml"))
+
+
+def _begin(scene: BenchScene, count: int, seed: int, copies: int) -> tuple[Model, State, RunPlan]:
+    """The narrow scene, and the plan of the wide one."""
+    model, state = build(_scenario(scene, count, seed, 1))
+    return model, state, make_plan(_scenario(scene, count, seed, copies), model)
+
+
+def _run_to(plan: RunPlan, scene: BenchScene, count: int, seed: int, model: Model, state: State) -> list[float]:
+    """Carry out all stages but the last; returns the times at which the stages began [s]."""
+    scenario = _scenario(scene, count, seed, 1)
+    own = make_plan(scenario, model)
+    engine = make_engine(scenario, model, state, threads=0)
+    Controller(replace(own, stages=own.stages[:-1]), engine, _NoRecorder()).run(is_new=True)
+    return [0.0] * (len(own.stages) - 1) + [state.time]
+
+
+def _fresh(model: Model, state: State) -> State:
+    """The same places, velocities and contacts at step 0, with new books."""
+    result = State.at_rest(model, state.position)
+    for name in ("velocity", "wall_position", "wall_velocity", "contact_i", "contact_j", "contact_impulse", "heat"):
+        setattr(result, name, np.array(getattr(state, name)))
+    result.last_dt = state.last_dt
+    return result

@@ -1,0 +1,193 @@
+"""Named scenes of any size. They are scenarios, so what is measured is what users run.
+
+Periodic scenes are prepared as one narrow tile of about a thousand grains, which is then repeated with its velocities, contacts and
+impulses (`multicor_cli.bench.tiling`): a bed of 10⁶ grains at rest, or in steady flow, costs no more preparation than one of 10³.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+_HEAD = """\
+[scenario]
+name = "{name}"
+seed = {seed}
+[domain]
+size = [{width!r}, {height!r}]
+periodic = {periodic}
+gravity = [0.0, {gravity!r}]
+[materials.stuff]
+density = 2500.0
+young = 70e9
+poisson = 0.22
+conductivity = 1.0
+heat_capacity = 800.0
+[[contacts]]
+pair = ["stuff", "stuff"]
+friction = 0.5
+restitution = 0.0
+[[particles]]
+name = "grains"
+material = "stuff"
+shape = "sphere"
+sizes = {{ kind = "uniform", min = 0.8e-3, max = 1.2e-3 }}
+count = {count}
+region = {{ min = [{left!r}, {bottom!r}], max = [{right!r}, {top!r}] }}
+packing = {packing}
+"""
+
+_FLOOR = """\
+[[walls]]
+name = "floor"
+material = "stuff"
+geometry = { kind = "plane", point = [0.0, 0.0], normal = [0.0, 1.0] }
+"""
+
+_DIAMETER = 2e-3
+_COLUMNS, _ROWS = 28, 36  # of a tile
+_TILE = _COLUMNS * _ROWS
+_PITCH = 1.25 * _DIAMETER  # of the lattice that grains start from; the largest grain has 1.2 diameters
+
+
+@dataclass(frozen=True)
+class BenchScene:
+    """A scene.
+
+    Attributes:
+        name: Name on the command line.
+        about: What it shows.
+        text: Makes the scenario of a number of grains (of one tile if it is tiled) and a seed.
+        warm_steps: Steps of the last stage before the clock starts.
+        steps: Steps that are measured in each round.
+        tile: Grains of the tile that is repeated; 0 if the scene itself grows.
+        is_frozen: Whether nothing moves in the last stage and heat flows.
+        is_weighed: Whether the floor carries the weight of all grains.
+    """
+
+    name: str
+    about: str
+    text: Callable[[int, int, int], str]
+    warm_steps: int
+    steps: int
+    tile: int = 0
+    is_frozen: bool = False
+    is_weighed: bool = False
+
+
+def _head(name: str, seed: int, count: int, size: tuple[float, float], **other: object) -> str:
+    width, height = size
+    values = {
+        "gravity": -9.81, "periodic": "true", "left": 0.0, "bottom": 0.0, "right": width, "top": height,
+        "packing": '{ kind = "random" }', **other,
+    }  # fmt: skip
+    return _HEAD.format(name=name, seed=seed, count=count, width=width, height=height, **values)
+
+
+def _lattice(bottom: float = 0.0) -> dict[str, object]:
+    packing = f'{{ kind = "lattice", lattice = "square", spacing = {_PITCH!r}, jitter = 0.02 }}'
+    return {"packing": packing, "bottom": bottom}
+
+
+def _bed(name: str, count: int, seed: int, copies: int, heat: str, stages: str) -> str:
+    """Grains that have fallen a tenth of their height and come to rest."""
+    size = (_COLUMNS * _PITCH * copies, 1.5 * _ROWS * _PITCH)
+    solver = "[solver]\ndt = 2e-4\n[output]\nframe_interval = 1.0\n"
+    return _head(name, seed, count * copies, size, **_lattice()) + _FLOOR + heat + stages + solver
+
+
+def _settled(count: int, seed: int, copies: int) -> str:
+    stages = '[[loading]]\nname = "fall"\nduration = 0.24\n[[loading]]\nname = "rest"\nduration = 9.0\n'
+    return _bed("bed", count, seed, copies, "", stages)
+
+
+def _heated(count: int, seed: int, copies: int) -> str:
+    heat = "thermal = { temperature = 350.0 }\n[heat]\ntemperature = 300.0\n"
+    stages = (
+        '[[loading]]\nname = "fall"\nduration = 0.24\nheat = false\n'
+        '[[loading]]\nname = "heat"\nfrozen = true\nduration = 1e5\ndt = 2.0\n'
+    )
+    return _bed("heated-bed", count, seed, copies, heat, stages)
+
+
+def _shear(name: str, speed: float, dt: float, strain: float, count: int, seed: int, copies: int) -> str:
+    """A layer between rough walls under a load, without gravity. I = (V/H) √(m/P)."""
+    width, layer = _COLUMNS * _PITCH, _ROWS * _PITCH
+    size = (width * copies, 1.2 * layer)
+    walls = "".join(
+        f'[[walls]]\nname = "{wall}"\nmaterial = "stuff"\n'
+        f'geometry = {{ kind = "rough", from = [0.0, {y!r}], to = [{size[0]!r}, {y!r}], side = "{side}" }}\n{mass}'
+        for wall, y, side, mass in (
+            ("bottom", 0.0, "left", ""),
+            ("top", layer + 2.5 * _DIAMETER, "right", f"mass = {1e-3 * copies!r}\n"),
+        )
+    )
+    load = -_LOAD * size[0]
+    drives = f"drives.top = {{ x = {{ velocity = {speed!r} }}, y = {{ force = {load!r}, damping = {0.5 * copies!r} }} }}\n"
+    until = f'until = {{ strain = {{ walls = ["bottom", "top"], value = {strain!r} }} }}\n'
+    stages = f'[[loading]]\nname = "begin"\n{until}{drives}[[loading]]\nname = "flow"\nduration = 1e3\n{drives}'
+    solver = f"[solver]\ndt = {dt!r}\n[output]\nframe_interval = 1.0\n"
+    start = {"gravity": 0.0, "top": layer + 1.5 * _DIAMETER, **_lattice(1.2 * _DIAMETER)}
+    return _head(name, seed, count * copies, size, **start) + walls + stages + solver
+
+
+_LOAD = 10.0  # P: force per length on the upper wall [N/m]; √(m/P) is 1.0 ms
+
+
+def _start(count: int, seed: int, copies: int) -> str:
+    """A sheared layer with heat from its first step on: it needs nearly all kernels."""
+    text = _shear("start", 0.55, 2e-4, 0.5, count, seed, copies)
+    return text + "[heat]\ntemperature = 300.0\n"
+
+
+def _collapse(count: int, seed: int, _copies: int) -> str:
+    """A column of half the height of its base's square falls apart."""
+    width = round(count**0.5 / 1.6) * _PITCH
+    height = (count / (width / _PITCH) + 2.0) * _PITCH
+    return (
+        _head("collapse", seed, count, (4.0 * width, height), periodic="false", right=width, **_lattice())
+        + _FLOOR
+        + '[[walls]]\nname = "left"\nmaterial = "stuff"\ngeometry = { kind = "plane", point = [0.0, 0.0], normal = [1.0, 0.0] }\n'
+        + f'[[loading]]\nname = "fall"\nduration = {(0.5 * height / 9.81) ** 0.5!r}\n'
+        + '[[loading]]\nname = "spread"\nduration = 99.0\n'
+        + "[solver]\ndt = 2e-4\n[output]\nframe_interval = 1.0\n"
+    )
+
+
+def _drum(count: int, seed: int, _copies: int) -> str:
+    """A rough drum, a third full, turns at a Froude number of 0.05."""
+    radius = (1.1 * count * _PITCH**2 / 1.05) ** 0.5
+    low, high = 0.34 * radius, 1.66 * radius  # a square inside the circle
+    spin = (0.05 * 9.81 / radius) ** 0.5
+    geometry = f'{{ kind = "circle", center = [{radius!r}, {radius!r}], radius = {radius!r} }}'
+    place = {"left": low, "right": high, "bottom": low, "top": high, **_lattice(low)}
+    return (
+        _head("drum", seed, count, (2.0 * radius, 2.0 * radius), periodic="false", **place)
+        + f'[[walls]]\nname = "drum"\nmaterial = "stuff"\ngeometry = {geometry}\n'
+        + '[[loading]]\nname = "settle"\nduration = 0.2\n'
+        + f'[[loading]]\nname = "turn"\nduration = 99.0\ndrives.drum = {{ spin = {{ velocity = {spin!r} }} }}\n'
+        + "[solver]\ndt = 2e-4\n[output]\nframe_interval = 1.0\n"
+    )
+
+
+START = BenchScene("start", "first steps of a sheared layer with heat", _start, 0, 2)
+"""What a fresh installation is timed with."""
+
+SCENES = {
+    scene.name: scene
+    for scene in (
+        BenchScene("bed", "settled bed under gravity", _settled, 20, 20, tile=_TILE, is_weighed=True),
+        BenchScene(
+            "shear", "plane shear, quasi-static: I = 0.01",
+            lambda n, s, c: _shear("shear", 0.55, 2e-4, 0.5, n, s, c), 10, 20, tile=_TILE,
+        ),
+        BenchScene(
+            "shear-dynamic", "plane shear, dynamic: I = 0.1",
+            lambda n, s, c: _shear("shear-dynamic", 5.5, 1e-4, 4.0, n, s, c), 10, 20, tile=_TILE,
+        ),
+        BenchScene("collapse", "collapse of a column", _collapse, 10, 20),
+        BenchScene("heated-bed", "conduction through a bed at rest", _heated, 2, 20, tile=_TILE, is_frozen=True),
+        BenchScene("drum", "rotating rough drum", _drum, 100, 20),
+    )
+}  # fmt: skip
+"""All scenes by name."""

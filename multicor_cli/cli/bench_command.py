@@ -1,0 +1,118 @@
+"""Command ``bench``: what named scenes cost on this machine."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Optional
+
+import typer
+
+from multicor_cli.cli.console import emit_json, emit_table, say
+from multicor_cli.cli.exit_codes import ExitCode
+
+if TYPE_CHECKING:
+    from multicor_cli.bench.measuring import Result
+    from multicor_cli.bench.session import Benchmark
+
+SceneNames = Annotated[
+    Optional[list[str]],  # noqa: UP045  (evaluated by typer)
+    typer.Argument(metavar="[SCENE]...", help="bed, shear, shear-dynamic, collapse, heated-bed, drum; all if none is named."),
+]
+Grains = Annotated[
+    Optional[list[int]],  # noqa: UP045
+    typer.Option("--grains", metavar="N", min=100, max=10_000_000, help="Number of grains; may be given several times."),
+]
+Threads = Annotated[int, typer.Option("--threads", min=0, max=1024, help="Number of threads; 0 takes all cores.")]
+Rounds = Annotated[int, typer.Option("--rounds", min=1, max=1000, help="Rounds of which the medians are given.")]
+Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of the scenes.")]
+Quick = Annotated[bool, typer.Option("--quick", help="The few scenes that CI measures, on one thread.")]
+Compilation = Annotated[bool, typer.Option("--compilation", help="Measure compilation too, with an empty cache.")]
+AsJson = Annotated[bool, typer.Option("--json", help="Print everything as JSON.")]
+RecordFile = Annotated[
+    Optional[Path],  # noqa: UP045
+    typer.Option("--record", metavar="FILE", help="Write the ratios into FILE, for --compare.", show_default=False),
+]
+CompareFile = Annotated[
+    Optional[Path],  # noqa: UP045
+    typer.Option("--compare", metavar="FILE", help="Fail if a ratio is worse than in FILE by more than noise.", show_default=False),
+]
+
+QUICK = (("bed", 1008), ("shear", 1008), ("shear-dynamic", 1008), ("heated-bed", 1008), ("bed", 10_080))
+_TRIES = 3  # a machine that others use at the same time may be slow once
+
+
+def bench(
+    scenes: SceneNames = None,
+    grains: Grains = None,
+    threads: Threads = 0,
+    rounds: Rounds = 5,
+    seed: Seed = 1,
+    is_quick: Quick = False,
+    has_compilation: Compilation = False,
+    is_json: AsJson = False,
+    record: RecordFile = None,
+    compare: CompareFile = None,
+) -> None:
+    """Measure what a time step costs in named scenes, in seconds and as ratios to what this machine can do.
+
+    A scene is prepared, then measured in a process of its own; its physics is checked, and no time is given if that is wrong. The
+    yardsticks are the bandwidth of copying memory and the same Gauss–Seidel sweep in C, compiled here if there is a compiler.
+    """
+    from multicor_cli.bench.measuring import Task
+    from multicor_cli.bench.recorded import read_record, write_record
+    from multicor_cli.bench.scenes import SCENES
+    from multicor_cli.bench.session import run_benchmark
+    from multicor_cli.run.threads import available_cores
+
+    unknown = [name for name in scenes or [] if name not in SCENES]
+    if unknown:
+        raise typer.BadParameter(f"there is no scene '{unknown[0]}'; choose from: {', '.join(SCENES)}")
+    if is_quick and (scenes or grains):
+        raise typer.BadParameter("--quick chooses scenes and numbers of grains itself")
+    known = None if compare is None else read_record(compare)
+    pairs = QUICK if is_quick else [(name, count) for name in scenes or SCENES for count in grains or [10_000]]
+    count = 1 if is_quick else threads or available_cores()
+    tasks = [Task(name, n, count, rounds, seed) for name, n in pairs]
+    found = run_benchmark(tasks, has_compilation=has_compilation, say=say)
+    if is_json:
+        emit_json(found.as_dict())
+    else:
+        _print(found)
+    if record is not None:
+        write_record(record, found.results)
+        say(f"wrote {record}")
+    faults = [fault for result in found.results for fault in result.faults]
+    slower = [] if known is None else _slower(found.results, known, tasks)
+    for line in slower:
+        say(f"slower: {line}")
+    if faults or slower:
+        raise typer.Exit(ExitCode.PHYSICS if faults else ExitCode.BUG)
+
+
+def _print(found: Benchmark) -> None:
+    from multicor_cli.bench.table import HEADINGS, notes, rows
+
+    emit_table(HEADINGS, rows(found))
+    for line in notes(found):
+        say(line)
+
+
+def _slower(results: list[Result], known: dict[str, dict[str, float]], tasks: list[Any]) -> list[str]:
+    """What is slower in every one of a few tries."""
+    from multicor_cli.bench.recorded import find_slower
+    from multicor_cli.bench.session import run_benchmark
+
+    slower = find_slower(results, known)
+    for _ in range(_TRIES - 1):
+        again = [task for task, result in zip(tasks, results, strict=True) if find_slower([result], known)]
+        if not again:
+            return []
+        say("slower than recorded: measuring again")
+        tasks, results = again, run_benchmark(again, has_compilation=False, say=say).results
+        slower = find_slower(results, known)
+    return slower
+
+
+def register(app: typer.Typer, wrap: Any) -> None:
+    """Add the command."""
+    app.command("bench")(wrap(bench))

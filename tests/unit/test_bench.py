@@ -1,0 +1,161 @@
+"""Benchmarks measure what they say: copies of a scene move like the scene, wrong physics gives no time, slower is noticed."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scene_parts import advance, make_engine, make_model, shear_engine
+
+from multicor_cli.bench import calibration
+from multicor_cli.bench.calibration import SweepTimes, compile_sweep, time_sweep
+from multicor_cli.bench.checks import find_faults
+from multicor_cli.bench.driving import prepare
+from multicor_cli.bench.measuring import Result
+from multicor_cli.bench.recorded import RecordError, find_slower, ratios, read_record, write_record
+from multicor_cli.bench.scenes import SCENES
+from multicor_cli.bench.table import HEADINGS, rows
+from multicor_cli.bench.tiling import repeat_scene
+from multicor_cli.physics.drives import Constant, DofDrive, WallDrive
+from multicor_cli.scenario import parse_scenario
+from multicor_cli.solver import Engine
+from multicor_cli.state import BOOK_NAMES
+
+LOAD, SPEED, DT = 1.0, 0.3, 0.1
+
+
+def drives_of(period: float) -> list[WallDrive]:
+    return [WallDrive(), WallDrive(x=DofDrive(velocity=Constant(SPEED)), y=DofDrive(force=Constant(-LOAD * period), damping=0.0))]
+
+
+def test_copies_of_a_sheared_layer_move_like_the_original() -> None:
+    engine = shear_engine(columns=12, rows=8, load=LOAD, speed=SPEED)
+    advance(engine, DT, 200)
+    assert engine.state.contact_i.size > 100
+    model, state = repeat_scene(engine.model, engine.state, 3)
+    wide = Engine(model, state, engine.settings, threads=1)
+    wide.set_drives(drives_of(model.period))
+    n = engine.model.grain_count
+    reports = [(engine.step(DT, 0.0), wide.step(DT, 0.0)) for _ in range(3)]
+    for narrow, broad in reports:
+        assert broad.candidates == 3 * narrow.candidates
+        assert broad.contacts == pytest.approx(3 * narrow.contacts, rel=0.03)  # the weakest forces are not unique
+    for copy in range(3):
+        part = slice(copy * n, (copy + 1) * n)
+        moved = (state.position[part, 0] - engine.state.position[:, 0]) / engine.model.period
+        np.testing.assert_allclose(moved, np.rint(moved), atol=1e-4)
+        np.testing.assert_allclose(state.velocity[part], engine.state.velocity, atol=0.05)  # to the tolerance of the solver
+    assert np.median(np.abs(state.velocity[:n] - engine.state.velocity)) < 1e-3
+    with pytest.raises(ValueError, match="periodic"):
+        repeat_scene(replace(engine.model, period=0.0), engine.state, 2)
+
+
+def test_the_warm_start_of_copies_is_that_of_the_original() -> None:
+    """With all impulses in place the first residual of the copies is that of the original: nothing is joined wrongly."""
+    engine = shear_engine(columns=12, rows=8, load=LOAD, speed=SPEED)
+    advance(engine, DT, 200)
+    model, state = repeat_scene(engine.model, engine.state, 4)
+    pairs = np.column_stack([state.contact_i, state.contact_j]).tolist()
+    assert pairs == sorted(pairs)
+    wide = Engine(model, state, engine.settings, threads=1)
+    wide.set_drives(drives_of(model.period))
+    narrow_problem, narrow_start = engine.next_start(DT, 0.0)
+    wide_problem, wide_start = wide.next_start(DT, 0.0)
+    assert len(wide_problem.pair) == 4 * len(narrow_problem.pair)
+    for own, copied in ((narrow_start, wide_start), (narrow_problem.bias, wide_problem.bias)):
+        np.testing.assert_allclose(
+            np.sort(np.tile(own, (4,) + (1,) * (own.ndim - 1)), axis=0), np.sort(copied, axis=0), rtol=1e-9, atol=1e-11
+        )
+
+
+@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("copies", [1, 3])
+def test_scenes_are_valid_scenarios_of_any_size(name: str, copies: int) -> None:
+    scene = SCENES[name]
+    count = scene.tile or 700 * copies
+    scenario = parse_scenario(scene.text(count, 5, copies if scene.tile else 1), Path("scene.toml"))
+    assert scenario.seed == 5
+    assert scenario.particles[0].count == (count * copies if scene.tile else count)
+
+
+def test_c_sweep_is_ours_and_a_wrong_one_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    c_sweep = compile_sweep()
+    if c_sweep is None:
+        pytest.skip("needs a C compiler")
+    engine = shear_engine(columns=8, rows=6)
+    advance(engine, 0.02, 60)
+    system = engine.next_system(0.02, 0.0).system
+    before = system.impulse.copy()
+    times = time_sweep(system, (1,))
+    assert times.contacts == len(system.pair)
+    assert times.ratio > 0.0
+    assert system.impulse.tolist() == before.tolist()  # the problem itself is left alone
+    monkeypatch.setattr(calibration, "compile_sweep", lambda: lambda s: 0.0)
+    with pytest.raises(RuntimeError, match="differs"):
+        time_sweep(system, (1,))
+
+
+def test_wrong_physics_is_found() -> None:
+    prepared = prepare(SCENES["collapse"], 100)
+    rounds = [prepared.take(5)]
+    assert find_faults(prepared, rounds) == []
+    prepared.state.books[BOOK_NAMES.index("closure")] = 1e-3
+    prepared.state.tallies[4] = 0.1
+    rounds[0].reports[2] = replace(rounds[0].reports[2], converged=False)
+    faults = " ".join(find_faults(prepared, rounds))
+    assert all(text in faults for text in ("energy books", "overlap", "1 steps did not converge"))
+
+
+def test_a_bed_that_floats_is_found() -> None:
+    model = make_model([0.5] * 2)
+    assert model.wall_count == 1
+    prepared = prepare(replace(SCENES["collapse"], is_weighed=True), 100)
+    rounds = [prepared.take(3)]
+    assert any("of the weight" in fault for fault in find_faults(prepared, rounds))  # half of it is still in the air
+    assert make_engine(model, [[0.0, 0.5], [2.0, 0.5]]).model is model
+
+
+def result(**changes: object) -> Result:
+    sweep = SweepTimes(2000, 10**5, {1: 1.1e-8}, 1e-8, 1.1)
+    stages = {"solve": 6e-4, "detect": 3e-4, "prepare": 1e-4}
+    found = Result("bed", 1000, 1, 20, 3, 2000.0, 1500.0, 30.0, 1e-3, 1e-3, stages, 1e6, 1e-8, sweep, 900.0, [])
+    return replace(found, **changes)
+
+
+def test_ratios_and_shares() -> None:
+    found = result()
+    assert found.other == pytest.approx(4e-4)
+    assert found.other_share == pytest.approx(4e-4 / (4e-4 + 30 * 2000 * 1e-8))
+    assert ratios(found) == pytest.approx({"sweeps": 30.0, "sweep_over_c": 1.1, "solve_over_c": 1.0, "other_over_c": 40.0})
+    assert ratios(result(sweep=None)) == {"sweeps": 30.0}
+    assert json.loads(json.dumps(found.as_dict()))["other_share"] == pytest.approx(0.4)
+
+
+def test_what_is_slower_than_recorded_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "record.json"
+    write_record(path, [result(), result(scene="shear", faults=["grains overlap"])])
+    record = read_record(path)
+    assert list(record) == ["bed-1000-threads-1"]  # nothing is recorded of wrong physics
+    assert find_slower([result(), result(scene="new")], record) == []
+    assert find_slower([result(per_contact=1.4e-8, sweeps=32.0)], record) == []
+    (line,) = find_slower([result(per_contact=1.6e-8)], record)
+    assert line == "bed-1000-threads-1: solve over c 1.6, recorded 1"
+    assert "sweeps" in find_slower([result(sweeps=34.0)], record)[0]
+    write_record(path, [result(scene="drum")])
+    assert len(read_record(path)) == 2
+    path.write_text("[1, 2]")
+    with pytest.raises(RecordError, match=r"record\.json"):
+        read_record(path)
+
+
+def test_table_gives_no_times_of_wrong_physics() -> None:
+    class Found:
+        results = (result(), result(faults=["grains overlap"]))
+
+    right, wrong = rows(Found())  # type: ignore[arg-type]
+    assert len(right) == len(wrong) == len(HEADINGS)
+    assert "1" in right[5]
+    assert wrong[5:] == ["refused", *[""] * (len(HEADINGS) - 6)]
