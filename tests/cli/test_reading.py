@@ -78,7 +78,7 @@ def test_profile_json_csv_and_table_agree(finished: Path) -> None:
     assert data["walls"] == ["bottom", "top"]
     table = runner.invoke(app, base)
     assert f"{data['value'][2]:.5g}" in table.stdout
-    assert "frames from t" in table.stderr
+    assert "1 frame from t" in table.stderr
 
 
 def test_profile_options(finished: Path) -> None:
