@@ -8,6 +8,7 @@ from pathlib import Path
 
 from multicor_cli import load_scenario, open_run
 from multicor_cli.run import run_scenario
+from multicor_cli.run.differences import find_differences
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 
@@ -19,7 +20,7 @@ class Study:
     Attributes:
         name: Name of its scenario, and of its folder.
         path: The run.
-        is_shipped: Whether its scenario, with all defaults filled in, is the one shipped now.
+        is_shipped: Whether its scenario, with all defaults filled in, gives the same as the one shipped now.
     """
 
     name: str
@@ -43,7 +44,7 @@ def finish_study(name: str, runs: Path) -> Study:
             message = f"{path}: the run was stopped; the same command continues it"
             raise RuntimeError(message)
     with open_run(path) as run:
-        return Study(name, path, run.scenario_resolved == load_scenario(config).resolved_toml())
+        return Study(name, path, not find_differences(run.scenario_resolved, load_scenario(config).resolved_toml()))
 
 
 def _is_finished(path: Path) -> bool:
