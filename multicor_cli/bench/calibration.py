@@ -16,15 +16,15 @@ from pathlib import Path
 import numba
 import numpy as np
 
-from multicor_cli.kernels.copying import copy_blocks
-from multicor_cli.kernels.sweep import EXACT, Relaxation, System, sweep
+from multicor_cli.kernels.sweep import System
+from multicor_cli.kernels.yardsticks import copy_blocks, sweep_repeatedly
 
 _COPIED = 1 << 25  # numbers: 256 MB, more than any cache
 _ROUNDS = 7
 _ENOUGH = 2_000_000  # contact relaxations in one measurement
 
-CSweep = Callable[[System], float]
-"""One sweep of a system in C; returns the sum of the squares of the velocity corrections."""
+CSweep = Callable[[System, int], float]
+"""Some sweeps of a system in C; returns the sum of the squares of the velocity corrections."""
 
 
 @dataclass(frozen=True)
@@ -74,14 +74,13 @@ def time_sweep(system: System, threads: tuple[int, ...]) -> SweepTimes:
     ours: dict[int, list[float]] = {count: [] for count in threads}
     in_c: list[float] = []
     partial = np.zeros(light.tile_start.size - 1)
-    relaxation = Relaxation(1.0, 1.0)
     for round_ in range(_ROUNDS + 1):
         for count in threads:
             numba.set_num_threads(count)
-            seconds = _time(lambda: _repeat(light, repeats, lambda s: sweep(s, EXACT, relaxation, count > 1, partial)))  # noqa: B023
+            seconds = _time(lambda: sweep_repeatedly(light, repeats, count > 1, partial))  # noqa: B023
             ours[count].append(seconds / (repeats * light.pair.shape[0]))
         if c_sweep is not None:
-            in_c.append(_time(lambda: _repeat(light, repeats, c_sweep)) / (repeats * light.pair.shape[0]))
+            in_c.append(_time(lambda: c_sweep(light, repeats)) / (repeats * light.pair.shape[0]))
         if round_ == 0:  # the first round only warms up
             ours, in_c = {count: [] for count in threads}, []
     ratio = statistics.median(a / b for a, b in zip(ours[threads[0]], in_c, strict=True)) if in_c else float("nan")
@@ -106,13 +105,13 @@ def compile_sweep() -> CSweep | None:
         command = [compiler, "-O3", "-march=native", "-shared", "-fPIC", "-o", str(path / "sweep.so"), str(path / "sweep.c")]
         if subprocess.run(command, capture_output=True, check=False).returncode:
             return None
-        function = ctypes.CDLL(str(path / "sweep.so")).sweep
+        function = ctypes.CDLL(str(path / "sweep.so")).sweeps
     function.restype = ctypes.c_double
-    function.argtypes = [ctypes.c_ssize_t, ctypes.c_double, *[ctypes.c_void_p] * 4]
+    function.argtypes = [ctypes.c_ssize_t, ctypes.c_ssize_t, ctypes.c_double, *[ctypes.c_void_p] * 4]
 
-    def run(s: System) -> float:
+    def run(s: System, repeats: int) -> float:
         pointers = [array.ctypes.data for array in (s.velocity, s.pair, s.frame, s.impulse)]
-        return float(function(s.pair.shape[0], s.spin_factor, *pointers))
+        return float(function(repeats, s.pair.shape[0], s.spin_factor, *pointers))
 
     return run
 
@@ -133,16 +132,11 @@ def _only_light(system: System) -> System:
 def _compare(system: System, c_sweep: CSweep) -> None:
     """Both sweeps give the same but for the order of roundings."""
     mine, other = (system._replace(velocity=system.velocity.copy(), impulse=system.impulse.copy()) for _ in range(2))
-    sweep(mine, EXACT, Relaxation(1.0, 1.0), False, np.zeros(mine.tile_start.size - 1))
-    c_sweep(other)
+    sweep_repeatedly(mine, 1, False, np.zeros(mine.tile_start.size - 1))
+    c_sweep(other, 1)
     scale = np.abs(mine.impulse).max(initial=0.0)
     if not np.allclose(mine.impulse, other.impulse, rtol=0.0, atol=1e-9 * scale):
         raise RuntimeError("the sweep in C differs from that of the program")
-
-
-def _repeat(system: System, repeats: int, one: CSweep) -> None:
-    for _ in range(repeats):
-        one(system)
 
 
 def _time(work: Callable[[], object]) -> float:

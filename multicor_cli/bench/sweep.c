@@ -1,10 +1,10 @@
-/* One Gauss-Seidel sweep over light contacts with exact local solves: what multicor_cli/kernels/sweep.py does, written in C as a
+/* Gauss-Seidel sweeps over light contacts with exact local solves: what multicor_cli/kernels/sweep.py does, written in C as a
  * yardstick. velocity: (v_x, v_y, a*omega, 1/m) of each body; frame: (n_x, n_y, 1/W_nn, bias, mu) of each contact. */
 #include <stddef.h>
 #include <stdint.h>
 
-double sweep(ptrdiff_t count, double beta, double *restrict velocity, const int32_t *restrict pair, const double *restrict frame,
-             double *restrict impulse)
+static double sweep(ptrdiff_t count, double beta, double *restrict velocity, const int32_t *restrict pair, const double *restrict frame,
+                    double *restrict impulse)
 {
     const double turn = 1.0 + beta, less = 1.0 / turn;
     double total = 0.0;
@@ -33,5 +33,14 @@ double sweep(ptrdiff_t count, double beta, double *restrict velocity, const int3
         b[2] -= b[3] * spin;
         total += (dn * dn + dt * dt * turn * turn) / (w * w);
     }
+    return total;
+}
+
+double sweeps(ptrdiff_t repeats, ptrdiff_t count, double beta, double *velocity, const int32_t *pair, const double *frame,
+              double *impulse)
+{
+    double total = 0.0;
+    for (ptrdiff_t r = 0; r < repeats; r++)
+        total += sweep(count, beta, velocity, pair, frame, impulse);
     return total;
 }

@@ -93,7 +93,7 @@ def test_c_sweep_is_ours_and_a_wrong_one_is_refused(monkeypatch: pytest.MonkeyPa
     assert times.contacts == len(system.pair)
     assert times.ratio > 0.0
     assert system.impulse.tolist() == before.tolist()  # the problem itself is left alone
-    monkeypatch.setattr(calibration, "compile_sweep", lambda: lambda s: 0.0)
+    monkeypatch.setattr(calibration, "compile_sweep", lambda: lambda s, repeats: 0.0)
     with pytest.raises(RuntimeError, match="differs"):
         time_sweep(system, (1,))
 
