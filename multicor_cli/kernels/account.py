@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from multicor_cli.kernels.contacts import Contacts, Scene, relative_velocity
-from multicor_cli.kernels.jit import CHUNK, chunks_for, kernel, parallel_kernel, prange
+from multicor_cli.kernels.jit import CHUNK, chunks_for, parallel_kernel, prange, scalar
 from multicor_cli.state.model import Floats
 
 FRICTION, IMPACT, SLIDING, NEGATIVE, VIRIAL, LARGEST, LOADED = 0, 1, 2, 3, 4, 8, 9
@@ -23,7 +23,7 @@ class ContactSums(NamedTuple):
     wall_impulse: Floats
 
 
-@kernel
+@scalar
 def contact_after(c: int, scene: Scene, contacts: Contacts, after: Floats) -> tuple[float, float]:
     """u_n⁺ and u_t⁺ of a contact, in the frame at q_m [m/s]."""
     i, j = contacts.i[c], contacts.j[c]
@@ -35,7 +35,7 @@ def contact_after(c: int, scene: Scene, contacts: Contacts, after: Floats) -> tu
     return relative_velocity(after, i, body, nx, ny, True, contacts.lever[c, 0], contacts.lever[c, 1])
 
 
-@kernel
+@scalar
 def _account_one(c: int, scene: Scene, contacts: Contacts, after: Floats, total: Floats, wall_impulse: Floats) -> None:
     p_n, p_t = contacts.impulse[c, 0], contacts.impulse[c, 1]
     if p_n == 0.0:
@@ -70,8 +70,9 @@ def _account_one(c: int, scene: Scene, contacts: Contacts, after: Floats, total:
 def _account_chunks(scene: Scene, contacts: Contacts, after: Floats, partial: Floats, partial_wall: Floats) -> None:
     count = contacts.i.size
     for chunk in prange(partial.shape[0]):
+        total, wall_impulse = partial[chunk], partial_wall[chunk]
         for c in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
-            _account_one(c, scene, contacts, after, partial[chunk], partial_wall[chunk])
+            _account_one(c, scene, contacts, after, total, wall_impulse)
 
 
 def account_contacts(scene: Scene, contacts: Contacts, after: Floats) -> ContactSums:

@@ -100,7 +100,7 @@ class WarmStart(NamedTuple):
     impulse: Floats
 
 
-@kernel
+@scalar
 def pair_geometry(scene: Scene, i: int, j: int) -> tuple[float, float, float]:
     """Gap and normal (from j to i) of a pair."""
     count = scene.radius.size
@@ -111,7 +111,7 @@ def pair_geometry(scene: Scene, i: int, j: int) -> tuple[float, float, float]:
     return gap_to_shape(x, y, scene.radius[i], j - count, scene.kind, scene.world, scene.period)
 
 
-@kernel
+@scalar
 def _wall_lever(scene: Scene, i: int, wall: int, nx: float, ny: float, gap: float) -> tuple[float, float]:
     """From the reference point of a wall to the point of the wall that is closest to grain i."""
     reach = scene.radius[i] + gap
@@ -119,21 +119,21 @@ def _wall_lever(scene: Scene, i: int, wall: int, nx: float, ny: float, gap: floa
     return dx - reach * nx, scene.position[i, 1] - scene.wall_position[wall, 1] - reach * ny
 
 
-@kernel
+@scalar
 def relative_velocity(
     velocity: Floats, i: int, body_j: int, nx: float, ny: float, is_wall: bool, lx: float, ly: float
 ) -> tuple[float, float]:
     """u_n, u_t of grain i relative to grain ``body_j``, or to the point (lx, ly) of the wall in row ``body_j`` [m/s]."""
-    a, b = velocity[i], velocity[body_j]
+    # Number by number: a row taken out of an array would count as a reference to it, and threads count one after the other.
     if is_wall:
-        dx = a[0] - (b[0] - b[2] * ly)
-        dy = a[1] - (b[1] + b[2] * lx)
-        return dx * nx + dy * ny, dy * nx - dx * ny - a[2]
-    dx, dy = a[0] - b[0], a[1] - b[1]
-    return dx * nx + dy * ny, dy * nx - dx * ny - a[2] - b[2]
+        dx = velocity[i, 0] - (velocity[body_j, 0] - velocity[body_j, 2] * ly)
+        dy = velocity[i, 1] - (velocity[body_j, 1] + velocity[body_j, 2] * lx)
+        return dx * nx + dy * ny, dy * nx - dx * ny - velocity[i, 2]
+    dx, dy = velocity[i, 0] - velocity[body_j, 0], velocity[i, 1] - velocity[body_j, 1]
+    return dx * nx + dy * ny, dy * nx - dx * ny - velocity[i, 2] - velocity[body_j, 2]
 
 
-@kernel
+@scalar
 def _normal_velocity(scene: Scene, velocity: Floats, i: int, j: int, nx: float, ny: float, gap: float) -> float:
     count = scene.radius.size
     if j < count:
@@ -187,7 +187,7 @@ def count_contacts(row: NDArray[np.int64], gap: Floats, margin: float) -> NDArra
     return kept
 
 
-@kernel
+@scalar
 def friction_of(laws: Laws, a: int, b: int, speed: float) -> float:
     """μ of a pair of materials at a sliding speed [m/s]: the table of the pair, linear between its points, or a constant."""
     table = laws.table[a, b]
@@ -212,7 +212,7 @@ def _softened(laws: Laws, a: int, b: int, mu: float, first: float, second: float
     return softened_friction(mu, laws.softening[a, b], mean, laws.softening_start[a, b], laws.lowest[a, b], laws.highest[a, b])
 
 
-@kernel
+@scalar
 def _fill_contact(
     c: int, i: int, j: int, scene: Scene, laws: Laws, start: Floats, dt: float, warm: WarmStart, scale: float, out: Contacts
 ) -> float:

@@ -68,25 +68,25 @@ def gap_to_shape(
     x: float, y: float, radius: float, shape: int, kind: Ints, world: Floats, period: float
 ) -> tuple[float, float, float]:
     """Gap [m] and unit normal of a grain at (x, y) against a wall shape; ``inf`` where another shape of the wall is closer."""
-    g = world[shape]
     what = kind[shape]
-    dx = nearest_image(x - g[0], period)
-    dy = y - g[1]
+    g0, g1, g2, g3 = world[shape, 0], world[shape, 1], world[shape, 2], world[shape, 3]
+    dx = nearest_image(x - g0, period)
+    dy = y - g1
     if what == _DISC:
-        return disc_disc(dx, dy, radius + g[2])
+        return disc_disc(dx, dy, radius + g2)
     if what == _PLANE:
-        return disc_plane(dx, dy, g[2], g[3], radius)
+        return disc_plane(dx, dy, g2, g3, radius)
     if what == _CIRCLE:
-        return disc_circle(dx, dy, g[2], radius)
-    px, py = g[0] + dx, g[1] + dy
+        return disc_circle(dx, dy, g2, radius)
+    px, py = g0 + dx, g1 + dy
     if what == _SEGMENT:
-        foot = segment_parameter(px, py, g[0], g[1], g[2], g[3])
+        foot = segment_parameter(px, py, g0, g1, g2, g3)
         if foot <= 0.0 or foot >= 1.0:
             return np.inf, 0.0, 1.0
-        return disc_disc(px - g[0] - foot * (g[2] - g[0]), py - g[1] - foot * (g[3] - g[1]), radius)
-    if g[2] >= 0.0 and not _past_end(px, py, world, int(g[2]), False):
+        return disc_disc(px - g0 - foot * (g2 - g0), py - g1 - foot * (g3 - g1), radius)
+    if g2 >= 0.0 and not _past_end(px, py, world, int(g2), False):
         return np.inf, 0.0, 1.0
-    if g[3] >= 0.0 and not _past_end(px, py, world, int(g[3]), True):
+    if g3 >= 0.0 and not _past_end(px, py, world, int(g3), True):
         return np.inf, 0.0, 1.0
     return disc_disc(dx, dy, radius)
 
@@ -126,7 +126,7 @@ def bin_discs(
     return start, order
 
 
-@kernel
+@scalar
 def _scan_row(
     i: int,
     grain_count: int,
@@ -190,6 +190,7 @@ def _scan_shapes(
     grain_count: int,
     center: Floats,
     radius: Floats,
+    others: Ints,
     kind: Ints,
     world: Floats,
     cutoff: float,
@@ -197,18 +198,17 @@ def _scan_shapes(
     out: Ints,
     offset: int,
 ) -> int:
-    """As `_scan_row`, for the wall shapes that are not discs."""
+    """As `_scan_row`, for the wall shapes that are not discs: ``others``, ascending."""
     found = 0
-    for shape in range(kind.size):
-        if kind[shape] == _DISC:
-            continue
+    for k in range(others.size):
+        shape = others[k]
         near = False
         if kind[shape] == _SEGMENT:
-            g = world[shape]
-            px = g[0] + nearest_image(center[i, 0] - g[0], period)
+            g0, g1, g2, g3 = world[shape, 0], world[shape, 1], world[shape, 2], world[shape, 3]
+            px = g0 + nearest_image(center[i, 0] - g0, period)
             py = center[i, 1]
-            foot = min(max(segment_parameter(px, py, g[0], g[1], g[2], g[3]), 0.0), 1.0)
-            dx, dy = px - g[0] - foot * (g[2] - g[0]), py - g[1] - foot * (g[3] - g[1])
+            foot = min(max(segment_parameter(px, py, g0, g1, g2, g3), 0.0), 1.0)
+            dx, dy = px - g0 - foot * (g2 - g0), py - g1 - foot * (g3 - g1)
             reach = radius[i] + cutoff
             near = dx * dx + dy * dy < reach * reach
         elif kind[shape] == _VERTEX:
@@ -225,7 +225,7 @@ def _scan_shapes(
     return found
 
 
-@kernel
+@scalar
 def _sort(values: Ints, first: int, last: int) -> None:
     """Insertion sort of ``values[first:last]``: rows are short."""
     for k in range(first + 1, last):
@@ -243,6 +243,7 @@ def list_pairs(
     center: Floats,
     radius: Floats,
     shape_of: Ints,
+    others: Ints,
     kind: Ints,
     world: Floats,
     cutoff: float,
@@ -262,6 +263,7 @@ def list_pairs(
         center: Centers of all discs, grains first, then the discs of walls [m], shape ``(d, 2)``.
         radius: Radii of all discs [m], shape ``(d,)``.
         shape_of: Shape number of each wall disc, ascending, shape ``(d - n,)``.
+        others: Wall shapes that are no discs, ascending.
         kind: `ShapeKind` of the wall shapes, shape ``(m,)``.
         world: Their geometry in the world [m], shape ``(m, 4)``.
         cutoff: Largest gap of interest [m].
@@ -297,7 +299,7 @@ def list_pairs(
                 level_shape, cell_start, sorted_x, sorted_y, sorted_radius, cell_disc, partner, offset,
             )  # fmt: skip
             beyond = offset + found if is_writing else np.int64(-1)
-            found += _scan_shapes(i, grain_count, center, radius, kind, world, cutoff, period, partner, beyond)
+            found += _scan_shapes(i, grain_count, center, radius, others, kind, world, cutoff, period, partner, beyond)
             if is_writing:
                 _sort(partner, offset, offset + found)
             else:

@@ -168,9 +168,9 @@ def pack_contacts(
         body = j
         if j >= n:
             body = first_anchor + wall_number[k]
-            wall = velocity[n + scene.wall[j - n]]
-            velocity[body, 0] = wall[0] - wall[2] * contacts.lever[c, 1]
-            velocity[body, 1] = wall[1] + wall[2] * contacts.lever[c, 0]
+            wall = n + scene.wall[j - n]
+            velocity[body, 0] = velocity[wall, 0] - velocity[wall, 2] * contacts.lever[c, 1]
+            velocity[body, 1] = velocity[wall, 1] + velocity[wall, 2] * contacts.lever[c, 0]
             velocity[body, 2] = 0.0
             velocity[body, 3] = 0.0
         pair[k, 0], pair[k, 1] = i, body

@@ -96,8 +96,9 @@ def find_pairs(position: Floats, radius: Floats, obstacles: Obstacles, cutoff: f
     grids = make_grids(radii, low, high, period, max(cutoff, 0.0))
     start, order = bin_discs(center, grids.level, grids.cells, grids.origin, grids.start, grids.shape)
     shape_of = (radius.size + np.flatnonzero(obstacles.is_disc)).astype(np.int32)
+    others = np.flatnonzero(~obstacles.is_disc).astype(np.int32)
     row, partner = list_pairs(
-        radius.size, center, radii, shape_of, obstacles.kind, obstacles.world, cutoff, period,
+        radius.size, center, radii, shape_of, others, obstacles.kind, obstacles.world, cutoff, period,
         grids.cells, grids.radius, grids.origin, grids.start, grids.shape, start, order,
     )  # fmt: skip
     return Pairs(np.asarray(row, np.int64), partner)

@@ -29,6 +29,7 @@ class NeighbourList:
         self._model = model
         kind = model.shapes.kind
         self._disc_shapes = np.flatnonzero(kind == ShapeKind.DISC).astype(np.int32)
+        self._others = np.flatnonzero(kind != ShapeKind.DISC).astype(np.int32)
         self._shape_of = (model.grain_count + self._disc_shapes).astype(np.int32)
         self._radius = np.concatenate([model.grains.radius, model.shapes.geometry[self._disc_shapes, 2]])
         self._planes = np.flatnonzero(kind == ShapeKind.PLANE)
@@ -89,6 +90,7 @@ class NeighbourList:
             centers,
             self._radius,
             self._shape_of,
+            self._others,
             model.shapes.kind,
             world,
             cutoff,
