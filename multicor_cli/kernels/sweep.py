@@ -123,13 +123,22 @@ def _relax_light(
     return (d_n * d_n + d_t * d_t) / (w_inverse * w_inverse)
 
 
-@kernel
+@scalar
+def _add_impulse(k: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats, beta: float) -> None:
+    d_n, d_t = impulse[k, 0], impulse[k, 1]
+    if d_n != 0.0 or d_t != 0.0:
+        _push(k, d_n, d_t, velocity, pair, frame, beta)
+
+
+@parallel_kernel
 def add_impulses(s: System) -> None:
-    """Add the effect of the impulses to the velocities: free velocities become v_free + M⁻¹ H p. Serial, in order."""
-    for k in range(s.pair.shape[0]):
-        d_n, d_t = s.impulse[k, 0], s.impulse[k, 1]
-        if d_n != 0.0 or d_t != 0.0:
-            _push(k, d_n, d_t, s.velocity, s.pair, s.frame, s.spin_factor)
+    """Add the effect of the impulses to the velocities: free velocities become v_free + M⁻¹ H p. In the order of the sweep."""
+    for color in range(s.color_start.size - 1):
+        for t in prange(s.color_start[color], s.color_start[color + 1]):
+            for k in range(s.tile_start[t], s.tile_start[t + 1]):
+                _add_impulse(k, s.velocity, s.pair, s.frame, s.impulse, s.spin_factor)
+    for k in range(s.tile_start[-1], s.pair.shape[0]):
+        _add_impulse(k, s.velocity, s.pair, s.frame, s.impulse, s.spin_factor)
     for g in range(s.general_pair.shape[0]):
         _push_general(g, s.general_impulse[g, 0], s.general_impulse[g, 1], s)
 

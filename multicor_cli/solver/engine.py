@@ -293,10 +293,7 @@ class Engine:
                 wrap(state.position, state.image, model.period)
         with self._timed("account"):
             book_step(state, self._motion, sums, kinetic, gravity_work, wall_before, correction, outcome, dt)
-            loaded = contacts.impulse[:, 0] > 0.0
-            state.contact_i = contacts.i[loaded]
-            state.contact_j = contacts.j[loaded]
-            state.contact_impulse = contacts.impulse[loaded]
+            state.contact_i, state.contact_j, state.contact_impulse = account.loaded_contacts(contacts)
             state.last_dt = dt
             state.step += 1
             state.stage_step += 1
@@ -305,7 +302,7 @@ class Engine:
         self._last_scene = scene._replace(position=self._middle)
         self._contacts, self._after = contacts, after
         return StepReport(
-            outcome.sweeps, outcome.converged, outcome.rms, outcome.maximum, outcome.energy, int(loaded.sum()),
+            outcome.sweeps, outcome.converged, outcome.rms, outcome.maximum, outcome.energy, int(state.contact_i.size),
             int(contacts.i.size), correction.overlap,
         )  # fmt: skip
 
