@@ -10,6 +10,8 @@ HEADINGS = (
     "threads gain", "grain-steps/s", "B/grain",
 )  # fmt: skip
 
+_MANY = 50_000  # grains whose memory can be told from that of the kernels
+
 
 def rows(benchmark: Benchmark) -> list[list[str]]:
     """One row for each scene; a scene with wrong physics has no times."""
@@ -26,7 +28,7 @@ def _row(result: Result) -> list[str]:
     return [
         *head, f"{1e3 * result.step:.3g}", f"{100.0 * solve:.0f} %", "" if share is None else f"{100.0 * share:.0f} %",
         "" if each is None else f"{1e9 * each:.1f}", "" if sweep is None or sweep.ratio != sweep.ratio else f"{sweep.ratio:.2f}",
-        gain, f"{result.grain_steps:.3g}", f"{result.memory:.0f}",
+        gain, f"{result.grain_steps:.3g}", f"{result.memory:.0f}" if result.grains >= _MANY else "",
     ]  # fmt: skip
 
 
