@@ -18,6 +18,7 @@ from multicor_cli.kernels.neighbours import place_shapes
 from multicor_cli.kernels.overlaps import measure_overlaps
 from multicor_cli.solver.gather import gather_still_contacts
 from multicor_cli.solver.neighbour_list import NeighbourList
+from multicor_cli.solver.pace import Pace
 from multicor_cli.solver.settings import PhysicsError, Settings
 from multicor_cli.solver.solve import Scale, solve_system
 from multicor_cli.solver.system import assemble
@@ -56,7 +57,7 @@ def correct_positions(
     reach: float,
     flagged: NDArray[np.bool_],
     step: int,
-    threads: int,
+    pace: Pace,
 ) -> Correction:
     """Project positions, mass-weighted, until no overlap exceeds `ALLOWED`.
 
@@ -68,7 +69,7 @@ def correct_positions(
         reach: Pairs farther apart than this at q_m cannot overlap now [m].
         flagged: Work space, shape ``(n,)``.
         step: For messages.
-        threads: Number of threads.
+        pace: Decides between one thread and several.
 
     Raises:
         PhysicsError: If overlaps above `FORBIDDEN` cannot be removed.
@@ -81,7 +82,7 @@ def correct_positions(
     reach += 0.1 * model.mean_diameter
     rounds = 0
     while count and rounds < ROUNDS:
-        _correct_once(scene, model, motion, lists, reach, overlap, threads)
+        _correct_once(scene, model, motion, lists, reach, overlap, pace)
         rounds += 1
         overlap, count = _overlaps(scene, lists, reach, flagged)
     if overlap > FORBIDDEN:
@@ -94,7 +95,7 @@ def correct_positions(
 
 
 def _correct_once(
-    scene: Scene, model: Model, motion: WallMotion, lists: NeighbourList, reach: float, overlap: float, threads: int
+    scene: Scene, model: Model, motion: WallMotion, lists: NeighbourList, reach: float, overlap: float, pace: Pace
 ) -> None:
     """One linearized correction; ``overlap`` is the largest one now, over the smaller radius."""
     n = model.grain_count
@@ -112,7 +113,7 @@ def _correct_once(
     contacts.frame[:, 3] = contacts.frame[:, 2] + TARGET * smaller
     ordered = assemble(scene, contacts, still, inverse, motion.is_free, model.mean_diameter, model.shape_factor)
     scale = Scale(ALLOWED * float(model.grains.radius.min()), 1.0)
-    solve_system(ordered.system, scale, _SETTINGS, threads)
+    solve_system(ordered.system, scale, _SETTINGS, pace)
     displacement: Floats = ordered.system.velocity
     scene.position[:, :2] += displacement[:n, :2]
     scene.wall_position[:] += np.where(inverse > 0.0, displacement[n : n + model.wall_count, :3], 0.0)

@@ -28,6 +28,7 @@ from multicor_cli.solver.contact_table import ContactTable, tabulate_contacts
 from multicor_cli.solver.correction import correct_positions
 from multicor_cli.solver.gather import gather_contacts
 from multicor_cli.solver.neighbour_list import NeighbourList
+from multicor_cli.solver.pace import Pace
 from multicor_cli.solver.problem import ContactProblem, problem_of_step
 from multicor_cli.solver.settings import PhysicsError, Settings, StepReport
 from multicor_cli.solver.solve import Outcome, Scale, solve_system
@@ -83,6 +84,7 @@ class Engine:
         self._flagged = np.zeros(n, np.bool_)
         self._material = np.concatenate([model.grains.material, model.shapes.material]).astype(np.int32)
         self.shape_temperature: Floats = np.empty(0)
+        self._pace = Pace(self.threads)
         self._contacts: Contacts | None = None
         self._after: Floats = np.empty((0, 4))
         self._last_scene: Scene | None = None
@@ -111,7 +113,7 @@ class Engine:
             PhysicsError: If the state is not finite, the solver fails and ``on_failure`` is "error", or no admissible positions
                 exist.
         """
-        numba.set_num_threads(self.threads)
+        numba.set_num_threads(self._pace.favorite)
         self._contacts = self._last_scene = None  # free the contacts of the last step before there are new ones
         state, model, motion = self.state, self.model, self._motion
         if state.step == 0:
@@ -231,7 +233,7 @@ class Engine:
             contacts, scale = self._gather(scene, margin, dt)
             ordered = self._assemble(scene, contacts)
         with self._timed("solve"):
-            outcome = solve_system(ordered.system, scale, self.settings, self.threads, should_stop)
+            outcome = solve_system(ordered.system, scale, self.settings, self._pace, should_stop)
         ordered.collect(contacts)
         bodies = model.grain_count + model.wall_count
         return contacts, ordered.system.velocity[:bodies], outcome
@@ -288,7 +290,7 @@ class Engine:
             state.wall_position = middle_walls + 0.5 * dt * wall_after
         with self._timed("correct"):
             end = self._scene(state.position, state.wall_position)
-            correction = correct_positions(end, model, self._motion, self._list, reach, self._flagged, state.step, self.threads)
+            correction = correct_positions(end, model, self._motion, self._list, reach, self._flagged, state.step, self._pace)
             if model.period > 0.0:
                 wrap(state.position, state.image, model.period)
         with self._timed("account"):

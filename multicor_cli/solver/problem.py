@@ -9,6 +9,7 @@ import numpy as np
 
 from multicor_cli.kernels.contacts import Contacts, Scene
 from multicor_cli.kernels.sweep import System, add_impulses
+from multicor_cli.solver.pace import Pace
 from multicor_cli.solver.settings import Settings
 from multicor_cli.solver.solve import Scale, solve_system
 from multicor_cli.solver.system import delassus
@@ -150,7 +151,7 @@ def solve_contacts(
     movable = problem.inverse_mass[:, 0] > 0.0
     mass = float((1.0 / problem.inverse_mass[movable, 0]).sum())
     add_impulses(system)
-    outcome = solve_system(system, Scale(reference_velocity, 0.5 * mass * reference_velocity**2), settings, threads=1)
+    outcome = solve_system(system, Scale(reference_velocity, 0.5 * mass * reference_velocity**2), settings, Pace())
     velocity = system.velocity[: len(problem.velocity), :3].copy()
     if arm is not None:
         velocity[:, 2] = np.where(arm > 0.0, velocity[:, 2] / np.where(arm > 0.0, arm, 1.0), problem.velocity[:, 2])

@@ -2,17 +2,17 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
+import numba
 import numpy as np
 
 from multicor_cli.kernels import accelerate as loop
 from multicor_cli.kernels.sweep import BIPOTENTIAL, EXACT, System
+from multicor_cli.solver.pace import SLICE, Pace
 from multicor_cli.solver.settings import Settings
-
-SLICE = 2_000_000  # contact relaxations between two looks at the signals: well under 0.2 s
-PARALLEL_FROM = 6_000  # contacts from which several threads pay; the result is the same either way
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ def solve_system(
     system: System,
     scale: Scale,
     settings: Settings,
-    threads: int,
+    pace: Pace,
     should_stop: Callable[[], bool] | None = None,
 ) -> Outcome:
     """Sweep until the three tolerances are met or the cap is reached.
@@ -51,7 +51,7 @@ def solve_system(
         system: The problem, with velocities that match its impulses. **Impulses and velocities modified.**
         scale: Scale of the residuals.
         settings: Method, tolerances, cap.
-        threads: Number of threads that may be used.
+        pace: Decides between one thread and several, and takes note of what they cost.
         should_stop: Asked between slices.
 
     Raises:
@@ -79,17 +79,21 @@ def solve_system(
     )
     partial = np.empty(system.tile_start.size - 1)
     local = EXACT if settings.local == "exact" else BIPOTENTIAL
-    parallel = threads > 1 and count >= PARALLEL_FROM
     slice_ = max(1, SLICE // count)
     limit = 0
     while memory[loop.CONVERGED] == 0.0 and limit < settings.max_sweeps:
         limit = min(limit + slice_, settings.max_sweeps)
         is_last = limit == settings.max_sweeps
+        parallel = pace.choose(count)
+        numba.set_num_threads(pace.threads if parallel else 1)
+        done, started = float(memory[loop.SWEEPS]), time.perf_counter()
         loop.iterate(
             system, momentum, local, settings.method == "accelerated", parallel, limit, is_last, tolerance, memory, partial
         )
+        pace.note(count, parallel, (float(memory[loop.SWEEPS]) - done) * count, time.perf_counter() - started)
         if should_stop is not None and should_stop():
             raise Interrupted
+    numba.set_num_threads(pace.favorite)
     return Outcome(
         float(memory[loop.SWEEPS] + memory[loop.CHECKS]),
         bool(memory[loop.CONVERGED]),
