@@ -24,17 +24,21 @@ def draw_figure(beds: Beds, folder: Path) -> Path:
     folder.mkdir(parents=True, exist_ok=True)
     path = folder / "theta_eta.png"
     with figure_file(path, COLUMN, 0.85 * COLUMN) as figure:
-        axes = figure.subplots()
-        pairs = (("vacuum", beds.vacuum, beds.lattice_vacuum), ("air", beds.air, beds.lattice_air))
-        for (name, table, lattice), color in zip(pairs, COLORS, strict=False):
-            _draw_bed(axes, table, color, f"deposited, {name}")
-            axes.plot(lattice.eta, lattice.theta, "--", color=color, linewidth=1.0, label=f"lattice, {name}")
-        axes.set_xlim(0.0, _SHOWN)
-        axes.set_ylim(0.0, 1.0)
-        axes.set_xlabel(r"distance from the floor $\eta = y/H$ [–]")
-        axes.set_ylabel(r"temperature $\theta = (T - T_0)/(T_\mathrm{wall} - T_0)$ [–]")
-        axes.legend(loc="upper right", title="bar: standard deviation", title_fontsize=7.0)
+        draw_beds(figure.subplots(), beds)
     return path
+
+
+def draw_beds(axes: Any, beds: Beds) -> None:
+    """Draw the deposited bed and the lattice, in vacuum and in air, into matplotlib axes."""
+    pairs = (("vacuum", beds.vacuum, beds.lattice_vacuum), ("air", beds.air, beds.lattice_air))
+    for (name, table, lattice), color in zip(pairs, COLORS, strict=False):
+        _draw_bed(axes, table, color, f"deposited, {name}")
+        axes.plot(lattice.eta, lattice.theta, "--", color=color, linewidth=1.0, label=f"lattice, {name}")
+    axes.set_xlim(0.0, _SHOWN)
+    axes.set_ylim(0.0, 1.0)
+    axes.set_xlabel(r"distance from the floor $\eta = y/H$ [–]")
+    axes.set_ylabel(r"temperature $\theta = (T - T_0)/(T_\mathrm{wall} - T_0)$ [–]")
+    axes.legend(loc="upper right", title="bar: standard deviation", title_fontsize=7.0)
 
 
 def _draw_bed(axes: Any, table: ThetaTable, color: str, label: str) -> None:

@@ -10,12 +10,11 @@ import numpy as np
 from entry import Entry, Panel, Rows, on_axes, percent
 
 from multicor_cli.plots import draw_theta_eta
-from multicor_cli.plots.style import COLORS, COLUMN
+from multicor_cli.plots.style import COLUMN
 from multicor_cli.post import ThetaTable
 
 sys.path.append(str(Path(__file__).parents[1] / "heated_bed"))  # the benchmark of this study has the lattice and the bed in air
 
-_SHOWN = 0.3
 _AGREES = 0.03  # η above which the paper reports agreement
 _COLD = 0.1
 
@@ -24,6 +23,7 @@ def bed_entries(path: Path) -> list[Entry]:
     """Figure 7 from a finished run of ``configs/heated-bed.toml``; the bed is heated once more in air."""
     from comparison import compare_beds, tabulate
     from deposited import read_bed
+    from figure import draw_beds
     from reheating import heat_bed
 
     bed, mechanics = read_bed(path)
@@ -43,7 +43,9 @@ def bed_entries(path: Path) -> list[Entry]:
         "figure-07-bed", "The deposited bed in vacuum.", on_axes(_SIZE, lambda axes: draw_theta_eta(axes, beds.vacuum))
     )
     both = Panel(
-        "figure-07-air", "In vacuum and in air, beside a perfect lattice (dashes).", on_axes(_SIZE, lambda axes: _draw(axes, beds))
+        "figure-07-air",
+        "In vacuum and in air, beside a perfect lattice (dashes).",
+        on_axes(_SIZE, lambda axes: draw_beds(axes, beds)),
     )
     return [
         Entry(
@@ -111,26 +113,3 @@ def _differs(beds: Any, mechanics: Any, ratio: tuple[float, float]) -> list[str]
             f"{mechanics.solid_fraction:.3f}), in the lattice 4. Nothing was tuned."
         ),
     ]
-
-
-def _draw(axes: Any, beds: Any) -> None:
-    pairs = (("vacuum", beds.vacuum, beds.lattice_vacuum), ("air", beds.air, beds.lattice_air))
-    for (name, table, lattice), color in zip(pairs, COLORS, strict=False):
-        near = np.isfinite(table.mean) & (table.center < _SHOWN)
-        axes.errorbar(
-            table.center[near],
-            table.mean[near],
-            yerr=table.spread[near],
-            fmt="o",
-            color=color,
-            markersize=2.2,
-            markeredgewidth=0.0,
-            elinewidth=0.6,
-            label=f"deposited, {name}",
-        )
-        axes.plot(lattice.eta, lattice.theta, "--", color=color, linewidth=1.0, label=f"lattice, {name}")
-    axes.set_xlim(0.0, _SHOWN)
-    axes.set_ylim(0.0, 1.0)
-    axes.set_xlabel(r"distance from the floor $\eta = y/H$ [–]")
-    axes.set_ylabel(r"temperature $\theta = (T - T_0)/(T_\mathrm{wall} - T_0)$ [–]")
-    axes.legend(loc="upper right", title="bar: standard deviation", title_fontsize=7.0)

@@ -99,7 +99,7 @@ def prepare(scene: BenchScene, grains: int, *, seed: int = 1, threads: int = 1) 
     model, state, plan = _begin(scene, count, seed, copies)
     starts = [0.0]
     if len(plan.stages) > 1:
-        starts = _run_to(plan, scene, count, seed, model, state)
+        starts = _run_to_last(scene, count, seed, model, state)
     if copies > 1 or len(plan.stages) > 1:
         model, state = repeat_scene(model, state, copies) if scene.tile else (model, _fresh(model, state))
     stage = plan.stages[-1]
@@ -121,7 +121,7 @@ def _begin(scene: BenchScene, count: int, seed: int, copies: int) -> tuple[Model
     return model, state, make_plan(_scenario(scene, count, seed, copies), model)
 
 
-def _run_to(plan: RunPlan, scene: BenchScene, count: int, seed: int, model: Model, state: State) -> list[float]:
+def _run_to_last(scene: BenchScene, count: int, seed: int, model: Model, state: State) -> list[float]:
     """Carry out all stages but the last; returns the times at which the stages began [s]."""
     scenario = _scenario(scene, count, seed, 1)
     own = make_plan(scenario, model)

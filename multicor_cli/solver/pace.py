@@ -29,6 +29,7 @@ class Pace:
         self.threads = threads
         self._cost = {False: math.nan, True: math.nan}
         self._work = 0.0  # since the other way was tried
+        self._is_warm = False
 
     @property
     def favorite(self) -> int:
@@ -48,7 +49,7 @@ class Pace:
         return best if self._work < _PATIENCE * ratio else not best
 
     def note(self, contacts: int, is_parallel: bool, relaxations: float, seconds: float) -> None:
-        """Take note of a slice.
+        """Take note of a slice; the very first one counts for nothing.
 
         Args:
             contacts: Contacts of the problem; small ones count for nothing.
@@ -57,6 +58,9 @@ class Pace:
             seconds: Time that it took [s].
         """
         if self.threads == 1 or contacts < PARALLEL_FROM or relaxations <= 0.0:
+            return
+        if not self._is_warm:  # the kernels were compiled or loaded in it
+            self._is_warm = True
             return
         cost, before = seconds / relaxations, self._cost[is_parallel]
         other = self._cost[not is_parallel]

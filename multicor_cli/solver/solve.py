@@ -81,19 +81,22 @@ def solve_system(
     local = EXACT if settings.local == "exact" else BIPOTENTIAL
     slice_ = max(1, SLICE // count)
     limit = 0
-    while memory[loop.CONVERGED] == 0.0 and limit < settings.max_sweeps:
-        limit = min(limit + slice_, settings.max_sweeps)
-        is_last = limit == settings.max_sweeps
-        parallel = pace.choose(count)
-        numba.set_num_threads(pace.threads if parallel else 1)
-        done, started = float(memory[loop.SWEEPS]), time.perf_counter()
-        loop.iterate(
-            system, momentum, local, settings.method == "accelerated", parallel, limit, is_last, tolerance, memory, partial
-        )
-        pace.note(count, parallel, (float(memory[loop.SWEEPS]) - done) * count, time.perf_counter() - started)
-        if should_stop is not None and should_stop():
-            raise Interrupted
-    numba.set_num_threads(pace.favorite)
+    outside = numba.get_num_threads()
+    try:
+        while memory[loop.CONVERGED] == 0.0 and limit < settings.max_sweeps:
+            limit = min(limit + slice_, settings.max_sweeps)
+            is_last = limit == settings.max_sweeps
+            parallel = pace.choose(count)
+            numba.set_num_threads(pace.threads if parallel else 1)
+            done, started = float(memory[loop.SWEEPS]), time.perf_counter()
+            loop.iterate(
+                system, momentum, local, settings.method == "accelerated", parallel, limit, is_last, tolerance, memory, partial
+            )
+            pace.note(count, parallel, (float(memory[loop.SWEEPS]) - done) * count, time.perf_counter() - started)
+            if should_stop is not None and should_stop():
+                raise Interrupted
+    finally:
+        numba.set_num_threads(outside)  # whoever calls may have chosen it
     return Outcome(
         float(memory[loop.SWEEPS] + memory[loop.CHECKS]),
         bool(memory[loop.CONVERGED]),

@@ -30,6 +30,14 @@ def test_the_faster_way_is_taken_nearly_always(threads_pay: bool) -> None:
     assert Pace(2).favorite == 2
 
 
+def test_compilation_in_the_first_slice_misleads_nobody() -> None:
+    pace = Pace(2)
+    way = pace.choose(MANY)
+    pace.note(MANY, way, float(SLICE), 20.0)
+    chosen = carry_out(pace, 200, {True: 5e-9, False: 1e-8})
+    assert chosen.count(True) > 190
+
+
 def test_it_follows_what_changes() -> None:
     pace = Pace(2)
     carry_out(pace, 100, {True: 5e-9, False: 1e-8})
