@@ -14,7 +14,7 @@ _PANELS: tuple[tuple[str, tuple[tuple[str, str], ...]], ...] = (
     ("inertial number $I$ [–]", (("inertial_number", ""),)),
     (r"friction $\mu^*$ [–]", (("friction_walls", "walls"), ("friction_bulk", "bulk"))),
     (r"solid fraction $\nu$ [–]", (("solid_fraction", ""),)),
-    ("contacts per grain [–]", (("coordination", "$Z$, all"), ("coordination_loaded", "$Z'$, no rattlers"))),
+    ("contacts per grain [–]", (("coordination", "$Z$, all"), ("coordination_loaded", "Z′, no rattlers"))),
     ("anisotropy $a_c$ [–]", (("fabric_anisotropy", ""),)),
     (r"spin $\langle\omega\rangle/\dot\gamma$ [–]", (("spin_ratio", ""),)),
 )
