@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
@@ -14,6 +16,7 @@ from multicor_cli.cli.options import Overrides, ScenarioFile, count_noun
 if TYPE_CHECKING:
     from multicor_cli.run.estimate import Estimate
     from multicor_cli.run.plan import RunPlan
+    from multicor_cli.run.time_step import StepReview
     from multicor_cli.scenario.scenario import Scenario
     from multicor_cli.state import Model
 
@@ -59,14 +62,16 @@ def validate(
     from multicor_cli.packing import build
     from multicor_cli.run.estimate import estimate
     from multicor_cli.run.planning import make_plan
+    from multicor_cli.run.time_step import review_steps
 
     model, state = build(loaded)
     plan = make_plan(loaded, model)
     cost = estimate(loaded, plan, model, state, cores)
+    reviews = review_steps(loaded, model, plan)
     if is_json:
-        emit_json(_summary(loaded, plan, model, cost))
+        emit_json(_summary(loaded, plan, model, cost, reviews))
         return
-    emit_pairs(_lines(loaded, plan, model, cost))
+    emit_pairs(_lines(loaded, plan, model, cost, reviews))
     say(f"({cost.basis})")
 
 
@@ -77,7 +82,9 @@ def schema() -> None:
     emit_json(scenario_schema())
 
 
-def _summary(scenario: Scenario, plan: RunPlan, model: Model, cost: Estimate) -> dict[str, Any]:
+def _summary(
+    scenario: Scenario, plan: RunPlan, model: Model, cost: Estimate, reviews: Sequence[StepReview | None]
+) -> dict[str, Any]:
     return {
         "valid": True,
         "scenario": str(scenario.path),
@@ -86,8 +93,14 @@ def _summary(scenario: Scenario, plan: RunPlan, model: Model, cost: Estimate) ->
         "grain_count": model.grain_count,
         "wall_count": model.wall_count,
         "stages": [
-            {"name": stage.name, "dt": stage.dt, "step_limit": stage.step_limit, "frame_every": stage.frame_every}
-            for stage in plan.stages
+            {
+                "name": stage.name,
+                "dt": stage.dt,
+                "dt_review": None if review is None else asdict(review),
+                "step_limit": stage.step_limit,
+                "frame_every": stage.frame_every,
+            }
+            for stage, review in zip(plan.stages, reviews, strict=True)
         ],
         "estimate": {
             "steps": cost.steps,
@@ -102,14 +115,27 @@ def _summary(scenario: Scenario, plan: RunPlan, model: Model, cost: Estimate) ->
     }
 
 
-def _lines(scenario: Scenario, plan: RunPlan, model: Model, cost: Estimate) -> list[tuple[str, str]]:
+def _time_steps(plan: RunPlan, reviews: Sequence[StepReview | None]) -> str:
+    """Each different time step, with what it resolves and the stages that have it."""
+    names: dict[str, list[str]] = {}
+    for stage, review in zip(plan.stages, reviews, strict=True):
+        text = f"{stage.dt:.4g} s" + ("" if review is None else f": {review.text()}")
+        names.setdefault(text, []).append(stage.name)
+    if len(names) == 1:
+        return next(iter(names))
+    return "; ".join(f"{text} ({', '.join(stages)})" for text, stages in names.items())
+
+
+def _lines(
+    scenario: Scenario, plan: RunPlan, model: Model, cost: Estimate, reviews: Sequence[StepReview | None]
+) -> list[tuple[str, str]]:
     steps = "not known in advance" if cost.steps is None else f"{cost.steps} at most, in {count_noun(len(plan.stages), 'stage')}"
     frames = "not known in advance" if cost.frames is None else f"{cost.frames} of {format_bytes(cost.frame_bytes)}"
     lines = [
         ("scenario", f"{scenario.path} is valid"),
         ("grains", f"{model.grain_count}, mean diameter {model.mean_diameter:.4g} m"),
         ("walls", f"{model.wall_count} of {model.shape_count} shapes"),
-        ("time step", ", ".join(dict.fromkeys(f"{stage.dt:g} s" for stage in plan.stages))),
+        ("time step", _time_steps(plan, reviews)),
         ("steps", steps),
         ("frames", frames),
         ("memory", f"about {format_bytes(cost.memory)}"),

@@ -17,6 +17,10 @@ class Constant:
         """Value at ``t`` seconds after the start of the stage."""
         return self.level
 
+    def largest(self) -> float:
+        """Largest magnitude at any time."""
+        return abs(self.level)
+
     def corners(self, start: float, end: float) -> list[float]:
         """Times between ``start`` and ``end`` at which an integrator should begin a new step [s]."""
         return []
@@ -36,6 +40,10 @@ class Ramp:
             return self.end
         return self.start + (self.end - self.start) * (t / self.duration)
 
+    def largest(self) -> float:
+        """Largest magnitude at any time."""
+        return max(abs(self.start), abs(self.end))
+
     def corners(self, start: float, end: float) -> list[float]:
         """Times between ``start`` and ``end`` at which an integrator should begin a new step [s]."""
         return [self.duration] if start < self.duration < end else []
@@ -53,6 +61,10 @@ class Sine:
     def value(self, t: float) -> float:
         """Value at ``t`` seconds after the start of the stage."""
         return self.mean + self.amplitude * math.sin(2.0 * math.pi * (t / self.period) + self.phase)
+
+    def largest(self) -> float:
+        """Largest magnitude at any time."""
+        return abs(self.mean) + abs(self.amplitude)
 
     def corners(self, start: float, end: float) -> list[float]:
         """Times between ``start`` and ``end`` at which an integrator should begin a new step [s]: 16 in a period."""
@@ -78,6 +90,10 @@ class Table:
         share = (t - t0) / (t1 - t0)
         return self.values[k - 1] + (self.values[k] - self.values[k - 1]) * share
 
+    def largest(self) -> float:
+        """Largest magnitude at any time."""
+        return max(abs(value) for value in self.values)
+
     def corners(self, start: float, end: float) -> list[float]:
         """Times between ``start`` and ``end`` at which an integrator should begin a new step [s]."""
         return list(self.times[bisect.bisect_right(self.times, start) : bisect.bisect_left(self.times, end)])
@@ -93,6 +109,10 @@ class Shifted:
     def value(self, t: float) -> float:
         """Value at ``t`` seconds after the start of the present stage."""
         return self.signal.value(self.offset + t)
+
+    def largest(self) -> float:
+        """Largest magnitude at any time, the past included."""
+        return self.signal.largest()
 
     def corners(self, start: float, end: float) -> list[float]:
         """Times between ``start`` and ``end`` at which an integrator should begin a new step [s]."""

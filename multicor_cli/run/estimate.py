@@ -9,6 +9,7 @@ from multicor_cli.physics.drives import Constant, Signal, WallDrive
 from multicor_cli.physics.hertz import hertz_flattening
 from multicor_cli.run.conditions import StrainReached
 from multicor_cli.run.plan import RunPlan, StagePlan
+from multicor_cli.run.time_step import largest_pressure
 from multicor_cli.scenario.scenario import Scenario
 from multicor_cli.state import Model, State
 from multicor_cli.store import schema
@@ -202,12 +203,7 @@ def _flattening(scenario: Scenario, plan: RunPlan, model: Model) -> float | None
 
 
 def _typical_force(scenario: Scenario, plan: RunPlan, model: Model) -> float:
-    """Pressure times mean diameter [N]: the larger of the weight of all grains over the width, and loads over their length."""
-    pressure = float(model.grains.mass.sum()) * abs(scenario.domain.gravity[1]) / scenario.domain.size[0]
-    for stage in plan.stages:
-        times = (0.0, stage.dt * (stage.step_limit or 0))
-        for drive, length in zip(stage.drives.started([0.0] * len(plan.stages)), model.walls.length, strict=True):
-            signals = [dof.force for dof in (drive.x, drive.y) if dof.force is not None]
-            loads = [abs(signal.value(t)) / float(length) for signal in signals for t in times]
-            pressure = max([pressure, *loads])
-    return pressure * model.mean_diameter
+    """The largest pressure of any stage times the mean diameter [N]."""
+    zeros = [0.0] * len(plan.stages)
+    pressures = [largest_pressure(scenario, model, stage.drives.started(zeros)) for stage in plan.stages]
+    return max(pressures) * model.mean_diameter

@@ -5,7 +5,11 @@ from __future__ import annotations
 from multicor_cli.run.conditions import Condition, RestReached, ShearGauge, StrainReached
 from multicor_cli.run.heat_plan import wall_heat
 from multicor_cli.run.plan import RunPlan, StageHeat, StagePlan, count_steps
+from multicor_cli.run.time_step import automatic_step, find_scales
+from multicor_cli.scenario.checks.timing import MAX_STEPS
+from multicor_cli.scenario.drives import StageDrives
 from multicor_cli.scenario.loading import Stage, UntilStrain
+from multicor_cli.scenario.problems import ScenarioError
 from multicor_cli.scenario.scenario import Scenario
 from multicor_cli.scenario.settings import Solver
 from multicor_cli.solver.settings import Settings
@@ -20,6 +24,7 @@ def make_plan(scenario: Scenario, model: Model) -> RunPlan:
         model: Grains and walls of the run.
 
     Raises:
+        ScenarioError: If nothing sets the scale of an automatic time step, or it is too short for the duration of its stage.
         ValueError: If the strain of a stage is not defined; loading a scenario excludes it.
     """
     drives = scenario.drives(model.walls.names)
@@ -28,20 +33,36 @@ def make_plan(scenario: Scenario, model: Model) -> RunPlan:
     stages = []
     for number, stage in enumerate(scenario.loading):
         solver = scenario.stage_solver(number)
+        dt = _automatic_step(scenario, model, number, drives[number]) if solver.dt == "auto" else solver.dt
         stages.append(
             StagePlan(
                 name=stage_name(stage, number),
-                dt=solver.dt,
-                step_limit=None if stage.duration is None else count_steps(stage.duration, solver.dt),
+                dt=dt,
+                step_limit=None if stage.duration is None else count_steps(stage.duration, dt),
                 until=_condition(stage, model),
-                frame_every=count_steps(output.frame_interval, solver.dt),
-                series_every=count_steps(output.series_interval, solver.dt),
+                frame_every=count_steps(output.frame_interval, dt),
+                series_every=count_steps(output.series_interval, dt),
                 settings=_settings(solver),
                 drives=drives[number],
                 heat=heat[number],
             )
         )
     return RunPlan(scenario.name, tuple(stages), output.checkpoint_interval, output.contacts)
+
+
+def _automatic_step(scenario: Scenario, model: Model, number: int, drives: StageDrives) -> float:
+    stage = scenario.loading[number]
+    path = ("loading", number, "dt") if stage.dt is not None else ("solver", "dt")
+    dt = automatic_step(find_scales(scenario, model, drives.started([0.0] * (number + 1))), scenario.output)
+    if dt is None:
+        what = f'"auto" finds no scale in stage {number}: no weight, no load and no driven wall'
+        raise ScenarioError([scenario.problem(path, what, "give the time step [s]")])
+    if stage.duration is None:
+        return dt
+    if stage.duration > MAX_STEPS * dt:
+        what = f"{stage.duration:g} s are {stage.duration / dt:.2g} steps of the automatic time step {dt:g} s"
+        raise ScenarioError([scenario.problem(("loading", number, "duration"), what, f"stay below {MAX_STEPS:g} steps")])
+    return min(dt, stage.duration)
 
 
 def _stage_heat(scenario: Scenario, model: Model) -> list[StageHeat | None]:

@@ -8,7 +8,7 @@ from typing import Annotated, Literal, Self
 from pydantic import AfterValidator, Discriminator, Field, Strict, Tag, model_validator
 
 from multicor_cli.scenario.base import Name, Ratio, Table, Time, Tolerance, refuse, tag_by_key
-from multicor_cli.scenario.settings import MAX_SWEEPS, Output
+from multicor_cli.scenario.settings import MAX_SWEEPS, Output, TimeStep
 from multicor_cli.scenario.signals import Signal
 from multicor_cli.scenario.wall_heat import WallCondition
 
@@ -110,10 +110,10 @@ class Stage(Table):
     name: Name | None = Field(None, description="name of the stage")
     duration: Time | None = Field(None, description="length of the stage [s]; with until: its upper bound")
     until: Until | None = Field(None, description="condition that ends the stage: strain or kinetic_energy_ratio")
-    dt: Time | None = Field(
+    dt: TimeStep | None = Field(
         None,
-        description="time step of this stage [s]; default: that of [solver]. In a frozen stage the time between looks at the "
-        "temperatures, and the least time between frames and rows; default: the smaller interval of [output]",
+        description='time step of this stage [s], or "auto"; default: that of [solver]. In a frozen stage the time between looks '
+        "at the temperatures, and the least time between frames and rows; default: the smaller interval of [output]",
     )
     solver: StageSolver | None = Field(None, description="tolerances of [solver] to override in this stage")
     drives: dict[Name, WallDrives] = Field(
@@ -142,6 +142,10 @@ class Stage(Table):
     def _still(self) -> Self:
         if not self.frozen:
             return self
+        if self.dt == "auto":
+            raise refuse(
+                "there is no automatic time step with frozen = true", "give the time between looks [s], or remove dt", "dt"
+            )
         if self.heat is False:
             raise refuse("nothing happens in a stage with frozen = true and heat = false", "remove one of the two", "heat")
         for key in ("until", "drives", "solver"):
@@ -156,5 +160,6 @@ def frozen_dt(stage: Stage, output: Output) -> float:
     That of the stage, or the smaller interval of ``output``; shortened so that the duration is a whole number of them.
     """
     assert stage.duration is not None  # a frozen stage has no other end
+    assert stage.dt != "auto"  # nor an automatic time step
     longest = stage.dt if stage.dt is not None else min(output.series_interval, output.frame_interval)
     return stage.duration / max(1, math.ceil(stage.duration / longest * (1.0 - 1e-9)))

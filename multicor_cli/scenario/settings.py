@@ -15,6 +15,13 @@ Seed = Annotated[
 ]
 
 
+TimeStep = Annotated[
+    Annotated[Time, Tag("<plain>")] | Annotated[Literal["auto"], Tag("<word>")],
+    Discriminator(tag_word),
+]
+"""A time step [s], or ``"auto"``: see `multicor_cli.run.time_step`."""
+
+
 class Header(Table):
     """``[scenario]``: what this is."""
 
@@ -36,7 +43,9 @@ class Domain(Table):
 class Solver(Table):
     """``[solver]``: time step and contact solver."""
 
-    dt: Time = Field(description="time step [s]")
+    dt: TimeStep = Field(
+        "auto", description='time step [s], or "auto": the largest that resolves the pressure, the shear and the fall of each stage'
+    )
     method: Literal["accelerated", "gauss-seidel"] = Field("accelerated", description="global solution of the contacts")
     local: Literal["exact", "bipotential"] = Field("exact", description="local solution of one contact")
     tolerance_rms: Tolerance = Field(1e-3, description="rms of the velocity corrections over the reference velocity")

@@ -34,11 +34,13 @@ def _time_steps(draft: Draft) -> list[float]:
 
 
 def _time_step(draft: Draft, stage: Stage) -> float | None:
-    if stage.dt is not None:
-        return stage.dt
-    if stage.frozen:
-        return frozen_dt(stage, draft.output) if draft.output else None
-    return draft.solver.dt if draft.solver else None
+    """Time step of a stage; None if it is not known yet: an automatic one suits the output whatever it is."""
+    dt = stage.dt
+    if dt is None:
+        if stage.frozen:
+            return frozen_dt(stage, draft.output) if draft.output else None
+        dt = draft.solver.dt if draft.solver else None
+    return None if dt == "auto" else dt
 
 
 def _check_durations(draft: Draft) -> Iterator[Finding]:
@@ -87,4 +89,4 @@ def _check_amounts(draft: Draft) -> Iterator[Finding]:
 
 def _between(stage: Stage, interval: float) -> float:
     """Time between two rows or frames that are wanted at an interval [s]."""
-    return max(interval, stage.dt) if stage.frozen and stage.dt is not None else interval
+    return max(interval, stage.dt) if stage.frozen and isinstance(stage.dt, float) else interval
