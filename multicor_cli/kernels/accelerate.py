@@ -22,14 +22,12 @@ from multicor_cli.state.model import Floats
 
 
 class Momentum(NamedTuple):
-    """Last iterate and last change of all unknowns; shapes as in `System`, velocities without the last column."""
+    """Last iterate, and last change of the velocities; shapes as in `System`, velocities without the last column."""
 
     velocity: Floats
     velocity_change: Floats
     impulse: Floats
-    impulse_change: Floats
     general_impulse: Floats
-    general_change: Floats
 
 
 # Slots of the memory that carries the loop from one slice of sweeps to the next.
@@ -100,29 +98,48 @@ def _change_products(s: System, m: Momentum, parallel: bool) -> tuple[float, flo
 
 
 @kernel
-def _extrapolate_row(current: Floats, last: Floats, change: Floats, row: int, columns: int, factor: float) -> None:
-    for d in range(columns):
-        new = current[row, d]
-        step = new - last[row, d]
-        change[row, d] = step
-        last[row, d] = new
-        current[row, d] = new + factor * step
-
-
-@parallel_kernel
-def _extrapolate_on_threads(current: Floats, last: Floats, change: Floats, columns: int, factor: float) -> None:
-    for row in prange(last.shape[0]):
-        _extrapolate_row(current, last, change, row, columns, factor)
+def _extrapolate_velocity(current: Floats, last: Floats, change: Floats, b: int, factor: float) -> None:
+    """Record the new velocity of a body and its change, and move it on by ``factor`` times the change."""
+    for d in range(3):
+        new = current[b, d]
+        step = new - last[b, d]
+        change[b, d] = step
+        last[b, d] = new
+        current[b, d] = new + factor * step
 
 
 @kernel
-def _extrapolate(current: Floats, last: Floats, change: Floats, columns: int, factor: float, parallel: bool) -> None:
-    """Record the new iterate and its change, and move ``current`` on by ``factor`` times the change."""
+def _extrapolate_impulse(current: Floats, last: Floats, k: int, factor: float) -> None:
+    """As `_extrapolate_velocity`, for an impulse; nobody asks for its change."""
+    for d in range(2):
+        new = current[k, d]
+        current[k, d] = new + factor * (new - last[k, d])
+        last[k, d] = new
+
+
+@parallel_kernel
+def _extrapolate_on_threads(
+    velocity: Floats, last_velocity: Floats, change: Floats, impulse: Floats, last_impulse: Floats, factor: float
+) -> None:
+    # Array by array: Numba drops stores of a parallel loop to an array that it only knows as part of a tuple.
+    for b in prange(last_velocity.shape[0]):
+        _extrapolate_velocity(velocity, last_velocity, change, b, factor)
+    for k in prange(last_impulse.shape[0]):
+        _extrapolate_impulse(impulse, last_impulse, k, factor)
+
+
+@kernel
+def _extrapolate(s: System, m: Momentum, factor: float, parallel: bool) -> None:
+    """Record the new iterate and its change, and move on by ``factor`` times the change."""
     if parallel:
-        _extrapolate_on_threads(current, last, change, columns, factor)
+        _extrapolate_on_threads(s.velocity, m.velocity, m.velocity_change, s.impulse, m.impulse, factor)
     else:
-        for row in range(last.shape[0]):
-            _extrapolate_row(current, last, change, row, columns, factor)
+        for b in range(m.velocity.shape[0]):
+            _extrapolate_velocity(s.velocity, m.velocity, m.velocity_change, b, factor)
+        for k in range(m.impulse.shape[0]):
+            _extrapolate_impulse(s.impulse, m.impulse, k, factor)
+    for g in range(m.general_impulse.shape[0]):
+        _extrapolate_impulse(s.general_impulse, m.general_impulse, g, factor)
 
 
 @kernel
@@ -135,11 +152,9 @@ def _remember(s: System, m: Momentum) -> None:
     for k in range(m.impulse.shape[0]):
         for d in range(2):
             m.impulse[k, d] = s.impulse[k, d]
-            m.impulse_change[k, d] = 0.0
     for g in range(m.general_impulse.shape[0]):
         for d in range(2):
             m.general_impulse[g, d] = s.general_impulse[g, d]
-            m.general_change[g, d] = 0.0
 
 
 @kernel
@@ -234,6 +249,4 @@ def iterate(
                 cross, square = _change_products(s, m, parallel)
                 factor = _choose_factor(cross, square, change, memory)
             memory[FACTOR] = factor
-            _extrapolate(s.velocity, m.velocity, m.velocity_change, 3, factor, parallel)
-            _extrapolate(s.impulse, m.impulse, m.impulse_change, 2, factor, parallel)
-            _extrapolate(s.general_impulse, m.general_impulse, m.general_change, 2, factor, False)
+            _extrapolate(s, m, factor, parallel)

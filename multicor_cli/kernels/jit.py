@@ -11,10 +11,12 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 from multicor_cli.kernels.cache import configure_cache
+from multicor_cli.kernels.layer import prefer_openmp
 
 configure_cache()
+prefer_openmp()
 
-import numba  # noqa: E402  (the cache directory must be set first)
+import numba  # noqa: E402  (the cache directory and the threading layer must be set first)
 import numpy as np  # noqa: E402
 
 from multicor_cli.state.model import Floats  # noqa: E402

@@ -221,7 +221,8 @@ def _rheologies(first: ScenarioSource, second: ScenarioSource, selection: Select
             return []
     one, two = found
     angles = [table.mean["fabric_direction"] for table in found]
-    two.mean["fabric_direction"] = angles[0] + (angles[1] - angles[0] + 90.0) % 180.0 - 90.0  # directions repeat every 180°
+    # Directions repeat every 180°.
+    two.mean["fabric_direction"] = angles[0] + ((angles[1] - angles[0] + 90.0) % 180.0 - 90.0)
     return [
         Pair(
             q.name,

@@ -21,7 +21,7 @@ from multicor_cli.state import Model
 PRESSURE = 0.2
 """Largest Δt over √(m̄/P)."""
 
-STRAIN = 0.02
+STRAIN = 0.01
 """Largest strain in a step, γ̇ Δt."""
 
 FALL = 0.3

@@ -3,11 +3,15 @@
 The correction is the smallest one in the metric of the masses, min ½ Σ m δq² with gap + n·δq ≥ −target for all near pairs. That is
 a contact problem without friction whose velocities are displacements, so the contact solver solves it, accelerated, with the
 walls that a force drives taking part. (Pushing pairs apart one by one never ends under a heavy lid.)
+
+In a flow a few contacts overlap a little in nearly every step. Every loaded contact around them can take a part of the correction
+up to the target, so that it is enough to move the grains nearby, with all others and the walls held: the first rounds do that, and
+the following ones move everything if need be.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -15,8 +19,8 @@ from numpy.typing import NDArray
 from multicor_cli.kernels.contacts import Scene, pair_geometry
 from multicor_cli.kernels.jit import chunks_for
 from multicor_cli.kernels.neighbours import place_shapes
-from multicor_cli.kernels.overlaps import measure_overlaps
-from multicor_cli.solver.gather import gather_still_contacts
+from multicor_cli.kernels.overlaps import hide_pairs, measure_overlaps, surround
+from multicor_cli.solver.gather import gather_still_contacts, measure_gaps
 from multicor_cli.solver.neighbour_list import NeighbourList
 from multicor_cli.solver.pace import Pace
 from multicor_cli.solver.settings import PhysicsError, Settings
@@ -29,7 +33,11 @@ ALLOWED = 5e-4  # overlap over the smaller radius that is left alone
 TARGET = 2.5e-4  # what the correction leaves, so that a loaded contact stays closed and the next correction is far
 FORBIDDEN = 1e-3  # a run that cannot get below this stops
 ROUNDS = 20  # of linearized corrections
+LOCAL_ROUNDS = 3  # of them with only the grains nearby
+RINGS = 4  # of neighbors that make up "nearby"
+LOCAL_SHARE = 0.5  # of all grains; if more are nearby, all are moved at once
 _SETTINGS = Settings(tolerance_rms=0.05, tolerance_max=0.25, tolerance_energy=np.inf, max_sweeps=2_000)
+_LOCAL = replace(_SETTINGS, method="gauss-seidel", max_sweeps=200)  # momentum would be carried for all bodies
 
 
 @dataclass(frozen=True)
@@ -82,7 +90,7 @@ def correct_positions(
     reach += 0.1 * model.mean_diameter
     rounds = 0
     while count and rounds < ROUNDS:
-        _correct_once(scene, model, motion, lists, reach, overlap, pace)
+        _correct_once(scene, model, motion, lists, reach, overlap, flagged if rounds < LOCAL_ROUNDS else None, pace)
         rounds += 1
         overlap, count = _overlaps(scene, lists, reach, flagged)
     if overlap > FORBIDDEN:
@@ -95,9 +103,20 @@ def correct_positions(
 
 
 def _correct_once(
-    scene: Scene, model: Model, motion: WallMotion, lists: NeighbourList, reach: float, overlap: float, pace: Pace
+    scene: Scene,
+    model: Model,
+    motion: WallMotion,
+    lists: NeighbourList,
+    reach: float,
+    overlap: float,
+    flagged: NDArray[np.bool_] | None,
+    pace: Pace,
 ) -> None:
-    """One linearized correction; ``overlap`` is the largest one now, over the smaller radius."""
+    """One linearized correction.
+
+    ``overlap`` is the largest one now, over the smaller radius; ``flagged`` says around which grains others may be moved
+    (**modified**), None: everywhere.
+    """
     n = model.grain_count
     still = np.zeros((n + model.wall_count, 4))
     still[:n, 3] = 1.0 / model.grains.mass
@@ -106,14 +125,21 @@ def _correct_once(
     inverse[:, 2] = 0.0  # walls are not turned
     # Pairs that a chain of corrections may close: a few of the largest overlaps away.
     near = min(reach, 20.0 * overlap * float(model.grains.radius.max()))
-    contacts = gather_still_contacts(scene, lists, near, still)
+    gap = measure_gaps(scene, lists)
+    is_local = flagged is not None and surround(lists.row, lists.partner, gap, near, RINGS, flagged) <= LOCAL_SHARE * n
+    if flagged is not None and is_local:
+        hide_pairs(lists.row, lists.partner, flagged, gap)
+        still[:n, 3] *= flagged
+        inverse[:] = 0.0
+    contacts = gather_still_contacts(scene, lists, gap, near, still)
     smaller = scene.radius[contacts.i]
     grains = contacts.j < n
     smaller[grains] = np.minimum(smaller[grains], scene.radius[contacts.j[grains]])
     contacts.frame[:, 3] = contacts.frame[:, 2] + TARGET * smaller
-    ordered = assemble(scene, contacts, still, inverse, motion.is_free, model.mean_diameter, model.shape_factor)
+    free = motion.is_free & ~np.full(model.wall_count, is_local)
+    ordered = assemble(scene, contacts, still, inverse, free, model.mean_diameter, model.shape_factor)
     scale = Scale(ALLOWED * float(model.grains.radius.min()), 1.0)
-    solve_system(ordered.system, scale, _SETTINGS, pace)
+    solve_system(ordered.system, scale, _LOCAL if is_local else _SETTINGS, pace)
     displacement: Floats = ordered.system.velocity
     scene.position[:, :2] += displacement[:n, :2]
     scene.wall_position[:] += np.where(inverse > 0.0, displacement[n : n + model.wall_count, :3], 0.0)

@@ -51,10 +51,16 @@ def gather_contacts(
     return contacts, closing.sum(axis=0)
 
 
-def gather_still_contacts(scene: Scene, lists: NeighbourList, near: float, still: Floats) -> Contacts:
-    """Frictionless contacts with a gap up to ``near`` [m] between bodies at rest, ``still`` of shape ``(bodies, 4)``."""
+def measure_gaps(scene: Scene, lists: NeighbourList) -> Floats:
+    """Gaps of all listed pairs at the positions of the scene [m]."""
     gap = np.empty_like(lists.gap)
-    measure_pairs(scene, lists.row, lists.partner, still, still, -np.inf, gap, chunks_for(lists.row.size - 1))
+    nobody = np.zeros((1, 4))  # no pair is near enough for its velocity to be asked for
+    measure_pairs(scene, lists.row, lists.partner, nobody, nobody, -np.inf, gap, chunks_for(lists.row.size - 1))
+    return gap
+
+
+def gather_still_contacts(scene: Scene, lists: NeighbourList, gap: Floats, near: float, still: Floats) -> Contacts:
+    """Frictionless contacts with a ``gap`` up to ``near`` [m] between bodies at rest, ``still`` of shape ``(bodies, 4)``."""
     rows: NDArray[np.int64] = np.zeros(lists.row.size, np.int64)
     nothing = WarmStart(rows, np.empty(0, np.int32), np.empty((0, 2)))
     alike = scene._replace(material=np.zeros_like(scene.material))

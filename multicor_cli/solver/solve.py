@@ -73,8 +73,6 @@ def solve_system(
         np.empty((bodies, 3)),
         np.empty((bodies, 3)),
         np.empty_like(system.impulse),
-        np.empty_like(system.impulse),
-        np.empty_like(system.general_impulse),
         np.empty_like(system.general_impulse),
     )
     partial = np.empty(system.tile_start.size - 1)

@@ -1,0 +1,74 @@
+"""What a run of the study shows: friction, solid fraction, profiles, overlap, and what it has cost."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from cases import LOAD, SPEEDS, TAU, TRANSIENT, Case
+
+from multicor_cli import open_run
+from multicor_cli.post import Selection, profile, rheology
+from multicor_cli.state.model import Floats
+from multicor_cli.store.info import run_info
+
+BINS = 20
+MARGIN = 8.0  # mean diameters left out at either wall
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Averages over the steady part of one run, or of several; errors are standard errors.
+
+    Attributes:
+        inertial: Inertial number of the bulk.
+        friction: Shear force over load at the walls, and its error.
+        solid: Solid fraction of the bulk, and its error.
+        velocity: Profile of v_x over the wall's speed, shape ``(BINS,)``.
+        density: Profile of the solid fraction, shape ``(BINS,)``.
+        overlap: Largest overlap over the smaller radius.
+        slide: Distance per step at the speed of shear across one grain, γ̇ Δt.
+        sweeps: Sweep-equivalents per step.
+        work: Sweep-equivalents per unit of strain.
+        unconverged: Steps that were not solved to the tolerance.
+    """
+
+    inertial: float
+    friction: tuple[float, float]
+    solid: tuple[float, float]
+    velocity: Floats
+    density: Floats
+    overlap: float
+    slide: float
+    sweeps: float
+    work: float
+    unconverged: int
+
+
+def measure(path: Path, case: Case) -> Measured:
+    """Measure a finished run."""
+    with open_run(path) as run:
+        series = run.series
+        began = series["time"][np.argmax(series["strain"] > TRANSIENT)]
+        steady = Selection(start=began)
+        table = rheology(run, steady, margin=MARGIN)
+        mean, error = table.mean, table.error
+        velocity = profile(run, "velocity", steady, BINS).value / SPEEDS[case.inertial]
+        density = profile(run, "solid-fraction", steady, BINS).value
+        info = run_info(path)
+        number = mean["inertial_number"] * np.sqrt(mean["pressure"] * run.period / LOAD)
+        rate = number / TAU
+        steps_per_strain = info["step"] / case.strain
+    return Measured(
+        number,
+        (mean["friction_walls"], error["friction_walls"]),
+        (mean["solid_fraction"], error["solid_fraction"]),
+        velocity,
+        density,
+        info["max_overlap"],
+        rate * case.step * TAU,
+        info["solver"]["sweeps_mean"],
+        info["solver"]["sweeps_mean"] * steps_per_strain,
+        info["solver"]["unconverged_steps"],
+    )
