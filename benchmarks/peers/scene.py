@@ -1,0 +1,110 @@
+"""The cases as scenarios of the program."""
+
+from __future__ import annotations
+
+import math
+
+from multicor_cli.bench.scenes import BenchScene
+
+DIAMETER = 2e-3
+"""Mean diameter of the grains [m]; radii are spread evenly by ±20 %."""
+
+DENSITY = 2500.0
+"""Density of the grains [kg/m³]."""
+
+FRICTION = 0.5
+"""Coefficient of friction of all contacts."""
+
+PRESSURE = 10.0
+"""Load per length of the upper wall of the sheared layer [N/m]."""
+
+PITCH = 1.25 * DIAMETER
+"""Distance of the places of the lattice that grains start from [m]."""
+
+_HEAD = """\
+[scenario]
+name = "{name}"
+seed = {seed}
+[domain]
+size = [{width!r}, {height!r}]
+periodic = true
+gravity = [0.0, {gravity!r}]
+[materials.stuff]
+density = {density!r}
+young = 70e9
+poisson = 0.22
+conductivity = 1.0
+heat_capacity = 800.0
+[[contacts]]
+pair = ["stuff", "stuff"]
+friction = {friction!r}
+restitution = 0.0
+[[particles]]
+name = "grains"
+material = "stuff"
+shape = "sphere"
+sizes = {{ kind = "uniform", min = 0.8e-3, max = 1.2e-3 }}
+count = {count}
+region = {{ min = [0.0, {bottom!r}], max = [{width!r}, {top!r}] }}
+packing = {{ kind = "lattice", lattice = "square", spacing = {pitch!r}, jitter = 0.02 }}
+"""
+
+_ROUGH = """\
+[[walls]]
+name = "{name}"
+material = "stuff"
+geometry = {{ kind = "rough", from = [0.0, {y!r}], to = [{width!r}, {y!r}], side = "{side}" }}
+"""
+
+_FLOOR = """\
+[[walls]]
+name = "floor"
+material = "stuff"
+geometry = { kind = "plane", point = [0.0, 0.0], normal = [0.0, 1.0] }
+"""
+
+
+def shear_scene(inertial: float, begin: float) -> BenchScene:
+    """Plane shear at an inertial number, measured after a strain ``begin`` from the lattice."""
+    return BenchScene("shear", "plane shear", lambda count, seed, _: _shear(inertial, begin, count, seed), 0, 0)
+
+
+def bed_scene(dt: float) -> BenchScene:
+    """Grains on a loose lattice that begin to fall onto a floor, with a time step [s]."""
+    return BenchScene("bed", "bed under gravity", lambda count, seed, _: _bed(dt, count, seed), 0, 0)
+
+
+def columns_of(count: int) -> int:
+    """Columns of the lattice that grains start from: it is about as wide as high."""
+    return max(8, round(math.sqrt(count)))
+
+
+def _head(name: str, count: int, seed: int, height: float, bottom: float, gravity: float) -> str:
+    rows = -(-count // columns_of(count))
+    return _HEAD.format(
+        name=name, seed=seed, width=columns_of(count) * PITCH, height=height, gravity=gravity, density=DENSITY,
+        friction=FRICTION, count=count, bottom=bottom, top=bottom + rows * PITCH, pitch=PITCH,
+    )  # fmt: skip
+
+
+def _shear(inertial: float, begin: float, count: int, seed: int) -> str:
+    width = columns_of(count) * PITCH
+    layer = -(-count // columns_of(count)) * PITCH
+    tau = (DENSITY * 4.19 * (0.5 * DIAMETER) ** 3 / PRESSURE) ** 0.5
+    dense = count * 0.785 * DIAMETER**2 / (0.8 * width)  # about the height of the layer when it is dense
+    speed = inertial * dense / tau
+    mass, damping = 0.015 * width, 7.0 * width  # some ten grains per ten diameters; its motion along y dies away in 2 τ
+    walls = _ROUGH.format(name="bottom", y=0.0, width=width, side="left")
+    walls += _ROUGH.format(name="top", y=layer + 2.5 * DIAMETER, width=width, side="right") + f"mass = {mass!r}\n"
+    drives = f"drives.top = {{ x = {{ velocity = {speed!r} }}, y = {{ force = {-PRESSURE * width!r}, damping = {damping!r} }} }}\n"
+    until = f'until = {{ strain = {{ walls = ["bottom", "top"], value = {begin!r} }} }}\n'
+    stages = f'[[loading]]\nname = "begin"\n{until}{drives}[[loading]]\nname = "flow"\nduration = 1e3\n{drives}'
+    solver = f"[solver]\ndt = {0.1 * tau!r}\n[output]\nframe_interval = 1.0\n"
+    return _head("shear", count, seed, layer + 4.0 * DIAMETER, 1.2 * DIAMETER, 0.0) + walls + stages + solver
+
+
+def _bed(dt: float, count: int, seed: int) -> str:
+    rows = -(-count // columns_of(count))
+    stage = '[[loading]]\nname = "fall"\nduration = 1e3\n'
+    solver = f"[solver]\ndt = {dt!r}\n[output]\nframe_interval = 1.0\n"
+    return _head("bed", count, seed, 1.2 * rows * PITCH, 0.0, -9.81) + _FLOOR + stage + solver
