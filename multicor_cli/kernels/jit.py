@@ -32,8 +32,10 @@ def scalar(function: F) -> F:
     """Compile a scalar formula of `multicor_cli.physics`, or the body of an inner loop, into the kernels that call it.
 
     Inlining is forced: LLVM otherwise leaves a call with some thirty arguments in the innermost loop, at three times its cost.
+    It must not allocate: Numba then need not count references to the arrays of its arguments (an atomic addition for each array
+    that is taken out of a tuple, which made the kernels over pairs 2 to 7 times slower).
     """
-    return numba.njit(cache=True, error_model="numpy", forceinline=True)(function)  # type: ignore[return-value]
+    return numba.njit(cache=True, error_model="numpy", forceinline=True, _nrt=False)(function)  # type: ignore[return-value]
 
 
 def kernel(function: F) -> F:
