@@ -24,14 +24,14 @@ static double sweep(ptrdiff_t count, double beta, double *restrict velocity, con
             continue;
         impulse[2 * k] = qn;
         impulse[2 * k + 1] = qt;
-        const double px = dn * nx - dt * ny, py = dn * ny + dt * nx, spin = beta * dt;
+        const double px = dn * nx - dt * ny, py = dn * ny + dt * nx, spin = beta * dt, weight = a[3] + b[3];
         a[0] += a[3] * px;
         a[1] += a[3] * py;
         a[2] -= a[3] * spin;
         b[0] -= b[3] * px;
         b[1] -= b[3] * py;
         b[2] -= b[3] * spin;
-        total += (dn * dn + dt * dt * turn * turn) / (w * w);
+        total += weight * weight * (dn * dn + turn * turn * dt * dt);
     }
     return total;
 }

@@ -1,12 +1,15 @@
 """The loop of the global solve: plain or accelerated Gauss–Seidel sweeps until the residual is small enough.
 
 The accelerated method extrapolates the sweep as Nesterov does, y = x + ω (x − x_last), on impulses and velocities alike (they are
-linear in each other). Friction makes the problem no minimization, and unguarded momentum cycles in sliding states. Three guards
-keep it no slower than plain sweeps. The momentum restarts when the new change points against the extrapolation (gradient
-restart), and when the change per sweep has grown to `GROWTH` times its lowest value since the last restart. (Restarting at any
-growth costs 1.5 to 3 times as many sweeps in shear; at growth by 5 and more, some sliding states cycle.) And where a cluster of
-contacts cycles under exact local solves, which plain sweeps do too, the loop goes through other `MODES`, with partial
-corrections and without momentum, that break such cycles.
+linear in each other). Friction makes the problem no minimization, and unguarded momentum cycles in sliding states. Four guards:
+
+* the momentum restarts when the new change points against the extrapolation (gradient restart);
+* it restarts when the change per sweep has grown to 1.5 times its lowest value since the last restart (any growth: 1.5 to 3 times
+  as many sweeps in shear; growth by 2: 1.4 times as many; by 5 and more: some sliding states cycle);
+* near the tolerance momentum's own noise in a few contacts keeps the residual up: thirty sweeps with half of the normal
+  corrections calm it (a fifth fewer sweeps where solves are long);
+* where nothing has been gained for long, a cluster of contacts cycles: the loop goes through the escapes among its `MODES`,
+  plain sweeps first, which end most of these cycles within a thousand sweeps.
 """
 
 from __future__ import annotations
@@ -15,31 +18,43 @@ from typing import NamedTuple
 
 import numpy as np
 
-from multicor_cli.kernels.jit import CHUNK, kernel, parallel_kernel, prange
+from multicor_cli.kernels.jit import CHUNK, kernel, parallel_kernel, prange, scalar
 from multicor_cli.kernels.residual import measure_residual
-from multicor_cli.kernels.sweep import Relaxation, System, sweep
+from multicor_cli.kernels.sweep import ONE, TWO, Relaxation, System, sweep
 from multicor_cli.state.model import Floats
 
 
 class Momentum(NamedTuple):
-    """Last iterate, and last change of the velocities; shapes as in `System`, velocities without the last column."""
+    """Last iterate, and last change of the velocities; shapes as in `System`.
+
+    Attributes:
+        velocity: Last velocities of the bodies; the last column as in `System`.
+        change: Their last change; 0 in the last column.
+        weight: Mass of each velocity [kg] (m, m, m/β; of walls M, M, J), 0 where nothing can be moved.
+        impulse: Last impulses of the light contacts.
+        general_impulse: Last impulses of the general contacts.
+    """
 
     velocity: Floats
-    velocity_change: Floats
+    change: Floats
+    weight: Floats
     impulse: Floats
     general_impulse: Floats
 
 
 # Slots of the memory that carries the loop from one slice of sweeps to the next.
 SWEEPS, CHECKS, CONVERGED, RMS, MAXIMUM, ENERGY = range(6)  # for the caller
-ACTIVE, THETA, FACTOR, LOWEST, BEST, BEST_AT, MODE, NEXT_CHECK = range(6, 14)  # for the loop
-MEMORY = 14
+ACTIVE, THETA, FACTOR, LOWEST, BEST, BEST_AT, MODE, SINCE, ESCAPE, NEXT_CHECK = range(6, 16)  # for the loop
+MEMORY = 16
 
-GROWTH = 2.0  # of the change per sweep over its lowest value since the last restart
-GAIN = 0.9  # a mode has gained if the change per sweep is lower by this factor
-PATIENCE = 500.0  # sweeps without gain after which the next mode is tried
-MODES = np.array([[1.0, 1.0, 1.0], [1.0, 0.3, 1.0], [1.0, 0.3, 0.0], [0.5, 1.0, 0.0]])
-"""Rows: factors on the normal and tangential corrections, and whether there is momentum."""
+FAST, CALM = 0, 1
+MODES = np.array([[1.0, 1.0, 1.5], [0.5, 1.0, 1.2], [1.0, 1.0, 0.0], [0.25, 1.0, 1.2], [1.0, 0.3, 0.0]])
+"""Rows: factors on the normal and tangential corrections; growth of the change per sweep over its lowest value since the last
+restart, at which the momentum restarts (0: no momentum). The first two take turns; the others are escapes."""
+CALM_BELOW, CALM_AFTER, CALM_FOR = 2.0, 60.0, 30.0  # times the tolerance; sweeps in `FAST` before; sweeps in `CALM`
+GAIN = 0.9  # the loop has gained if the change per sweep is lower by this factor
+PATIENCE = 300.0  # sweeps without gain after which it tries another escape
+ESCAPE_FOR = 1000.0  # sweeps after which an escape ends even if it still gains
 
 
 @kernel
@@ -50,46 +65,66 @@ def start_memory(contact_count: int) -> Floats:
     memory[THETA] = 1.0
     memory[LOWEST] = np.inf
     memory[BEST] = np.inf
+    memory[ESCAPE] = CALM
     return memory
 
 
 @kernel
-def _inner_products(first: int, last: int, s: System, m: Momentum) -> tuple[float, float]:
-    """Products of the new change of velocity with the last one and with itself in the metric of the kinetic energy [J]."""
-    cross, square = 0.0, 0.0
-    for b in range(first, last):
-        inverse = s.velocity[b, 3]
+def start_momentum(s: System) -> Momentum:
+    """Momentum at rest, at the present iterate."""
+    bodies = s.inverse.shape[0]
+    weight = np.zeros((bodies, 4))
+    for b in range(bodies):
         for d in range(3):
-            weight = 0.0
+            inverse = s.velocity[b, 3]
             if inverse > 0.0:
-                weight = 1.0 / inverse if d < 2 else 1.0 / (inverse * s.spin_factor)
+                weight[b, d] = 1.0 / inverse if d < 2 else 1.0 / (inverse * s.spin_factor)
             elif s.inverse[b, d] > 0.0:
-                weight = 1.0 / s.inverse[b, d]
-            new = s.velocity[b, d] - m.velocity[b, d]
-            cross += weight * new * m.velocity_change[b, d]
-            square += weight * new * new
-    return cross, square
+                weight[b, d] = 1.0 / s.inverse[b, d]
+    velocity = s.velocity[:bodies].copy()
+    return Momentum(velocity, np.zeros((bodies, 4)), weight, s.impulse.copy(), s.general_impulse.copy())
+
+
+@scalar
+def _inner_products(first: int, last: int, now: Floats, before: Floats, change: Floats, weight: Floats) -> tuple[float, float]:
+    """Products of the new change of velocity with the last one and with itself in the metric of the kinetic energy [J].
+
+    ``first`` and ``last`` are bodies, the arrays flat. One sum for each component: they do not wait for each other.
+    """
+    cross_x, cross_y, cross_s, square_x, square_y, square_s = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for b in range(first, last):
+        q = np.uint64(4) * np.uint64(b)
+        dx, dy, ds = now[q] - before[q], now[q + ONE] - before[q + ONE], now[q + TWO] - before[q + TWO]
+        wx, wy, ws = weight[q] * dx, weight[q + ONE] * dy, weight[q + TWO] * ds
+        cross_x += wx * change[q]
+        cross_y += wy * change[q + ONE]
+        cross_s += ws * change[q + TWO]
+        square_x += wx * dx
+        square_y += wy * dy
+        square_s += ws * ds
+    return cross_x + cross_y + cross_s, square_x + square_y + square_s
 
 
 @parallel_kernel
-def _inner_products_of_chunks(s: System, m: Momentum, partial: Floats) -> None:
+def _inner_products_on_threads(now: Floats, before: Floats, change: Floats, weight: Floats, partial: Floats) -> None:
     for chunk in prange(partial.shape[0]):
-        last = min(m.velocity.shape[0], (chunk + 1) * CHUNK)
-        partial[chunk, 0], partial[chunk, 1] = _inner_products(chunk * CHUNK, last, s, m)
+        last = min(before.size // 4, (chunk + 1) * CHUNK)
+        partial[chunk, 0], partial[chunk, 1] = _inner_products(chunk * CHUNK, last, now, before, change, weight)
 
 
 @kernel
 def _change_products(s: System, m: Momentum, parallel: bool) -> tuple[float, float]:
     """As `_inner_products` over all bodies, in fixed chunks."""
+    now, before, change, weight = s.velocity.reshape(-1), m.velocity.reshape(-1), m.change.reshape(-1), m.weight.reshape(-1)
     bodies = m.velocity.shape[0]
     chunks = max(1, -(-bodies // CHUNK))
     partial = np.empty((chunks, 2))
     if parallel:
-        _inner_products_of_chunks(s, m, partial)
+        _inner_products_on_threads(now, before, change, weight, partial)
     else:
         for chunk in range(chunks):
             last = min(bodies, (chunk + 1) * CHUNK)
-            partial[chunk, 0], partial[chunk, 1] = _inner_products(chunk * CHUNK, last, s, m)
+            partial[chunk, 0], partial[chunk, 1] = _inner_products(chunk * CHUNK, last, now, before, change, weight)
     cross, square = 0.0, 0.0
     for chunk in range(chunks):
         cross += partial[chunk, 0]
@@ -97,24 +132,24 @@ def _change_products(s: System, m: Momentum, parallel: bool) -> tuple[float, flo
     return cross, square
 
 
-@kernel
-def _extrapolate_velocity(current: Floats, last: Floats, change: Floats, b: int, factor: float) -> None:
-    """Record the new velocity of a body and its change, and move it on by ``factor`` times the change."""
-    for d in range(3):
-        new = current[b, d]
-        step = new - last[b, d]
-        change[b, d] = step
-        last[b, d] = new
-        current[b, d] = new + factor * step
+@scalar
+def _extrapolate_velocity(first: int, last: int, current: Floats, before: Floats, change: Floats, factor: float) -> None:
+    """Record velocities and their change, and move them on by ``factor`` times the change; the arrays are flat."""
+    for q in range(first, last):
+        new = current[q]
+        step = new - before[q]
+        change[q] = step
+        before[q] = new
+        current[q] = new + factor * step
 
 
-@kernel
-def _extrapolate_impulse(current: Floats, last: Floats, k: int, factor: float) -> None:
-    """As `_extrapolate_velocity`, for an impulse; nobody asks for its change."""
-    for d in range(2):
-        new = current[k, d]
-        current[k, d] = new + factor * (new - last[k, d])
-        last[k, d] = new
+@scalar
+def _extrapolate_impulse(first: int, last: int, current: Floats, before: Floats, factor: float) -> None:
+    """As `_extrapolate_velocity`, for impulses; nobody asks for their change."""
+    for q in range(first, last):
+        new = current[q]
+        current[q] = new + factor * (new - before[q])
+        before[q] = new
 
 
 @parallel_kernel
@@ -122,60 +157,66 @@ def _extrapolate_on_threads(
     velocity: Floats, last_velocity: Floats, change: Floats, impulse: Floats, last_impulse: Floats, factor: float
 ) -> None:
     # Array by array: Numba drops stores of a parallel loop to an array that it only knows as part of a tuple.
-    for b in prange(last_velocity.shape[0]):
-        _extrapolate_velocity(velocity, last_velocity, change, b, factor)
-    for k in prange(last_impulse.shape[0]):
-        _extrapolate_impulse(impulse, last_impulse, k, factor)
+    for chunk in prange(-(-last_velocity.size // (4 * CHUNK))):
+        first, last = 4 * CHUNK * chunk, min(last_velocity.size, 4 * CHUNK * (chunk + 1))
+        _extrapolate_velocity(first, last, velocity, last_velocity, change, factor)
+    for chunk in prange(-(-last_impulse.size // (4 * CHUNK))):
+        first, last = 4 * CHUNK * chunk, min(last_impulse.size, 4 * CHUNK * (chunk + 1))
+        _extrapolate_impulse(first, last, impulse, last_impulse, factor)
 
 
 @kernel
 def _extrapolate(s: System, m: Momentum, factor: float, parallel: bool) -> None:
     """Record the new iterate and its change, and move on by ``factor`` times the change."""
+    velocity, before, change = s.velocity.reshape(-1), m.velocity.reshape(-1), m.change.reshape(-1)
+    impulse, last_impulse = s.impulse.reshape(-1), m.impulse.reshape(-1)
     if parallel:
-        _extrapolate_on_threads(s.velocity, m.velocity, m.velocity_change, s.impulse, m.impulse, factor)
+        _extrapolate_on_threads(velocity, before, change, impulse, last_impulse, factor)
     else:
-        for b in range(m.velocity.shape[0]):
-            _extrapolate_velocity(s.velocity, m.velocity, m.velocity_change, b, factor)
-        for k in range(m.impulse.shape[0]):
-            _extrapolate_impulse(s.impulse, m.impulse, k, factor)
-    for g in range(m.general_impulse.shape[0]):
-        _extrapolate_impulse(s.general_impulse, m.general_impulse, g, factor)
+        _extrapolate_velocity(0, before.size, velocity, before, change, factor)
+        _extrapolate_impulse(0, impulse.size, impulse, last_impulse, factor)
+    _extrapolate_impulse(0, 2 * s.general_impulse.shape[0], s.general_impulse.reshape(-1), m.general_impulse.reshape(-1), factor)
 
 
 @kernel
-def _remember(s: System, m: Momentum) -> None:
-    """Start the momentum at the present iterate."""
-    for b in range(m.velocity.shape[0]):
-        for d in range(3):
-            m.velocity[b, d] = s.velocity[b, d]
-            m.velocity_change[b, d] = 0.0
-    for k in range(m.impulse.shape[0]):
-        for d in range(2):
-            m.impulse[k, d] = s.impulse[k, d]
-    for g in range(m.general_impulse.shape[0]):
-        for d in range(2):
-            m.general_impulse[g, d] = s.general_impulse[g, d]
+def _switch(mode: float, memory: Floats) -> None:
+    memory[MODE], memory[SINCE], memory[LOWEST] = mode, memory[SWEEPS], np.inf
 
 
 @kernel
-def _watch_gain(change: float, memory: Floats) -> None:
-    """Go to the next mode if this one has not gained anything for long."""
+def _leave(mode: float, change: float, memory: Floats) -> None:
+    """Switch to a mode with fresh momentum, and measure its gain from here."""
+    memory[THETA], memory[FACTOR] = 1.0, 0.0
+    memory[BEST], memory[BEST_AT] = change, memory[SWEEPS]
+    _switch(mode, memory)
+
+
+@kernel
+def _choose_mode(change: float, tolerance: float, memory: Floats) -> None:
+    """Calm down where the tolerance is near, escape where nothing has been gained for long, and come back."""
     if change < GAIN * memory[BEST]:
-        memory[BEST] = change
-        memory[BEST_AT] = memory[SWEEPS]
-    elif memory[SWEEPS] - memory[BEST_AT] >= PATIENCE:
-        memory[MODE] = (memory[MODE] + 1.0) % MODES.shape[0]
-        memory[BEST] = change
-        memory[BEST_AT] = memory[SWEEPS]
-        memory[THETA] = 1.0
-        memory[FACTOR] = 0.0
-        memory[LOWEST] = np.inf
+        memory[BEST], memory[BEST_AT] = change, memory[SWEEPS]
+    in_mode, mode = memory[SWEEPS] - memory[SINCE], memory[MODE]
+    is_stuck = memory[SWEEPS] - memory[BEST_AT] >= PATIENCE
+    if mode > CALM:
+        if is_stuck or in_mode >= ESCAPE_FOR:
+            _leave(FAST, change, memory)
+    elif is_stuck:
+        memory[ESCAPE] += 1.0
+        if memory[ESCAPE] == MODES.shape[0]:
+            memory[ESCAPE] = CALM + 1
+        _leave(memory[ESCAPE], change, memory)
+    elif mode == CALM:
+        if in_mode >= CALM_FOR:
+            _switch(FAST, memory)
+    elif change < CALM_BELOW * tolerance and in_mode >= CALM_AFTER:
+        _switch(CALM, memory)
 
 
 @kernel
-def _choose_factor(cross: float, square: float, change: float, memory: Floats) -> float:
+def _choose_factor(cross: float, square: float, change: float, growth: float, memory: Floats) -> float:
     """The factor ω of the next extrapolation, with the two restarts."""
-    if change > GROWTH * memory[LOWEST] or memory[FACTOR] * cross > square:
+    if change > growth * memory[LOWEST] or memory[FACTOR] * cross > square:
         memory[THETA] = 1.0
         memory[LOWEST] = change
     memory[LOWEST] = min(memory[LOWEST], change)
@@ -228,8 +269,6 @@ def iterate(
         memory: From `start_memory`, carried from one call to the next. **Modified.**
         partial: Work space, shape ``(tiles,)``.
     """
-    if memory[SWEEPS] == 0.0:
-        _remember(s, m)
     while memory[SWEEPS] < limit:
         mode = int(memory[MODE])
         relaxation = Relaxation(MODES[mode, 0], MODES[mode, 1])
@@ -243,10 +282,11 @@ def iterate(
             _is_converged(s, tolerance, memory, parallel)
             return
         if accelerated:
-            _watch_gain(change, memory)
+            _choose_mode(change, tolerance[0], memory)
+            growth = MODES[int(memory[MODE]), 2]
             factor = 0.0
-            if MODES[mode, 2] > 0.0:
+            if growth > 0.0:
                 cross, square = _change_products(s, m, parallel)
-                factor = _choose_factor(cross, square, change, memory)
+                factor = _choose_factor(cross, square, change, growth, memory)
             memory[FACTOR] = factor
             _extrapolate(s, m, factor, parallel)

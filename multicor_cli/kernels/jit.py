@@ -25,6 +25,8 @@ F = TypeVar("F", bound=Callable[..., Any])
 
 CHUNK = 512
 
+_WITHOUT_COUNTING: dict[str, Any] = {"_nrt": False}  # known to Numba, not to its stubs
+
 prange = numba.prange
 
 
@@ -35,7 +37,7 @@ def scalar(function: F) -> F:
     It must not allocate: Numba then need not count references to the arrays of its arguments (an atomic addition for each array
     that is taken out of a tuple, which made the kernels over pairs 2 to 7 times slower).
     """
-    return numba.njit(cache=True, error_model="numpy", forceinline=True, _nrt=False)(function)  # type: ignore[return-value]
+    return numba.njit(cache=True, error_model="numpy", forceinline=True, **_WITHOUT_COUNTING)(function)  # type: ignore[return-value]
 
 
 def kernel(function: F) -> F:

@@ -1,8 +1,10 @@
 """The order in which contacts are relaxed: square tiles in four colours, so that tiles of one colour share no body.
 
 The order is a pure function of the contacts and positions of the step, hence the same for any number of threads. Within a tile
-the contacts follow each other by key, which keeps the propagation of a serial sweep; tiles also keep the bodies of a thread in
-its cache. Contacts with fixed or prescribed walls do not tie tiles together. Heavy grains (many contacts) come last, serially.
+the contacts are ordered by key, which keeps the propagation of a serial sweep, cut into `STREAMS` parts from which one contact is
+taken in turn: neighbors by key share a grain, and a processor would wait for the one before it could begin the next (15 to 20 %
+of a sweep). Tiles also keep the bodies of a thread in its cache. Contacts with fixed or prescribed walls do not tie
+tiles together. Heavy grains (many contacts) come last, serially.
 """
 
 from __future__ import annotations
@@ -17,6 +19,7 @@ from multicor_cli.state.model import Floats, Ints
 HEAVY = 16  # a grain with more contacts than this is relaxed serially
 
 COLORS = 4
+STREAMS = 4  # parts of a tile whose contacts take turns
 
 
 @kernel
@@ -116,7 +119,29 @@ def order_contacts(
         else:
             general[general_at] = c
             general_at += 1
+    _interleave(order, start)
     return order, general, start, color_start
+
+
+@kernel
+def _interleave(order: Ints, start: NDArray[np.int64]) -> None:
+    """Deal the contacts of each tile out to `STREAMS` parts of equal length and take one from each part in turn."""
+    longest = 0
+    for t in range(start.size - 1):
+        longest = max(longest, start[t + 1] - start[t])
+    tile = np.empty(longest, np.int32)
+    for t in range(start.size - 1):
+        first, count = start[t], start[t + 1] - start[t]
+        for r in range(count):
+            tile[r] = order[first + r]
+        length = -(-count // STREAMS)
+        k = first
+        for r in range(length):
+            for stream in range(STREAMS):
+                place = stream * length + r
+                if place < min(count, (stream + 1) * length):
+                    order[k] = tile[place]
+                    k += 1
 
 
 @kernel

@@ -25,6 +25,7 @@ bipotential_parameter = scalar(contact_law.bipotential_parameter)
 solve_full = scalar(contact_law.solve_full)
 
 EXACT, BIPOTENTIAL = 0, 1
+ONE, TWO, THREE = np.uint64(1), np.uint64(2), np.uint64(3)  # unsigned: no wrapping of negative indices in the innermost loop
 
 
 class Relaxation(NamedTuple):
@@ -98,29 +99,39 @@ def _push_general(g: int, d_n: float, d_t: float, s: System) -> None:
 
 @scalar
 def _relax_light(
-    k: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats, beta: float, local: int, relaxation: Relaxation
+    k: np.uint64, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats, beta: float, local: int, relaxation: Relaxation
 ) -> float:
-    """Relax one light contact; returns the square of the velocity correction [m²/s²]."""
-    i, j = np.uint32(pair[k, 0]), np.uint32(pair[k, 1])  # unsigned: no wrapping of negative indices in the innermost loop
-    nx, ny, w_inverse = frame[k, 0], frame[k, 1], frame[k, 2]
-    dx = velocity[i, 0] - velocity[j, 0]
-    dy = velocity[i, 1] - velocity[j, 1]
-    u_n = dx * nx + dy * ny + frame[k, 3]
-    u_t = dy * nx - dx * ny - velocity[i, 2] - velocity[j, 2]
-    p_n, p_t = impulse[k, 0], impulse[k, 1]
+    """Relax one light contact; returns the square of the velocity correction [m²/s²].
+
+    The arrays are those of `System`, flat: the factors of their rows are then known at compile time. Velocities are read once.
+    """
+    i, j = np.uint64(4) * np.uint64(pair[TWO * k]), np.uint64(4) * np.uint64(pair[TWO * k + ONE])
+    f, p = np.uint64(5) * k, TWO * k
+    nx, ny, w_inverse, mu = frame[f], frame[f + ONE], frame[f + TWO], frame[f + np.uint64(4)]
+    xi, yi, si, mi = velocity[i], velocity[i + ONE], velocity[i + TWO], velocity[i + THREE]
+    xj, yj, sj, mj = velocity[j], velocity[j + ONE], velocity[j + TWO], velocity[j + THREE]
+    dx, dy = xi - xj, yi - yj
+    u_n = dx * nx + dy * ny + frame[f + THREE]
+    u_t = dy * nx - dx * ny - si - sj
+    p_n, p_t = impulse[p], impulse[p + ONE]
     if local == EXACT:
         w_n, w_t = relaxation.normal * w_inverse, relaxation.tangential * (w_inverse * (1.0 / (1.0 + beta)))
-        new_n, new_t = solve_exact(p_n, p_t, u_n, u_t, w_n, w_t, frame[k, 4])
+        new_n, new_t = solve_exact(p_n, p_t, u_n, u_t, w_n, w_t, mu)
     else:
-        rho, mu = bipotential_parameter(w_inverse, w_inverse * (1.0 / (1.0 + beta))), frame[k, 4]
+        rho = bipotential_parameter(w_inverse, w_inverse * (1.0 / (1.0 + beta)))
         new_n, new_t = project_on_cone(p_n - rho * (u_n + mu * abs(u_t)), p_t - rho * u_t, mu)
     d_n, d_t = new_n - p_n, new_t - p_t
     if d_n == 0.0 and d_t == 0.0:
         return 0.0
-    impulse[k, 0], impulse[k, 1] = new_n, new_t
-    _push(k, d_n, d_t, velocity, pair, frame, beta)
-    d_t *= 1.0 + beta
-    return (d_n * d_n + d_t * d_t) / (w_inverse * w_inverse)
+    impulse[p], impulse[p + ONE] = new_n, new_t
+    px = d_n * nx - d_t * ny
+    py = d_n * ny + d_t * nx
+    spin = beta * d_t
+    velocity[i], velocity[i + ONE], velocity[i + TWO] = xi + mi * px, yi + mi * py, si - mi * spin
+    velocity[j], velocity[j + ONE], velocity[j + TWO] = xj - mj * px, yj - mj * py, sj - mj * spin
+    w = mi + mj
+    c_n, c_t = w * d_n, w * (1.0 + beta) * d_t
+    return c_n * c_n + c_t * c_t
 
 
 @scalar
@@ -182,25 +193,38 @@ def _relax_general(g: int, s: System, local: int) -> float:
     return c_n * c_n + c_t * c_t
 
 
-@kernel
-def _relax_tile(t: int, s: System, local: int, relaxation: Relaxation) -> float:
+@scalar
+def _relax_range(
+    first: int, last: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats, beta: float, local: int, way: Relaxation
+) -> float:
+    """Relax light contacts ``first … last-1``; returns the sum of the squares of the velocity corrections [m²/s²]."""
     total = 0.0
-    for k in range(s.tile_start[t], s.tile_start[t + 1]):
-        total += _relax_light(k, s.velocity, s.pair, s.frame, s.impulse, s.spin_factor, local, relaxation)
+    if local == EXACT:  # a loop for each law, without the question inside
+        for k in range(first, last):
+            total += _relax_light(np.uint64(k), velocity, pair, frame, impulse, beta, EXACT, way)
+    else:
+        for k in range(first, last):
+            total += _relax_light(np.uint64(k), velocity, pair, frame, impulse, beta, BIPOTENTIAL, way)
     return total
 
 
 @kernel
-def _relax_tiles_serially(s: System, local: int, relaxation: Relaxation, partial: Floats) -> None:
-    for t in range(s.tile_start.size - 1):
-        partial[t] = _relax_tile(t, s, local, relaxation)
+def _relax_tiles(
+    tile_start: NDArray[np.int64], velocity: Floats, pair: Ints, frame: Floats, impulse: Floats, beta: float, local: int,
+    way: Relaxation, partial: Floats,
+) -> None:  # fmt: skip
+    for t in range(tile_start.size - 1):
+        partial[t] = _relax_range(tile_start[t], tile_start[t + 1], velocity, pair, frame, impulse, beta, local, way)
 
 
 @parallel_kernel
-def _relax_tiles(s: System, local: int, relaxation: Relaxation, partial: Floats) -> None:
-    for color in range(s.color_start.size - 1):
-        for t in prange(s.color_start[color], s.color_start[color + 1]):
-            partial[t] = _relax_tile(t, s, local, relaxation)
+def _relax_tiles_on_threads(
+    color_start: NDArray[np.int64], tile_start: NDArray[np.int64], velocity: Floats, pair: Ints, frame: Floats, impulse: Floats,
+    beta: float, local: int, way: Relaxation, partial: Floats,
+) -> None:  # fmt: skip
+    for color in range(color_start.size - 1):
+        for t in prange(color_start[color], color_start[color + 1]):
+            partial[t] = _relax_range(tile_start[t], tile_start[t + 1], velocity, pair, frame, impulse, beta, local, way)
 
 
 @kernel
@@ -217,15 +241,18 @@ def sweep(s: System, local: int, relaxation: Relaxation, parallel: bool, partial
     Returns:
         Sum of the squares of the velocity corrections [m²/s²].
     """
+    velocity, pair, frame, impulse = s.velocity.reshape(-1), s.pair.reshape(-1), s.frame.reshape(-1), s.impulse.reshape(-1)
+    beta = s.spin_factor
     if parallel:
-        _relax_tiles(s, local, relaxation, partial)
+        _relax_tiles_on_threads(
+            s.color_start, s.tile_start, velocity, pair, frame, impulse, beta, local, relaxation, partial
+        )  # fmt: skip
     else:
-        _relax_tiles_serially(s, local, relaxation, partial)
+        _relax_tiles(s.tile_start, velocity, pair, frame, impulse, beta, local, relaxation, partial)
     total = 0.0
     for t in range(partial.size):
         total += partial[t]
-    for k in range(s.tile_start[-1], s.pair.shape[0]):
-        total += _relax_light(k, s.velocity, s.pair, s.frame, s.impulse, s.spin_factor, local, relaxation)
+    total += _relax_range(s.tile_start[-1], s.pair.shape[0], velocity, pair, frame, impulse, beta, local, relaxation)
     for g in range(s.general_pair.shape[0]):
         total += _relax_general(g, s, local)
     return total

@@ -68,13 +68,7 @@ def solve_system(
         ]
     )
     memory = loop.start_memory(count)
-    bodies = system.inverse.shape[0]
-    momentum = loop.Momentum(
-        np.empty((bodies, 3)),
-        np.empty((bodies, 3)),
-        np.empty_like(system.impulse),
-        np.empty_like(system.general_impulse),
-    )
+    momentum = loop.start_momentum(system)
     partial = np.empty(system.tile_start.size - 1)
     local = EXACT if settings.local == "exact" else BIPOTENTIAL
     slice_ = max(1, SLICE // count)
