@@ -5,13 +5,13 @@ a contact problem without friction whose velocities are displacements, so the co
 walls that a force drives taking part. (Pushing pairs apart one by one never ends under a heavy lid.)
 
 In a flow a few contacts overlap a little in nearly every step. Every loaded contact around them can take a part of the correction
-up to the target, so that it is enough to move the grains nearby, with all others and the walls held: the first rounds do that, and
-the following ones move everything if need be.
+up to the target, so that it is enough to move the grains nearby, with all others and the walls held: the first rounds do that, with
+plain sweeps, and the following ones move everything if need be.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,8 +19,9 @@ from numpy.typing import NDArray
 from multicor_cli.kernels.contacts import Scene, pair_geometry
 from multicor_cli.kernels.jit import chunks_for
 from multicor_cli.kernels.neighbours import place_shapes
-from multicor_cli.kernels.overlaps import hide_pairs, measure_overlaps, surround
-from multicor_cli.solver.gather import gather_still_contacts, measure_gaps
+from multicor_cli.kernels.overlaps import measure_overlaps
+from multicor_cli.kernels.separation import near_pairs, separate, surround
+from multicor_cli.solver.gather import gather_still_contacts
 from multicor_cli.solver.neighbour_list import NeighbourList
 from multicor_cli.solver.pace import Pace
 from multicor_cli.solver.settings import PhysicsError, Settings
@@ -36,8 +37,9 @@ ROUNDS = 20  # of linearized corrections
 LOCAL_ROUNDS = 3  # of them with only the grains nearby
 RINGS = 4  # of neighbors that make up "nearby"
 LOCAL_SHARE = 0.5  # of all grains; if more are nearby, all are moved at once
+LOCAL_SWEEPS = 200
+LOCAL_CHANGE = 0.05 * ALLOWED  # displacement of a sweep, over the smallest radius, with which a local correction ends
 _SETTINGS = Settings(tolerance_rms=0.05, tolerance_max=0.25, tolerance_energy=np.inf, max_sweeps=2_000)
-_LOCAL = replace(_SETTINGS, method="gauss-seidel", max_sweeps=200)  # momentum would be carried for all bodies
 
 
 @dataclass(frozen=True)
@@ -88,9 +90,13 @@ def correct_positions(
     before, wall_before = scene.position[:, :2].copy(), scene.wall_position.copy()
     # Grains pushed apart may be pushed into others that were not near at q_m: look a little farther.
     reach += 0.1 * model.mean_diameter
+    overlap, count = _overlaps(scene, lists, reach, flagged)
     rounds = 0
     while count and rounds < ROUNDS:
-        _correct_once(scene, model, motion, lists, reach, overlap, flagged if rounds < LOCAL_ROUNDS else None, pace)
+        # Pairs that a chain of corrections may close: a few of the largest overlaps away.
+        near = min(reach, 20.0 * overlap * float(model.grains.radius.max()))
+        if rounds >= LOCAL_ROUNDS or not _correct_nearby(scene, model, lists, near, flagged):
+            _correct_everything(scene, model, motion, lists, near, pace)
         rounds += 1
         overlap, count = _overlaps(scene, lists, reach, flagged)
     if overlap > FORBIDDEN:
@@ -102,44 +108,30 @@ def correct_positions(
     return Correction(overlap, gravity_work, float((motion.load * shift).sum()), rounds)
 
 
-def _correct_once(
-    scene: Scene,
-    model: Model,
-    motion: WallMotion,
-    lists: NeighbourList,
-    reach: float,
-    overlap: float,
-    flagged: NDArray[np.bool_] | None,
-    pace: Pace,
-) -> None:
-    """One linearized correction.
+def _correct_nearby(scene: Scene, model: Model, lists: NeighbourList, near: float, flagged: NDArray[np.bool_]) -> bool:
+    """One linearized correction of the grains around the ``flagged`` ones (**modified**); False if that is nearly all of them."""
+    i, j = near_pairs(lists.row, lists.partner, lists.gap_after, near)
+    if surround(i, j, RINGS, flagged) > LOCAL_SHARE * model.grain_count:
+        return False
+    separate(scene, i, j, flagged, model.grains.mass, TARGET, LOCAL_CHANGE * float(model.grains.radius.min()), LOCAL_SWEEPS)
+    return True
 
-    ``overlap`` is the largest one now, over the smaller radius; ``flagged`` says around which grains others may be moved
-    (**modified**), None: everywhere.
-    """
+
+def _correct_everything(scene: Scene, model: Model, motion: WallMotion, lists: NeighbourList, near: float, pace: Pace) -> None:
+    """One linearized correction of all grains, and of the walls that a force drives."""
     n = model.grain_count
     still = np.zeros((n + model.wall_count, 4))
     still[:n, 3] = 1.0 / model.grains.mass
     with np.errstate(divide="ignore"):
         inverse = np.where(motion.driven, 1.0 / motion.mass, 0.0)
     inverse[:, 2] = 0.0  # walls are not turned
-    # Pairs that a chain of corrections may close: a few of the largest overlaps away.
-    near = min(reach, 20.0 * overlap * float(model.grains.radius.max()))
-    gap = measure_gaps(scene, lists)
-    is_local = flagged is not None and surround(lists.row, lists.partner, gap, near, RINGS, flagged) <= LOCAL_SHARE * n
-    if flagged is not None and is_local:
-        hide_pairs(lists.row, lists.partner, flagged, gap)
-        still[:n, 3] *= flagged
-        inverse[:] = 0.0
-    contacts = gather_still_contacts(scene, lists, gap, near, still)
+    contacts = gather_still_contacts(scene, lists, lists.gap_after, near, still)
     smaller = scene.radius[contacts.i]
     grains = contacts.j < n
     smaller[grains] = np.minimum(smaller[grains], scene.radius[contacts.j[grains]])
     contacts.frame[:, 3] = contacts.frame[:, 2] + TARGET * smaller
-    free = motion.is_free & ~np.full(model.wall_count, is_local)
-    ordered = assemble(scene, contacts, still, inverse, free, model.mean_diameter, model.shape_factor)
-    scale = Scale(ALLOWED * float(model.grains.radius.min()), 1.0)
-    solve_system(ordered.system, scale, _LOCAL if is_local else _SETTINGS, pace)
+    ordered = assemble(scene, contacts, still, inverse, motion.is_free, model.mean_diameter, model.shape_factor)
+    solve_system(ordered.system, Scale(ALLOWED * float(model.grains.radius.min()), 1.0), _SETTINGS, pace)
     displacement: Floats = ordered.system.velocity
     scene.position[:, :2] += displacement[:n, :2]
     scene.wall_position[:] += np.where(inverse > 0.0, displacement[n : n + model.wall_count, :3], 0.0)
@@ -147,9 +139,9 @@ def _correct_once(
 
 
 def _overlaps(scene: Scene, lists: NeighbourList, reach: float, flagged: NDArray[np.bool_]) -> tuple[float, int]:
-    """Largest overlap over the smaller radius, and the number of grains flagged for having one above `ALLOWED`."""
+    """Largest overlap over the smaller radius, and number of grains flagged for one above `ALLOWED`; gaps go into the list."""
     found = chunks_for(flagged.size, 2)
-    measure_overlaps(scene, lists.row, lists.partner, lists.gap, reach, ALLOWED, flagged, found)
+    measure_overlaps(scene, lists.row, lists.partner, lists.gap, reach, ALLOWED, lists.gap_after, flagged, found)
     return float(found[:, 0].max()), int(found[:, 1].sum())
 
 

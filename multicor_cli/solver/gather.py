@@ -13,7 +13,6 @@ from multicor_cli.kernels.contacts import (
     count_contacts,
     fill_contacts,
     kernel_laws,
-    measure_pairs,
 )
 from multicor_cli.kernels.jit import chunks_for
 from multicor_cli.solver.neighbour_list import NeighbourList
@@ -49,14 +48,6 @@ def gather_contacts(
     closing = chunks_for(lists.row.size - 1, 2)
     fill_contacts(scene, laws, lists.row, lists.partner, gap, margin, kept, start, dt, warm, ratio, contacts, closing)
     return contacts, closing.sum(axis=0)
-
-
-def measure_gaps(scene: Scene, lists: NeighbourList) -> Floats:
-    """Gaps of all listed pairs at the positions of the scene [m]."""
-    gap = np.empty_like(lists.gap)
-    nobody = np.zeros((1, 4))  # no pair is near enough for its velocity to be asked for
-    measure_pairs(scene, lists.row, lists.partner, nobody, nobody, -np.inf, gap, chunks_for(lists.row.size - 1))
-    return gap
 
 
 def gather_still_contacts(scene: Scene, lists: NeighbourList, gap: Floats, near: float, still: Floats) -> Contacts:

@@ -21,7 +21,8 @@ class NeighbourList:
     Attributes:
         row: Rows of the grains, shape ``(n + 1,)``.
         partner: Shapes near each grain, ascending within a row.
-        gap: Work space for the gaps of the listed pairs [m].
+        gap: Work space for the gaps of the listed pairs at mid-step [m].
+        gap_after: The same at the end of the step [m].
         builds: How often the list was built.
     """
 
@@ -43,6 +44,7 @@ class NeighbourList:
         self.row: NDArray[np.int64] = np.zeros(model.grain_count + 1, np.int64)
         self.partner: Ints = np.empty(0, np.int32)
         self.gap: Floats = np.empty(0)
+        self.gap_after: Floats = np.empty(0)
         self.builds = 0
 
     def update(self, position: Floats, world: Floats, reach: float) -> None:
@@ -103,7 +105,7 @@ class NeighbourList:
             cell_start,
             cell_disc,
         )
-        self.gap = np.empty(self.partner.size)
+        self.gap, self.gap_after = np.empty(self.partner.size), np.empty(self.partner.size)
         self._cutoff = cutoff
         self._reference = position[:, :2].copy()
         self._reference_world = world.copy()

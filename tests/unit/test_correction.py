@@ -3,28 +3,21 @@
 import numpy as np
 from scene_parts import FLOOR, make_engine, make_model
 
-from multicor_cli.kernels.overlaps import hide_pairs, surround
+from multicor_cli.kernels.separation import near_pairs, surround
 from multicor_cli.solver import correction
 
-ROW = np.array([0, 1, 2, 3, 4, 5, 5], np.int64)  # a chain: grain k is near grain k + 1
-PARTNER = np.array([1, 2, 3, 4, 5], np.int32)
+ROW = np.array([0, 1, 2, 3, 4, 5, 6], np.int64)  # a chain: grain k is near grain k + 1, and the last near a wall
+PARTNER = np.array([1, 2, 3, 4, 5, 7], np.int32)
 
 
 def test_rings_grow_along_near_pairs_only():
-    gap = np.array([0.1, 0.1, 0.1, 0.9, 0.1])
+    i, j = near_pairs(ROW, PARTNER, np.array([0.1, 0.1, 0.1, 0.9, 0.1, 0.1]), 0.5)
+    assert list(zip(i.tolist(), j.tolist(), strict=True)) == [(0, 1), (1, 2), (2, 3), (4, 5), (5, 7)]
     marked = np.array([False, True, False, False, False, False])
-    assert surround(ROW, PARTNER, gap, 0.5, 1, marked) == 3
+    assert surround(i, j, 1, marked) == 3
     assert marked.tolist() == [True, True, True, False, False, False]
-    assert surround(ROW, PARTNER, gap, 0.5, 9, marked) == 4  # the gap between 3 and 4 is too wide
+    assert surround(i, j, 9, marked) == 4  # the gap between 3 and 4 is too wide
     assert marked.tolist() == [True] * 4 + [False] * 2
-
-
-def test_pairs_keep_their_gap_if_one_grain_is_marked():
-    gap = np.arange(5.0)
-    row, partner = ROW.copy(), PARTNER.copy()
-    partner[4] = 7  # a wall shape
-    hide_pairs(row, partner, np.array([False, True, False, False, False, False]), gap)
-    assert gap.tolist() == [0.0, 1.0, np.inf, np.inf, np.inf]
 
 
 def corrected(overlap, count=60):
