@@ -86,7 +86,7 @@ def start_momentum(s: System) -> Momentum:
 
 
 @scalar
-def _inner_products(first: int, last: int, now: Floats, before: Floats, change: Floats, weight: Floats) -> tuple[float, float]:
+def inner_products(first: int, last: int, now: Floats, before: Floats, change: Floats, weight: Floats) -> tuple[float, float]:
     """Products of the new change of velocity with the last one and with itself in the metric of the kinetic energy [J].
 
     ``first`` and ``last`` are bodies, the arrays flat. One sum for each component: they do not wait for each other.
@@ -106,25 +106,25 @@ def _inner_products(first: int, last: int, now: Floats, before: Floats, change: 
 
 
 @parallel_kernel
-def _inner_products_on_threads(now: Floats, before: Floats, change: Floats, weight: Floats, partial: Floats) -> None:
+def _products_on_threads(now: Floats, before: Floats, change: Floats, weight: Floats, partial: Floats) -> None:
     for chunk in prange(partial.shape[0]):
         last = min(before.size // 4, (chunk + 1) * CHUNK)
-        partial[chunk, 0], partial[chunk, 1] = _inner_products(chunk * CHUNK, last, now, before, change, weight)
+        partial[chunk, 0], partial[chunk, 1] = inner_products(chunk * CHUNK, last, now, before, change, weight)
 
 
 @kernel
 def _change_products(s: System, m: Momentum, parallel: bool) -> tuple[float, float]:
-    """As `_inner_products` over all bodies, in fixed chunks."""
+    """As `inner_products` over all bodies, in fixed chunks."""
     now, before, change, weight = s.velocity.reshape(-1), m.velocity.reshape(-1), m.change.reshape(-1), m.weight.reshape(-1)
     bodies = m.velocity.shape[0]
     chunks = max(1, -(-bodies // CHUNK))
     partial = np.empty((chunks, 2))
     if parallel:
-        _inner_products_on_threads(now, before, change, weight, partial)
+        _products_on_threads(now, before, change, weight, partial)
     else:
         for chunk in range(chunks):
             last = min(bodies, (chunk + 1) * CHUNK)
-            partial[chunk, 0], partial[chunk, 1] = _inner_products(chunk * CHUNK, last, now, before, change, weight)
+            partial[chunk, 0], partial[chunk, 1] = inner_products(chunk * CHUNK, last, now, before, change, weight)
     cross, square = 0.0, 0.0
     for chunk in range(chunks):
         cross += partial[chunk, 0]
@@ -133,7 +133,7 @@ def _change_products(s: System, m: Momentum, parallel: bool) -> tuple[float, flo
 
 
 @scalar
-def _extrapolate_velocity(first: int, last: int, current: Floats, before: Floats, change: Floats, factor: float) -> None:
+def extrapolate_velocity(first: int, last: int, current: Floats, before: Floats, change: Floats, factor: float) -> None:
     """Record velocities and their change, and move them on by ``factor`` times the change; the arrays are flat."""
     for q in range(first, last):
         new = current[q]
@@ -144,8 +144,8 @@ def _extrapolate_velocity(first: int, last: int, current: Floats, before: Floats
 
 
 @scalar
-def _extrapolate_impulse(first: int, last: int, current: Floats, before: Floats, factor: float) -> None:
-    """As `_extrapolate_velocity`, for impulses; nobody asks for their change."""
+def extrapolate_impulse(first: int, last: int, current: Floats, before: Floats, factor: float) -> None:
+    """As `extrapolate_velocity`, for impulses; nobody asks for their change."""
     for q in range(first, last):
         new = current[q]
         current[q] = new + factor * (new - before[q])
@@ -159,10 +159,10 @@ def _extrapolate_on_threads(
     # Array by array: Numba drops stores of a parallel loop to an array that it only knows as part of a tuple.
     for chunk in prange(-(-last_velocity.size // (4 * CHUNK))):
         first, last = 4 * CHUNK * chunk, min(last_velocity.size, 4 * CHUNK * (chunk + 1))
-        _extrapolate_velocity(first, last, velocity, last_velocity, change, factor)
+        extrapolate_velocity(first, last, velocity, last_velocity, change, factor)
     for chunk in prange(-(-last_impulse.size // (4 * CHUNK))):
         first, last = 4 * CHUNK * chunk, min(last_impulse.size, 4 * CHUNK * (chunk + 1))
-        _extrapolate_impulse(first, last, impulse, last_impulse, factor)
+        extrapolate_impulse(first, last, impulse, last_impulse, factor)
 
 
 @kernel
@@ -173,9 +173,9 @@ def _extrapolate(s: System, m: Momentum, factor: float, parallel: bool) -> None:
     if parallel:
         _extrapolate_on_threads(velocity, before, change, impulse, last_impulse, factor)
     else:
-        _extrapolate_velocity(0, before.size, velocity, before, change, factor)
-        _extrapolate_impulse(0, impulse.size, impulse, last_impulse, factor)
-    _extrapolate_impulse(0, 2 * s.general_impulse.shape[0], s.general_impulse.reshape(-1), m.general_impulse.reshape(-1), factor)
+        extrapolate_velocity(0, before.size, velocity, before, change, factor)
+        extrapolate_impulse(0, impulse.size, impulse, last_impulse, factor)
+    extrapolate_impulse(0, 2 * s.general_impulse.shape[0], s.general_impulse.reshape(-1), m.general_impulse.reshape(-1), factor)
 
 
 @kernel
@@ -214,7 +214,7 @@ def _choose_mode(change: float, tolerance: float, memory: Floats) -> None:
 
 
 @kernel
-def _choose_factor(cross: float, square: float, change: float, growth: float, memory: Floats) -> float:
+def choose_factor(cross: float, square: float, change: float, growth: float, memory: Floats) -> float:
     """The factor ω of the next extrapolation, with the two restarts."""
     if change > growth * memory[LOWEST] or memory[FACTOR] * cross > square:
         memory[THETA] = 1.0
@@ -287,6 +287,6 @@ def iterate(
             factor = 0.0
             if growth > 0.0:
                 cross, square = _change_products(s, m, parallel)
-                factor = _choose_factor(cross, square, change, growth, memory)
+                factor = choose_factor(cross, square, change, growth, memory)
             memory[FACTOR] = factor
             _extrapolate(s, m, factor, parallel)

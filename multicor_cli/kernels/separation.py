@@ -1,13 +1,25 @@
-"""Pushes the grains around an overlap apart, with all others and the walls held where they are."""
+"""Pushes the grains around overlaps apart, with all others held where they are; or all grains."""
 
 from __future__ import annotations
+
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from multicor_cli.kernels.accelerate import (
+    FACTOR,
+    choose_factor,
+    extrapolate_impulse,
+    extrapolate_velocity,
+    inner_products,
+    start_memory,
+)
 from multicor_cli.kernels.contacts import Scene, pair_geometry
 from multicor_cli.kernels.jit import kernel, scalar
 from multicor_cli.state.model import Floats, Ints
+
+GROWTH = 1.5  # of the change per sweep, at which the momentum restarts
 
 
 @kernel
@@ -61,52 +73,115 @@ def surround(i: Ints, j: Ints, rings: int, marked: NDArray[np.bool_]) -> int:
     return found
 
 
-@kernel
-def _pairs_of_marked(i: Ints, j: Ints, marked: NDArray[np.bool_]) -> tuple[Ints, Ints]:
-    """The pairs with a marked grain."""
-    keep = np.zeros(i.size, np.bool_)
-    for c in range(i.size):
-        keep[c] = marked[i[c]] or (j[c] < marked.size and marked[j[c]])
-    return i[keep], j[keep]
+class _Bodies(NamedTuple):
+    """Movable bodies, numbered anew; the last row stands for all that are held.
+
+    Attributes:
+        number: Row of each grain and wall, shape ``(n + w,)``.
+        mobility: Inverse masses in x and y [1/kg], two unused columns, shape ``(b + 1, 4)``.
+        weight: Their reciprocals, 0 where held [kg], shape ``(b + 1, 4)``.
+    """
+
+    number: Ints
+    mobility: Floats
+    weight: Floats
 
 
 @kernel
-def _measure(scene: Scene, i: Ints, j: Ints, target: float) -> tuple[Floats, Floats]:
-    """Normals of pairs, and how far each may still close [m]: its gap and ``target`` times the smaller radius."""
-    normal, room = np.empty((i.size, 2)), np.empty(i.size)
+def _bodies(marked: NDArray[np.bool_], mass: Floats, wall_inverse: Floats) -> _Bodies:
+    n, w = marked.size, wall_inverse.shape[0]
+    count = 0
+    number = np.full(n + w, -1, np.int32)
+    for k in range(n + w):
+        if marked[k] if k < n else wall_inverse[k - n, 0] > 0.0 or wall_inverse[k - n, 1] > 0.0:
+            number[k] = count
+            count += 1
+    mobility, weight = np.zeros((count + 1, 4)), np.zeros((count + 1, 4))
+    for k in range(n + w):
+        if number[k] < 0:
+            number[k] = count
+            continue
+        for d in range(2):
+            inverse = 1.0 / mass[k] if k < n else wall_inverse[k - n, d]
+            mobility[number[k], d] = inverse
+            weight[number[k], d] = 1.0 / inverse if inverse > 0.0 else 0.0
+    return _Bodies(number, mobility, weight)
+
+
+@kernel
+def _measure(scene: Scene, bodies: _Bodies, i: Ints, j: Ints, target: float) -> tuple[Ints, Floats]:
+    """Pairs that can be moved: their bodies; their normal, how far they may still close [m] and 1/W [kg]."""
+    n = scene.radius.size
+    pair, frame = np.empty((i.size, 2), np.int32), np.empty((i.size, 4))
+    found = 0
     for c in range(i.size):
-        gap, normal[c, 0], normal[c, 1] = pair_geometry(scene, i[c], j[c])
-        smaller = scene.radius[i[c]]
-        if j[c] < scene.radius.size:
-            smaller = min(smaller, scene.radius[j[c]])
-        room[c] = gap + target * smaller
-    return normal, room
+        a = bodies.number[i[c]]
+        b = bodies.number[j[c] if j[c] < n else n + scene.wall[j[c] - n]]
+        gap, nx, ny = pair_geometry(scene, i[c], j[c])
+        give = (bodies.mobility[a, 0] + bodies.mobility[b, 0]) * nx * nx + (bodies.mobility[a, 1] + bodies.mobility[b, 1]) * ny * ny
+        if give > 0.0:
+            smaller = min(scene.radius[i[c]], scene.radius[j[c]]) if j[c] < n else scene.radius[i[c]]
+            pair[found, 0], pair[found, 1] = a, b
+            frame[found, 0], frame[found, 1], frame[found, 2], frame[found, 3] = nx, ny, gap + target * smaller, 1.0 / give
+            found += 1
+    return pair[:found], frame[:found]
 
 
 @scalar
-def _push_apart(c: int, a: int, b: int, normal: Floats, room: Floats, push: Floats, mobility: Floats, shift: Floats) -> float:
-    """Relax the pair of bodies a and b; returns by how much it opens or closes [m]."""
-    nx, ny = normal[c, 0], normal[c, 1]
-    gap = room[c] + nx * (shift[a, 0] - shift[b, 0]) + ny * (shift[a, 1] - shift[b, 1])
-    give = mobility[a] + mobility[b]
-    change = max(-gap / give, -push[c])
-    if change != 0.0:
-        push[c] += change
-        shift[a, 0] += mobility[a] * change * nx
-        shift[a, 1] += mobility[a] * change * ny
-        shift[b, 0] -= mobility[b] * change * nx
-        shift[b, 1] -= mobility[b] * change * ny
-    return abs(change) * give
+def _push_apart(c: int, pair: Ints, frame: Floats, push: Floats, mobility: Floats, shift: Floats) -> float:
+    """Relax a pair; returns by how much it opens or closes [m]."""
+    a, b = pair[c, 0], pair[c, 1]
+    nx, ny = frame[c, 0], frame[c, 1]
+    gap = frame[c, 2] + nx * (shift[a, 0] - shift[b, 0]) + ny * (shift[a, 1] - shift[b, 1])
+    change = max(-gap * frame[c, 3], -push[c])
+    if change == 0.0:
+        return 0.0
+    push[c] += change
+    shift[a, 0] += mobility[a, 0] * change * nx
+    shift[a, 1] += mobility[a, 1] * change * ny
+    shift[b, 0] -= mobility[b, 0] * change * nx
+    shift[b, 1] -= mobility[b, 1] * change * ny
+    return abs(change) / frame[c, 3]
+
+
+@kernel
+def _solve(pair: Ints, frame: Floats, bodies: _Bodies, enough: float, sweeps: int) -> Floats:
+    """Displacements of the bodies [m], shape ``(b + 1, 4)``: accelerated sweeps, as in the solver of the contacts."""
+    shift, push = np.zeros_like(bodies.mobility), np.zeros(frame.shape[0])
+    before, change, last_push = np.zeros_like(shift), np.zeros_like(shift), np.zeros_like(push)
+    now, then, last = shift.reshape(-1), before.reshape(-1), change.reshape(-1)
+    memory = start_memory(push.size)
+    for _ in range(sweeps):
+        largest, squares = 0.0, 0.0
+        for c in range(push.size):
+            moved = _push_apart(c, pair, frame, push, bodies.mobility, shift)
+            largest = max(largest, moved)
+            squares += moved * moved
+        if largest <= enough:
+            break
+        cross, square = inner_products(0, shift.shape[0], now, then, last, bodies.weight.reshape(-1))
+        factor = choose_factor(cross, square, np.sqrt(squares), GROWTH, memory)
+        memory[FACTOR] = factor
+        extrapolate_velocity(0, now.size, now, then, last, factor)
+        extrapolate_impulse(0, push.size, push, last_push, factor)
+    return shift
 
 
 @kernel
 def separate(
-    scene: Scene, i: Ints, j: Ints, marked: NDArray[np.bool_], mass: Floats, target: float, enough: float, sweeps: int
-) -> None:
+    scene: Scene,
+    i: Ints,
+    j: Ints,
+    marked: NDArray[np.bool_],
+    mass: Floats,
+    wall_inverse: Floats,
+    target: float,
+    enough: float,
+    sweeps: int,
+) -> Floats:
     """Move the marked grains by the smallest mass-weighted displacements that leave no more than a target of overlap.
 
-    Projected Gauss–Seidel on min ½ Σ m δq² with gap + n·δq ≥ −target for all pairs with a marked grain, linearized at the present
-    positions.
+    Solves min ½ Σ m δq² with gap + n·δq ≥ −target for all pairs that can be moved, linearized at the present positions.
 
     Args:
         scene: Shapes. **Positions modified.**
@@ -114,25 +189,20 @@ def separate(
         j: Grain or wall shape of each near pair.
         marked: Grains that may be moved, shape ``(n,)``.
         mass: Masses of the grains [kg], shape ``(n,)``.
+        wall_inverse: Inverse masses of the walls in x and y, 0 for those that are held [1/kg], shape ``(w, 2)``.
         target: Overlap over the smaller radius that is left.
         enough: Largest displacement of a sweep with which it ends [m].
         sweeps: Cap on the number of sweeps.
+
+    Returns:
+        Displacements of the walls [m], shape ``(w, 2)``: theirs is to follow.
     """
-    i, j = _pairs_of_marked(i, j, marked)
-    normal, room = _measure(scene, i, j, target)
+    bodies = _bodies(marked, mass, wall_inverse)
+    pair, frame = _measure(scene, bodies, i, j, target)
+    shift = _solve(pair, frame, bodies, enough, sweeps)
     n = marked.size
-    shift, mobility = np.zeros((n + 1, 2)), np.zeros(n + 1)  # the last row stands for all walls
     for k in range(n):
         if marked[k]:
-            mobility[k] = 1.0 / mass[k]
-    push = np.zeros(i.size)
-    for _ in range(sweeps):
-        largest = 0.0
-        for c in range(i.size):
-            largest = max(largest, _push_apart(c, i[c], min(j[c], n), normal, room, push, mobility, shift))
-        if largest <= enough:
-            break
-    for k in range(n):
-        if marked[k]:
-            scene.position[k, 0] += shift[k, 0]
-            scene.position[k, 1] += shift[k, 1]
+            scene.position[k, 0] += shift[bodies.number[k], 0]
+            scene.position[k, 1] += shift[bodies.number[k], 1]
+    return shift[bodies.number[n:], :2]

@@ -1,12 +1,12 @@
 """Position correction after a step: no overlap may exceed 5·10⁻⁴ of the smaller radius.
 
 The correction is the smallest one in the metric of the masses, min ½ Σ m δq² with gap + n·δq ≥ −target for all near pairs. That is
-a contact problem without friction whose velocities are displacements, so the contact solver solves it, accelerated, with the
-walls that a force drives taking part. (Pushing pairs apart one by one never ends under a heavy lid.)
+a convex problem, a contact problem without friction whose velocities are displacements; it is solved by accelerated sweeps, with
+the walls that a force drives taking part. (Pushing pairs apart one by one never ends under a heavy lid.)
 
 In a flow a few contacts overlap a little in nearly every step. Every loaded contact around them can take a part of the correction
-up to the target, so that it is enough to move the grains nearby, with all others and the walls held: the first rounds do that, with
-plain sweeps, and the following ones move everything if need be.
+up to the target, so that it is enough to move the grains nearby, with all others and the walls held: the first rounds do that, and
+the following ones move everything if need be.
 """
 
 from __future__ import annotations
@@ -21,12 +21,8 @@ from multicor_cli.kernels.jit import chunks_for
 from multicor_cli.kernels.neighbours import place_shapes
 from multicor_cli.kernels.overlaps import measure_overlaps
 from multicor_cli.kernels.separation import near_pairs, separate, surround
-from multicor_cli.solver.gather import gather_still_contacts
 from multicor_cli.solver.neighbour_list import NeighbourList
-from multicor_cli.solver.pace import Pace
-from multicor_cli.solver.settings import PhysicsError, Settings
-from multicor_cli.solver.solve import Scale, solve_system
-from multicor_cli.solver.system import assemble
+from multicor_cli.solver.settings import PhysicsError
 from multicor_cli.solver.walls import WallMotion
 from multicor_cli.state.model import Floats, Model
 
@@ -37,9 +33,8 @@ ROUNDS = 20  # of linearized corrections
 LOCAL_ROUNDS = 3  # of them with only the grains nearby
 RINGS = 4  # of neighbors that make up "nearby"
 LOCAL_SHARE = 0.5  # of all grains; if more are nearby, all are moved at once
-LOCAL_SWEEPS = 200
-LOCAL_CHANGE = 0.05 * ALLOWED  # displacement of a sweep, over the smallest radius, with which a local correction ends
-_SETTINGS = Settings(tolerance_rms=0.05, tolerance_max=0.25, tolerance_energy=np.inf, max_sweeps=2_000)
+ENOUGH = 0.1 * ALLOWED  # largest displacement of a sweep, over the smallest radius, with which a round ends
+SWEEPS = 2_000  # cap of a round
 
 
 @dataclass(frozen=True)
@@ -67,7 +62,6 @@ def correct_positions(
     reach: float,
     flagged: NDArray[np.bool_],
     step: int,
-    pace: Pace,
 ) -> Correction:
     """Project positions, mass-weighted, until no overlap exceeds `ALLOWED`.
 
@@ -79,7 +73,6 @@ def correct_positions(
         reach: Pairs farther apart than this at q_m cannot overlap now [m].
         flagged: Work space, shape ``(n,)``.
         step: For messages.
-        pace: Decides between one thread and several.
 
     Raises:
         PhysicsError: If overlaps above `FORBIDDEN` cannot be removed.
@@ -91,12 +84,13 @@ def correct_positions(
     # Grains pushed apart may be pushed into others that were not near at q_m: look a little farther.
     reach += 0.1 * model.mean_diameter
     overlap, count = _overlaps(scene, lists, reach, flagged)
+    with np.errstate(divide="ignore"):
+        inverse = np.where(motion.driven, 1.0 / motion.mass, 0.0)[:, :2]  # walls are not turned
     rounds = 0
     while count and rounds < ROUNDS:
         # Pairs that a chain of corrections may close: a few of the largest overlaps away.
         near = min(reach, 20.0 * overlap * float(model.grains.radius.max()))
-        if rounds >= LOCAL_ROUNDS or not _correct_nearby(scene, model, lists, near, flagged):
-            _correct_everything(scene, model, motion, lists, near, pace)
+        _correct_once(scene, model, lists, near, flagged, inverse, rounds < LOCAL_ROUNDS)
         rounds += 1
         overlap, count = _overlaps(scene, lists, reach, flagged)
     if overlap > FORBIDDEN:
@@ -108,33 +102,21 @@ def correct_positions(
     return Correction(overlap, gravity_work, float((motion.load * shift).sum()), rounds)
 
 
-def _correct_nearby(scene: Scene, model: Model, lists: NeighbourList, near: float, flagged: NDArray[np.bool_]) -> bool:
-    """One linearized correction of the grains around the ``flagged`` ones (**modified**); False if that is nearly all of them."""
+def _correct_once(
+    scene: Scene, model: Model, lists: NeighbourList, near: float, flagged: NDArray[np.bool_], inverse: Floats, is_local: bool
+) -> None:
+    """One linearized correction: of the grains around the ``flagged`` ones (**modified**), or of everything.
+
+    ``inverse`` are the inverse masses of the walls in x and y, shape ``(w, 2)``; they move with everything only.
+    """
     i, j = near_pairs(lists.row, lists.partner, lists.gap_after, near)
-    if surround(i, j, RINGS, flagged) > LOCAL_SHARE * model.grain_count:
-        return False
-    separate(scene, i, j, flagged, model.grains.mass, TARGET, LOCAL_CHANGE * float(model.grains.radius.min()), LOCAL_SWEEPS)
-    return True
-
-
-def _correct_everything(scene: Scene, model: Model, motion: WallMotion, lists: NeighbourList, near: float, pace: Pace) -> None:
-    """One linearized correction of all grains, and of the walls that a force drives."""
-    n = model.grain_count
-    still = np.zeros((n + model.wall_count, 4))
-    still[:n, 3] = 1.0 / model.grains.mass
-    with np.errstate(divide="ignore"):
-        inverse = np.where(motion.driven, 1.0 / motion.mass, 0.0)
-    inverse[:, 2] = 0.0  # walls are not turned
-    contacts = gather_still_contacts(scene, lists, lists.gap_after, near, still)
-    smaller = scene.radius[contacts.i]
-    grains = contacts.j < n
-    smaller[grains] = np.minimum(smaller[grains], scene.radius[contacts.j[grains]])
-    contacts.frame[:, 3] = contacts.frame[:, 2] + TARGET * smaller
-    ordered = assemble(scene, contacts, still, inverse, motion.is_free, model.mean_diameter, model.shape_factor)
-    solve_system(ordered.system, Scale(ALLOWED * float(model.grains.radius.min()), 1.0), _SETTINGS, pace)
-    displacement: Floats = ordered.system.velocity
-    scene.position[:, :2] += displacement[:n, :2]
-    scene.wall_position[:] += np.where(inverse > 0.0, displacement[n : n + model.wall_count, :3], 0.0)
+    if not is_local or surround(i, j, RINGS, flagged) > LOCAL_SHARE * model.grain_count:
+        flagged[:] = True
+    else:
+        inverse = np.zeros_like(inverse)
+    enough = ENOUGH * float(model.grains.radius.min())
+    shift = separate(scene, i, j, flagged, model.grains.mass, inverse, TARGET, enough, SWEEPS)
+    scene.wall_position[:, :2] += shift
     place_shapes(scene.kind, scene.wall, model.shapes.geometry, scene.wall_position, scene.world)
 
 

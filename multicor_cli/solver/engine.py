@@ -290,7 +290,7 @@ class Engine:
             state.wall_position = middle_walls + 0.5 * dt * wall_after
         with self._timed("correct"):
             end = self._scene(state.position, state.wall_position)
-            correction = correct_positions(end, model, self._motion, self._list, reach, self._flagged, state.step, self._pace)
+            correction = correct_positions(end, model, self._motion, self._list, reach, self._flagged, state.step)
             if model.period > 0.0:
                 wrap(state.position, state.image, model.period)
         with self._timed("account"):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from multicor_cli.kernels.contacts import (
     Contacts,
@@ -12,16 +11,10 @@ from multicor_cli.kernels.contacts import (
     WarmStart,
     count_contacts,
     fill_contacts,
-    kernel_laws,
 )
 from multicor_cli.kernels.jit import chunks_for
 from multicor_cli.solver.neighbour_list import NeighbourList
-from multicor_cli.state.model import ContactLaws, Floats
-
-_NOTHING = np.zeros((1, 1))
-_NO_LAWS = kernel_laws(
-    ContactLaws(_NOTHING, _NOTHING, np.full((1, 1), -1, np.int32), np.zeros(1, np.int32), np.empty(0), np.empty(0)), np.empty(0)
-)
+from multicor_cli.state.model import Floats
 
 
 def gather_contacts(
@@ -48,11 +41,3 @@ def gather_contacts(
     closing = chunks_for(lists.row.size - 1, 2)
     fill_contacts(scene, laws, lists.row, lists.partner, gap, margin, kept, start, dt, warm, ratio, contacts, closing)
     return contacts, closing.sum(axis=0)
-
-
-def gather_still_contacts(scene: Scene, lists: NeighbourList, gap: Floats, near: float, still: Floats) -> Contacts:
-    """Frictionless contacts with a ``gap`` up to ``near`` [m] between bodies at rest, ``still`` of shape ``(bodies, 4)``."""
-    rows: NDArray[np.int64] = np.zeros(lists.row.size, np.int64)
-    nothing = WarmStart(rows, np.empty(0, np.int32), np.empty((0, 2)))
-    alike = scene._replace(material=np.zeros_like(scene.material))
-    return gather_contacts(alike, lists, gap, near, _NO_LAWS, still, 1.0, nothing, 0.0)[0]

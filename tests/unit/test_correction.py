@@ -1,10 +1,13 @@
 """Position correction: which grains it may move, and what it leaves of overlaps."""
 
 import numpy as np
+import pytest
 from scene_parts import FLOOR, make_engine, make_model
 
-from multicor_cli.kernels.separation import near_pairs, surround
+from multicor_cli.kernels.contacts import Scene, pair_geometry
+from multicor_cli.kernels.separation import near_pairs, separate, surround
 from multicor_cli.solver import correction
+from multicor_cli.state.model import ShapeKind
 
 ROW = np.array([0, 1, 2, 3, 4, 5, 6], np.int64)  # a chain: grain k is near grain k + 1, and the last near a wall
 PARTNER = np.array([1, 2, 3, 4, 5, 7], np.int32)
@@ -48,3 +51,64 @@ def test_what_cannot_be_done_nearby_is_done_everywhere(monkeypatch):
     moved, overlap = corrected(9e-3)
     assert overlap <= correction.ALLOWED
     assert np.count_nonzero(moved) > 10
+
+
+def smallest_displacements(scene, i, j, mass, wall_inverse, target):
+    """The same convex problem with dense matrices: projected Jacobi steps find the pairs that push, a linear system how much."""
+    n, w = len(mass), len(wall_inverse)
+    rows, limits = [], []
+    for a, b in zip(i, j, strict=True):
+        gap, nx, ny = pair_geometry(scene, a, b)
+        body = b if b < n else n + scene.wall[b - n]
+        row = np.zeros((n + w, 2))
+        row[a] += (nx, ny)
+        row[body] -= (nx, ny)
+        rows.append(row.ravel())
+        limits.append(-gap - target * (min(scene.radius[a], scene.radius[b]) if b < n else scene.radius[a]))
+    g, h = np.array(rows), np.array(limits)
+    inverse = np.concatenate([np.repeat(1.0 / mass, 2), wall_inverse.ravel()])
+    dual = np.zeros(len(h))
+    delassus = (g * inverse) @ g.T
+    for _ in range(20_000):
+        dual = np.maximum(0.0, dual - (delassus @ dual - h) / np.abs(delassus).sum(axis=1).max())
+    pushing = dual > 1e-6 * dual.max()
+    dual = np.zeros(len(h))
+    dual[pushing] = np.linalg.lstsq(delassus[np.ix_(pushing, pushing)], h[pushing], rcond=None)[0]
+    assert (dual >= 0.0).all()
+    assert (delassus @ dual - h > -1e-9).all()
+    return (inverse * (g.T @ dual)).reshape(n + w, 2)
+
+
+@pytest.mark.parametrize("lid_inverse", [0.0, 0.02])
+def test_displacements_solve_the_convex_problem(lid_inverse):
+    """Overlapping discs of several sizes between a floor and a lid, heavy or held: against dense matrices."""
+    rng = np.random.default_rng(5)
+    radius = rng.uniform(0.4, 0.6, 12)
+    position = np.zeros((12, 3))
+    position[:, 0], position[:, 1] = np.tile([0.5, 1.4, 2.3], 4), np.repeat([0.5, 1.4, 2.3, 3.2], 3)
+    position[:, :2] += rng.uniform(-0.05, 0.05, (12, 2))
+    planes = np.array([[0.0, 0.0, 0.0, 1.0], [0.0, 4.05, 0.0, -1.0]])
+    scene = Scene(
+        position, radius, np.zeros(14, np.int32), np.full(2, ShapeKind.PLANE, np.int32), np.array([0, 1], np.int32), planes,
+        np.array([[0.0, 0.0, 0.0], [0.0, 4.05, 0.0]]), 0.0,
+    )  # fmt: skip
+    pairs = [(a, b) for a in range(12) for b in range(a + 1, 14) if pair_geometry(scene, a, b)[0] < 0.1]
+    i, j = np.array(pairs, np.int32).T.copy()
+    mass, wall_inverse = np.pi * radius**2, np.array([[0.0, 0.0], [0.0, lid_inverse]])
+    expected = smallest_displacements(scene, i, j, mass, wall_inverse, 1e-3)
+    before = position[:, :2].copy()
+    shift = separate(scene, i, j, np.ones(12, np.bool_), mass, wall_inverse, 1e-3, 1e-12, 10_000)
+    assert np.abs(expected).max() > 0.005
+    np.testing.assert_allclose(position[:, :2] - before, expected[:12], atol=1e-7)
+    np.testing.assert_allclose(shift, expected[12:], atol=1e-7)
+
+
+def test_held_grains_stay():
+    """Only the marked grain moves, and all the way."""
+    scene = Scene(
+        np.array([[0.0, 0.0, 0.0], [0.9, 0.0, 0.0]]), np.full(2, 0.5), np.zeros(2, np.int32), np.empty(0, np.int32),
+        np.empty(0, np.int32), np.empty((0, 4)), np.empty((0, 3)), 0.0,
+    )  # fmt: skip
+    pair = (np.array([0], np.int32), np.array([1], np.int32))
+    separate(scene, *pair, np.array([False, True]), np.ones(2), np.empty((0, 2)), 0.01, 1e-9, 100)
+    np.testing.assert_allclose(scene.position[:, 0], [0.0, 0.995], atol=1e-9)
