@@ -51,7 +51,7 @@ FAST, CALM = 0, 1
 MODES = np.array([[1.0, 1.0, 1.5], [0.5, 1.0, 1.2], [1.0, 1.0, 0.0], [0.25, 1.0, 1.2], [1.0, 0.3, 0.0]])
 """Rows: factors on the normal and tangential corrections; growth of the change per sweep over its lowest value since the last
 restart, at which the momentum restarts (0: no momentum). The first two take turns; the others are escapes."""
-CALM_BELOW, CALM_AFTER, CALM_FOR = 2.0, 60.0, 30.0  # times the tolerance; sweeps in `FAST` before; sweeps in `CALM`
+CALM_BELOW, CALM_AFTER, CALM_FOR = 2.0, 300.0, 30.0  # times the tolerance; sweeps in `FAST` before; sweeps in `CALM`
 GAIN = 0.9  # the loop has gained if the change per sweep is lower by this factor
 PATIENCE = 300.0  # sweeps without gain after which it tries another escape
 ESCAPE_FOR = 1000.0  # sweeps after which an escape ends even if it still gains

@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.kernels.contacts import Contacts, Scene
-from multicor_cli.kernels.jit import kernel, parallel_kernel, prange
+from multicor_cli.kernels.jit import kernel, parallel_kernel, prange, scalar
 from multicor_cli.state.model import Floats, Ints
 
 HEAVY = 16  # a grain with more contacts than this is relaxed serially
@@ -203,6 +203,48 @@ def pack_contacts(
         frame[k, 2] = 1.0 / (velocity[i, 3] + velocity[body, 3])
         frame[k, 3], frame[k, 4] = contacts.frame[c, 3], contacts.frame[c, 4]
         impulse[k, 0], impulse[k, 1] = contacts.impulse[c, 0], contacts.impulse[c, 1]
+
+
+@scalar
+def _lever_and_weight(
+    side: int, l_n: float, l_t: float, inverse: Floats, body: int, nx: float, ny: float, g: int, frame: Floats, lever: Floats
+) -> None:
+    """Set the levers of one body of a general contact and add its share of W_nn, W_nt and W_tt."""
+    lever[g, 2 * side], lever[g, 2 * side + 1] = l_n, l_t
+    mx, my, ms = inverse[body, 0], inverse[body, 1], inverse[body, 2]
+    frame[g, 4] += mx * (nx * nx) + my * (ny * ny) + ms * (l_n * l_n)
+    frame[g, 5] += (my - mx) * nx * ny + ms * l_n * l_t
+    frame[g, 6] += mx * (ny * ny) + my * (nx * nx) + ms * (l_t * l_t)
+
+
+@kernel
+def pack_general(scene: Scene, contacts: Contacts, general: Ints, inverse: Floats) -> tuple[Ints, Floats, Floats, Floats]:
+    """Arrays of the contacts with walls that have a free degree of freedom, as in `multicor_cli.kernels.sweep.System`.
+
+    Args:
+        scene: Shapes at q_m.
+        contacts: Contacts sorted by key.
+        general: Contacts of class 2, shape ``(g,)``.
+        inverse: Inverse mass per degree of freedom of grains and walls, shape ``(n + w, 3)``.
+
+    Returns:
+        Bodies ``(g, 2)``, frames ``(g, 7)``, levers ``(g, 4)`` and impulses ``(g, 2)``.
+    """
+    n = scene.radius.size
+    pair, impulse = np.empty((general.size, 2), np.int32), np.empty((general.size, 2))
+    frame, lever = np.zeros((general.size, 7)), np.empty((general.size, 4))
+    for g in range(general.size):
+        c = general[g]
+        nx, ny = contacts.frame[c, 0], contacts.frame[c, 1]
+        lx, ly = contacts.lever[c, 0], contacts.lever[c, 1]
+        pair[g, 0], pair[g, 1] = contacts.i[c], n + scene.wall[contacts.j[c] - n]
+        frame[g, 0], frame[g, 1] = nx, ny
+        frame[g, 2], frame[g, 3] = contacts.frame[c, 3], contacts.frame[c, 4]
+        impulse[g, 0], impulse[g, 1] = contacts.impulse[c, 0], contacts.impulse[c, 1]
+        # u_t gains −s from the grain's surface speed; u_n and u_t −Ω (l_x n_y − l_y n_x) and −Ω (l_x n_x + l_y n_y) from the wall.
+        _lever_and_weight(0, 0.0, -1.0, inverse, pair[g, 0], nx, ny, g, frame, lever)
+        _lever_and_weight(1, lx * ny - ly * nx, lx * nx + ly * ny, inverse, pair[g, 1], nx, ny, g, frame, lever)
+    return pair, frame, lever, impulse
 
 
 @parallel_kernel

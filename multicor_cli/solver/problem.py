@@ -12,7 +12,6 @@ from multicor_cli.kernels.sweep import System, add_impulses
 from multicor_cli.solver.pace import Pace
 from multicor_cli.solver.settings import Settings
 from multicor_cli.solver.solve import Scale, solve_system
-from multicor_cli.solver.system import delassus
 from multicor_cli.state.model import Floats, Ints
 
 _SHAPES = {
@@ -270,3 +269,16 @@ def problem_of_step(scene: Scene, contacts: Contacts, free: Floats, wall_inverse
     return ContactProblem(
         inverse, velocity, np.column_stack([i, body]), normal, lever, contacts.frame[:, 3].copy(), contacts.frame[:, 4].copy()
     )
+
+
+def delassus(pair: Ints, normal: Floats, lever: Floats, inverse: Floats) -> Floats:
+    """W_nn, W_nt, W_tt of contacts between bodies with an inverse mass per degree of freedom, shape ``(g, 3)`` [1/kg]."""
+    nx, ny = normal[:, 0], normal[:, 1]
+    result = np.zeros((len(pair), 3))
+    for side in (0, 1):
+        m = inverse[pair[:, side]]
+        l_n, l_t = lever[:, 2 * side], lever[:, 2 * side + 1]
+        result[:, 0] += m[:, 0] * nx**2 + m[:, 1] * ny**2 + m[:, 2] * l_n**2
+        result[:, 1] += (m[:, 1] - m[:, 0]) * nx * ny + m[:, 2] * l_n * l_t
+        result[:, 2] += m[:, 0] * ny**2 + m[:, 1] * nx**2 + m[:, 2] * l_t**2
+    return result

@@ -13,6 +13,7 @@ from multicor_cli.kernels.ordering import (
     number_wall_contacts,
     order_contacts,
     pack_contacts,
+    pack_general,
     unpack_impulses,
 )
 from multicor_cli.kernels.sweep import System, add_impulses
@@ -78,10 +79,9 @@ def assemble(
         inverse[:n, 0] = inverse[:n, 1] = free[:n, 3]
         inverse[:n, 2] = spin_factor * free[:n, 3]
         inverse[n:] = wall_inverse
-    general_pair, general_frame, lever = _general_contacts(scene, contacts, general, inverse)
     system = System(
         velocity, inverse, pair, frame, impulse, tile_start, color_start,
-        general_pair, general_frame, lever, contacts.impulse[general], spin_factor,
+        *pack_general(scene, contacts, general, inverse), spin_factor,
     )  # fmt: skip
     add_impulses(system)
     return OrderedSystem(system, order, general)
@@ -102,32 +102,3 @@ def _tiles(scene: Scene, width: float) -> tuple[int, int, Floats, float, float]:
     if scene.period > 0.0 and columns > 1:
         columns -= columns % 2
     return columns, rows, low, max(size[0], width) / columns, max(size[1], width) / rows
-
-
-def _general_contacts(scene: Scene, contacts: Contacts, general: Ints, inverse: Floats) -> tuple[Ints, Floats, Floats]:
-    """Arrays of the contacts with walls that have a free degree of freedom; see `System`."""
-    n = scene.radius.size
-    i, shape = contacts.i[general], contacts.j[general] - n
-    pair = np.column_stack([i, n + scene.wall[shape]]).astype(np.int32)
-    nx, ny = contacts.frame[general, 0], contacts.frame[general, 1]
-    lx, ly = contacts.lever[general, 0], contacts.lever[general, 1]
-    # u_n and u_t gain −Ω (l_x n_y − l_y n_x) and −Ω (l_x n_x + l_y n_y) from the wall; −s from the grain's surface speed.
-    lever = np.column_stack([np.zeros_like(nx), -np.ones_like(nx), lx * ny - ly * nx, lx * nx + ly * ny])
-    frame = np.empty((general.size, 7))
-    frame[:, 0], frame[:, 1] = nx, ny
-    frame[:, 2], frame[:, 3] = contacts.frame[general, 3], contacts.frame[general, 4]
-    frame[:, 4:] = delassus(pair, frame[:, :2], lever, inverse)
-    return pair, frame, np.ascontiguousarray(lever)
-
-
-def delassus(pair: Ints, normal: Floats, lever: Floats, inverse: Floats) -> Floats:
-    """W_nn, W_nt, W_tt of contacts between bodies with an inverse mass per degree of freedom, shape ``(g, 3)`` [1/kg]."""
-    nx, ny = normal[:, 0], normal[:, 1]
-    result = np.zeros((len(pair), 3))
-    for side in (0, 1):
-        m = inverse[pair[:, side]]
-        l_n, l_t = lever[:, 2 * side], lever[:, 2 * side + 1]
-        result[:, 0] += m[:, 0] * nx**2 + m[:, 1] * ny**2 + m[:, 2] * l_n**2
-        result[:, 1] += (m[:, 1] - m[:, 0]) * nx * ny + m[:, 2] * l_n * l_t
-        result[:, 2] += m[:, 0] * ny**2 + m[:, 1] * nx**2 + m[:, 2] * l_t**2
-    return result
