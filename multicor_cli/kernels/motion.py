@@ -115,15 +115,64 @@ def wrap(position: Floats, image: np.ndarray, period: float) -> None:
 
 
 @parallel_kernel
-def displacements(position: Floats, reference: Floats, period: float, farthest: Floats) -> None:
-    """Largest distance [m] moved since ``reference`` ``(n, 2)`` was recorded; **modifies** ``farthest`` ``(chunks, 1)``."""
+def displacements(position: Floats, reference: Floats, period: float, moved: Floats) -> None:
+    """Displacements [m] since ``reference`` ``(n, 2)`` was recorded, nearest image; **modifies** ``moved`` ``(n, 2)``."""
+    for i in prange(position.shape[0]):
+        dx = position[i, 0] - reference[i, 0]
+        if period > 0.0:
+            dx -= period * np.round(dx / period)
+        moved[i, 0], moved[i, 1] = dx, position[i, 1] - reference[i, 1]
+
+
+@parallel_kernel
+def affine_sums(vectors: Floats, position: Floats, center: Floats, sums: Floats) -> None:
+    """Sums for the least-squares fit of an affine field to vectors.
+
+    Args:
+        vectors: Vectors in the first two columns, shape ``(≥ n, ≥ 2)``.
+        position: Grains, shape ``(n, ≥ 2)``.
+        center: Where x and y below are counted from, shape ``(2,)``.
+        sums: For each chunk of grains Σx, Σy, Σx², Σxy, Σy², then Σu, Σxu, Σyu for both components u, shape ``(chunks, 11)``.
+            **Modified.**
+    """
+    count = position.shape[0]
+    for chunk in prange(sums.shape[0]):
+        for i in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
+            x, y = position[i, 0] - center[0], position[i, 1] - center[1]
+            u, v = vectors[i, 0], vectors[i, 1]
+            sums[chunk, 0] += x
+            sums[chunk, 1] += y
+            sums[chunk, 2] += x * x
+            sums[chunk, 3] += x * y
+            sums[chunk, 4] += y * y
+            sums[chunk, 5] += u
+            sums[chunk, 6] += v
+            sums[chunk, 7] += x * u
+            sums[chunk, 8] += x * v
+            sums[chunk, 9] += y * u
+            sums[chunk, 10] += y * v
+
+
+@parallel_kernel
+def affine_rest(vectors: Floats, position: Floats, center: Floats, fit: Floats, farthest: Floats) -> None:
+    """Largest deviations from an affine field.
+
+    Args:
+        vectors: As in `affine_sums`.
+        position: Grains, shape ``(n, ≥ 2)``.
+        center: Where the field is ``fit[0]``, shape ``(2,)``.
+        fit: The field: its value, its changes per length in x and in y, shape ``(3, 2)``.
+        farthest: For each chunk of grains the largest square of a deviation, and the largest components in x and in y, shape
+            ``(chunks, 3)``. **Modified.**
+    """
     count = position.shape[0]
     for chunk in prange(farthest.shape[0]):
-        best = 0.0
+        best, wide, high = 0.0, 0.0, 0.0
         for i in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
-            dx = position[i, 0] - reference[i, 0]
-            if period > 0.0:
-                dx -= period * np.round(dx / period)
-            dy = position[i, 1] - reference[i, 1]
-            best = max(best, dx * dx + dy * dy)
-        farthest[chunk, 0] = np.sqrt(best)
+            x, y = position[i, 0] - center[0], position[i, 1] - center[1]
+            u, v = vectors[i, 0], vectors[i, 1]
+            du = u - fit[0, 0] - x * fit[1, 0] - y * fit[2, 0]
+            dv = v - fit[0, 1] - x * fit[1, 1] - y * fit[2, 1]
+            best = max(best, du * du + dv * dv)
+            wide, high = max(wide, abs(u)), max(high, abs(v))
+        farthest[chunk, 0], farthest[chunk, 1], farthest[chunk, 2] = best, wide, high

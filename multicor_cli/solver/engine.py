@@ -5,6 +5,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
+from dataclasses import replace
 
 import numba
 import numpy as np
@@ -26,6 +27,7 @@ from multicor_cli.physics.drives import WallDrive
 from multicor_cli.solver.books import book_step, start_books, switch_wall_kinetic
 from multicor_cli.solver.contact_table import ContactTable, tabulate_contacts
 from multicor_cli.solver.correction import correct_positions
+from multicor_cli.solver.drift import fit_drift
 from multicor_cli.solver.gather import gather_contacts
 from multicor_cli.solver.neighbour_list import NeighbourList
 from multicor_cli.solver.pace import Pace
@@ -119,10 +121,7 @@ class Engine:
         if state.step == 0:
             start_books(state, model, motion)
         with self._timed("predict"):
-            fastest = self._predict(dt, t)
-        middle_walls = state.wall_position + 0.5 * dt * state.wall_velocity
-        scene = self._scene(self._middle, middle_walls)
-        reach = 2.0 * dt * fastest
+            scene, reach = self._predict(dt, t)
         margin = -1.0
         while True:
             with self._timed("detect"):
@@ -132,7 +131,7 @@ class Engine:
                     margin = dt * self._measure_pairs(scene, reach)
             contacts, after, outcome = self._solve(scene, margin, dt, should_stop)
             with self._timed("detect"):
-                reach_after = 2.0 * dt * self._fastest(after)
+                reach_after = self._reach_after(scene, after, dt)
                 if reach_after > reach:
                     self._list.update(self._middle, scene.world, reach_after)
                     self._measure_pairs(scene, reach_after)
@@ -149,7 +148,7 @@ class Engine:
                 f"rms {outcome.rms:.2e}, max {outcome.maximum:.2e}, energy {outcome.energy:.2e} of their scale"
             )
             raise PhysicsError(state.step, message)
-        return self._finish(scene, contacts, after, outcome, reach, dt, middle_walls)
+        return self._finish(scene, contacts, after, outcome, reach, dt)
 
     @property
     def moved(self) -> tuple[Scene, Contacts, Floats] | None:
@@ -181,14 +180,13 @@ class Engine:
 
     def _next_contacts(self, dt: float, t: float) -> tuple[Scene, Contacts]:
         """Shapes and contacts of the next step, as `step` finds them at first."""
-        reach = 2.0 * dt * self._predict(dt, t)
-        scene = self._scene(self._middle, self.state.wall_position + 0.5 * dt * self.state.wall_velocity)
+        scene, reach = self._predict(dt, t)
         self._list.update(self._middle, scene.world, reach)
         contacts, _ = self._gather(scene, dt * self._measure_pairs(scene, reach), dt)
         return scene, contacts
 
-    def _predict(self, dt: float, t: float) -> float:
-        """Fill mid-step positions and free velocities; returns the largest speed of anything [m/s]."""
+    def _predict(self, dt: float, t: float) -> tuple[Scene, float]:
+        """Fill mid-step positions and free velocities; returns the shapes at q_m, and a gap that no pair closes in the step [m]."""
         state, model = self.state, self.model
         n = model.grain_count
         speeds = chunks_for(n)
@@ -196,13 +194,16 @@ class Engine:
             state.position, state.velocity, model.grains.radius, model.grains.mass, model.gravity, dt,
             self._middle, self._start, self._free, speeds,
         )  # fmt: skip
-        fastest = float(speeds.max())
         walls = self._motion.predict(state.wall_velocity, t, dt)
         self._start[n:, :3] = state.wall_velocity
         self._free[n:, :3] = walls
-        if not np.isfinite(fastest) or not np.isfinite(walls).all():
+        if not np.isfinite(speeds).all() or not np.isfinite(walls).all():
             raise PhysicsError(state.step, _name_non_finite(state))
-        return max(fastest, self._motion.fastest(state.wall_velocity), self._motion.fastest(walls))
+        scene = self._scene(self._middle, state.wall_position + 0.5 * dt * state.wall_velocity)
+        drift = fit_drift(self._free, self._middle, model.period > 0.0)
+        fall = dt * np.abs(model.gravity)  # between the velocities at the start and the free ones
+        drift = replace(drift, rest=drift.rest + float(np.hypot(*fall)), largest=drift.largest + fall)
+        return scene, self._motion.closing(drift, scene, state.wall_velocity, walls).reach(dt, self._list.largest)
 
     def _measure_pairs(self, scene: Scene, reach: float) -> float:
         """Gaps of the listed pairs into the list; returns the largest approach speed of a pair nearer than ``reach`` [m/s]."""
@@ -210,10 +211,10 @@ class Engine:
         measure_pairs(scene, lists.row, lists.partner, self._start, self._free, reach, lists.gap, fastest)
         return float(fastest.max())
 
-    def _fastest(self, after: Floats) -> float:
-        n = self.model.grain_count
-        grains = float(np.sqrt((after[:n, 0] ** 2 + after[:n, 1] ** 2).max()))
-        return max(grains, self._motion.fastest(after[n:, :3]))
+    def _reach_after(self, scene: Scene, after: Floats, dt: float) -> float:
+        """A gap that no pair closes in the step with the velocities v⁺ [m]."""
+        drift = fit_drift(after, self._middle, self.model.period > 0.0)
+        return self._motion.closing(drift, scene, after[self.model.grain_count :, :3]).reach(dt, self._list.largest)
 
     def _scene(self, position: Floats, wall_position: Floats) -> Scene:
         model = self.model
@@ -267,9 +268,7 @@ class Engine:
         )
         return Scale(reference, 0.5 * mass * reference**2)
 
-    def _finish(
-        self, scene: Scene, contacts: Contacts, after: Floats, outcome: Outcome, reach: float, dt: float, middle_walls: Floats
-    ) -> StepReport:
+    def _finish(self, scene: Scene, contacts: Contacts, after: Floats, outcome: Outcome, reach: float, dt: float) -> StepReport:
         """Books, motion and position correction; from here on the state changes."""
         state, model = self.state, self.model
         n = model.grain_count
@@ -287,7 +286,7 @@ class Engine:
                 raise PhysicsError(state.step, _name_non_finite(state))
             wall_before = state.wall_velocity
             state.wall_velocity = wall_after
-            state.wall_position = middle_walls + 0.5 * dt * wall_after
+            state.wall_position = scene.wall_position + 0.5 * dt * wall_after
         with self._timed("correct"):
             end = self._scene(state.position, state.wall_position)
             correction = correct_positions(end, model, self._motion, self._list, reach, self._flagged, state.step)

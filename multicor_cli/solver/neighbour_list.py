@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.kernels.jit import chunks_for
 from multicor_cli.kernels.motion import displacements
 from multicor_cli.kernels.neighbours import bin_discs, list_pairs
+from multicor_cli.solver.drift import WallShapes, fit_drift
 from multicor_cli.state.model import Floats, Ints, Model, ShapeKind
 
 SKIN = 0.3  # of the mean diameter: what is listed beyond the reach of a step
@@ -24,21 +24,22 @@ class NeighbourList:
         gap: Work space for the gaps of the listed pairs at mid-step [m].
         gap_after: The same at the end of the step [m].
         builds: How often the list was built.
+        largest: Largest diameter of a disc [m].
     """
 
     def __init__(self, model: Model) -> None:
         self._model = model
-        kind = model.shapes.kind
-        self._disc_shapes = np.flatnonzero(kind == ShapeKind.DISC).astype(np.int32)
-        self._others = np.flatnonzero(kind != ShapeKind.DISC).astype(np.int32)
+        self._shapes = WallShapes(model)
+        self._disc_shapes = self._shapes.discs
+        self._others = np.flatnonzero(model.shapes.kind != ShapeKind.DISC).astype(np.int32)
         self._shape_of = (model.grain_count + self._disc_shapes).astype(np.int32)
         self._radius = np.concatenate([model.grains.radius, model.shapes.geometry[self._disc_shapes, 2]])
-        self._planes = np.flatnonzero(kind == ShapeKind.PLANE)
-        self._segments = np.flatnonzero(kind == ShapeKind.SEGMENT)
+        self.largest = 2.0 * float(self._radius.max())
         self._level, self._level_radius = _size_classes(self._radius)
         self._skin = SKIN * model.mean_diameter
         self._cutoff = -1.0
         self._reference = np.empty((0, 2))
+        self._displacement = np.empty((model.grain_count, 2))
         self._reference_world = np.empty((0, 4))
         self._extent = 0.0
         self.row: NDArray[np.int64] = np.zeros(model.grain_count + 1, np.int64)
@@ -55,25 +56,24 @@ class NeighbourList:
             world: Wall shapes in the world, shape ``(m, 4)``.
             reach: Largest gap of interest [m].
         """
-        if self._cutoff - 2.0 * self._moved(position, world) < reach:
+        if self._cutoff < 0.0 or self._cutoff - self._approach(position, world) < reach:
             self._build(position, world, reach + self._skin)
 
-    def _moved(self, position: Floats, world: Floats) -> float:
-        """Largest displacement of a shape since the list was built [m]; infinite before that."""
-        if self._cutoff < 0.0:
-            return np.inf
-        farthest = chunks_for(len(position))
-        displacements(position, self._reference, self._model.period, farthest)
-        moved = float(farthest.max())
-        if world.size:
-            change = np.abs(world - self._reference_world)
-            moved = max(moved, float(np.hypot(change[:, 0], change[:, 1]).max()))
-            if self._segments.size:
-                moved = max(moved, float(np.hypot(change[self._segments, 2], change[self._segments, 3]).max()))
-            if self._planes.size:  # a tilting plane moves in proportion to the distance from its point
-                tilt = np.hypot(change[self._planes, 2], change[self._planes, 3])
-                moved = max(moved, float((np.hypot(change[self._planes, 0], change[self._planes, 1]) + tilt * self._extent).max()))
-        return moved
+    def _approach(self, position: Floats, world: Floats) -> float:
+        """How much closer than when the list was built any pair that is not listed may be [m]."""
+        displacements(position, self._reference, self._model.period, self._displacement)
+        drift = fit_drift(self._displacement, self._reference, self._model.period > 0.0)
+        change = world - self._reference_world
+        shapes, planes = self._shapes, self._shapes.planes
+        turn = np.zeros(len(world))
+        if planes.size:  # a tilting plane moves in proportion to the distance from its point
+            move = np.hypot(change[planes, 0], change[planes, 1]) + np.hypot(*drift.largest)
+            turn[planes] = np.hypot(change[planes, 2], change[planes, 3]) * (self._extent + move)
+        ends = change[shapes.segments, 2:]
+        farther = float(np.hypot(ends[:, 0], ends[:, 1]).max(initial=0.0))
+        closing = shapes.closing(drift, self._reference_world, change[:, :2], turn, farther)
+        # Discs that are not listed are at least this far apart; for those farther apart there is more room than they can lose.
+        return closing.over(self.largest + self._cutoff)
 
     def _build(self, position: Floats, world: Floats, cutoff: float) -> None:
         model = self._model
@@ -110,7 +110,7 @@ class NeighbourList:
         self._reference = position[:, :2].copy()
         self._reference_world = world.copy()
         # Planes pass anywhere: their lever is the farthest grain from any of their points.
-        self._extent = float(np.hypot(*(high - low))) + float(np.abs(world[self._planes, :2]).max(initial=0.0))
+        self._extent = float(np.hypot(*(high - low))) + float(np.abs(world[self._shapes.planes, :2]).max(initial=0.0))
         self.builds += 1
 
     def _grids(self, size: Floats, cutoff: float) -> tuple[Floats, Ints]:

@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from multicor_cli.kernels.contacts import Scene
 from multicor_cli.physics.drives import WallDrive
+from multicor_cli.solver.drift import Closing, Drift, WallShapes
 from multicor_cli.state.model import Floats, Model, ShapeKind
 
 
@@ -47,6 +49,7 @@ class WallMotion:
         self.inverse: Floats = np.zeros((w, 3))
         self._length = model.walls.length
         self._extent = _extents(model)
+        self._shapes = WallShapes(model)
 
     def predict(self, velocity: Floats, t: float, dt: float) -> Floats:
         """Velocities V⁺ of the prescribed degrees of freedom and free velocities of the driven ones, shape ``(w, 3)``.
@@ -83,12 +86,17 @@ class WallMotion:
         """Kinetic energy of the driven degrees of freedom [J]."""
         return float((0.5 * self.mass * velocity * velocity).sum())
 
-    def fastest(self, velocity: Floats) -> float:
-        """Largest speed of a point of a wall shape [m/s] (a circle may spin about its center at no speed of its own)."""
-        if not velocity.size:
-            return 0.0
-        speed = np.hypot(velocity[:, 0], velocity[:, 1]) + np.abs(velocity[:, 2]) * self._extent
-        return float(speed.max())
+    def closing(self, drift: Drift, scene: Scene, *velocities: Floats) -> Closing:
+        """Bounds on how fast shapes come closer [m/s], given velocities of the grains and one or more of the walls ``(w, 3)``."""
+        bounds = []
+        for velocity in velocities:
+            own = velocity[scene.wall]
+            arm = scene.world[:, :2] - scene.wall_position[scene.wall, :2]
+            vectors = own[:, :2] + own[:, 2:] * np.column_stack([-arm[:, 1], arm[:, 0]])
+            vectors[self._shapes.others] = own[self._shapes.others, :2]  # turning is counted by itself
+            turn = np.abs(own[:, 2]) * self._extent[scene.wall]
+            bounds.append(self._shapes.closing(drift, scene.world, vectors, turn))
+        return Closing(*(max(getattr(bound, name) for bound in bounds) for name in ("rest", "gradient", "disc", "wall")))
 
 
 def _extents(model: Model) -> Floats:

@@ -1,0 +1,138 @@
+"""How fast shapes can come closer to each other: far slower than they move in a flow, where neighbors move alike.
+
+The vectors of the grains (displacements, or velocities) are split into an affine field a + G x, fitted by least squares, and the
+rest. Two discs at a distance D approach by |G| D and twice the largest rest at most. In a sheared layer this does not depend on its
+height, which the largest speed does.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from multicor_cli.kernels.jit import chunks_for
+from multicor_cli.kernels.motion import affine_rest, affine_sums
+from multicor_cli.state.model import Floats, Model, ShapeKind
+
+
+@dataclass(frozen=True)
+class Drift:
+    """Vectors of the grains as an affine field and a rest.
+
+    Attributes:
+        center: Where the field is ``fit[0]``, shape ``(2,)``.
+        fit: a, and the changes per length in x and in y, shape ``(3, 2)``.
+        rest: Largest deviation from the field.
+        largest: Largest components in x and in y, shape ``(2,)``.
+    """
+
+    center: Floats
+    fit: Floats
+    rest: float
+    largest: Floats
+
+    @property
+    def gradient(self) -> float:
+        """Bound of |G x|/|x| (Frobenius norm)."""
+        return float(np.sqrt((self.fit[1:] ** 2).sum()))
+
+    def deviation(self, vectors: Floats, points: Floats) -> float:
+        """Largest deviation of other vectors at some points from the field, both of shape ``(k, 2)``; 0 if there are none."""
+        rest = vectors - self.fit[0] - (points - self.center) @ self.fit[1:]
+        return float(np.sqrt((rest**2).sum(axis=1).max(initial=0.0)))
+
+
+def fit_drift(vectors: Floats, position: Floats, is_periodic: bool) -> Drift:
+    """Split the vectors of the grains.
+
+    Args:
+        vectors: Vectors in the first two columns, shape ``(≥ n, ≥ 2)``.
+        position: Grains, shape ``(n, ≥ 2)``.
+        is_periodic: The field does not depend on x then.
+    """
+    center = position[0, :2].copy()
+    chunks = chunks_for(len(position), 11)
+    affine_sums(vectors, position, center, chunks)
+    x, y, xx, xy, yy, *rest = chunks.sum(axis=0).tolist()
+    matrix = np.array([[len(position), x, y], [x, xx, xy], [y, xy, yy]])
+    right = np.array(rest).reshape(3, 2)
+    if is_periodic:
+        matrix[1], matrix[:, 1], right[1] = 0.0, 0.0, 0.0
+    # A little more on the diagonal: places may lie on one line. Any fit is good, only the bound grows.
+    matrix[1:, 1:] += np.eye(2) * (1e-9 * (xx + yy) or 1.0)
+    fit = np.linalg.solve(matrix, right)
+    farthest = chunks_for(len(position), 3)
+    affine_rest(vectors, position, center, fit, farthest)
+    largest = farthest.max(axis=0)
+    return Drift(center, fit, float(np.sqrt(largest[0])), largest[1:])
+
+
+@dataclass(frozen=True)
+class Closing:
+    """Bounds on how fast shapes come closer.
+
+    Attributes:
+        rest: Of two discs, what does not depend on their distance.
+        gradient: Of two discs, per distance of their centers.
+        disc: Of two discs at any distance.
+        wall: Of a grain and a wall shape that is no disc.
+    """
+
+    rest: float
+    gradient: float
+    disc: float
+    wall: float
+
+    def over(self, distance: float) -> float:
+        """Bound for discs whose centers are ``distance`` [m] apart, and for walls."""
+        return max(min(self.rest + self.gradient * distance, self.disc), self.wall)
+
+    def reach(self, dt: float, diameter: float) -> float:
+        """Gap [m] that no pair closes in a time step, given velocities and the largest diameter of a disc [m]."""
+        growth = dt * self.gradient
+        reach = dt * self.disc
+        if growth < 1.0:
+            reach = min(reach, dt * (self.rest + self.gradient * diameter) / (1.0 - growth))
+        return max(reach, dt * self.wall)
+
+
+class WallShapes:
+    """The wall shapes by how they bound the approach of grains.
+
+    Attributes:
+        discs: Numbers of the discs.
+        planes: Numbers of the planes.
+        segments: Numbers of the segments.
+        others: Numbers of all that are neither discs nor planes.
+    """
+
+    def __init__(self, model: Model) -> None:
+        kind = model.shapes.kind
+        self.discs = np.flatnonzero(kind == ShapeKind.DISC).astype(np.int32)
+        self.planes = np.flatnonzero(kind == ShapeKind.PLANE).astype(np.int32)
+        self.segments = np.flatnonzero(kind == ShapeKind.SEGMENT).astype(np.int32)
+        self.others = np.flatnonzero((kind != ShapeKind.DISC) & (kind != ShapeKind.PLANE)).astype(np.int32)
+
+    def closing(self, drift: Drift, world: Floats, vectors: Floats, turn: Floats, farther: float = 0.0) -> Closing:
+        """Bounds, given those of the grains.
+
+        Args:
+            drift: Vectors of the grains.
+            world: Wall shapes, shape ``(m, 4)``.
+            vectors: Displacements or velocities of their reference points, shape ``(m, 2)``.
+            turn: What turning adds to the motion of any of their points that a grain may meet, shape ``(m,)``.
+            farther: Largest motion of the far ends of segments.
+        """
+        discs = vectors[self.discs]
+        rest = max(drift.rest, drift.deviation(discs, world[self.discs, :2]))
+        fastest = max(float(np.hypot(*drift.largest)), float(np.hypot(discs[:, 0], discs[:, 1]).max(initial=0.0)))
+        wall = 0.0
+        if self.planes.size:  # only what is along the normal counts
+            normal = world[self.planes, 2:4]
+            own = np.abs((vectors[self.planes] * normal).sum(axis=1))
+            wall = float((np.abs(normal) @ drift.largest + own + turn[self.planes]).max())
+        if self.others.size:
+            own = np.hypot(vectors[self.others, 0], vectors[self.others, 1]) + turn[self.others]
+            wall = max(wall, float(np.hypot(*drift.largest)) + max(float(own.max()), farther))
+        return Closing(2.0 * rest, drift.gradient, 2.0 * fastest, wall)
