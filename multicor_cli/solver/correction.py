@@ -33,7 +33,7 @@ ROUNDS = 20  # of linearized corrections
 LOCAL_ROUNDS = 3  # of them with only the grains nearby
 RINGS = 4  # of neighbors that make up "nearby"
 LOCAL_SHARE = 0.5  # of all grains; if more are nearby, all are moved at once
-ENOUGH = 0.1 * ALLOWED  # largest displacement of a sweep, over the smallest radius, with which a round ends
+ENOUGH = 0.3 * ALLOWED  # largest displacement of a sweep, over the smallest radius, with which a round ends
 SWEEPS = 2_000  # cap of a round
 
 
