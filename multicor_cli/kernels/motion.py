@@ -4,8 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 
-from multicor_cli.kernels.jit import CHUNK, parallel_kernel, prange
-from multicor_cli.state.model import Floats
+from multicor_cli.kernels.jit import CHUNK, kernel, parallel_kernel, prange
+from multicor_cli.state.model import Floats, Ints, ShapeKind
+
+_DISC = int(ShapeKind.DISC)
+_PLANE = int(ShapeKind.PLANE)
 
 
 @parallel_kernel
@@ -176,3 +179,63 @@ def affine_rest(vectors: Floats, position: Floats, center: Floats, fit: Floats, 
             best = max(best, du * du + dv * dv)
             wide, high = max(wide, abs(u)), max(high, abs(v))
         farthest[chunk, 0], farthest[chunk, 1], farthest[chunk, 2] = best, wide, high
+
+
+@kernel
+def shape_bounds(
+    kind: Ints, world: Floats, vectors: Floats, turn: Floats, center: Floats, fit: Floats, largest: Floats
+) -> tuple[float, float, float]:
+    """How far the motion of wall shapes is from that of the grains.
+
+    Args:
+        kind: `ShapeKind` of the wall shapes, shape ``(m,)``.
+        world: Their geometry in the world, shape ``(m, 4)``.
+        vectors: Displacements or velocities of their reference points, shape ``(m, 2)``.
+        turn: What turning adds to the motion of any of their points that a grain may meet, shape ``(m,)``; discs do without.
+        center: As in `affine_rest`.
+        fit: As in `affine_rest`.
+        largest: Largest components of the grains' vectors, shape ``(2,)``.
+
+    Returns:
+        Of the discs the largest deviation from the affine field and the largest vector; of all other shapes the largest bound on
+        how a grain and the shape come closer. Of planes only what is along their normal counts.
+    """
+    square, fastest, wall = 0.0, 0.0, 0.0
+    for k in range(kind.size):
+        u, v = vectors[k, 0], vectors[k, 1]
+        if kind[k] == _DISC:
+            x, y = world[k, 0] - center[0], world[k, 1] - center[1]
+            du = u - fit[0, 0] - x * fit[1, 0] - y * fit[2, 0]
+            dv = v - fit[0, 1] - x * fit[1, 1] - y * fit[2, 1]
+            square, fastest = max(square, du * du + dv * dv), max(fastest, u * u + v * v)
+        elif kind[k] == _PLANE:
+            nx, ny = world[k, 2], world[k, 3]
+            wall = max(wall, abs(nx) * largest[0] + abs(ny) * largest[1] + abs(nx * u + ny * v) + turn[k])
+        else:
+            wall = max(wall, np.sqrt(largest[0] ** 2 + largest[1] ** 2) + np.sqrt(u * u + v * v) + turn[k])
+    return np.sqrt(square), np.sqrt(fastest), wall
+
+
+@kernel
+def shape_velocities(
+    kind: Ints, wall: Ints, world: Floats, wall_position: Floats, velocity: Floats, extent: Floats, vectors: Floats, turn: Floats
+) -> None:
+    """Velocities of the reference points of wall shapes: of the centers of discs, of the walls' own points otherwise.
+
+    Args:
+        kind: `ShapeKind` of the wall shapes, shape ``(m,)``.
+        wall: Wall of each shape, shape ``(m,)``.
+        world: Geometry in the world, shape ``(m, 4)``.
+        wall_position: Wall frames, shape ``(w, 3)``.
+        velocity: Velocities of the walls, shape ``(w, 3)``.
+        extent: How far the shapes of each wall reach from its reference point [m], shape ``(w,)``.
+        vectors: Velocities, shape ``(m, 2)``. **Modified.**
+        turn: What the wall's spin adds [m/s], shape ``(m,)``. **Modified.**
+    """
+    for k in range(kind.size):
+        w = wall[k]
+        vectors[k, 0], vectors[k, 1] = velocity[w, 0], velocity[w, 1]
+        turn[k] = abs(velocity[w, 2]) * extent[w]
+        if kind[k] == _DISC:
+            vectors[k, 0] -= velocity[w, 2] * (world[k, 1] - wall_position[w, 1])
+            vectors[k, 1] += velocity[w, 2] * (world[k, 0] - wall_position[w, 0])

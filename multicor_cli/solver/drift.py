@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from multicor_cli.kernels.jit import chunks_for
-from multicor_cli.kernels.motion import affine_rest, affine_sums
-from multicor_cli.state.model import Floats, Model, ShapeKind
+from multicor_cli.kernels.motion import affine_rest, affine_sums, shape_bounds
+from multicor_cli.state.model import Floats, Ints
 
 
 @dataclass(frozen=True)
@@ -36,11 +36,6 @@ class Drift:
     def gradient(self) -> float:
         """Bound of |G x|/|x| (Frobenius norm)."""
         return float(np.sqrt((self.fit[1:] ** 2).sum()))
-
-    def deviation(self, vectors: Floats, points: Floats) -> float:
-        """Largest deviation of other vectors at some points from the field, both of shape ``(k, 2)``; 0 if there are none."""
-        rest = vectors - self.fit[0] - (points - self.center) @ self.fit[1:]
-        return float(np.sqrt((rest**2).sum(axis=1).max(initial=0.0)))
 
 
 def fit_drift(vectors: Floats, position: Floats, is_periodic: bool) -> Drift:
@@ -97,42 +92,16 @@ class Closing:
         return max(reach, dt * self.wall)
 
 
-class WallShapes:
-    """The wall shapes by how they bound the approach of grains.
+def bound_closing(kind: Ints, drift: Drift, world: Floats, vectors: Floats, turn: Floats) -> Closing:
+    """Bounds of grains and wall shapes together.
 
-    Attributes:
-        discs: Numbers of the discs.
-        planes: Numbers of the planes.
-        segments: Numbers of the segments.
-        others: Numbers of all that are neither discs nor planes.
+    Args:
+        kind: `ShapeKind` of the wall shapes, shape ``(m,)``.
+        drift: Vectors of the grains.
+        world: Wall shapes, shape ``(m, 4)``.
+        vectors: Displacements or velocities of their reference points, shape ``(m, 2)``.
+        turn: What turning adds to the motion of any of their points that a grain may meet, shape ``(m,)``; discs do without.
     """
-
-    def __init__(self, model: Model) -> None:
-        kind = model.shapes.kind
-        self.discs = np.flatnonzero(kind == ShapeKind.DISC).astype(np.int32)
-        self.planes = np.flatnonzero(kind == ShapeKind.PLANE).astype(np.int32)
-        self.segments = np.flatnonzero(kind == ShapeKind.SEGMENT).astype(np.int32)
-        self.others = np.flatnonzero((kind != ShapeKind.DISC) & (kind != ShapeKind.PLANE)).astype(np.int32)
-
-    def closing(self, drift: Drift, world: Floats, vectors: Floats, turn: Floats, farther: float = 0.0) -> Closing:
-        """Bounds, given those of the grains.
-
-        Args:
-            drift: Vectors of the grains.
-            world: Wall shapes, shape ``(m, 4)``.
-            vectors: Displacements or velocities of their reference points, shape ``(m, 2)``.
-            turn: What turning adds to the motion of any of their points that a grain may meet, shape ``(m,)``.
-            farther: Largest motion of the far ends of segments.
-        """
-        discs = vectors[self.discs]
-        rest = max(drift.rest, drift.deviation(discs, world[self.discs, :2]))
-        fastest = max(float(np.hypot(*drift.largest)), float(np.hypot(discs[:, 0], discs[:, 1]).max(initial=0.0)))
-        wall = 0.0
-        if self.planes.size:  # only what is along the normal counts
-            normal = world[self.planes, 2:4]
-            own = np.abs((vectors[self.planes] * normal).sum(axis=1))
-            wall = float((np.abs(normal) @ drift.largest + own + turn[self.planes]).max())
-        if self.others.size:
-            own = np.hypot(vectors[self.others, 0], vectors[self.others, 1]) + turn[self.others]
-            wall = max(wall, float(np.hypot(*drift.largest)) + max(float(own.max()), farther))
-        return Closing(2.0 * rest, drift.gradient, 2.0 * fastest, wall)
+    rest, fastest, wall = shape_bounds(kind, world, vectors, turn, drift.center, drift.fit, drift.largest)
+    fastest = max(fastest, float(np.hypot(*drift.largest)))
+    return Closing(2.0 * max(drift.rest, rest), drift.gradient, 2.0 * fastest, wall)

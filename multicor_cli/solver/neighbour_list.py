@@ -7,7 +7,7 @@ from numpy.typing import NDArray
 
 from multicor_cli.kernels.motion import displacements
 from multicor_cli.kernels.neighbours import bin_discs, list_pairs
-from multicor_cli.solver.drift import WallShapes, fit_drift
+from multicor_cli.solver.drift import bound_closing, fit_drift
 from multicor_cli.state.model import Floats, Ints, Model, ShapeKind
 
 SKIN = 0.3  # of the mean diameter: what is listed beyond the reach of a step
@@ -29,9 +29,11 @@ class NeighbourList:
 
     def __init__(self, model: Model) -> None:
         self._model = model
-        self._shapes = WallShapes(model)
-        self._disc_shapes = self._shapes.discs
-        self._others = np.flatnonzero(model.shapes.kind != ShapeKind.DISC).astype(np.int32)
+        kind = model.shapes.kind
+        self._disc_shapes = np.flatnonzero(kind == ShapeKind.DISC).astype(np.int32)
+        self._others = np.flatnonzero(kind != ShapeKind.DISC).astype(np.int32)
+        self._planes = np.flatnonzero(kind == ShapeKind.PLANE)
+        self._segments = np.flatnonzero(kind == ShapeKind.SEGMENT)
         self._shape_of = (model.grain_count + self._disc_shapes).astype(np.int32)
         self._radius = np.concatenate([model.grains.radius, model.shapes.geometry[self._disc_shapes, 2]])
         self.largest = 2.0 * float(self._radius.max())
@@ -64,14 +66,14 @@ class NeighbourList:
         displacements(position, self._reference, self._model.period, self._displacement)
         drift = fit_drift(self._displacement, self._reference, self._model.period > 0.0)
         change = world - self._reference_world
-        shapes, planes = self._shapes, self._shapes.planes
         turn = np.zeros(len(world))
-        if planes.size:  # a tilting plane moves in proportion to the distance from its point
-            move = np.hypot(change[planes, 0], change[planes, 1]) + np.hypot(*drift.largest)
-            turn[planes] = np.hypot(change[planes, 2], change[planes, 3]) * (self._extent + move)
-        ends = change[shapes.segments, 2:]
-        farther = float(np.hypot(ends[:, 0], ends[:, 1]).max(initial=0.0))
-        closing = shapes.closing(drift, self._reference_world, change[:, :2], turn, farther)
+        if self._planes.size:  # a tilting plane moves in proportion to the distance from its point
+            tilt, move = change[self._planes, 2:], change[self._planes, :2]
+            far = self._extent + np.hypot(move[:, 0], move[:, 1]) + np.hypot(*drift.largest)
+            turn[self._planes] = np.hypot(tilt[:, 0], tilt[:, 1]) * far
+        turn[self._segments] = np.hypot(change[self._segments, 2], change[self._segments, 3])  # their other end
+        kind = self._model.shapes.kind
+        closing = bound_closing(kind, drift, self._reference_world, np.ascontiguousarray(change[:, :2]), turn)
         # Discs that are not listed are at least this far apart; for those farther apart there is more room than they can lose.
         return closing.over(self.largest + self._cutoff)
 
@@ -110,7 +112,7 @@ class NeighbourList:
         self._reference = position[:, :2].copy()
         self._reference_world = world.copy()
         # Planes pass anywhere: their lever is the farthest grain from any of their points.
-        self._extent = float(np.hypot(*(high - low))) + float(np.abs(world[self._shapes.planes, :2]).max(initial=0.0))
+        self._extent = float(np.hypot(*(high - low))) + float(np.abs(world[self._planes, :2]).max(initial=0.0))
         self.builds += 1
 
     def _grids(self, size: Floats, cutoff: float) -> tuple[Floats, Ints]:

@@ -6,8 +6,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.kernels.contacts import Scene
+from multicor_cli.kernels.motion import shape_velocities
 from multicor_cli.physics.drives import WallDrive
-from multicor_cli.solver.drift import Closing, Drift, WallShapes
+from multicor_cli.solver.drift import Closing, Drift, bound_closing
 from multicor_cli.state.model import Floats, Model, ShapeKind
 
 
@@ -49,7 +50,6 @@ class WallMotion:
         self.inverse: Floats = np.zeros((w, 3))
         self._length = model.walls.length
         self._extent = _extents(model)
-        self._shapes = WallShapes(model)
 
     def predict(self, velocity: Floats, t: float, dt: float) -> Floats:
         """Velocities V⁺ of the prescribed degrees of freedom and free velocities of the driven ones, shape ``(w, 3)``.
@@ -88,14 +88,11 @@ class WallMotion:
 
     def closing(self, drift: Drift, scene: Scene, *velocities: Floats) -> Closing:
         """Bounds on how fast shapes come closer [m/s], given velocities of the grains and one or more of the walls ``(w, 3)``."""
+        vectors, turn = np.empty((len(scene.world), 2)), np.empty(len(scene.world))
         bounds = []
         for velocity in velocities:
-            own = velocity[scene.wall]
-            arm = scene.world[:, :2] - scene.wall_position[scene.wall, :2]
-            vectors = own[:, :2] + own[:, 2:] * np.column_stack([-arm[:, 1], arm[:, 0]])
-            vectors[self._shapes.others] = own[self._shapes.others, :2]  # turning is counted by itself
-            turn = np.abs(own[:, 2]) * self._extent[scene.wall]
-            bounds.append(self._shapes.closing(drift, scene.world, vectors, turn))
+            shape_velocities(scene.kind, scene.wall, scene.world, scene.wall_position, velocity, self._extent, vectors, turn)
+            bounds.append(bound_closing(scene.kind, drift, scene.world, vectors, turn))
         return Closing(*(max(getattr(bound, name) for bound in bounds) for name in ("rest", "gradient", "disc", "wall")))
 
 

@@ -5,7 +5,7 @@ import pytest
 from scene_parts import make_model
 from scipy.spatial import cKDTree
 
-from multicor_cli.solver.drift import WallShapes, fit_drift
+from multicor_cli.solver.drift import bound_closing, fit_drift
 from multicor_cli.solver.neighbour_list import NeighbourList
 from multicor_cli.state.model import ShapeKind
 
@@ -47,10 +47,8 @@ def test_no_pair_closes_more_than_the_bound(seed):
     position = rng.uniform(0.0, 1.0, (grains + discs, 2))
     velocity = position @ rng.normal(size=(2, 2)) + rng.normal(size=2) + 0.1 * rng.normal(size=position.shape)
     world = np.column_stack([position[grains:], np.full(discs, 0.01), np.zeros(discs)])
-    shapes = [(ShapeKind.DISC, 0, tuple(row)) for row in world]
-    model = make_model(np.full(grains, 0.01), shapes, ["wall"])
     drift = fit_drift(velocity[:grains], position[:grains], False)
-    closing = WallShapes(model).closing(drift, world, velocity[grains:], np.zeros(discs))
+    closing = bound_closing(np.full(discs, ShapeKind.DISC, np.int32), drift, world, velocity[grains:], np.zeros(discs))
     apart = position[:, None] - position[None]
     distance = np.hypot(apart[..., 0], apart[..., 1])
     np.fill_diagonal(distance, 1.0)
@@ -65,9 +63,9 @@ def test_no_pair_closes_more_than_the_bound(seed):
 
 
 def test_planes_are_approached_along_their_normal_only():
-    model = make_model([0.1], [(ShapeKind.PLANE, 0, (0.0, 0.0, 0.0, 1.0))])
     drift = fit_drift(np.array([[50.0, -0.25]]), np.zeros((1, 2)), False)
-    closing = WallShapes(model).closing(drift, np.array([[0.0, 0.0, 0.0, 1.0]]), np.array([[80.0, 0.5]]), np.zeros(1))
+    kind = np.array([ShapeKind.PLANE], np.int32)
+    closing = bound_closing(kind, drift, np.array([[0.0, 0.0, 0.0, 1.0]]), np.array([[80.0, 0.5]]), np.zeros(1))
     assert closing.wall == pytest.approx(0.75)
 
 
