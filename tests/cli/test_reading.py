@@ -77,7 +77,7 @@ def test_profile_json_csv_and_table_agree(finished: Path) -> None:
     assert [float(row[1]) for row in rows[1:]] == data["value"]
     assert data["walls"] == ["bottom", "top"]
     table = runner.invoke(app, base)
-    assert f"{data['value'][2]:.5g}" in table.stdout
+    assert f"{data['value'][2]:.6g}" in table.stdout
     assert "1 frame from t" in table.stderr
 
 

@@ -28,10 +28,22 @@ def column(tmp_path_factory: pytest.TempPathFactory) -> Run:
     return open_run(path)
 
 
+SEEDS = (1, 2, 3, 4)
+
+
 @pytest.fixture(scope="module")
-def sheared(tmp_path_factory: pytest.TempPathFactory) -> Run:
+def flows(tmp_path_factory: pytest.TempPathFactory) -> list[Run]:
     """Two hundred grains sheared without gravity between rough walls (I = 0.03); a row of the time series for every step."""
-    path = tmp_path_factory.mktemp("sheared")
+    return [shear(tmp_path_factory.mktemp("sheared"), seed) for seed in SEEDS]
+
+
+@pytest.fixture
+def sheared(flows: list[Run]) -> Run:
+    """The first of them."""
+    return flows[0]
+
+
+def shear(path: Path, seed: int) -> Run:
     (path / "small.toml").write_text(SMALL)
     overrides = (
         "domain.size=[0.02, 0.03]",
@@ -50,6 +62,7 @@ def sheared(tmp_path_factory: pytest.TempPathFactory) -> Run:
         "solver.dt=5e-5",
         "output.frame_interval=5e-4",
         "output.series_interval=5e-5",
+        f"scenario.seed={seed}",
     )
     multicor.run(path / "small.toml", path / "run", overrides=overrides, threads=1)
     return open_run(path / "run")
@@ -197,19 +210,22 @@ def test_forces_of_wall_contacts_are_the_recorded_wall_forces(sheared: Run) -> N
         assert np.column_stack(on_walls) == pytest.approx(series["wall_force"][row, :, :2], rel=1e-9, abs=1e-12)
 
 
-def test_stress_equals_wall_forces_per_area(sheared: Run) -> None:
-    """Momentum balance: on average the layer carries what the walls exert. Errors of both are known from blocks."""
-    chosen = Selection(start=0.4 * float(sheared.frames.time[-1]))
-    layer = {of: profile(sheared, of, chosen, 1, exclude_walls=2.0) for of in ("stress-xy", "stress-yx", "stress-yy")}
-    rows = sheared.series["time"] >= chosen.start
-    force = sheared.series["wall_force"][rows] / sheared.period
-    shear, press = 0.5 * (force[:, 1, 0] - force[:, 0, 0]), 0.5 * (force[:, 1, 1] - force[:, 0, 1])
-    for of, values in (("stress-xy", shear), ("stress-yx", shear), ("stress-yy", press)):
-        blocks = np.array([block.mean() for block in np.array_split(values, 10)])
-        error = float(np.hypot(blocks.std(ddof=1) / np.sqrt(10), layer[of].error[0]))
-        assert abs(float(layer[of].value[0]) - values.mean()) < 3.0 * error, of
-        assert error < 0.25 * abs(values.mean())  # or the comparison says nothing
-    assert layer["stress-xy"].value[0] < 0.0 < layer["stress-yy"].value[0]
+def test_stress_equals_wall_forces_per_area(flows: list[Run]) -> None:
+    """Momentum balance: on average the layer carries what the walls exert.
+
+    In single runs the two differ: over 32 seeds by 3.7 % (shear) and 2.7 % (normal stress), standard deviations, with means of 0 %.
+    """
+    ratios = []
+    for run in flows:
+        chosen = Selection(start=0.4 * float(run.frames.time[-1]))
+        layer = {of: float(profile(run, of, chosen, 1, exclude_walls=2.0).value[0]) for of in FIELD_GROUPS["stress"]}
+        rows = run.series["time"] >= chosen.start
+        force = run.series["wall_force"][rows].mean(axis=0) / run.period
+        shear_force, press = 0.5 * (force[1, 0] - force[0, 0]), 0.5 * (force[1, 1] - force[0, 1])
+        assert layer["stress-xy"] < 0.0 < layer["stress-yy"]
+        ratios.append([layer["stress-xy"] / shear_force, layer["stress-yx"] / shear_force, layer["stress-yy"] / press])
+    deviation = np.abs(np.mean(ratios, axis=0) - 1.0)
+    assert (deviation < 3.0 * np.array([0.037, 0.037, 0.027]) / np.sqrt(len(flows))).all(), ratios
 
 
 def test_rheology_of_a_real_run_agrees_between_walls_and_bulk(sheared: Run) -> None:
