@@ -5,10 +5,9 @@ from __future__ import annotations
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from multicor_cli.kernels.contacts import Contacts, Scene, relative_velocity
-from multicor_cli.kernels.jit import CHUNK, chunks_for, parallel_kernel, prange, scalar
+from multicor_cli.kernels.jit import CHUNK, chunks_for, kernel, parallel_kernel, prange, scalar
 from multicor_cli.state.model import Floats, Ints
 
 FRICTION, IMPACT, SLIDING, NEGATIVE, VIRIAL, LARGEST, LOADED = 0, 1, 2, 3, 4, 8, 9
@@ -94,34 +93,18 @@ def account_contacts(scene: Scene, contacts: Contacts, after: Floats) -> Contact
     return ContactSums(total, partial_wall.sum(axis=0))
 
 
-@parallel_kernel
-def _count_loaded(contacts: Contacts, first: NDArray[np.int64]) -> None:
-    count = contacts.i.size
-    for chunk in prange(first.size - 1):
-        found = 0
-        for c in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
-            if contacts.impulse[c, 0] > 0.0:
-                found += 1
-        first[chunk + 1] = found
-
-
-@parallel_kernel
-def _copy_loaded(contacts: Contacts, first: NDArray[np.int64], i: Ints, j: Ints, impulse: Floats) -> None:
-    count = contacts.i.size
-    for chunk in prange(first.size - 1):
-        k = first[chunk]
-        for c in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
-            if contacts.impulse[c, 0] > 0.0:
-                i[k], j[k] = contacts.i[c], contacts.j[c]
-                impulse[k, 0], impulse[k, 1] = contacts.impulse[c, 0], contacts.impulse[c, 1]
-                k += 1
-
-
+@kernel
 def loaded_contacts(contacts: Contacts) -> tuple[Ints, Ints, Floats]:
     """Shapes i, j and impulses [N s] of the contacts that carry an impulse, in the same order: shapes ``(k,), (k,), (k, 2)``."""
-    first = np.zeros(-(-contacts.i.size // CHUNK) + 1, np.int64)
-    _count_loaded(contacts, first)
-    np.cumsum(first, out=first)
-    i, j, impulse = np.empty(first[-1], np.int32), np.empty(first[-1], np.int32), np.empty((first[-1], 2))
-    _copy_loaded(contacts, first, i, j, impulse)
+    found = 0
+    for c in range(contacts.i.size):
+        if contacts.impulse[c, 0] > 0.0:
+            found += 1
+    i, j, impulse = np.empty(found, np.int32), np.empty(found, np.int32), np.empty((found, 2))
+    k = 0
+    for c in range(contacts.i.size):
+        if contacts.impulse[c, 0] > 0.0:
+            i[k], j[k] = contacts.i[c], contacts.j[c]
+            impulse[k, 0], impulse[k, 1] = contacts.impulse[c, 0], contacts.impulse[c, 1]
+            k += 1
     return i, j, impulse

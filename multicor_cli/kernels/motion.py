@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from multicor_cli.kernels.jit import CHUNK, kernel, parallel_kernel, prange
+from multicor_cli.kernels.jit import CHUNK, kernel, parallel_kernel, prange, scalar
 from multicor_cli.state.model import Floats, Ints, ShapeKind
 
 _DISC = int(ShapeKind.DISC)
@@ -105,10 +105,10 @@ def move(
             sums[chunk, 1] += mass[i] * half * work
 
 
-@parallel_kernel
+@kernel
 def wrap(position: Floats, image: np.ndarray, period: float) -> None:
     """Bring x back into [0, period) and count how often. **Modifies** ``position`` ``(n, 3)`` and ``image`` ``(n,)``."""
-    for i in prange(position.shape[0]):
+    for i in range(position.shape[0]):
         if position[i, 0] >= period:
             position[i, 0] -= period
             image[i] += 1
@@ -117,68 +117,68 @@ def wrap(position: Floats, image: np.ndarray, period: float) -> None:
             image[i] -= 1
 
 
-@parallel_kernel
-def displacements(position: Floats, reference: Floats, period: float, moved: Floats) -> None:
-    """Displacements [m] since ``reference`` ``(n, 2)`` was recorded, nearest image; **modifies** ``moved`` ``(n, 2)``."""
-    for i in prange(position.shape[0]):
-        dx = position[i, 0] - reference[i, 0]
-        if period > 0.0:
-            dx -= period * np.round(dx / period)
-        moved[i, 0], moved[i, 1] = dx, position[i, 1] - reference[i, 1]
+@scalar
+def _vector(i: int, vectors: Floats, origin: Floats, period: float) -> tuple[float, float]:
+    """A vector itself, or its difference from ``origin``, nearest image in x."""
+    if origin.shape[0] == 0:
+        return vectors[i, 0], vectors[i, 1]
+    dx = vectors[i, 0] - origin[i, 0]
+    if period > 0.0:
+        dx -= period * np.floor(dx / period + 0.5)
+    return dx, vectors[i, 1] - origin[i, 1]
+
+
+@scalar
+def _add_to_sums(x: float, y: float, u: float, v: float, row: int, sums: Floats) -> None:
+    sums[row, 0] += x
+    sums[row, 1] += y
+    sums[row, 2] += x * x
+    sums[row, 3] += x * y
+    sums[row, 4] += y * y
+    sums[row, 5] += u
+    sums[row, 6] += v
+    sums[row, 7] += x * u
+    sums[row, 8] += x * v
+    sums[row, 9] += y * u
+    sums[row, 10] += y * v
+
+
+@scalar
+def _compare_with_fit(x: float, y: float, u: float, v: float, fit: Floats, row: int, farthest: Floats) -> None:
+    du = u - fit[0, 0] - x * fit[1, 0] - y * fit[2, 0]
+    dv = v - fit[0, 1] - x * fit[1, 1] - y * fit[2, 1]
+    farthest[row, 0] = max(farthest[row, 0], du * du + dv * dv)
+    farthest[row, 1] = max(farthest[row, 1], abs(u))
+    farthest[row, 2] = max(farthest[row, 2], abs(v))
 
 
 @parallel_kernel
-def affine_sums(vectors: Floats, position: Floats, center: Floats, sums: Floats) -> None:
-    """Sums for the least-squares fit of an affine field to vectors.
+def affine_pass(
+    vectors: Floats, origin: Floats, position: Floats, period: float, center: Floats, fit: Floats, has_fit: bool, out: Floats
+) -> None:
+    """One of the two passes over vectors that split them into an affine field and a rest (one kernel compiles faster than two).
 
     Args:
         vectors: Vectors in the first two columns, shape ``(≥ n, ≥ 2)``.
+        origin: What is taken from them, shape ``(n, 2)``, or empty.
         position: Grains, shape ``(n, ≥ 2)``.
+        period: Period in x of what is left [m], or 0.
         center: Where x and y below are counted from, shape ``(2,)``.
-        sums: For each chunk of grains Σx, Σy, Σx², Σxy, Σy², then Σu, Σxu, Σyu for both components u, shape ``(chunks, 11)``.
+        fit: The field in the second pass: its value at the center, its changes per length in x and in y, shape ``(3, 2)``.
+        has_fit: Whether this is the second pass.
+        out: For each chunk of grains Σx, Σy, Σx², Σxy, Σy², then Σu, Σxu, Σyu for both components u; in the second pass the
+            largest square of a deviation from the field, and the largest components in x and in y; shape ``(chunks, 11)``.
             **Modified.**
     """
     count = position.shape[0]
-    for chunk in prange(sums.shape[0]):
+    for chunk in prange(out.shape[0]):
         for i in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
             x, y = position[i, 0] - center[0], position[i, 1] - center[1]
-            u, v = vectors[i, 0], vectors[i, 1]
-            sums[chunk, 0] += x
-            sums[chunk, 1] += y
-            sums[chunk, 2] += x * x
-            sums[chunk, 3] += x * y
-            sums[chunk, 4] += y * y
-            sums[chunk, 5] += u
-            sums[chunk, 6] += v
-            sums[chunk, 7] += x * u
-            sums[chunk, 8] += x * v
-            sums[chunk, 9] += y * u
-            sums[chunk, 10] += y * v
-
-
-@parallel_kernel
-def affine_rest(vectors: Floats, position: Floats, center: Floats, fit: Floats, farthest: Floats) -> None:
-    """Largest deviations from an affine field.
-
-    Args:
-        vectors: As in `affine_sums`.
-        position: Grains, shape ``(n, ≥ 2)``.
-        center: Where the field is ``fit[0]``, shape ``(2,)``.
-        fit: The field: its value, its changes per length in x and in y, shape ``(3, 2)``.
-        farthest: For each chunk of grains the largest square of a deviation, and the largest components in x and in y, shape
-            ``(chunks, 3)``. **Modified.**
-    """
-    count = position.shape[0]
-    for chunk in prange(farthest.shape[0]):
-        best, wide, high = 0.0, 0.0, 0.0
-        for i in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
-            x, y = position[i, 0] - center[0], position[i, 1] - center[1]
-            u, v = vectors[i, 0], vectors[i, 1]
-            du = u - fit[0, 0] - x * fit[1, 0] - y * fit[2, 0]
-            dv = v - fit[0, 1] - x * fit[1, 1] - y * fit[2, 1]
-            best = max(best, du * du + dv * dv)
-            wide, high = max(wide, abs(u)), max(high, abs(v))
-        farthest[chunk, 0], farthest[chunk, 1], farthest[chunk, 2] = best, wide, high
+            u, v = _vector(i, vectors, origin, period)
+            if has_fit:
+                _compare_with_fit(x, y, u, v, fit, chunk, out)
+            else:
+                _add_to_sums(x, y, u, v, chunk, out)
 
 
 @kernel
@@ -192,8 +192,8 @@ def shape_bounds(
         world: Their geometry in the world, shape ``(m, 4)``.
         vectors: Displacements or velocities of their reference points, shape ``(m, 2)``.
         turn: What turning adds to the motion of any of their points that a grain may meet, shape ``(m,)``; discs do without.
-        center: As in `affine_rest`.
-        fit: As in `affine_rest`.
+        center: As in `affine_pass`.
+        fit: As in `affine_pass`.
         largest: Largest components of the grains' vectors, shape ``(2,)``.
 
     Returns:

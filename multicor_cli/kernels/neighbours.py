@@ -292,18 +292,19 @@ def list_pairs(
     partner = np.empty(0, np.int32)
     # The same loop counts first and writes when the rows are known.
     for is_writing in range(2):
-        for i in prange(grain_count):
-            offset = row[i] if is_writing else np.int64(-1)
+        for number in prange(grain_count):
+            grain = np.int64(number)  # it is unsigned in the loop: the functions below would be compiled once more
+            offset = row[grain] if is_writing else np.int64(-1)
             found = _scan_row(
-                i, grain_count, center, radius, shape_of, cutoff, period, level_cells, level_radius, origin, level_start,
+                grain, grain_count, center, radius, shape_of, cutoff, period, level_cells, level_radius, origin, level_start,
                 level_shape, cell_start, sorted_x, sorted_y, sorted_radius, cell_disc, partner, offset,
             )  # fmt: skip
             beyond = offset + found if is_writing else np.int64(-1)
-            found += _scan_shapes(i, grain_count, center, radius, others, kind, world, cutoff, period, partner, beyond)
+            found += _scan_shapes(grain, grain_count, center, radius, others, kind, world, cutoff, period, partner, beyond)
             if is_writing:
                 _sort(partner, offset, offset + found)
             else:
-                row[i + 1] = found
+                row[grain + 1] = found
         if not is_writing:
             row[0] = 0
             for i in range(grain_count):

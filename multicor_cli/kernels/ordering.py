@@ -13,7 +13,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.kernels.contacts import Contacts, Scene
-from multicor_cli.kernels.jit import kernel, parallel_kernel, prange, scalar
+from multicor_cli.kernels.jit import kernel, parallel_kernel, prange
 from multicor_cli.state.model import Floats, Ints
 
 HEAVY = 16  # a grain with more contacts than this is relaxed serially
@@ -205,18 +205,6 @@ def pack_contacts(
         impulse[k, 0], impulse[k, 1] = contacts.impulse[c, 0], contacts.impulse[c, 1]
 
 
-@scalar
-def _lever_and_weight(
-    side: int, l_n: float, l_t: float, inverse: Floats, body: int, nx: float, ny: float, g: int, frame: Floats, lever: Floats
-) -> None:
-    """Set the levers of one body of a general contact and add its share of W_nn, W_nt and W_tt."""
-    lever[g, 2 * side], lever[g, 2 * side + 1] = l_n, l_t
-    mx, my, ms = inverse[body, 0], inverse[body, 1], inverse[body, 2]
-    frame[g, 4] += mx * (nx * nx) + my * (ny * ny) + ms * (l_n * l_n)
-    frame[g, 5] += (my - mx) * nx * ny + ms * l_n * l_t
-    frame[g, 6] += mx * (ny * ny) + my * (nx * nx) + ms * (l_t * l_t)
-
-
 @kernel
 def pack_general(scene: Scene, contacts: Contacts, general: Ints, inverse: Floats) -> tuple[Ints, Floats, Floats, Floats]:
     """Arrays of the contacts with walls that have a free degree of freedom, as in `multicor_cli.kernels.sweep.System`.
@@ -242,8 +230,12 @@ def pack_general(scene: Scene, contacts: Contacts, general: Ints, inverse: Float
         frame[g, 2], frame[g, 3] = contacts.frame[c, 3], contacts.frame[c, 4]
         impulse[g, 0], impulse[g, 1] = contacts.impulse[c, 0], contacts.impulse[c, 1]
         # u_t gains −s from the grain's surface speed; u_n and u_t −Ω (l_x n_y − l_y n_x) and −Ω (l_x n_x + l_y n_y) from the wall.
-        _lever_and_weight(0, 0.0, -1.0, inverse, pair[g, 0], nx, ny, g, frame, lever)
-        _lever_and_weight(1, lx * ny - ly * nx, lx * nx + ly * ny, inverse, pair[g, 1], nx, ny, g, frame, lever)
+        lever[g, 0], lever[g, 1], lever[g, 2], lever[g, 3] = 0.0, -1.0, lx * ny - ly * nx, lx * nx + ly * ny
+        for side in range(2):
+            m, l_n, l_t = inverse[pair[g, side]], lever[g, 2 * side], lever[g, 2 * side + 1]
+            frame[g, 4] += m[0] * (nx * nx) + m[1] * (ny * ny) + m[2] * (l_n * l_n)
+            frame[g, 5] += (m[1] - m[0]) * nx * ny + m[2] * l_n * l_t
+            frame[g, 6] += m[0] * (ny * ny) + m[1] * (nx * nx) + m[2] * (l_t * l_t)
     return pair, frame, lever, impulse
 
 

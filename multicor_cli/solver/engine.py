@@ -200,7 +200,7 @@ class Engine:
         if not np.isfinite(speeds).all() or not np.isfinite(walls).all():
             raise PhysicsError(state.step, _name_non_finite(state))
         scene = self._scene(self._middle, state.wall_position + 0.5 * dt * state.wall_velocity)
-        drift = fit_drift(self._free, self._middle, model.period > 0.0)
+        drift = fit_drift(self._free, self._middle, model.period)
         fall = dt * np.abs(model.gravity)  # between the velocities at the start and the free ones
         drift = replace(drift, rest=drift.rest + float(np.hypot(*fall)), largest=drift.largest + fall)
         return scene, self._motion.closing(drift, scene, state.wall_velocity, walls).reach(dt, self._list.largest)
@@ -213,8 +213,8 @@ class Engine:
 
     def _reach_after(self, scene: Scene, after: Floats, dt: float) -> float:
         """A gap that no pair closes in the step with the velocities v⁺ [m]."""
-        drift = fit_drift(after, self._middle, self.model.period > 0.0)
-        return self._motion.closing(drift, scene, after[self.model.grain_count :, :3]).reach(dt, self._list.largest)
+        drift = fit_drift(after, self._middle, self.model.period)
+        return self._motion.closing(drift, scene, after[self.model.grain_count :, :3].copy()).reach(dt, self._list.largest)
 
     def _scene(self, position: Floats, wall_position: Floats) -> Scene:
         model = self.model

@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.kernels.motion import displacements
 from multicor_cli.kernels.neighbours import bin_discs, list_pairs
 from multicor_cli.solver.drift import bound_closing, fit_drift
 from multicor_cli.state.model import Floats, Ints, Model, ShapeKind
@@ -41,7 +40,6 @@ class NeighbourList:
         self._skin = SKIN * model.mean_diameter
         self._cutoff = -1.0
         self._reference = np.empty((0, 2))
-        self._displacement = np.empty((model.grain_count, 2))
         self._reference_world = np.empty((0, 4))
         self._extent = 0.0
         self.row: NDArray[np.int64] = np.zeros(model.grain_count + 1, np.int64)
@@ -63,8 +61,7 @@ class NeighbourList:
 
     def _approach(self, position: Floats, world: Floats) -> float:
         """How much closer than when the list was built any pair that is not listed may be [m]."""
-        displacements(position, self._reference, self._model.period, self._displacement)
-        drift = fit_drift(self._displacement, self._reference, self._model.period > 0.0)
+        drift = fit_drift(position, self._reference, self._model.period, self._reference)
         change = world - self._reference_world
         turn = np.zeros(len(world))
         if self._planes.size:  # a tilting plane moves in proportion to the distance from its point

@@ -19,7 +19,7 @@ def sheared(height, rng, rate=3.0, rest=0.01):
 @pytest.mark.parametrize("height", [5, 500])
 def test_the_bound_does_not_grow_with_the_height_of_a_layer(height):
     position, velocity = sheared(height, np.random.default_rng(1))
-    drift = fit_drift(velocity, position, True)
+    drift = fit_drift(velocity, position, 10.0)
     assert drift.gradient == pytest.approx(3.0, rel=0.01)
     assert drift.rest < 0.04
     assert drift.largest == pytest.approx(np.abs(velocity).max(axis=0))
@@ -29,13 +29,13 @@ def test_a_turning_heap_is_an_affine_field_unless_x_has_no_end():
     rng = np.random.default_rng(2)
     position = rng.uniform(-1.0, 1.0, (300, 2))
     velocity = np.column_stack([-4.0 * position[:, 1], 4.0 * position[:, 0]])
-    assert fit_drift(velocity, position, False).rest < 1e-6
-    assert fit_drift(velocity, position, True).rest > 1.0
+    assert fit_drift(velocity, position, 0.0).rest < 1e-6
+    assert fit_drift(velocity, position, 10.0).rest > 1.0
 
 
 @pytest.mark.parametrize("position", [np.zeros((1, 2)), np.column_stack([np.arange(9.0), np.zeros(9)])])
 def test_one_grain_or_a_row_of_grains_has_a_fit(position):
-    drift = fit_drift(np.ones_like(position), position, False)
+    drift = fit_drift(np.ones_like(position), position, 0.0)
     assert drift.rest < 1e-6
 
 
@@ -47,7 +47,7 @@ def test_no_pair_closes_more_than_the_bound(seed):
     position = rng.uniform(0.0, 1.0, (grains + discs, 2))
     velocity = position @ rng.normal(size=(2, 2)) + rng.normal(size=2) + 0.1 * rng.normal(size=position.shape)
     world = np.column_stack([position[grains:], np.full(discs, 0.01), np.zeros(discs)])
-    drift = fit_drift(velocity[:grains], position[:grains], False)
+    drift = fit_drift(velocity[:grains], position[:grains], 0.0)
     closing = bound_closing(np.full(discs, ShapeKind.DISC, np.int32), drift, world, velocity[grains:], np.zeros(discs))
     apart = position[:, None] - position[None]
     distance = np.hypot(apart[..., 0], apart[..., 1])
@@ -63,7 +63,7 @@ def test_no_pair_closes_more_than_the_bound(seed):
 
 
 def test_planes_are_approached_along_their_normal_only():
-    drift = fit_drift(np.array([[50.0, -0.25]]), np.zeros((1, 2)), False)
+    drift = fit_drift(np.array([[50.0, -0.25]]), np.zeros((1, 2)), 0.0)
     kind = np.array([ShapeKind.PLANE], np.int32)
     closing = bound_closing(kind, drift, np.array([[0.0, 0.0, 0.0, 1.0]]), np.array([[80.0, 0.5]]), np.zeros(1))
     assert closing.wall == pytest.approx(0.75)
