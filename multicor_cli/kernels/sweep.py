@@ -98,7 +98,7 @@ def _push_general(g: int, d_n: float, d_t: float, s: System) -> None:
 
 
 @scalar
-def _relax_light(
+def relax_light(
     k: np.uint64, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats, beta: float, local: int, relaxation: Relaxation
 ) -> float:
     """Relax one light contact; returns the square of the velocity correction [m²/s²].
@@ -179,7 +179,7 @@ def general_solution(g: int, s: System, u_n: float, u_t: float, local: int) -> t
 
 
 @kernel
-def _relax_general(g: int, s: System, local: int) -> float:
+def relax_general(g: int, s: System, local: int) -> float:
     """Relax one general contact; returns the square of the velocity correction [m²/s²]."""
     u_n, u_t = general_velocity(g, s)
     new_n, new_t = general_solution(g, s, u_n, u_t, local)
@@ -201,10 +201,10 @@ def _relax_range(
     total = 0.0
     if local == EXACT:  # a loop for each law, without the question inside
         for k in range(first, last):
-            total += _relax_light(np.uint64(k), velocity, pair, frame, impulse, beta, EXACT, way)
+            total += relax_light(np.uint64(k), velocity, pair, frame, impulse, beta, EXACT, way)
     else:
         for k in range(first, last):
-            total += _relax_light(np.uint64(k), velocity, pair, frame, impulse, beta, BIPOTENTIAL, way)
+            total += relax_light(np.uint64(k), velocity, pair, frame, impulse, beta, BIPOTENTIAL, way)
     return total
 
 
@@ -254,5 +254,5 @@ def sweep(s: System, local: int, relaxation: Relaxation, parallel: bool, partial
         total += partial[t]
     total += _relax_range(s.tile_start[-1], s.pair.shape[0], velocity, pair, frame, impulse, beta, local, relaxation)
     for g in range(s.general_pair.shape[0]):
-        total += _relax_general(g, s, local)
+        total += relax_general(g, s, local)
     return total

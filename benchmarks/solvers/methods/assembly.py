@@ -1,0 +1,72 @@
+"""A system as sparse matrices, for the methods that factorize."""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import numpy as np
+import scipy.sparse as sparse
+from numpy.typing import NDArray
+
+from multicor_cli.kernels.sweep import System
+from multicor_cli.state.model import Floats
+
+
+class Assembly(NamedTuple):
+    """``u = Hᵀ v`` and ``v = v_free + M⁻¹ H p``, light contacts first.
+
+    Attributes:
+        normal: Rows of Hᵀ that give u_n, shape ``(c, 3 b)``.
+        tangent: Rows of Hᵀ that give u_t, shape ``(c, 3 b)``.
+        inverse: Diagonal of M⁻¹, shape ``(3 b,)``.
+        bias: b, shape ``(c,)`` [m/s].
+        friction: μ, shape ``(c,)``.
+    """
+
+    normal: Any
+    tangent: Any
+    inverse: Floats
+    bias: Floats
+    friction: Floats
+
+    def push(self, impulse: Floats) -> Floats:
+        """Change of the velocities by impulses, shape ``(b, 3)``."""
+        forces = self.normal.T @ impulse[:, 0] + self.tangent.T @ impulse[:, 1]
+        return np.asarray((self.inverse * forces).reshape(-1, 3))
+
+    def relative(self, velocity: Floats) -> tuple[Floats, Floats]:
+        """u_n + b and u_t that go with velocities of shape ``(b, 3)``."""
+        flat = velocity.ravel()
+        return np.asarray(self.normal @ flat + self.bias), np.asarray(self.tangent @ flat)
+
+
+def assemble(s: System) -> Assembly:
+    """The matrices of a system."""
+    lights, bodies = s.pair.shape[0], s.velocity.shape[0]
+    pair = np.concatenate([s.pair, s.general_pair]).astype(np.int64)
+    count = len(pair)
+    nx = np.concatenate([s.frame[:, 0], s.general_frame[:, 0]])
+    ny = np.concatenate([s.frame[:, 1], s.general_frame[:, 1]])
+    lever = np.zeros((count, 4))
+    lever[:lights, 1], lever[:lights, 3] = -1.0, 1.0
+    lever[lights:] = s.general_lever
+    matrices = []
+    for columns, along_x, along_y in ((0, nx, ny), (1, -ny, nx)):
+        values = [along_x, along_y, lever[:, columns], -along_x, -along_y, -lever[:, 2 + columns]]
+        places = [3 * pair[:, side] + d for side in (0, 1) for d in range(3)]
+        rows = np.tile(np.arange(count), 6)
+        shape = (count, 3 * bodies)
+        matrices.append(sparse.csr_matrix((np.concatenate(values), (rows, np.concatenate(places))), shape=shape))
+    return Assembly(
+        matrices[0], matrices[1], _inverse_masses(s).ravel(),
+        np.concatenate([s.frame[:, 3], s.general_frame[:, 2]]), np.concatenate([s.frame[:, 4], s.general_frame[:, 3]]),
+    )  # fmt: skip
+
+
+def _inverse_masses(s: System) -> Floats:
+    """Per degree of freedom, shape ``(b, 3)``: from the light form for grains, from the general one for walls."""
+    inverse = s.velocity[:, 3:4] * np.array([1.0, 1.0, s.spin_factor])
+    bodies = s.inverse.shape[0]
+    is_wall: NDArray[np.bool_] = (s.velocity[:bodies, 3] == 0.0) & s.inverse.any(axis=1)
+    inverse[:bodies][is_wall] = s.inverse[is_wall]
+    return np.asarray(inverse)

@@ -1,0 +1,81 @@
+"""The accelerated Gauss–Seidel of the program itself, called as the program calls it."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+
+from methods.operators import TIME, Log, record
+from multicor_cli.kernels.accelerate import SWEEPS, iterate, start_memory, start_momentum
+from multicor_cli.kernels.sweep import EXACT, System
+from multicor_cli.state.model import Floats
+
+
+class Loop:
+    """The loop of the program on a system, a few sweeps at a time. It never stops by itself, and its clock runs while it sweeps.
+
+    Attributes:
+        system: What is solved. After `sweep` it is ahead of the last iterate by the extrapolation.
+        work: Sweep-equivalents so far.
+        seconds: Time so far [s].
+    """
+
+    def __init__(self, system: System, rms: float) -> None:
+        """Begin with the present impulses; ``rms`` is the tolerance near which the loop calms down [m/s]."""
+        self.system = system
+        self.work = 0.0
+        self.seconds = 0.0
+        self._partial = np.empty(system.tile_start.size - 1)
+        self._tolerance = np.array([rms, 0.0, 0.0])  # never met: the loop goes on
+        self.restart()
+
+    def restart(self) -> None:
+        """Forget the momentum."""
+        self._momentum = start_momentum(self.system)
+        self._memory = start_memory(self.system.pair.shape[0] + self.system.general_pair.shape[0])
+
+    def sweep(self, count: int) -> None:
+        """Do some sweeps."""
+        started = time.perf_counter()
+        limit = int(self._memory[SWEEPS]) + count
+        iterate(self.system, self._momentum, EXACT, True, False, limit, False, self._tolerance, self._memory, self._partial)
+        self.seconds += time.perf_counter() - started
+        self.work += count
+
+    def retreat(self) -> None:
+        """Take back the extrapolation after the last sweep, and remember it for `advance`."""
+        s, m = self.system, self._momentum
+        bodies = m.velocity.shape[0]
+        self._ahead = (s.velocity[:bodies] - m.velocity, s.impulse - m.impulse, s.general_impulse - m.general_impulse)
+        s.velocity[:bodies], s.impulse[:], s.general_impulse[:] = m.velocity, m.impulse, m.general_impulse
+
+    def advance(self) -> None:
+        """Extrapolate again, from wherever the system is now: a move since `retreat` does not count as momentum."""
+        s, m = self.system, self._momentum
+        bodies = m.velocity.shape[0]
+        m.velocity[:], m.impulse[:], m.general_impulse[:] = s.velocity[:bodies], s.impulse, s.general_impulse
+        s.velocity[:bodies] += self._ahead[0]
+        s.impulse[:] += self._ahead[1]
+        s.general_impulse[:] += self._ahead[2]
+
+    def note(self, log: Log, row: int) -> bool:
+        """Write the errors, the work and the time of the present iterate; whether the residual is below ``log.stop``."""
+        if row < len(log.rows):
+            log.rows[row, TIME] = self.seconds
+        return bool(record(self.system, log, row, self.work))
+
+
+def run_engine(s: System, iterations: int, parameters: Floats, log: Log) -> int:
+    """The loop of the program; its checks of the residual are left out, as for all methods. No parameters."""
+    loop = Loop(s, float(log.stop[0]))
+    if len(log.rows) == 0:
+        loop.sweep(iterations)
+        return iterations
+    for number in range(iterations):
+        loop.sweep(1)
+        loop.retreat()
+        if loop.note(log, number):
+            return number + 1
+        loop.advance()
+    return iterations

@@ -1,0 +1,181 @@
+"""The contact problems: what the engine solved in consecutive steps of a scene, kept in files.
+
+They are recorded where the engine hands a problem to its solver, so they are the problems of real runs with their real warm starts.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from multicor_cli.bench.driving import prepare
+from multicor_cli.bench.scenes import SCENES
+from multicor_cli.kernels.cache import cache_name
+from multicor_cli.kernels.sweep import System, add_impulses
+from multicor_cli.packing import build
+from multicor_cli.scenario import parse_scenario
+from multicor_cli.solver import Engine
+from multicor_cli.solver import engine as engine_module
+from multicor_cli.solver.settings import Settings
+from multicor_cli.solver.solve import Scale
+from multicor_cli.state.model import Floats
+
+_FORMAT = 2
+_CHANGING = ("velocity", "impulse", "general_impulse")
+
+
+@dataclass(frozen=True)
+class Problem:
+    """One contact problem.
+
+    Attributes:
+        name: Scene, size and start.
+        system: In the order of the sweep, with the impulses to start from. Not to be changed: take `copy`.
+        scale: What residuals are measured against.
+    """
+
+    name: str
+    system: System
+    scale: Scale
+
+    @property
+    def contacts(self) -> int:
+        """Number of contacts considered."""
+        return len(self.system.pair) + len(self.system.general_pair)
+
+    def copy(self) -> System:
+        """A system that may be changed."""
+        return copy_system(self.system)
+
+    def cold(self) -> Problem:
+        """The same problem from impulses of zero."""
+        system = self.copy()
+        negative = system._replace(impulse=-system.impulse, general_impulse=-system.general_impulse)
+        add_impulses(negative)
+        system.impulse[:] = 0.0
+        system.general_impulse[:] = 0.0
+        return Problem(f"{self.name}, cold", system, self.scale)
+
+    def named(self, name: str) -> Problem:
+        """The same problem by another name."""
+        return Problem(name, self.system, self.scale)
+
+    def units(self) -> Floats:
+        """What rms, maximum, energy and distance of a history are measured in [m/s, m/s, J, m/s]."""
+        return np.array([self.scale.velocity, self.scale.velocity, self.scale.energy, self.scale.velocity])
+
+
+def copy_system(system: System) -> System:
+    """A copy of what sweeps change; the rest is shared."""
+    return system._replace(**{name: getattr(system, name).copy() for name in _CHANGING})
+
+
+def column(count: int = 116) -> Problem:
+    """A column of equal discs on a floor, at rest, under gravity: cold start of a problem whose solution is known."""
+    velocity = np.zeros((count + 1, 4))
+    velocity[:count, 1], velocity[:count, 3] = -9.81e-3, 1.0
+    order = np.arange(count)
+    pair = np.column_stack([order, np.where(order > 0, order - 1, count)]).astype(np.int32)
+    frame = np.zeros((count, 5))
+    frame[:, 1], frame[:, 4] = 1.0, 0.5
+    frame[:, 2] = 1.0 / (velocity[pair[:, 0], 3] + velocity[pair[:, 1], 3])
+    system = System(
+        velocity, np.zeros((count + 1, 3)), pair, frame, np.zeros((count, 2)), np.array([0, count]), np.array([0, 1]),
+        np.empty((0, 2), np.int32), np.empty((0, 7)), np.empty((0, 4)), np.empty((0, 2)), 2.0,
+    )  # fmt: skip
+    return Problem(f"column of {count}, cold", system, Scale(9.81e-3, 0.5 * count * 9.81e-3**2))
+
+
+@contextmanager
+def _listening(heard: list[tuple[System, Scale]]) -> Iterator[None]:
+    """While this lasts, every problem that an engine hands to its solver is copied before it is solved."""
+    original: Callable[..., Any] = vars(engine_module)["solve_system"]
+
+    def listen(system: System, scale: Scale, *rest: Any, **named: Any) -> Any:
+        heard.append((copy_system(system), scale))
+        return original(system, scale, *rest, **named)
+
+    vars(engine_module)["solve_system"] = listen
+    try:
+        yield
+    finally:
+        vars(engine_module)["solve_system"] = original
+
+
+def _record_scene(name: str, grains: int, seed: int, steps: int) -> list[tuple[System, Scale]]:
+    prepared = prepare(SCENES[name], grains, seed=seed)
+    prepared.take(SCENES[name].warm_steps)
+    heard: list[tuple[System, Scale]] = []
+    with _listening(heard):
+        prepared.take(steps)
+    return heard
+
+
+def _record_deposited(grains: int, seed: int) -> list[tuple[System, Scale]]:
+    """The first step of a bed whose grains were dropped one by one, each rolling to rest: nothing is known of its forces."""
+    scene = SCENES["bed"]
+    copies = max(1, round(grains / scene.tile))
+    scenario = parse_scenario(scene.text(scene.tile, seed, copies), "deposited.toml", ['particles.0.packing={kind="deposited"}'])
+    engine = Engine(*build(scenario), Settings(), threads=1)
+    heard: list[tuple[System, Scale]] = []
+    with _listening(heard):
+        engine.step(float(scenario.stage_solver(0).dt), 0.0)
+    return heard
+
+
+SOURCES = ("column", *(name for name, scene in SCENES.items() if not scene.is_frozen), "deposited")
+"""Where problems are taken from: the column (of one size), scenes of ``multicor bench``, a bed that has just been placed."""
+
+
+def consecutive(source: str, grains: int, seed: int, steps: int, folder: Path) -> list[Problem]:
+    """Problems of consecutive steps of a scene, from the file if it is there, made and kept otherwise.
+
+    Args:
+        source: One of `SOURCES` but "column".
+        grains: Number of grains.
+        seed: Seed of the scene.
+        steps: Number of steps; a step that needed a second solve gives one problem more.
+        folder: Where problems are kept.
+    """
+    name = f"{source}-{grains}"
+    path = folder / f"{name}-seed{seed}-{steps}-{_digest()}.npz"
+    if path.exists():
+        return _load(path, name)
+    heard = _record_deposited(grains, seed) if source == "deposited" else _record_scene(source, grains, seed, steps)
+    folder.mkdir(parents=True, exist_ok=True)
+    problems = [Problem(name, system, scale) for system, scale in heard]
+    _save(path, problems)
+    return problems
+
+
+def _digest() -> str:
+    """Changes with the scenes, the kernels and the form of the files, so that old files are not taken for new ones."""
+    text = "".join(scene.text(100, 1, 1) for scene in SCENES.values()) + cache_name()
+    return hashlib.sha256(f"{_FORMAT}{text}".encode()).hexdigest()[:8]
+
+
+def _save(path: Path, problems: list[Problem]) -> None:
+    arrays: dict[str, Any] = {"count": len(problems)}
+    for number, problem in enumerate(problems):
+        arrays[f"{number}.scale"] = np.array([problem.scale.velocity, problem.scale.energy])
+        arrays |= {f"{number}.{field}": getattr(problem.system, field) for field in System._fields}
+    part = path.with_suffix(".part.npz")
+    np.savez(part, **arrays)
+    part.replace(path)
+
+
+def _load(path: Path, name: str) -> list[Problem]:
+    with np.load(path, allow_pickle=False) as data:
+        problems = []
+        for number in range(int(data["count"])):
+            fields = {field: data[f"{number}.{field}"] for field in System._fields}
+            fields["spin_factor"] = float(fields["spin_factor"])
+            scale = Scale(*(float(value) for value in data[f"{number}.scale"]))
+            problems.append(Problem(name, System(**fields), scale))
+    return problems

@@ -1,0 +1,118 @@
+"""The comparison of solvers: all methods solve what has one solution, distances mean what they say, and the quick run works."""
+
+import json
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+pytest.importorskip("scipy")
+
+SOLVERS = Path(__file__).parents[2] / "benchmarks" / "solvers"
+_MINE = {path.stem for path in SOLVERS.glob("*.py")} - {"__main__"}
+METHODS = [
+    "gs", "gs-sym", "sor-1.5", "engine", "restart-2", "restart-1.5", "skip", "tiles-2", "tiles-3", "sym", "cpg", "apgd",
+    "anderson-5", "levels", "newton",
+]  # fmt: skip
+
+
+def _names():
+    return {name for name in sys.modules if name.split(".")[0] in _MINE | {"methods"}}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _on_path():
+    """Its modules have plain names, as it is run as a folder; they are gone again afterwards."""
+    before = {name: sys.modules.pop(name) for name in _names()}
+    sys.path.insert(0, str(SOLVERS))
+    yield
+    sys.path.remove(str(SOLVERS))
+    for name in _names():
+        sys.modules.pop(name)
+    sys.modules.update(before)
+
+
+def test_these_are_all_methods():
+    from methods import METHODS as THEIRS
+
+    assert list(THEIRS) == METHODS
+
+
+@pytest.mark.parametrize("name", METHODS)
+def test_every_method_finds_the_weights_in_a_column(name):
+    from methods import METHODS as THEIRS
+    from problems import column
+    from reference import solve_closely
+    from study import exact_error
+
+    problem = column(12)
+    error = exact_error(problem, solve_closely(problem), THEIRS[name], 1e-6, 2000)
+    assert error < 1e-4
+
+
+def test_the_distance_falls_with_the_residual():
+    from comparison import trace
+    from methods import METHODS as THEIRS
+    from methods.operators import DISTANCE, RMS
+    from problems import column
+    from reference import solve_closely
+
+    problem = column(40)
+    reference = solve_closely(problem)
+    history = trace(problem, reference, THEIRS["engine"], 1e-5, 2000)
+    assert reference.rms <= 1e-6
+    # Nothing moves in the solution, and everything by g dt at the start, which is what distances are measured in.
+    assert history[0, DISTANCE] == pytest.approx(1.0, rel=1e-4)
+    assert history[-1, RMS] <= 1e-5
+    assert history[-1, DISTANCE] < 1e-3
+    middle = len(history) // 2
+    assert history[middle:, DISTANCE].max() < history[:middle, DISTANCE].max()
+
+
+def test_costs_are_read_off_the_right_rows():
+    from comparison import Curve
+
+    rows = [[1.0, 9, 9, 0.5, 0, 0], [5e-4, 9, 9, 0.05, 1, 0.1], [9e-4, 1e-2, 1e-3, 0.2, 2, 0.2], [1e-5, 1e-5, 1e-5, 0.09, 3, 0.3]]
+    curve = Curve("some", np.array(rows))
+    assert curve.first(1e-3) == (2.0, 0.2, 0.2)  # the second row is below in one of three only
+    assert curve.first(1e-6) is None
+    assert curve.near(0.1) == 0.3  # it was below before, but did not stay
+    assert curve.near(0.05) is None
+    assert curve.near(1.0) == 0.0
+
+
+def test_starts_keep_velocities_and_impulses_together():
+    from problems import column
+    from starts import STARTS, _started
+
+    problem = column(12)
+    problem.system.impulse[:, 0] = 1.0
+    changed = _started(problem, STARTS["zero"](problem, None)).system
+    # Impulses of 1 N s everywhere act on the lowest grain's contact with the floor, taken away they move the top grain only.
+    assert not changed.impulse.any()
+    moved = changed.velocity[:12, 1] - problem.system.velocity[:12, 1]
+    assert moved == pytest.approx([0.0] * 11 + [-1.0], abs=1e-12)
+
+
+def test_quick_run(tmp_path, capsys):
+    pytest.importorskip("matplotlib")
+    from runpy import run_path
+
+    main = run_path(str(SOLVERS / "__main__.py"))["main"]
+    files = ["--work", str(tmp_path / "kept"), "--json", str(tmp_path / "out.json"), "--plot", str(tmp_path / "out.png")]
+    assert main(["--quick", "--methods", "gs", "engine", "--starts", *files]) == 0
+    text = capsys.readouterr().out
+    assert "shear-1000, warm" in text
+    assert "engine, started from" in text
+    found = json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))
+    column, cold, warm = found["single"]
+    assert column["methods"]["engine"]["reached"]["0.0001"] is not None
+    assert column["exact_error"]["engine"] < 1e-2
+    assert cold["apart"] == warm["apart"]
+    sweeps = [warm["methods"][name]["reached"]["0.001"][0] for name in ("gs", "engine")]
+    assert sweeps[1] < 0.5 * sweeps[0]
+    distances = np.array(warm["methods"]["engine"]["distance"])
+    assert distances[-1] < distances[0]
+    assert [cost["method"] for cost in found["sequences"][0]["costs"]] == ["program", "gs", "engine"]
+    assert (tmp_path / "out.png").stat().st_size > 10_000
