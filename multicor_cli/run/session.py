@@ -18,6 +18,7 @@ from multicor_cli.packing import build
 from multicor_cli.run.controller import Controller
 from multicor_cli.run.differences import find_differences
 from multicor_cli.run.heat_plan import heat_settings
+from multicor_cli.run.memory import keep_freed_memory
 from multicor_cli.run.observer import Observer, SilentObserver
 from multicor_cli.run.outcome import ExitCode, RunOutcome, StopReason
 from multicor_cli.run.planning import make_plan
@@ -203,6 +204,7 @@ class Session:
 
 def make_engine(scenario: Scenario, model: Model, state: State, threads: int) -> CoupledEngine:
     """The engine of a run; raises `ScenarioError` if the domain is too small for the grains."""
+    keep_freed_memory()
     try:
         mechanics = Engine(model, state, threads=threads)
     except ValueError as error:
