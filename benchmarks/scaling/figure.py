@@ -26,7 +26,7 @@ def draw(data: dict[str, Any], path: Path) -> None:
             line = "-" if count == threads[0] else "--"
             sizes = [row["grains"] for row in rows]
             label = f"{name}, {count} thread{'s' if count > 1 else ''}"
-            left.loglog(sizes, [1e9 * row["per_contact"] for row in rows], line, marker="o", color=color, label=label)
+            left.semilogx(sizes, [1e9 * row["per_contact"] for row in rows], line, marker="o", color=color, label=label)
             if count == threads[0]:
                 large = [row for row in rows if row["grains"] > 50_000]  # below, the kernels take more than the grains
                 right.semilogx(
@@ -34,8 +34,10 @@ def draw(data: dict[str, Any], path: Path) -> None:
                 )
     left.set_ylabel("time per contact and sweep [ns]")
     right.set_ylabel("memory per grain [B]")
-    right.set_ylim(bottom=0.0)
-    right.axhline(1_500.0, color="0.6", linewidth=0.8)
+    right.axhline(1_500.0, color="0.6", linewidth=0.8)  # the budget
+    right.set_xlim(left.get_xlim())
+    for axis in (left, right):
+        axis.set_ylim(0.0, 1.35 * axis.get_ylim()[1])  # room for the legend
     for axis in (left, right):
         axis.set_xlabel("grains")
         axis.grid(visible=True, which="major", color="0.9")

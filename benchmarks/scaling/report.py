@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import io
 import sys
 from typing import Any
 
@@ -37,7 +38,7 @@ def as_text(data: dict[str, Any]) -> str:
         "grains",
         "threads",
         "sweeps",
-        "step [ms]",
+        "ms/step",
         "ns/contact/sweep",
         "of 10⁴",
         "sweep : C",
@@ -50,9 +51,9 @@ def as_text(data: dict[str, Any]) -> str:
     rows = by_size(data)
     for row in rows.values():
         table.add_row(*_cells(row, rows))
-    console = Console(width=150, record=True, file=sys.stderr, quiet=True)
-    console.print(table)
-    return console.export_text() + "\n" + "\n".join(budgets(data))
+    text = io.StringIO()
+    Console(width=150, file=text).print(table)
+    return text.getvalue() + "\n" + "\n".join(budgets(data))
 
 
 def by_size(data: dict[str, Any]) -> Rows:
