@@ -229,15 +229,13 @@ class Engine:
         self, scene: Scene, margin: float, dt: float, should_stop: Callable[[], bool] | None
     ) -> tuple[Contacts, Floats, Outcome]:
         """Contacts with a gap up to ``margin``, their impulses and the velocities v⁺."""
-        model = self.model
         with self._timed("prepare"):
             contacts, scale = self._gather(scene, margin, dt)
             ordered = self._assemble(scene, contacts)
         with self._timed("solve"):
             outcome = solve_system(ordered.system, scale, self.settings, self._pace, should_stop)
         ordered.collect(contacts)
-        bodies = model.grain_count + model.wall_count
-        return contacts, ordered.system.velocity[:bodies], outcome
+        return contacts, ordered.velocities(), outcome
 
     def _assemble(self, scene: Scene, contacts: Contacts) -> OrderedSystem:
         model, motion = self.model, self._motion

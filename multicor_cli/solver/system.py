@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from multicor_cli.kernels.contacts import Contacts, Scene
 from multicor_cli.kernels.ordering import (
     classify_contacts,
+    number_grains,
     number_wall_contacts,
     order_contacts,
     pack_contacts,
@@ -30,11 +31,19 @@ class OrderedSystem:
         system: What the sweep works on.
         order: Contact (by key) behind each light contact.
         general: Contact behind each general one.
+        place: Row of each grain in the velocities of the system; walls follow the grains.
     """
 
     system: System
     order: Ints
     general: Ints
+    place: Ints
+
+    def velocities(self) -> Floats:
+        """Velocities of the grains and walls, shape ``(n + w, 4)``."""
+        n = self.place.size
+        velocity = self.system.velocity[: self.system.inverse.shape[0]]
+        return np.concatenate([velocity[self.place], velocity[n:]])
 
     def collect(self, contacts: Contacts) -> None:
         """Write the impulses back into ``contacts``."""
@@ -68,23 +77,25 @@ def assemble(
     number = number_wall_contacts(scene, contacts, order)
     bodies = free.shape[0]
     velocity = np.empty((bodies + int(number.max(initial=-1)) + 1, 4))
-    velocity[:bodies] = free
+    place = number_grains(contacts, order, general, scene.radius.size)
+    velocity[place] = free[: place.size]
+    velocity[place.size : bodies] = free[place.size :]
     pair = np.empty((order.size, 2), np.int32)
     frame = np.empty((order.size, 5))
     impulse = np.empty((order.size, 2))
-    pack_contacts(scene, contacts, order, number, bodies, velocity, pair, frame, impulse)
+    pack_contacts(scene, contacts, place, order, number, bodies, velocity, pair, frame, impulse)
     inverse = np.zeros((bodies, 3))
     if general.size:
         n = scene.radius.size
-        inverse[:n, 0] = inverse[:n, 1] = free[:n, 3]
-        inverse[:n, 2] = spin_factor * free[:n, 3]
+        inverse[:n, 0] = inverse[:n, 1] = velocity[:n, 3]
+        inverse[:n, 2] = spin_factor * velocity[:n, 3]
         inverse[n:] = wall_inverse
     system = System(
         velocity, inverse, pair, frame, impulse, tile_start, color_start,
-        *pack_general(scene, contacts, general, inverse), spin_factor,
+        *pack_general(scene, contacts, place, general, inverse), spin_factor,
     )  # fmt: skip
     add_impulses(system)
-    return OrderedSystem(system, order, general)
+    return OrderedSystem(system, order, general, place)
 
 
 def _tiles(scene: Scene, width: float) -> tuple[int, int, Floats, float, float]:
