@@ -24,9 +24,9 @@ from multicor_cli.solver import Engine
 from multicor_cli.solver import engine as engine_module
 from multicor_cli.solver.settings import Settings
 from multicor_cli.solver.solve import Scale
-from multicor_cli.state.model import Floats
+from multicor_cli.state.model import Floats, Ints
 
-_FORMAT = 2
+_FORMAT = 3
 _CHANGING = ("velocity", "impulse", "general_impulse")
 
 
@@ -95,17 +95,36 @@ def column(count: int = 116) -> Problem:
 @contextmanager
 def _listening(heard: list[tuple[System, Scale]]) -> Iterator[None]:
     """While this lasts, every problem that an engine hands to its solver is copied before it is solved."""
-    original: Callable[..., Any] = vars(engine_module)["solve_system"]
+    names = vars(engine_module)
+    assemble: Callable[..., Any] = names["assemble"]
+    solve: Callable[..., Any] = names["solve_system"]
+    places: list[Ints] = []
+
+    def note(*rest: Any) -> Any:
+        ordered = assemble(*rest)
+        places[:] = [ordered.place]
+        return ordered
 
     def listen(system: System, scale: Scale, *rest: Any, **named: Any) -> Any:
-        heard.append((copy_system(system), scale))
-        return original(system, scale, *rest, **named)
+        heard.append((_by_grain(system, places[0]), scale))
+        return solve(system, scale, *rest, **named)
 
-    vars(engine_module)["solve_system"] = listen
+    names.update(assemble=note, solve_system=listen)
     try:
         yield
     finally:
-        vars(engine_module)["solve_system"] = original
+        names.update(assemble=assemble, solve_system=solve)
+
+
+def _by_grain(system: System, place: Ints) -> System:
+    """A copy of a system whose first rows are the grains in their own order: so they have the same names in every step."""
+    n = place.size
+    velocity, inverse = system.velocity.copy(), system.inverse.copy()
+    velocity[:n], inverse[:n] = velocity[place], inverse[place]
+    name = np.arange(len(velocity), dtype=np.int32)
+    name[place] = np.arange(n, dtype=np.int32)
+    copied = copy_system(system._replace(velocity=velocity))
+    return copied._replace(inverse=inverse, pair=name[system.pair], general_pair=name[system.general_pair])
 
 
 def _record_scene(name: str, grains: int, seed: int, steps: int) -> list[tuple[System, Scale]]:
