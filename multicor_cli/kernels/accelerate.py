@@ -5,9 +5,10 @@ linear in each other). Friction makes the problem no minimization, and unguarded
 
 * the momentum restarts when the new change points against the extrapolation (gradient restart);
 * it restarts when the change per sweep has grown to 1.5 times its lowest value since the last restart (any growth: 1.5 to 3 times
-  as many sweeps in shear; growth by 2: 1.4 times as many; by 5 and more: some sliding states cycle);
+  as many sweeps in shear; growth by 2: more sweeps, and fewer errors left at the same residual; by 5 and more: some sliding states
+  cycle);
 * near the tolerance momentum's own noise in a few contacts keeps the residual up: thirty sweeps with half of the normal
-  corrections calm it (a fifth fewer sweeps where solves are long);
+  corrections calm it, in long solves only (earlier it would end them with more of the smooth errors left);
 * where nothing has been gained for long, a cluster of contacts cycles: the loop goes through the escapes among its `MODES`,
   plain sweeps first, which end most of these cycles within a thousand sweeps.
 """
