@@ -152,33 +152,61 @@ def _compare_with_fit(x: float, y: float, u: float, v: float, fit: Floats, row: 
     farthest[row, 2] = max(farthest[row, 2], abs(v))
 
 
+@scalar
+def _least_squares(count: int, sums: Floats, is_periodic: bool, fit: Floats) -> None:
+    """The fit out of the first row of the sums."""
+    mean_x, mean_y = sums[0, 0] / count, sums[0, 1] / count
+    # A little more on the diagonal: places may lie on one line. Any fit is good, only the bound grows.
+    more = 1e-9 * (sums[0, 2] + sums[0, 4])
+    more = more if more > 0.0 else 1.0
+    xx, yy = sums[0, 2] - count * mean_x * mean_x + more, sums[0, 4] - count * mean_y * mean_y + more
+    xy = 0.0 if is_periodic else sums[0, 3] - count * mean_x * mean_y
+    for d in range(2):
+        total = sums[0, 5 + d]
+        x = 0.0 if is_periodic else sums[0, 7 + d] - mean_x * total
+        y = sums[0, 9 + d] - mean_y * total
+        fit[1, d] = (x * yy - y * xy) / (xx * yy - xy * xy)
+        fit[2, d] = (y * xx - x * xy) / (xx * yy - xy * xy)
+        fit[0, d] = total / count - mean_x * fit[1, d] - mean_y * fit[2, d]
+
+
+@scalar
+def _fold(rows: Floats, is_maximum: bool) -> None:
+    """Sum or maximum of each column into the first row, in order."""
+    for r in range(1, rows.shape[0]):
+        for k in range(rows.shape[1]):
+            rows[0, k] = max(rows[0, k], rows[r, k]) if is_maximum else rows[0, k] + rows[r, k]
+
+
 @parallel_kernel
-def affine_pass(
-    vectors: Floats, origin: Floats, position: Floats, period: float, center: Floats, fit: Floats, has_fit: bool, out: Floats
-) -> None:
-    """One of the two passes over vectors that split them into an affine field and a rest (one kernel compiles faster than two).
+def fit_affine(vectors: Floats, origin: Floats, position: Floats, period: float, fit: Floats, out: Floats) -> None:
+    """Split vectors into an affine field, fitted by least squares, and a rest.
 
     Args:
         vectors: Vectors in the first two columns, shape ``(≥ n, ≥ 2)``.
-        origin: What is taken from them, shape ``(n, 2)``, or empty.
+        origin: What is taken from them, nearest image, shape ``(n, 2)``; nothing if empty.
         position: Grains, shape ``(n, ≥ 2)``.
-        period: Period in x of what is left [m], or 0.
-        center: Where x and y below are counted from, shape ``(2,)``.
-        fit: The field in the second pass: its value at the center, its changes per length in x and in y, shape ``(3, 2)``.
-        has_fit: Whether this is the second pass.
-        out: For each chunk of grains Σx, Σy, Σx², Σxy, Σy², then Σu, Σxu, Σyu for both components u; in the second pass the
-            largest square of a deviation from the field, and the largest components in x and in y; shape ``(chunks, 11)``.
-            **Modified.**
+        period: Period in x [m] or 0; the field does not depend on x if there is one.
+        fit: The field: its value at the first grain, its changes per length in x and in y, shape ``(3, 2)``. **Modified.**
+        out: One row per chunk of grains, zero, shape ``(chunks, 11)``. **Modified**: the first row begins with the largest square
+            of a deviation from the field, and the largest components in x and in y.
     """
     count = position.shape[0]
-    for chunk in prange(out.shape[0]):
-        for i in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
-            x, y = position[i, 0] - center[0], position[i, 1] - center[1]
-            u, v = _vector(i, vectors, origin, period)
-            if has_fit:
-                _compare_with_fit(x, y, u, v, fit, chunk, out)
-            else:
-                _add_to_sums(x, y, u, v, chunk, out)
+    for has_fit in range(2):  # one loop for both passes compiles faster than two
+        for chunk in prange(out.shape[0]):
+            for i in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
+                x, y = position[i, 0] - position[0, 0], position[i, 1] - position[0, 1]
+                u, v = _vector(i, vectors, origin, period)
+                if has_fit:
+                    _compare_with_fit(x, y, u, v, fit, chunk, out)
+                else:
+                    _add_to_sums(x, y, u, v, chunk, out)
+        _fold(out, has_fit == 1)
+        if not has_fit:
+            _least_squares(count, out, period > 0.0, fit)
+            for chunk in range(out.shape[0]):
+                for k in range(out.shape[1]):
+                    out[chunk, k] = 0.0
 
 
 @kernel
@@ -192,8 +220,8 @@ def shape_bounds(
         world: Their geometry in the world, shape ``(m, 4)``.
         vectors: Displacements or velocities of their reference points, shape ``(m, 2)``.
         turn: What turning adds to the motion of any of their points that a grain may meet, shape ``(m,)``; discs do without.
-        center: As in `affine_pass`.
-        fit: As in `affine_pass`.
+        center: Where x and y of the fit are counted from, shape ``(2,)``.
+        fit: As in `fit_affine`.
         largest: Largest components of the grains' vectors, shape ``(2,)``.
 
     Returns:

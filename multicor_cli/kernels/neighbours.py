@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from multicor_cli.kernels.jit import kernel, parallel_kernel, prange, scalar
+from multicor_cli.kernels.jit import CHUNK, kernel, parallel_kernel, prange, scalar
 from multicor_cli.physics import geometry
 from multicor_cli.state.model import Floats, Ints, ShapeKind
 
@@ -148,7 +148,10 @@ def _scan_row(
     out: Ints,
     offset: int,
 ) -> int:
-    """Number of partners of grain ``i`` with a higher number; they go to ``out[offset:]`` unless ``offset`` is negative."""
+    """Partners of grain ``i`` with a higher number go to ``out[offset:]``; returns how many.
+
+    With a negative ``offset`` only a bound of their number is returned: all discs in the cells around.
+    """
     found = 0
     x, y, r = center[i, 0], center[i, 1], radius[i]
     for k in range(level_radius.size):
@@ -168,18 +171,22 @@ def _scan_row(
             last_x = max(min(last_x, columns - 1), 0)
         for cy in range(first_y, last_y + 1):
             base = level_start[k] + cy * columns
-            for column in range(first_x, last_x + 1):
+            column = first_x
+            while column <= last_x:  # cells side by side are one run of discs, except across the period
                 cx = column % columns if period > 0.0 else column
-                for place in range(cell_start[base + cx], cell_start[base + cx + 1]):
+                run = min(last_x + 1 - column, columns - cx)
+                column += run
+                first, last = cell_start[base + cx], cell_start[base + cx + run]
+                if offset < 0:
+                    found += last - first
+                    continue
+                for place in range(first, last):
                     other = cell_disc[place]
-                    if other <= i:
-                        continue
                     dx = minimum_image(x - sorted_x[place], period)
                     dy = y - sorted_y[place]
                     near = r + sorted_radius[place] + cutoff
-                    if dx * dx + dy * dy < near * near:
-                        if offset >= 0:
-                            out[offset + found] = other if other < grain_count else shape_of[other - grain_count]
+                    if other > i and dx * dx + dy * dy < near * near:
+                        out[offset + found] = other if other < grain_count else shape_of[other - grain_count]
                         found += 1
     return found
 
@@ -288,26 +295,39 @@ def list_pairs(
         sorted_x[place] = center[d, 0]
         sorted_y[place] = center[d, 1]
         sorted_radius[place] = radius[d]
-    row = np.empty(grain_count + 1, np.int64)
-    partner = np.empty(0, np.int32)
-    # The same loop counts first and writes when the rows are known.
+    row = np.zeros(grain_count + 1, np.int64)
+    chunks = max(1, -(-grain_count // CHUNK))
+    begin = np.zeros(chunks + 1, np.int64)
+    found_pairs = np.empty(0, np.int32)
+    # The same loop first finds how much room each chunk of grains needs at most, then fills its part from the start on.
     for is_writing in range(2):
-        for number in prange(grain_count):
-            grain = np.int64(number)  # it is unsigned in the loop: the functions below would be compiled once more
-            offset = row[grain] if is_writing else np.int64(-1)
-            found = _scan_row(
-                grain, grain_count, center, radius, shape_of, cutoff, period, level_cells, level_radius, origin, level_start,
-                level_shape, cell_start, sorted_x, sorted_y, sorted_radius, cell_disc, partner, offset,
-            )  # fmt: skip
-            beyond = offset + found if is_writing else np.int64(-1)
-            found += _scan_shapes(grain, grain_count, center, radius, others, kind, world, cutoff, period, partner, beyond)
-            if is_writing:
-                _sort(partner, offset, offset + found)
-            else:
-                row[grain + 1] = found
+        for number in prange(chunks):
+            chunk: int = np.int64(number)  # type: ignore[assignment]  # unsigned, the functions below would be compiled once more
+            at = int(begin[chunk]) if is_writing else -1
+            room = 0
+            for grain in range(chunk * CHUNK, min(grain_count, (chunk + 1) * CHUNK)):
+                found = _scan_row(
+                    grain, grain_count, center, radius, shape_of, cutoff, period, level_cells, level_radius, origin, level_start,
+                    level_shape, cell_start, sorted_x, sorted_y, sorted_radius, cell_disc, found_pairs, at,
+                )  # fmt: skip
+                beyond = at + found if is_writing else -1
+                found += _scan_shapes(grain, grain_count, center, radius, others, kind, world, cutoff, period, found_pairs, beyond)
+                if is_writing:
+                    _sort(found_pairs, at, at + found)
+                    row[grain + 1] = found
+                    at += found
+                room += found
+            if not is_writing:
+                begin[chunk + 1] = room
         if not is_writing:
-            row[0] = 0
-            for i in range(grain_count):
-                row[i + 1] += row[i]
-            partner = np.empty(row[grain_count], np.int32)
+            for chunk in range(chunks):
+                begin[chunk + 1] += begin[chunk]
+            found_pairs = np.empty(begin[chunks], np.int32)
+    for grain in range(grain_count):
+        row[grain + 1] += row[grain]
+    partner = np.empty(row[grain_count], np.int32)
+    for chunk in prange(chunks):  # type: ignore[assignment]
+        begin_row = row[chunk * CHUNK]
+        for p in range(row[min(grain_count, (chunk + 1) * CHUNK)] - begin_row):
+            partner[begin_row + p] = found_pairs[begin[chunk] + p]
     return row, partner

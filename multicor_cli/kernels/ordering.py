@@ -187,6 +187,7 @@ def number_grains(contacts: Contacts, order: Ints, general: Ints, count: int) ->
 def pack_contacts(
     scene: Scene,
     contacts: Contacts,
+    free: Floats,
     place: Ints,
     order: Ints,
     wall_number: Ints,
@@ -196,7 +197,7 @@ def pack_contacts(
     frame: Floats,
     impulse: Floats,
 ) -> None:
-    """Copy ordered contacts into the arrays of the sweep.
+    """Copy bodies and ordered contacts into the arrays of the sweep.
 
     A prescribed wall is replaced by one *anchor* per contact: a body of infinite mass that has the velocity of the wall at the
     contact. The sweep then needs no branch, and no two contacts share an anchor.
@@ -204,16 +205,21 @@ def pack_contacts(
     Args:
         scene: Shapes at q_m.
         contacts: Contacts sorted by key.
+        free: Free velocities of grains and walls, shape ``(bodies, 4)``.
         place: From `number_grains`.
         order: Contacts in the order of the sweep, shape ``(k,)``.
         wall_number: From `number_wall_contacts`.
         first_anchor: Row of the first anchor in ``velocity``.
-        velocity: Bodies, then anchors, shape ``(bodies + anchors, 4)``. **Anchors modified.**
+        velocity: Bodies, then anchors, shape ``(bodies + anchors, 4)``. **Modified.**
         pair: Bodies of each contact, shape ``(k, 2)``. **Modified.**
         frame: n_x, n_y, 1/W_nn [kg], bias [m/s], μ, shape ``(k, 5)``. **Modified.**
         impulse: p_n, p_t [N s], shape ``(k, 2)``. **Modified.**
     """
     n = scene.radius.size
+    for b in prange(free.shape[0]):
+        row = np.int64(place[b]) if b < n else np.int64(b)
+        for d in range(4):
+            velocity[row, d] = free[b, d]
     for k in prange(order.size):
         c = order[k]
         i, j = place[contacts.i[c]], contacts.j[c]
@@ -271,9 +277,22 @@ def pack_general(
 
 
 @parallel_kernel
-def unpack_impulses(order: Ints, impulse: Floats, target: Floats) -> None:
-    """Write impulses in the order of the sweep, shape ``(k, 2)``, to ``target`` ``(c, 2)`` (**modified**)."""
-    # The array is passed by itself: Numba drops stores of a parallel loop to an array that it only knows as part of a tuple.
+def unpack(order: Ints, impulse: Floats, place: Ints, velocity: Floats, by_contact: Floats, by_body: Floats) -> None:
+    """Back from the arrays of the sweep.
+
+    Args:
+        order: Contacts in the order of the sweep, shape ``(k,)``.
+        impulse: Their impulses, shape ``(k, 2)``.
+        place: From `number_grains`, shape ``(n,)``.
+        velocity: Bodies as in `pack_contacts`.
+        by_contact: Impulses of the contacts, shape ``(c, 2)``. **Modified.**
+        by_body: Velocities of grains and walls, shape ``(bodies, 4)``. **Modified.**
+    """
+    # The arrays are passed by themselves: Numba drops stores of a parallel loop to an array that it only knows as part of a tuple.
     for k in prange(order.size):
-        target[order[k], 0] = impulse[k, 0]
-        target[order[k], 1] = impulse[k, 1]
+        by_contact[order[k], 0] = impulse[k, 0]
+        by_contact[order[k], 1] = impulse[k, 1]
+    for b in prange(by_body.shape[0]):
+        row = np.int64(place[b]) if b < place.size else np.int64(b)
+        for d in range(4):
+            by_body[b, d] = velocity[row, d]

@@ -109,9 +109,13 @@ def _bodies(marked: NDArray[np.bool_], mass: Floats, wall_inverse: Floats) -> _B
 
 
 @kernel
-def _measure(scene: Scene, bodies: _Bodies, i: Ints, j: Ints, target: float) -> tuple[Ints, Floats]:
-    """Pairs that can be moved: their bodies; their normal, how far they may still close [m] and 1/W [kg]."""
-    n = scene.radius.size
+def _measure(scene: Scene, bodies: _Bodies, i: Ints, j: Ints, target: float, allowed: float) -> tuple[Ints, Floats]:
+    """Pairs that can be moved: their bodies; their normal, how far they may still close [m] and 1/W [kg].
+
+    A pair with a held body keeps an overlap between ``target`` and ``allowed``: a grain between two held ones could not be freed
+    of both.
+    """
+    n, held = scene.radius.size, bodies.mobility.shape[0] - 1
     pair, frame = np.empty((i.size, 2), np.int32), np.empty((i.size, 4))
     found = 0
     for c in range(i.size):
@@ -121,8 +125,11 @@ def _measure(scene: Scene, bodies: _Bodies, i: Ints, j: Ints, target: float) -> 
         give = (bodies.mobility[a, 0] + bodies.mobility[b, 0]) * nx * nx + (bodies.mobility[a, 1] + bodies.mobility[b, 1]) * ny * ny
         if give > 0.0:
             smaller = min(scene.radius[i[c]], scene.radius[j[c]]) if j[c] < n else scene.radius[i[c]]
+            left = target * smaller
+            if (a == held or b == held) and left < -gap <= allowed * smaller:
+                left = -gap
             pair[found, 0], pair[found, 1] = a, b
-            frame[found, 0], frame[found, 1], frame[found, 2], frame[found, 3] = nx, ny, gap + target * smaller, 1.0 / give
+            frame[found, 0], frame[found, 1], frame[found, 2], frame[found, 3] = nx, ny, gap + left, 1.0 / give
             found += 1
     return pair[:found], frame[:found]
 
@@ -176,6 +183,7 @@ def separate(
     mass: Floats,
     wall_inverse: Floats,
     target: float,
+    allowed: float,
     enough: float,
     sweeps: int,
 ) -> Floats:
@@ -191,6 +199,7 @@ def separate(
         mass: Masses of the grains [kg], shape ``(n,)``.
         wall_inverse: Inverse masses of the walls in x and y, 0 for those that are held [1/kg], shape ``(w, 2)``.
         target: Overlap over the smaller radius that is left.
+        allowed: Overlap over the smaller radius up to which a pair with a held body is left alone.
         enough: Largest displacement of a sweep with which it ends [m].
         sweeps: Cap on the number of sweeps.
 
@@ -198,7 +207,7 @@ def separate(
         Displacements of the walls [m], shape ``(w, 2)``: theirs is to follow.
     """
     bodies = _bodies(marked, mass, wall_inverse)
-    pair, frame = _measure(scene, bodies, i, j, target)
+    pair, frame = _measure(scene, bodies, i, j, target, allowed)
     shift = _solve(pair, frame, bodies, enough, sweeps)
     n = marked.size
     for k in range(n):

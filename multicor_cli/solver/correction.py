@@ -35,6 +35,7 @@ RINGS = 4  # of neighbors that make up "nearby"
 LOCAL_SHARE = 0.5  # of all grains; if more are nearby, all are moved at once
 ENOUGH = 0.3 * ALLOWED  # largest displacement of a sweep, over the smallest radius, with which a round ends
 SWEEPS = 2_000  # cap of a round
+LOCAL_SWEEPS = 200  # cap of a round with the grains nearby: some twenty do, unless what is held leaves no room
 
 
 @dataclass(frozen=True)
@@ -81,9 +82,6 @@ def correct_positions(
     if count == 0:
         return Correction(overlap, 0.0, 0.0, 0)
     before, wall_before = scene.position[:, :2].copy(), scene.wall_position.copy()
-    # Grains pushed apart may be pushed into others that were not near at q_m: look a little farther.
-    reach += 0.1 * model.mean_diameter
-    overlap, count = _overlaps(scene, lists, reach, flagged)
     with np.errstate(divide="ignore"):
         inverse = np.where(motion.driven, 1.0 / motion.mass, 0.0)[:, :2]  # walls are not turned
     rounds = 0
@@ -92,7 +90,8 @@ def correct_positions(
         near = min(reach, 20.0 * overlap * float(model.grains.radius.max()))
         _correct_once(scene, model, lists, near, flagged, inverse, rounds < LOCAL_ROUNDS)
         rounds += 1
-        overlap, count = _overlaps(scene, lists, reach, flagged)
+        # Grains pushed apart may have been pushed into others that were not near at q_m: look a little farther.
+        overlap, count = _overlaps(scene, lists, reach + 0.1 * model.mean_diameter, flagged)
     if overlap > FORBIDDEN:
         raise PhysicsError(step, _name_overlap(scene, model, lists, flagged, overlap))
     moved = scene.position[:, :2] - before
@@ -110,12 +109,13 @@ def _correct_once(
     ``inverse`` are the inverse masses of the walls in x and y, shape ``(w, 2)``; they move with everything only.
     """
     i, j = near_pairs(lists.row, lists.partner, lists.gap_after, near)
+    sweeps = LOCAL_SWEEPS
     if not is_local or surround(i, j, RINGS, flagged) > LOCAL_SHARE * model.grain_count:
-        flagged[:] = True
+        flagged[:], sweeps = True, SWEEPS
     else:
         inverse = np.zeros_like(inverse)
     enough = ENOUGH * float(model.grains.radius.min())
-    shift = separate(scene, i, j, flagged, model.grains.mass, inverse, TARGET, enough, SWEEPS)
+    shift = separate(scene, i, j, flagged, model.grains.mass, inverse, TARGET, ALLOWED, enough, sweeps)
     scene.wall_position[:, :2] += shift
     place_shapes(scene.kind, scene.wall, model.shapes.geometry, scene.wall_position, scene.world)
 

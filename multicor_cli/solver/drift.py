@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from multicor_cli.kernels.jit import chunks_for
-from multicor_cli.kernels.motion import affine_pass, shape_bounds
+from multicor_cli.kernels.motion import fit_affine, shape_bounds
 from multicor_cli.state.model import Floats, Ints
 
 
@@ -50,21 +50,10 @@ def fit_drift(vectors: Floats, position: Floats, period: float, origin: Floats =
         period: Period in x [m] or 0; the field does not depend on x if there is one.
         origin: What is taken from the vectors, nearest image: where the grains were, shape ``(n, 2)``. Nothing if empty.
     """
-    center = position[0, :2].copy()
-    none, chunks = np.zeros((3, 2)), chunks_for(len(position), 11)
-    affine_pass(vectors, origin, position, period, center, none, False, chunks)
-    x, y, xx, xy, yy, *rest = chunks.sum(axis=0).tolist()
-    matrix = np.array([[len(position), x, y], [x, xx, xy], [y, xy, yy]])
-    right = np.array(rest).reshape(3, 2)
-    if period > 0.0:
-        matrix[1], matrix[:, 1], right[1] = 0.0, 0.0, 0.0
-    # A little more on the diagonal: places may lie on one line. Any fit is good, only the bound grows.
-    matrix[1:, 1:] += np.eye(2) * (1e-9 * (xx + yy) or 1.0)
-    fit = np.linalg.solve(matrix, right)
-    chunks[:] = 0.0
-    affine_pass(vectors, origin, position, period, center, fit, True, chunks)
-    square, *largest = chunks.max(axis=0)[:3].tolist()
-    return Drift(center, fit, float(np.sqrt(square)), np.array(largest))
+    fit, chunks = np.empty((3, 2)), chunks_for(len(position), 11)
+    fit_affine(vectors, origin, position, period, fit, chunks)
+    square, *largest = chunks[0, :3].tolist()
+    return Drift(position[0, :2].copy(), fit, float(np.sqrt(square)), np.array(largest))
 
 
 @dataclass(frozen=True)

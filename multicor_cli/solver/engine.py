@@ -131,11 +131,10 @@ class Engine:
                     margin = dt * self._measure_pairs(scene, reach)
             contacts, after, outcome = self._solve(scene, margin, dt, should_stop)
             with self._timed("detect"):
-                reach_after = self._reach_after(scene, after, dt)
-                if reach_after > reach:
-                    self._list.update(self._middle, scene.world, reach_after)
-                    self._measure_pairs(scene, reach_after)
-                    reach = reach_after
+                reach = max(reach, self._reach_after(scene, after, dt))
+                if reach > lists.complete:
+                    lists.update(self._middle, scene.world, reach)
+                    self._measure_pairs(scene, reach)
                 worst = chunks_for(model.grain_count)
                 find_missed(scene, lists.row, lists.partner, lists.gap, margin, reach, after, dt, worst)
                 missed = float(worst.max())
@@ -234,8 +233,7 @@ class Engine:
             ordered = self._assemble(scene, contacts)
         with self._timed("solve"):
             outcome = solve_system(ordered.system, scale, self.settings, self._pace, should_stop)
-        ordered.collect(contacts)
-        return contacts, ordered.velocities(), outcome
+        return contacts, ordered.collect(contacts), outcome
 
     def _assemble(self, scene: Scene, contacts: Contacts) -> OrderedSystem:
         model, motion = self.model, self._motion

@@ -22,6 +22,7 @@ class NeighbourList:
         partner: Shapes near each grain, ascending within a row.
         gap: Work space for the gaps of the listed pairs at mid-step [m].
         gap_after: The same at the end of the step [m].
+        complete: Gap up to which all pairs are listed, at the positions of the last update [m].
         builds: How often the list was built.
         largest: Largest diameter of a disc [m].
     """
@@ -46,6 +47,7 @@ class NeighbourList:
         self.partner: Ints = np.empty(0, np.int32)
         self.gap: Floats = np.empty(0)
         self.gap_after: Floats = np.empty(0)
+        self.complete = -1.0
         self.builds = 0
 
     def update(self, position: Floats, world: Floats, reach: float) -> None:
@@ -56,8 +58,11 @@ class NeighbourList:
             world: Wall shapes in the world, shape ``(m, 4)``.
             reach: Largest gap of interest [m].
         """
-        if self._cutoff < 0.0 or self._cutoff - self._approach(position, world) < reach:
-            self._build(position, world, reach + self._skin)
+        if self._cutoff >= 0.0:
+            self.complete = self._cutoff - self._approach(position, world)
+        if self.complete < reach:
+            self.complete = reach + self._skin
+            self._build(position, world, self.complete)
 
     def _approach(self, position: Floats, world: Floats) -> float:
         """How much closer than when the list was built any pair that is not listed may be [m]."""

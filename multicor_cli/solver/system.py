@@ -15,7 +15,7 @@ from multicor_cli.kernels.ordering import (
     order_contacts,
     pack_contacts,
     pack_general,
-    unpack_impulses,
+    unpack,
 )
 from multicor_cli.kernels.sweep import System, add_impulses
 from multicor_cli.state.model import Floats, Ints
@@ -39,16 +39,12 @@ class OrderedSystem:
     general: Ints
     place: Ints
 
-    def velocities(self) -> Floats:
-        """Velocities of the grains and walls, shape ``(n + w, 4)``."""
-        n = self.place.size
-        velocity = self.system.velocity[: self.system.inverse.shape[0]]
-        return np.concatenate([velocity[self.place], velocity[n:]])
-
-    def collect(self, contacts: Contacts) -> None:
-        """Write the impulses back into ``contacts``."""
-        unpack_impulses(self.order, self.system.impulse, contacts.impulse)
+    def collect(self, contacts: Contacts) -> Floats:
+        """Write the impulses back into ``contacts``; returns the velocities of grains and walls, shape ``(n + w, 4)``."""
+        after = np.empty((self.system.inverse.shape[0], 4))
+        unpack(self.order, self.system.impulse, self.place, self.system.velocity, contacts.impulse, after)
         contacts.impulse[self.general] = self.system.general_impulse
+        return after
 
 
 def assemble(
@@ -78,12 +74,10 @@ def assemble(
     bodies = free.shape[0]
     velocity = np.empty((bodies + int(number.max(initial=-1)) + 1, 4))
     place = number_grains(contacts, order, general, scene.radius.size)
-    velocity[place] = free[: place.size]
-    velocity[place.size : bodies] = free[place.size :]
     pair = np.empty((order.size, 2), np.int32)
     frame = np.empty((order.size, 5))
     impulse = np.empty((order.size, 2))
-    pack_contacts(scene, contacts, place, order, number, bodies, velocity, pair, frame, impulse)
+    pack_contacts(scene, contacts, free, place, order, number, bodies, velocity, pair, frame, impulse)
     inverse = np.zeros((bodies, 3))
     if general.size:
         n = scene.radius.size

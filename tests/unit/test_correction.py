@@ -97,7 +97,7 @@ def test_displacements_solve_the_convex_problem(lid_inverse):
     mass, wall_inverse = np.pi * radius**2, np.array([[0.0, 0.0], [0.0, lid_inverse]])
     expected = smallest_displacements(scene, i, j, mass, wall_inverse, 1e-3)
     before = position[:, :2].copy()
-    shift = separate(scene, i, j, np.ones(12, np.bool_), mass, wall_inverse, 1e-3, 1e-12, 10_000)
+    shift = separate(scene, i, j, np.ones(12, np.bool_), mass, wall_inverse, 1e-3, 2e-3, 1e-12, 10_000)
     assert np.abs(expected).max() > 0.005
     np.testing.assert_allclose(position[:, :2] - before, expected[:12], atol=1e-7)
     np.testing.assert_allclose(shift, expected[12:], atol=1e-7)
@@ -110,5 +110,17 @@ def test_held_grains_stay():
         np.empty(0, np.int32), np.empty((0, 4)), np.empty((0, 3)), 0.0,
     )  # fmt: skip
     pair = (np.array([0], np.int32), np.array([1], np.int32))
-    separate(scene, *pair, np.array([False, True]), np.ones(2), np.empty((0, 2)), 0.01, 1e-9, 100)
+    separate(scene, *pair, np.array([False, True]), np.ones(2), np.empty((0, 2)), 0.01, 0.02, 1e-9, 100)
     np.testing.assert_allclose(scene.position[:, 0], [0.0, 0.995], atol=1e-9)
+
+
+@pytest.mark.parametrize(("depth", "place"), [(0.04, 0.96), (0.06, 1.0)])
+def test_a_pair_with_a_held_grain_keeps_an_allowed_overlap(depth, place):
+    """Allowed are 0.1 of the radius of 0.5: between two held grains there may be no room for less. More than that is taken away."""
+    scene = Scene(
+        np.array([[0.0, 0.0, 0.0], [1.0 - depth, 0.0, 0.0]]), np.full(2, 0.5), np.zeros(2, np.int32), np.empty(0, np.int32),
+        np.empty(0, np.int32), np.empty((0, 4)), np.empty((0, 3)), 0.0,
+    )  # fmt: skip
+    pair = (np.array([0], np.int32), np.array([1], np.int32))
+    separate(scene, *pair, np.array([False, True]), np.ones(2), np.empty((0, 2)), 0.0, 0.1, 1e-9, 100)
+    assert scene.position[1, 0] == pytest.approx(place, abs=1e-9)
