@@ -28,7 +28,7 @@ def _parser() -> argparse.ArgumentParser:
         epilog="methods: " + "; ".join(f"{method.name}: {method.about}" for method in METHODS.values()),
     )
     words: dict[str, Any] = {"nargs": "+", "metavar": "NAME"}
-    parser.add_argument("--problems", default=list(SOURCES), help=f"of {', '.join(SOURCES)} [all]", **words)
+    parser.add_argument("--problems", default=list(SOURCES), help=f"of {', '.join(SOURCES)} [all], or folders of runs", **words)
     parser.add_argument("--grains", nargs="+", type=int, metavar="N", default=[1000], help="sizes of the scenes [%(default)s]")
     parser.add_argument("--methods", default=[], help="methods, see below [all]", **words)
     parser.add_argument("--rounds", type=int, default=3, help="timed runs of each method, alternating [%(default)s]")
@@ -75,7 +75,7 @@ def main(arguments: list[str] | None = None) -> int:
 def _plan(parser: argparse.ArgumentParser, options: argparse.Namespace) -> Plan:
     """What is asked for; ends the program if that is a mistake."""
     from methods import METHODS
-    from problems import SOURCES
+    from problems import SOURCES, is_run
     from study import Plan
 
     sources = [name for words in options.problems for name in words.split(",")]
@@ -84,7 +84,9 @@ def _plan(parser: argparse.ArgumentParser, options: argparse.Namespace) -> Plan:
     if options.quick:
         sources, steps, rounds, grains = ["column", "shear"], 2, 1, [1000]
         names = names or list(_QUICK)
-    unknown = [name for name in sources if name not in SOURCES] + [name for name in names if name not in METHODS]
+    unknown = [name for name in sources if name not in SOURCES and not is_run(name)] + [
+        name for name in names if name not in METHODS
+    ]
     if unknown:
         parser.error(f"unknown: {', '.join(unknown)}")
     if min(rounds, steps, options.cap, *grains) < 1:

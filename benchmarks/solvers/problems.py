@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from multicor_cli import open_run
 from multicor_cli.bench.driving import prepare
 from multicor_cli.bench.scenes import SCENES
 from multicor_cli.kernels.cache import cache_name
@@ -148,20 +149,40 @@ def _record_deposited(grains: int, seed: int) -> list[tuple[System, Scale]]:
     return heard
 
 
+def _record_run(directory: Path) -> list[tuple[System, Scale]]:
+    """The step that a run would take next with its walls held: that after its last step, if its grains no longer move."""
+    with open_run(directory) as run:
+        model, state = run.model, run.state()
+    if state is None or state.last_dt <= 0.0:
+        raise ValueError(f"{directory}: the run has not moved a grain yet")
+    heard: list[tuple[System, Scale]] = []
+    with _listening(heard):
+        Engine(model, state, threads=1).step(state.last_dt, 0.0)
+    return heard[:1]
+
+
 SOURCES = ("column", *(name for name, scene in SCENES.items() if not scene.is_frozen), "deposited")
-"""Where problems are taken from: the column (of one size), scenes of ``multicor bench``, a bed that has just been placed."""
+"""Where problems are taken from: the column (of one size), scenes of ``multicor bench``, a bed that has just been placed.
+The folder of a run is a source too."""
+
+
+def is_run(source: str) -> bool:
+    """Whether a source is the folder of a run."""
+    return (Path(source) / "run.json").is_file()
 
 
 def consecutive(source: str, grains: int, seed: int, steps: int, folder: Path) -> list[Problem]:
     """Problems of consecutive steps of a scene, from the file if it is there, made and kept otherwise.
 
     Args:
-        source: One of `SOURCES` but "column".
+        source: One of `SOURCES` but "column", or the folder of a run (one step with its walls held; nothing is kept).
         grains: Number of grains.
         seed: Seed of the scene.
         steps: Number of steps; a step that needed a second solve gives one problem more.
         folder: Where problems are kept.
     """
+    if is_run(source):
+        return [Problem(Path(source).name, system, scale) for system, scale in _record_run(Path(source))]
     name = f"{source}-{grains}"
     path = folder / f"{name}-seed{seed}-{steps}-{_digest()}.npz"
     if path.exists():

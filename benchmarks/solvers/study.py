@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from comparison import Curve, compare, tolerances
 from methods import METHODS, Method
-from problems import Problem, column, consecutive
+from problems import Problem, column, consecutive, is_run
 from reference import Reference, separation, solve_closely
 from sequences import Cost, measure_sequence
 from starts import measure_starts
@@ -119,7 +119,7 @@ def run_study(plan: Plan, say: Callable[[str], None]) -> Results:
     """Carry out a plan; ``say`` is told what is being done."""
     results = Results([], [], [])
     for source, grains in _tasks(plan):
-        say(f"problems of {source}" + ("" if source == "column" else f", {grains} grains"))
+        say(f"problems of {source}" + (f", {grains} grains" if grains else ""))
         steps = [column()] if source == "column" else consecutive(source, grains, plan.seed, plan.steps, plan.folder)
         _run_singles(_variants(source, steps), plan, results, say)
         if plan.steps > 1 and len(steps) > 1:
@@ -131,7 +131,7 @@ def run_study(plan: Plan, say: Callable[[str], None]) -> Results:
 def _tasks(plan: Plan) -> list[tuple[str, int]]:
     tasks: list[tuple[str, int]] = []
     for source in plan.sources:
-        tasks += [(source, 0)] if source == "column" else [(source, grains) for grains in plan.grains]
+        tasks += [(source, 0)] if source == "column" or is_run(source) else [(source, grains) for grains in plan.grains]
     return tasks
 
 

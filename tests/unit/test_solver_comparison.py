@@ -7,6 +7,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from multicor_cli import run
+
 pytest.importorskip("scipy")
 
 SOLVERS = Path(__file__).parents[2] / "benchmarks" / "solvers"
@@ -93,6 +95,24 @@ def test_starts_keep_velocities_and_impulses_together():
     assert not changed.impulse.any()
     moved = changed.velocity[:12, 1] - problem.system.velocity[:12, 1]
     assert moved == pytest.approx([0.0] * 11 + [-1.0], abs=1e-12)
+
+
+def test_the_folder_of_a_run_is_a_source(tmp_path):
+    """Its next step: the impulses of the last one to start from, and none when it is cold."""
+    from problems import consecutive, is_run
+    from small_run import SMALL
+
+    scenario = tmp_path / "small.toml"
+    scenario.write_text(SMALL, encoding="utf-8")
+    run(scenario, tmp_path / "some run")
+    source = str(tmp_path / "some run")
+    assert is_run(source)
+    assert not is_run(str(tmp_path))
+    (problem,) = consecutive(source, 0, 1, 1, tmp_path / "kept")
+    assert problem.name == "some run"
+    assert problem.system.impulse.any()
+    assert not problem.cold().system.impulse.any()
+    assert not (tmp_path / "kept").exists()
 
 
 def test_quick_run(tmp_path, capsys):
