@@ -84,9 +84,8 @@ def _plan(parser: argparse.ArgumentParser, options: argparse.Namespace) -> Plan:
     if options.quick:
         sources, steps, rounds, grains = ["column", "shear"], 2, 1, [1000]
         names = names or list(_QUICK)
-    unknown = [name for name in sources if name not in SOURCES and not is_run(name)] + [
-        name for name in names if name not in METHODS
-    ]
+    unknown = [name for name in sources if name not in SOURCES and not is_run(name)]
+    unknown += [name for name in names if name not in METHODS]
     if unknown:
         parser.error(f"unknown: {', '.join(unknown)}")
     if min(rounds, steps, options.cap, *grains) < 1:

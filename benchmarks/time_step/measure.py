@@ -11,6 +11,7 @@ from cases import LOAD, SPEEDS, TAU, TRANSIENT, Case
 from multicor_cli import open_run
 from multicor_cli.post import Selection, profile, rheology
 from multicor_cli.state.model import Floats
+from multicor_cli.store import Run
 from multicor_cli.store.info import run_info
 
 BINS = 20
@@ -27,6 +28,8 @@ class Measured:
         solid: Solid fraction of the bulk, and its error.
         velocity: Profile of v_x over the wall's speed, shape ``(BINS,)``.
         density: Profile of the solid fraction, shape ``(BINS,)``.
+        early: Mean gap of the contacts, weighted with their impulses, over the mean diameter: how far from each other grains are
+            that act on each other, because a contact that closes within a step takes part in all of it.
         overlap: Largest overlap over the smaller radius.
         slide: Distance per step at the speed of shear across one grain, γ̇ Δt.
         sweeps: Sweep-equivalents per step.
@@ -39,6 +42,7 @@ class Measured:
     solid: tuple[float, float]
     velocity: Floats
     density: Floats
+    early: float
     overlap: float
     slide: float
     sweeps: float
@@ -56,6 +60,7 @@ def measure(path: Path, case: Case) -> Measured:
         mean, error = table.mean, table.error
         velocity = profile(run, "velocity", steady, BINS).value / SPEEDS[case.inertial]
         density = profile(run, "solid-fraction", steady, BINS).value
+        early = _early(run, began)
         info = run_info(path)
         number = mean["inertial_number"] * np.sqrt(mean["pressure"] * run.period / LOAD)
         rate = number / TAU
@@ -66,9 +71,20 @@ def measure(path: Path, case: Case) -> Measured:
         (mean["solid_fraction"], error["solid_fraction"]),
         velocity,
         density,
+        early,
         info["max_overlap"],
         rate * case.step * TAU,
         info["solver"]["sweeps_mean"],
         info["solver"]["sweeps_mean"] * steps_per_strain,
         info["solver"]["unconverged_steps"],
     )
+
+
+def _early(run: Run, began: float) -> float:
+    impulse = moment = 0.0
+    for frame in run.frames:
+        if frame.time >= began and frame.contacts is not None:
+            normal = np.asarray(frame.contacts.impulse)[:, 0]
+            impulse += float(normal.sum())
+            moment += float((normal * np.maximum(frame.contacts.gap, 0.0)).sum())
+    return moment / impulse / run.model.mean_diameter
