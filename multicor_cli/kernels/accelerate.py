@@ -6,9 +6,11 @@ linear in each other). Friction makes the problem no minimization, and unguarded
 * the momentum restarts when the new change points against the extrapolation (gradient restart);
 * it restarts when the change per sweep has grown to 1.5 times its lowest value since the last restart (any growth: 1.5 to 3 times
   as many sweeps in shear; growth by 2: more sweeps, and fewer errors left at the same residual; by 5 and more: some sliding states
-  cycle);
+  cycle). A solve that is still not done after 250 sweeps has errors of long wavelength, which only a long run of momentum removes:
+  the change may then grow threefold (a bed of 116 layers from a cold start: 1,300 sweeps instead of 9,900; flows that need so many
+  sweeps: up to a quarter more);
 * near the tolerance momentum's own noise in a few contacts keeps the residual up: thirty sweeps with half of the normal
-  corrections calm it, in long solves only (earlier it would end them with more of the smooth errors left);
+  corrections calm it, in very long solves only (earlier it would end them with more of the smooth errors left);
 * where nothing has been gained for long, a cluster of contacts cycles: the loop goes through the escapes among its `MODES`,
   plain sweeps first, which end most of these cycles within a thousand sweeps.
 """
@@ -52,7 +54,8 @@ FAST, CALM = 0, 1
 MODES = np.array([[1.0, 1.0, 1.5], [0.5, 1.0, 1.2], [1.0, 1.0, 0.0], [0.25, 1.0, 1.2], [1.0, 0.3, 0.0]])
 """Rows: factors on the normal and tangential corrections; growth of the change per sweep over its lowest value since the last
 restart, at which the momentum restarts (0: no momentum). The first two take turns; the others are escapes."""
-CALM_BELOW, CALM_AFTER, CALM_FOR = 2.0, 300.0, 30.0  # times the tolerance; sweeps in `FAST` before; sweeps in `CALM`
+LONG_FROM, LONG_TO, LONG_GROWTH = 250.0, 1000.0, 3.0  # sweeps between which `FAST` has another growth, unless it had to escape
+CALM_BELOW, CALM_AFTER, CALM_FOR = 2.0, 1000.0, 30.0  # times the tolerance; sweeps in `FAST` before; sweeps in `CALM`
 GAIN = 0.9  # the loop has gained if the change per sweep is lower by this factor
 PATIENCE = 300.0  # sweeps without gain after which it tries another escape
 ESCAPE_FOR = 1000.0  # sweeps after which an escape ends even if it still gains
@@ -215,6 +218,14 @@ def _choose_mode(change: float, tolerance: float, memory: Floats) -> None:
 
 
 @kernel
+def _growth(memory: Floats) -> float:
+    """Growth of the change per sweep at which the momentum restarts now; 0: no momentum."""
+    mode, sweeps = int(memory[MODE]), memory[SWEEPS]
+    is_long = mode == FAST and memory[ESCAPE] == CALM and LONG_FROM <= sweeps < LONG_TO
+    return LONG_GROWTH if is_long else MODES[mode, 2]
+
+
+@kernel
 def choose_factor(cross: float, square: float, change: float, growth: float, memory: Floats) -> float:
     """The factor ω of the next extrapolation, with the two restarts."""
     if change > growth * memory[LOWEST] or memory[FACTOR] * cross > square:
@@ -284,7 +295,7 @@ def iterate(
             return
         if accelerated:
             _choose_mode(change, tolerance[0], memory)
-            growth = MODES[int(memory[MODE]), 2]
+            growth = _growth(memory)
             factor = 0.0
             if growth > 0.0:
                 cross, square = _change_products(s, m, parallel)
