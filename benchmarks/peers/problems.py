@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 from ours import loosened
-from process import run_program
+from process import PeerError, run_program
 from residual import Floats, MatrixProblem, natural_error, save_problem
 from scipy import sparse
 from table import draw, median, spread
@@ -48,6 +48,7 @@ class Race:
         contacts: Number of contacts.
         ours: Moments of the program, by round.
         theirs: Moments of Siconos, by round.
+        failure: What Siconos said when it failed; it is then left out of this problem.
     """
 
     scene: str
@@ -55,6 +56,7 @@ class Race:
     contacts: int
     ours: list[list[Moment]]
     theirs: list[list[Moment]]
+    failure: str = ""
 
 
 @dataclass(frozen=True)
@@ -117,8 +119,12 @@ def race(
             for round_ in range(rounds):
                 say(f"{name}, {one.contacts} contacts, {'warm' if is_warm else 'cold'}, round {round_ + 1}")
                 one.ours.append(solve_ours(found.problem, matrix, start, limit))
-                if python is not None:
-                    one.theirs.append(solve_theirs(matrix, start, python, limit, folder))
+                if python is not None and not one.failure:
+                    try:
+                        one.theirs.append(solve_theirs(matrix, start, python, limit, folder))
+                    except PeerError as error:  # it is killed for memory, or crashes, where problems are large
+                        one.failure = str(error).splitlines()[0]
+                        say(one.failure)
             races.append(one)
     return races
 
@@ -172,7 +178,7 @@ def _row(one: Race, target: float) -> list[str]:
     ours, theirs = _reached(one.ours, target), _reached(one.theirs, target)
     return [
         one.scene, f"{one.contacts}", "warm" if one.is_warm else "cold", f"{target:.0e}", *_cells(one.ours, ours),
-        *_cells(one.theirs, theirs), _ratio(one, ours, theirs),
+        *(["failed", ""] if one.failure else _cells(one.theirs, theirs)), _ratio(one, ours, theirs),
     ]  # fmt: skip
 
 
@@ -203,6 +209,8 @@ def _cells(rounds: list[list[Moment]], reached: list[Moment]) -> list[str]:
 def _notes(races: list[Race]) -> list[str]:
     lines = ["error: rms over the contacts of the natural map, over the rms closing velocity; the same function for both answers"]
     for one in races:
+        if one.failure:
+            lines.append(f"{one.scene}, {one.contacts} contacts: siconos: {one.failure}")
         if not one.is_warm:
             mine, other = ([1e9 * per_contact(moments, one.contacts) for moments in r] for r in (one.ours, one.theirs))
             siconos = f", siconos {spread(other)}" if other else ""
