@@ -25,6 +25,8 @@ _SEGMENT = int(ShapeKind.SEGMENT)
 _VERTEX = int(ShapeKind.VERTEX)
 _CIRCLE = int(ShapeKind.CIRCLE)
 
+CROWDED = 100  # discs side by side in cells, above which those near a grain are counted one by one
+
 
 @kernel
 def place_shapes(kind: Ints, wall: Ints, local: Floats, wall_position: Floats, world: Floats) -> None:
@@ -150,7 +152,8 @@ def _scan_row(
 ) -> int:
     """Partners of grain ``i`` with a higher number go to ``out[offset:]``; returns how many.
 
-    With a negative ``offset`` only a bound of their number is returned: all discs in the cells around.
+    With a negative ``offset`` only a bound of their number is returned: all discs in the cells around, unless these are crowded
+    (one grain that has flown far away makes all cells large).
     """
     found = 0
     x, y, r = center[i, 0], center[i, 1], radius[i]
@@ -177,7 +180,7 @@ def _scan_row(
                 run = min(last_x + 1 - column, columns - cx)
                 column += run
                 first, last = cell_start[base + cx], cell_start[base + cx + run]
-                if offset < 0:
+                if offset < 0 and last - first <= CROWDED:
                     found += last - first
                     continue
                 for place in range(first, last):
@@ -186,7 +189,8 @@ def _scan_row(
                     dy = y - sorted_y[place]
                     near = r + sorted_radius[place] + cutoff
                     if other > i and dx * dx + dy * dy < near * near:
-                        out[offset + found] = other if other < grain_count else shape_of[other - grain_count]
+                        if offset >= 0:
+                            out[offset + found] = other if other < grain_count else shape_of[other - grain_count]
                         found += 1
     return found
 

@@ -9,6 +9,7 @@ from multicor_cli.kernels.neighbours import bin_discs, list_pairs
 from multicor_cli.solver.drift import bound_closing, fit_drift
 from multicor_cli.state.model import Floats, Ints, Model, ShapeKind
 
+OUTSIDE = 0.005  # share of the grains on each side that a grid may leave outside
 SKIN = 0.3  # of the mean diameter: what is listed beyond the reach of a step
 
 
@@ -84,7 +85,7 @@ class NeighbourList:
         centers = np.concatenate([position[:, :2], world[self._disc_shapes, :2]])
         if model.period > 0.0:
             centers[:, 0] %= model.period
-        low, high = centers.min(axis=0), centers.max(axis=0)
+        low, high = self._box(centers, cutoff)
         size = np.maximum(high - low, 2.0 * self._level_radius.max() + cutoff)
         if model.period > 0.0:
             low[0], size[0] = 0.0, model.period
@@ -114,8 +115,17 @@ class NeighbourList:
         self._reference = position[:, :2].copy()
         self._reference_world = world.copy()
         # Planes pass anywhere: their lever is the farthest grain from any of their points.
-        self._extent = float(np.hypot(*(high - low))) + float(np.abs(world[self._planes, :2]).max(initial=0.0))
+        self._extent = float(np.hypot(*np.ptp(centers, axis=0))) + float(np.abs(world[self._planes, :2]).max(initial=0.0))
         self.builds += 1
+
+    def _box(self, centers: Floats, cutoff: float) -> tuple[Floats, Floats]:
+        """Corners of what the grids cover. What lies beyond is found in the cells at the edge."""
+        low, high = centers.min(axis=0), centers.max(axis=0)
+        width = 2.0 * float(self._level_radius.min()) + cutoff
+        if ((high - low) / width + 1.0).prod() > _cells_for(len(centers)):
+            # A few grains that have flown far away must not make all cells large, and all grains neighbors.
+            low, high = np.quantile(centers, [OUTSIDE, 1.0 - OUTSIDE], axis=0)
+        return low, high
 
     def _grids(self, size: Floats, cutoff: float) -> tuple[Floats, Ints]:
         """Cell sizes and numbers of cells of each level; no more cells than a few per disc, however far grains fly apart."""
@@ -123,12 +133,17 @@ class NeighbourList:
         shape = np.empty((self._level_radius.size, 2), np.int32)
         for k, radius in enumerate(self._level_radius):
             width = 2.0 * radius + cutoff
-            allowed = 64 + 4 * int(np.count_nonzero(self._level == k))
+            allowed = _cells_for(int(np.count_nonzero(self._level == k)))
             while (np.floor(size / width) + 1.0).prod() > allowed:
                 width *= 1.5
             shape[k] = np.maximum(1, np.floor(size / width))
             cells[k] = size / shape[k]
         return cells, shape
+
+
+def _cells_for(discs: int) -> int:
+    """Most cells of a grid."""
+    return 64 + 4 * discs
 
 
 def _size_classes(radius: Floats) -> tuple[Ints, Floats]:

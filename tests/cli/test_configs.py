@@ -22,7 +22,6 @@ SHORT = {
         "walls.2.geometry.point=[0.06,0.0]",
         "loading.0.duration=0.3",
         "loading.1.duration=0.02",
-        "loading.2.duration=0.02",
     ],
     "million": ["particles.0.count=20_000", "domain.size=[1.2,0.14]"],
 }

@@ -65,6 +65,24 @@ def test_far_flying_grains_do_not_cost_memory():
     assert _listed(lists) == {(1, 2)}
 
 
+def test_far_flying_grains_do_not_make_all_others_neighbors():
+    """They lie outside the grid then; what is near them is found all the same."""
+    rng = np.random.default_rng(4)
+    positions = np.zeros((2000, 3))
+    positions[:, :2] = rng.uniform(0.0, 60.0, (2000, 2))
+    positions[:6, :2] += 1e6 * np.array([[1.0, 0.0], [1.0, 0.0], [-1.0, 3.0], [0.0, -1.0], [0.0, 2.0], [2.0, 2.0]])
+    positions[1, :2] = positions[0, :2] + (0.9, 0.0)
+    radius = np.full(2000, 0.4)
+    lists = NeighbourList(make_model(radius, walls=()))
+    low, high = lists._box(positions[:, :2], 0.5)
+    assert (low > -1.0).all()
+    assert (high < 61.0).all()
+    lists.update(positions, np.empty((0, 4)), 0.2)
+    near = _all_pairs(positions, radius, 0.0, 0.2)
+    assert (0, 1) in near
+    assert near <= _listed(lists)
+
+
 SHAPES = {
     "plane": ([(ShapeKind.PLANE, 0, (0.0, 0.0, 0.0, 1.0))], lambda x, y, a: y - a),
     "circle": ([(ShapeKind.CIRCLE, 0, (0.0, 0.0, 5.0, 0.0))], lambda x, y, a: 5.0 - np.hypot(x, y) - a),
