@@ -166,9 +166,8 @@ def test_threads_do_not_change_a_bit(tmp_path):
         "particles.0.packing={kind='deposited'}",
         "loading.0.duration=0.004",
         "loading.0.heat=true",
-        "loading.1.duration=0.002",
-        "loading.2.duration=0.002",
-        "loading.2.solver={max_sweeps=200}",
+        "loading.1.duration=0.004",
+        "loading.1.solver={max_sweeps=200}",
         "heat.impact=true",
         "heat.gas={conductivity=0.026}",
     ]
