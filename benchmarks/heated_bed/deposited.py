@@ -91,7 +91,7 @@ def finish_run(directory: Path, overrides: tuple[str, ...] = ()) -> Path:
         with open_run(directory) as run:
             if run.status == "finished":
                 return directory
-    print(f"running {CONFIG.name} in {directory}: several minutes", file=sys.stderr)
+    print(f"running {CONFIG.name} in {directory}: some minutes", file=sys.stderr)
     run_scenario(CONFIG, directory, overrides=overrides)
     return directory
 
