@@ -37,9 +37,7 @@ def test_rheology(tmp_path, overrides, expected, seed):
     bulk = measure_bulk(tmp_path / "run", load=0.3)
     print(bulk)
     number = bulk.inertial_number
-    # Slow flow is intermittent: in 18 runs to a strain of 16 the middle was sheared at 0.87 ± 0.08 of the rate of the walls.
-    # Where a loose tolerance lets grains slip at the walls it is below a half.
-    assert 0.55 < number / expected < 1.2
+    assert number == pytest.approx(expected, rel=0.25)
     assert abs(bulk.friction - friction_of(number)) < 0.04
     assert abs(bulk.solid_fraction - solid_fraction_of(number)) < 0.01
     assert abs(bulk.spin_ratio + 0.5) < 0.03
