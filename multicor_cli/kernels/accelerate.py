@@ -7,7 +7,7 @@ linear in each other). Friction makes the problem no minimization, and unguarded
 * it restarts when the change per sweep has grown to 1.5 times its lowest value since the last restart (any growth: 1.5 to 3 times
   as many sweeps in shear; growth by 2: more sweeps, and fewer errors left at the same residual; by 5 and more: some sliding states
   cycle). A solve that is still not done after 250 sweeps has errors of long wavelength, which only a long run of momentum removes:
-  the change may then grow threefold (a bed of 116 layers from a cold start: 1,300 sweeps instead of 9,900; flows that need so many
+  the change may then grow threefold (a bed of 116 layers from a cold start: 1,350 sweeps instead of 8,645; flows that need so many
   sweeps: up to a quarter more);
 * near the tolerance momentum's own noise in a few contacts keeps the residual up: thirty sweeps with half of the normal
   corrections calm it, in very long solves only (earlier it would end them with more of the smooth errors left);
