@@ -9,8 +9,9 @@ from bed_study import bed_entries
 from entry import Entry
 from lattice_study import lattice_entries
 from page import write_page
-from runs import finish_study
 from shear_study import shear_entries
+
+from runs import finish_study
 
 _NAMES = ("lattice14", "heated-bed", "shear", "shear-dynamic")
 

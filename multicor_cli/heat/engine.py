@@ -31,6 +31,7 @@ from multicor_cli.kernels.heat_flow import Network
 from multicor_cli.kernels.neighbours import place_shapes
 from multicor_cli.solver.neighbour_list import NeighbourList
 from multicor_cli.solver.settings import PhysicsError
+from multicor_cli.state.faults import LARGEST, find_absurd_value
 from multicor_cli.state.model import Floats, Ints, Model
 from multicor_cli.state.state import State
 
@@ -240,6 +241,8 @@ class HeatEngine:
     ) -> None:
         """Advance the temperatures and close the books."""
         state, settings = self.state, self.settings
+        if not float(np.abs(state.heat).max()) <= LARGEST:
+            raise PhysicsError(state.step, find_absurd_value(state, self.model) or "a temperature is not finite")
         velocity = np.zeros((len(state.velocity), 2)) if is_frozen else state.velocity[:, :2]
         net = network_of(links, scene, self._conditions, velocity, self.model, settings)
         walls = WallValues(self._conditions, t)

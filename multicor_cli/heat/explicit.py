@@ -11,6 +11,9 @@ from multicor_cli.heat.flow import Flow, WallValues, stop_if_asked
 from multicor_cli.kernels.heat_flow import Network, total_conductance
 from multicor_cli.state.model import Floats
 
+MOST = 100_000_000
+"""More sub-steps than anybody would wait for: temperatures that radiate absurdly."""
+
 
 def advance_explicit(
     net: Network,
@@ -39,6 +42,7 @@ def advance_explicit(
 
     Raises:
         Interrupted: If ``should_stop`` says so.
+        ArithmeticError: If more than `MOST` sub-steps would be needed.
     """
     total = np.empty(capacity.size)
     power = source / dt
@@ -48,7 +52,7 @@ def advance_explicit(
         stop_if_asked(should_stop)
         if count == 0 or net.radiates:
             total_conductance(net, temperature, walls(done), total)
-            count = max(1, math.ceil((dt - done) * float((total / capacity).max()) / limit))
+            count = _sub_steps((dt - done) * float((total / capacity).max()) / limit)
         step = (dt - done) / count
         flow.add(net, temperature, walls(done + 0.5 * step), step)  # the middle is exact for signals that rise linearly
         temperature += step * (flow.rate + power) / capacity
@@ -57,3 +61,10 @@ def advance_explicit(
         flow.sub_steps += 1
     flow.received += source
     return flow
+
+
+def _sub_steps(needed: float) -> int:
+    if not needed <= MOST:
+        message = f"the temperatures cannot be integrated: {needed:.3g} sub-steps would be needed"
+        raise ArithmeticError(message)
+    return max(1, math.ceil(needed))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from multicor_cli.kernels.jit import CHUNK, kernel, parallel_kernel, prange, scalar
+from multicor_cli.state.faults import LARGEST
 from multicor_cli.state.model import Floats, Ints, ShapeKind
 
 _DISC = int(ShapeKind.DISC)
@@ -36,7 +37,7 @@ def predict(
         middle: q_m, shape ``(n, 3)``. **Modified.**
         start: Bodies (v_x, v_y, a ω, 1/m) at the start of the step, shape ``(bodies, 4)``. **Grains modified.**
         free: The same with the free velocities. **Grains modified.**
-        fastest: Largest speed in each chunk of grains, at the start or free [m/s]; ``nan`` if a number is not finite, shape
+        fastest: Largest speed in each chunk of grains, at the start or free [m/s]; ``nan`` if a number is not finite or absurd, shape
             ``(chunks, 1)``. **Modified.**
     """
     count = radius.size
@@ -53,7 +54,8 @@ def predict(
             fx, fy = vx + dt * gravity[0], vy + dt * gravity[1]
             free[i, 0], free[i, 1], free[i, 2], free[i, 3] = fx, fy, start[i, 2], start[i, 3]
             square = max(vx * vx + vy * vy, fx * fx + fy * fy)
-            if not np.isfinite(square + start[i, 2] + middle[i, 0] + middle[i, 1]):
+            size = np.sqrt(square) + abs(start[i, 2]) + abs(middle[i, 0]) + abs(middle[i, 1]) + abs(middle[i, 2])
+            if not size <= LARGEST:  # or nan
                 bad = True
             best = max(best, square)
         fastest[chunk, 0] = np.nan if bad else np.sqrt(best)

@@ -5,7 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from multicor_cli.solver.contact_table import ContactTable
+from multicor_cli.solver.settings import PhysicsError
 from multicor_cli.state import State
+from multicor_cli.state.faults import find_absurd_value
 from multicor_cli.store.frames import ContactRows, FrameData, SeriesRow
 from multicor_cli.store.rundir import RunDirectory
 from multicor_cli.store.segments import FrameWriter
@@ -19,7 +21,8 @@ class DirectoryRecorder:
         self._writer = writer
 
     def frame(self, state: State, contacts: ContactTable | None) -> None:
-        """Write a frame; without contacts if they are not recorded. Raises `StoreError`."""
+        """Write a frame; without contacts if they are not recorded. Raises `StoreError`, and `PhysicsError` as `checkpoint` does."""
+        self._require_sound(state)
         rows = None
         if contacts is not None:
             c = contacts
@@ -27,13 +30,25 @@ class DirectoryRecorder:
         self._writer.frame(FrameData.from_state(state, self._writer.model, rows))
 
     def series(self, state: State) -> None:
-        """Write the row of the time series that ends the window of ``state``. Raises `StoreError`."""
+        """Write the row of the time series that ends the window of ``state``; raises as `frame` does."""
+        self._require_sound(state)
         self._writer.series_row(SeriesRow.from_state(state, self._writer.model))
 
     def checkpoint(self, state: State) -> None:
-        """Commit the output so far, then the state. Raises `StoreError`."""
+        """Commit the output so far, then the state.
+
+        Raises:
+            StoreError: If something cannot be written.
+            PhysicsError: If the state holds a value that is not finite or absurd: what is on disk stays right.
+        """
+        self._require_sound(state)
         self._directory.checkpoint(state, self._writer)
 
     def heartbeat(self, data: dict[str, Any]) -> None:
         """Replace ``progress.json``."""
         self._directory.progress(data)
+
+    def _require_sound(self, state: State) -> None:
+        fault = find_absurd_value(state, self._writer.model)
+        if fault is not None:
+            raise PhysicsError(state.step, fault)

@@ -24,6 +24,7 @@ from multicor_cli.run.outcome import ExitCode, RunOutcome, StopReason
 from multicor_cli.run.planning import make_plan
 from multicor_cli.run.recorder import DirectoryRecorder
 from multicor_cli.run.signals import StopRequested, Switchboard
+from multicor_cli.scenario.load import parse_scenario
 from multicor_cli.scenario.overrides import apply_overrides
 from multicor_cli.scenario.problems import ScenarioError
 from multicor_cli.scenario.scenario import Scenario
@@ -246,7 +247,9 @@ def _with_seed_of(scenario: Scenario, seed: int) -> Scenario:
 
 
 def _refuse_changes(scenario: Scenario, before: str, path: Path) -> None:
-    """A run is continued only with the scenario with which it began."""
+    """A run is continued only with the scenario with which it began; keys that came later have their defaults."""
+    with contextlib.suppress(ScenarioError):  # an earlier version may have written what is no longer valid: compared as it is
+        before = parse_scenario(before, scenario.path).resolved_toml()
     changes = find_differences(before, scenario.resolved_toml())
     remedy = "undo the change to continue the run, choose another directory with -o, or start anew with --overwrite"
     if changes:

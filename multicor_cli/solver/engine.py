@@ -36,6 +36,7 @@ from multicor_cli.solver.settings import PhysicsError, Settings, StepReport
 from multicor_cli.solver.solve import Outcome, Scale, solve_system
 from multicor_cli.solver.system import OrderedSystem, assemble
 from multicor_cli.solver.walls import WallMotion
+from multicor_cli.state.faults import LARGEST, find_absurd_value
 from multicor_cli.state.model import Floats, Model
 from multicor_cli.state.state import State
 
@@ -196,8 +197,8 @@ class Engine:
         walls = self._motion.predict(state.wall_velocity, t, dt)
         self._start[n:, :3] = state.wall_velocity
         self._free[n:, :3] = walls
-        if not np.isfinite(speeds).all() or not np.isfinite(walls).all():
-            raise PhysicsError(state.step, _name_non_finite(state))
+        if not np.isfinite(speeds).all() or not (np.abs(walls) <= LARGEST).all():
+            raise PhysicsError(state.step, _name_absurd(state, model))
         scene = self._scene(self._middle, state.wall_position + 0.5 * dt * state.wall_velocity)
         drift = fit_drift(self._free, self._middle, model.period)
         fall = dt * np.abs(model.gravity)  # between the velocities at the start and the free ones
@@ -279,7 +280,7 @@ class Engine:
             )  # fmt: skip
             kinetic, gravity_work = (float(total) for total in grain_sums.sum(axis=0))
             if not np.isfinite(kinetic):
-                raise PhysicsError(state.step, _name_non_finite(state))
+                raise PhysicsError(state.step, _name_absurd(state, model))
             wall_before = state.wall_velocity
             state.wall_velocity = wall_after
             state.wall_position = scene.wall_position + 0.5 * dt * wall_after
@@ -310,14 +311,5 @@ class Engine:
         self.timers[stage] += time.perf_counter() - started
 
 
-def _name_non_finite(state: State) -> str:
-    """Say which grain or wall has a value that is not finite."""
-    for name in ("position", "velocity"):
-        bad = np.argwhere(~np.isfinite(getattr(state, name)))
-        if bad.size:
-            return f"the {name} of grain {bad[0, 0]} is not finite"
-    for name in ("wall_position", "wall_velocity"):
-        bad = np.argwhere(~np.isfinite(getattr(state, name)))
-        if bad.size:
-            return f"the {name.replace('_', ' ')} of wall {bad[0, 0]} is not finite"
-    return "a velocity is not finite"
+def _name_absurd(state: State, model: Model) -> str:
+    return find_absurd_value(state, model) or "a velocity is not finite"

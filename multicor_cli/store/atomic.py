@@ -255,6 +255,17 @@ def _append(descriptor: int, label: str, line: bytes) -> None:
         raise OSError(errno.ENOSPC, os.strerror(errno.ENOSPC))
 
 
+def make_directory(path: Path) -> None:
+    """Make a directory, with its parents, so that they outlive a power cut; raises `StorageFull` or `StorageError`."""
+    with storage_errors(path):
+        if path.is_dir():
+            return
+        if not path.parent.is_dir():
+            make_directory(path.parent)
+        path.mkdir(exist_ok=True)
+        fsync_path(path.parent)
+
+
 def fsync_path(path: Path) -> None:
     """Flush a file or directory to the disk; raises `OSError`."""
     descriptor = os.open(path, os.O_RDONLY)

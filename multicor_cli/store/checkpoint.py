@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.state import Model, State
+from multicor_cli.state.faults import find_misfit
 from multicor_cli.store import schema
 from multicor_cli.store.atomic import file_digest, kill_point, storage_errors
 from multicor_cli.store.checked import CheckedFile
@@ -127,13 +128,14 @@ def write_checkpoint(
     return summary
 
 
-def load_newest(directory: Path, identity: Identity, segments: Path | None) -> Checkpoint | None:
+def load_newest(directory: Path, identity: Identity, segments: Path | None, model: Model | None = None) -> Checkpoint | None:
     """The newest checkpoint that is whole, with all the segments that it needs.
 
     Args:
         directory: Directory of the checkpoints.
         identity: The run.
         segments: Directory of the segments; ``None`` if they are not needed any more.
+        model: What the state must fit, if it is known.
 
     Returns:
         The checkpoint, or ``None`` if none was ever written.
@@ -146,7 +148,7 @@ def load_newest(directory: Path, identity: Identity, segments: Path | None) -> C
     problems: list[str] = []
     for sidecar in newest_first(directory):
         try:
-            found = load_checkpoint(sidecar, identity)
+            found = load_checkpoint(sidecar, identity, model)
             if segments is not None:
                 for segment in found.segments:
                     check_segment(segments, segment)
@@ -163,8 +165,8 @@ def load_newest(directory: Path, identity: Identity, segments: Path | None) -> C
     return None
 
 
-def load_checkpoint(sidecar: Path, identity: Identity) -> Checkpoint:
-    """Read and check one checkpoint by the name of its ``.json``; raises as `load_newest`."""
+def load_checkpoint(sidecar: Path, identity: Identity, model: Model | None = None) -> Checkpoint:
+    """Read and check one checkpoint by the name of its ``.json``; arguments and errors as `load_newest`."""
     document = read_document(sidecar)
     where = str(sidecar)
     _check_document(document, where, identity)
@@ -176,6 +178,9 @@ def load_checkpoint(sidecar: Path, identity: Identity) -> Checkpoint:
     if size != document.get("size") or file_digest(path) != document.get("blake2b"):
         raise DamagedRun(f"{path}: damaged (it does not match its digest in {sidecar.name})")
     state, version = _read_state(path, identity.run_id)
+    misfit = find_misfit(state, model) if model is not None else None
+    if misfit is not None:
+        raise DamagedRun(f"{path}: does not fit the model: {misfit}")
     try:
         # The digest of a state covers the names of its fields: one of an older format cannot be compared.
         if version == schema.FORMAT_VERSION and state.digest() != document["summary"]["state_digest"]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import fcntl
 import json
 import os
@@ -46,14 +47,13 @@ class RunLock:
             raise
 
     def release(self) -> None:
-        """Give the lock back; does nothing the second time."""
+        """Give the lock back; does nothing the second time. If the file cannot be emptied, it names a holder that has died."""
         if self._descriptor < 0:
             return
-        try:
+        with contextlib.suppress(OSError):
             os.ftruncate(self._descriptor, 0)
-        finally:
-            os.close(self._descriptor)
-            self._descriptor = -1
+        os.close(self._descriptor)
+        self._descriptor = -1
 
 
 def read_holder(path: Path) -> dict[str, Any]:

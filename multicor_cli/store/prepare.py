@@ -7,7 +7,7 @@ import hashlib
 from pathlib import Path
 
 from multicor_cli.store import layout
-from multicor_cli.store.atomic import commit_bytes, storage_errors
+from multicor_cli.store.atomic import commit_bytes, make_directory, storage_errors
 from multicor_cli.store.documents import Document, read_document, write_document
 from multicor_cli.store.errors import DamagedRun, DirectoryRefused
 from multicor_cli.store.run_document import CREATING
@@ -30,8 +30,8 @@ def lay_out(path: Path, document: Document, source: bytes, resolved: bytes) -> N
     with storage_errors(path):
         for entry in layout.known_files(path):
             entry.unlink()
-        for name in (layout.SEGMENTS, layout.CHECKPOINTS):
-            (path / name).mkdir(exist_ok=True)
+    for name in (layout.SEGMENTS, layout.CHECKPOINTS):
+        make_directory(path / name)
     commit_bytes(path / layout.SOURCE, "scenario", source)
     commit_bytes(path / layout.RESOLVED, "scenario", resolved)
     document["status"] = "running"

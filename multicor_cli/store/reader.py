@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 from collections.abc import Callable, Iterator, Mapping, Set
 from functools import cached_property
 from pathlib import Path
@@ -14,11 +15,11 @@ from multicor_cli.state import Model, State
 from multicor_cli.store import layout, schema
 from multicor_cli.store.checked import CheckedFile
 from multicor_cli.store.checkpoint import Identity, load_newest
+from multicor_cli.store.committed import committed_segments
 from multicor_cli.store.documents import Document
 from multicor_cli.store.errors import DamagedRun
 from multicor_cli.store.frame_view import Frames, ModelFacts
 from multicor_cli.store.lock import is_alive
-from multicor_cli.store.manifest import read_manifest
 from multicor_cli.store.model_file import load_model, read_model
 from multicor_cli.store.parts import Part, Parts, results_part, segment_part
 from multicor_cli.store.prepare import read_scenario
@@ -171,7 +172,10 @@ class Run:
         if not directory.is_dir():
             return None
         identity = Identity(self.run_id, str(self.info["resolved_sha256"]))
-        found = load_newest(directory, identity, None)
+        model = None
+        with contextlib.suppress(DamagedRun):  # what belongs to the state is whole all the same
+            model = self.model
+        found = load_newest(directory, identity, None, model)
         return found.state if found else None
 
     def _scenario(self, kind: str, name: str) -> str:
@@ -185,7 +189,7 @@ class Run:
         if self._results is not None:
             return [results_part(self._results, self.run_id)]
         directory = self.path / layout.SEGMENTS
-        return [segment_part(directory, segment) for segment in read_manifest(directory)]
+        return [segment_part(directory, segment) for segment in committed_segments(self.path)]
 
     def _find_parts_again(self) -> list[Part]:
         """The files of a run that was finished, or resumed from a checkpoint, since it was opened."""
@@ -218,9 +222,9 @@ def open_run(path: Path | str) -> Run:
         try:
             run = Run(path, info, _results_of(path, info))
         except DamagedRun:
-            if attempt == 2 or read_run_document(path) == info:
+            if attempt == 2:
                 raise
-            continue
+            continue  # it may have been resumed or finished in between
         if info["results"] or not read_run_document(path)["results"]:
             return run
         run.close()  # the run was finished, and its segments removed, while it was opened

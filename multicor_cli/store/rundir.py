@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 from multicor_cli.state import Model, State
 from multicor_cli.store import layout
-from multicor_cli.store.atomic import kill_point, storage_errors
+from multicor_cli.store.atomic import kill_point, make_directory, storage_errors
 from multicor_cli.store.checkpoint import Checkpoint, Identity, load_newest, prune, write_checkpoint
 from multicor_cli.store.documents import Document, plain, write_document
 from multicor_cli.store.errors import DamagedRun, DirectoryRefused, StoreError
@@ -82,8 +82,7 @@ class RunDirectory:
         """
         path = Path(path)
         check_usable(path, overwrite=overwrite)
-        with storage_errors(path):
-            path.mkdir(parents=True, exist_ok=True)
+        make_directory(path)
         lock = RunLock(path / layout.LOCK, force=force_unlock)
         try:
             check_usable(path, overwrite=overwrite)
@@ -201,10 +200,12 @@ class RunDirectory:
         """
         if not self._is_loaded:
             segments = self.path / layout.SEGMENTS
-            found = load_newest(self.path / layout.CHECKPOINTS, self._identity(), None if self.is_finished else segments)
+            needed = None if self.is_finished else segments
+            found = load_newest(self.path / layout.CHECKPOINTS, self._identity(), needed, self.load_model())
             if not self.is_finished:
-                keep_segments(segments, list(found.segments) if found else [])
+                # Damaged checkpoints go first: the manifest may be no shorter than the newest one says.
                 prune(self.path / layout.CHECKPOINTS, found.name if found else None)
+                keep_segments(segments, list(found.segments) if found else [])
                 self._document["summary"] = found.summary if found else None
                 self._save()
             self._checkpoint, self._is_loaded = found, True
@@ -342,9 +343,8 @@ class RunDirectory:
         if self.is_finished:
             self._remove_segments()
             return
-        with storage_errors(self.path):
-            for name in (layout.SEGMENTS, layout.CHECKPOINTS):
-                (self.path / name).mkdir(exist_ok=True)
+        for name in (layout.SEGMENTS, layout.CHECKPOINTS):
+            make_directory(self.path / name)
         self._document |= {"status": "running", "stop_reason": "", "exit_code": None, "finished": "", "results": None}
         self._document["sessions"] = [*self._document["sessions"], new_session()]
         self._save()

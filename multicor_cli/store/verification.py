@@ -15,10 +15,11 @@ from multicor_cli.store import layout, schema
 from multicor_cli.store.atomic import file_digest
 from multicor_cli.store.checked import CheckedFile
 from multicor_cli.store.checkpoint import Identity, load_checkpoint, newest_first
+from multicor_cli.store.committed import committed_segments
 from multicor_cli.store.documents import Document
 from multicor_cli.store.errors import DamagedRun, StoreError
 from multicor_cli.store.hdf5 import data_digest
-from multicor_cli.store.manifest import Segment, check_segment, read_manifest
+from multicor_cli.store.manifest import Segment, check_segment
 from multicor_cli.store.model_file import load_model, read_model
 from multicor_cli.store.prepare import read_scenario
 from multicor_cli.store.results import FILETYPE as RESULTS_FILETYPE
@@ -103,7 +104,7 @@ def _discard(_: Any) -> None:
 def _verify_segments(path: Path, document: Document) -> list[Finding]:
     directory, run_id = path / layout.SEGMENTS, str(document["run_id"])
     try:
-        segments = read_manifest(directory)
+        segments = committed_segments(path)
         if not segments and not (path / layout.MODEL).exists():
             return []
         model = load_model(path / layout.MODEL, run_id)

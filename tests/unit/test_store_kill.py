@@ -6,19 +6,11 @@ import random
 from pathlib import Path
 
 import pytest
+from kill_points import POINTS
 from store_support import continue_run, drive, killed_at, make_model, make_run
 
 from multicor_cli.store import RunDirectory, SeriesRow, open_run, run_info, verify
 from multicor_cli.store.manifest import read_manifest
-
-COMMIT = ("mid_tmp", "after_tmp", "before_rename", "after_rename")
-POINTS = [
-    *(f"{label}.{point}" for label in ("runjson", "scenario", "model", "segment", "checkpoint", "results") for point in COMMIT),
-    *(f"checkpointjson.{point}" for point in COMMIT),
-    *("manifest.torn:2", "manifest.after_append:2", "checkpoint.before_prune:3", "cleanup.before", "cleanup.mid:2"),
-    *("segment.after_rename:2", "checkpoint.before_rename:3", "checkpointjson.before_rename:2", "runjson.after_rename:2"),
-    *("runjson.before_rename:3", "runjson.before_rename:6", "runjson.before_rename:7", "scenario.before_rename:2"),
-]
 
 
 @pytest.fixture(scope="module")

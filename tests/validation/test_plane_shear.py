@@ -2,6 +2,7 @@
 
 from pathlib import Path
 
+import numpy as np
 import pytest
 from bulk import measure_bulk
 
@@ -28,16 +29,20 @@ def solid_fraction_of(inertial_number):
 
 
 @pytest.mark.validation
-@pytest.mark.timeout(1800)
-@pytest.mark.parametrize("seed", [2005, 7])
-@pytest.mark.parametrize(("overrides", "expected"), [([], 0.1), (SLOW, 0.01)], ids=["I=0.1", "I=0.01"])
-def test_rheology(tmp_path, overrides, expected, seed):
-    scenario = multicor.load_scenario(CONFIG, overrides=[*overrides, f"scenario.seed={seed}"])
-    multicor.run(scenario, tmp_path / "run")
-    bulk = measure_bulk(tmp_path / "run", load=0.3)
-    print(bulk)
-    number = bulk.inertial_number
-    assert number == pytest.approx(expected, rel=0.25)
-    assert abs(bulk.friction - friction_of(number)) < 0.04
-    assert abs(bulk.solid_fraction - solid_fraction_of(number)) < 0.01
-    assert abs(bulk.spin_ratio + 0.5) < 0.03
+@pytest.mark.timeout(3600)
+@pytest.mark.parametrize(
+    ("overrides", "expected", "seeds"), [([], 0.1, (2005, 7)), (SLOW, 0.01, (2005, 7, 1, 2))], ids=["I=0.1", "I=0.01"]
+)
+def test_rheology(tmp_path, overrides, expected, seeds):
+    """How much of the shear the middle takes differs from seed to seed (at I = 0.01 by a tenth): its mean is compared."""
+    numbers = []
+    for seed in seeds:
+        scenario = multicor.load_scenario(CONFIG, overrides=[*overrides, f"scenario.seed={seed}"])
+        multicor.run(scenario, tmp_path / f"run-{seed}")
+        bulk = measure_bulk(tmp_path / f"run-{seed}", load=0.3)
+        print(seed, bulk)
+        numbers.append(bulk.inertial_number)
+        assert abs(bulk.friction - friction_of(bulk.inertial_number)) < 0.04
+        assert abs(bulk.solid_fraction - solid_fraction_of(bulk.inertial_number)) < 0.01
+        assert abs(bulk.spin_ratio + 0.5) < 0.03
+    assert np.mean(numbers) == pytest.approx(expected, rel=0.25)

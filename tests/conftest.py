@@ -1,4 +1,4 @@
-"""One finished run that all tests of the command line look at."""
+"""One finished run that all tests of the command line, and those of its reliability, look at."""
 
 from __future__ import annotations
 

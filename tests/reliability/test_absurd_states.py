@@ -1,0 +1,78 @@
+"""Values that are not finite, or absurd, stop the run where they are; what is on disk stays right."""
+
+from __future__ import annotations
+
+import json
+import re
+import subprocess
+import sys
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from small_run import environment
+from trials import trials
+from warm_run import WARM
+
+from multicor_cli.state import State
+
+WORKER = Path(__file__).parents[1] / "support" / "poison_worker.py"
+VALUES = ("nan", "inf", "-inf", "1e308", "-1e308")
+FLOATS = tuple(f.name for f in fields(State) if "Ints" not in str(f.type) and "int" not in str(f.type))
+"""Fields of a state that hold numbers with a fraction."""
+
+REPLACED = {
+    "time": "follows from the start of the stage",
+    "stage_peak": "a maximum, which -inf and -1e308 never are",
+    "wall_velocity": "of a wall that moves as it is told: a step takes over what it is told",
+    "wall_temperature": "taken anew from the conditions of the walls in every step with heat",
+    "heat_dt": "a first guess, which the length of the step bounds",
+    "heat_books": "two of its entries are those of the last step",
+}
+"""Fields that a step may make right by itself, and why."""
+
+
+def spoil(tmp_path: Path, cases: list[tuple[str, int, str, int]]) -> list[dict[str, Any]]:
+    """What became of the runs in which ``(field, row, value, step)`` was changed."""
+    (tmp_path / "warm.toml").write_text(WARM)
+    done = subprocess.run(
+        [sys.executable, WORKER, tmp_path / "warm.toml", tmp_path / "run"],
+        input="".join(f"{json.dumps(case)}\n" for case in cases),
+        env=environment(),
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    outcomes = [json.loads(line) for line in done.stdout.splitlines()]
+    assert done.returncode == 0, f"{cases[len(outcomes)]}: {done.returncode}\n{done.stderr}"
+    return outcomes
+
+
+def test_fields_are_all_that_have_a_fraction() -> None:
+    assert len(FLOATS) == 24
+    assert set(REPLACED) < set(FLOATS)
+
+
+@trials(short=1, long=5)
+def test_spoiled_states_stop_the_run(tmp_path: Path, count: int) -> None:
+    """Every field of the state, spoiled in a moving step, in a frozen one, and after it."""
+    rng = np.random.default_rng(9)
+    steps = (7, 13, 19, 23, 27)
+    cases = [
+        (name, int(rng.integers(0, 450)), value, steps[(k + index) % 5])
+        for k in range(count)
+        for index, name in enumerate(FLOATS)
+        for value in (VALUES if count > 1 else VALUES[index % 2 : index % 2 + 1])
+    ]
+    wrong = []
+    for case, found in zip(cases, spoil(tmp_path, cases), strict=True):
+        name, _row, _value, step = case
+        named = re.search(r"PhysicsError: step (\d+): .* is (not finite|absurd)", found["message"])
+        is_stopped = (
+            found["code"] == 4 and named is not None and step <= int(named[1]) <= step + 4
+        )  # rows of series are 4 steps apart
+        is_right = is_stopped or (found["code"] == 0 and name in REPLACED)
+        if not is_right or found["findings"] or (is_stopped and max(found["checkpoint"], found["last_frame"]) > step):
+            wrong.append((case, found))
+    assert not wrong, "\n".join(map(str, wrong))

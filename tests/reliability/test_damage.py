@@ -1,0 +1,88 @@
+"""Damaged, missing, foreign and swapped files: noticed and named, or harmless; never a wrong number, a crash or a traceback."""
+
+from __future__ import annotations
+
+import json
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+
+import pytest
+from small_run import environment
+from store_support import continue_run, killed_at
+from trials import trials
+
+SUPPORT = Path(__file__).parents[1] / "support"
+WHOLE_FILES = ("empty", "gone", "foreign", "another run's", "sibling's")
+KINDS = ("finished", "interrupted", "unfinished")
+CODES = {0, 5, 6, 7}
+"""What the command line may say: fine, cannot be read, is no run, damaged."""
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Runs that are finished, killed between segment and checkpoint, and killed before ``results.h5``; and others like them."""
+    directory = tmp_path_factory.mktemp("runs")
+    for group in ("these", "others"):
+        (directory / group).mkdir()
+        continue_run(directory / group / "finished")
+        assert killed_at(directory / group / "interrupted", "checkpoint.after_tmp:3")
+        assert killed_at(directory / group / "unfinished", "results.before_rename")
+        for path in (directory / group).rglob("*.tmp"):
+            path.unlink()
+    return directory
+
+
+def files_of(run: Path) -> list[str]:
+    """Files that hold data: not the lock, and not the link to ``results.h5``."""
+    files = (path for path in run.rglob("*") if path.is_file() and not path.is_symlink() and path.name != "lock")
+    return sorted(str(path.relative_to(run)) for path in files)
+
+
+def outcomes(runs: Path, scratch: Path, cases: list[tuple[str, str, str, int]]) -> list[dict[str, Any]]:
+    done = subprocess.run(
+        [sys.executable, SUPPORT / "damage_worker.py", runs / "these", runs / "others", scratch],
+        input="".join(f"{json.dumps(case)}\n" for case in cases),
+        env={**environment(), "PYTHONPATH": f"{SUPPORT}:{SUPPORT.parents[1]}"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+    found = [json.loads(line) for line in done.stdout.splitlines()]
+    assert done.returncode == 0, f"{cases[len(found)] if len(found) < len(cases) else ''}: {done.returncode}\n{done.stderr}"
+    return found
+
+
+def faults(case: tuple[str, str, str, int], found: dict[str, Any]) -> list[str]:
+    """What is wrong with an outcome."""
+    wrong = []
+    if not set(found["codes"]) <= CODES:
+        wrong.append("another exit code than those of damage")
+    if not found["same"]:
+        wrong.append("a wrong number was read")
+    if not found["same_end"]:
+        wrong.append("the run went on to another end")
+    is_tail = case[1].endswith("MANIFEST.jsonl") and found["same"]  # lines after the newest checkpoint: as if never written
+    if found["changed"] and not found["noticed"] and not is_tail:
+        wrong.append("verify did not notice")
+    return wrong
+
+
+@trials(short=2, long=200)
+def test_damaged_files(runs: Path, tmp_path: Path, count: int) -> None:
+    """``count`` bits flipped in each file, a quarter as many cuts, pages zeroed and bytes inserted, and whole files replaced."""
+    cases = []
+    for kind in KINDS:
+        for name in files_of(runs / "these" / kind):
+            cases += [(kind, name, "flip", seed) for seed in range(count)]
+            cases += [(kind, name, how, seed) for how in ("cut", "zero", "shift") for seed in range(max(1, count // 4))]
+            cases += [(kind, name, how, 0) for how in WHOLE_FILES]
+    if count < 10:
+        cases = cases[:: max(1, len(cases) // 60)]
+    found = outcomes(runs, tmp_path / "scratch", cases)
+    wrong = [(case, why, result) for case, result in zip(cases, found, strict=True) if (why := faults(case, result))]
+    print(f"{len(cases)} damages, {sum(result['noticed'] for result in found)} noticed, {len(wrong)} wrong")
+    assert not wrong, "\n".join(map(str, wrong[:20]))
+    shutil.rmtree(tmp_path / "scratch", ignore_errors=True)

@@ -1,0 +1,124 @@
+"""A disk that is full, breaks or turns read-only at any call: the run stops with exit code 5, loses nothing, and goes on later."""
+
+from __future__ import annotations
+
+import errno
+import os
+import shutil
+import subprocess
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
+
+import pytest
+from small_run import call, read_info, write_small
+from store_support import continue_run
+from system_calls import hooked
+from trials import trials
+
+from multicor_cli.cli.exit_codes import ExitCode, exit_code_of
+from multicor_cli.store import RunDirectory, run_info, verify
+
+GROWING = ("pwrite", "write", "posix_fallocate", "mkdir", "replace", "rename", "link", "symlink", "fsync")
+"""Calls that a full disk may refuse, besides the creation of files."""
+
+
+class Failing:
+    """Lets the ``k``-th call below a directory that a fault can hit fail, and all later ones if the fault stays."""
+
+    def __init__(self, root: Path, number: int, k: int | None, *, stays: bool) -> None:
+        self.count = 0
+        self._root, self._errno, self._k, self._stays = root, number, k, stays
+        self._open: set[int] = set()
+
+    def hook(self, name: str, args: tuple[Any, ...], call: Callable[[], Any]) -> Any:
+        if self._is_ours(args) and self._can_fail(name, args):
+            self.count += 1
+            if self._k is not None and (self.count == self._k or (self._stays and self.count > self._k)):
+                raise OSError(self._errno, os.strerror(self._errno), *(args[:1] if not isinstance(args[0], int) else ()))
+        result = call()
+        if name == "open" and self._is_ours(args):
+            self._open.add(result)
+        elif name == "close":
+            self._open.discard(args[0])
+        return result
+
+    def _is_ours(self, args: tuple[Any, ...]) -> bool:
+        return args[0] in self._open if isinstance(args[0], int) else Path(args[0]).absolute().is_relative_to(self._root)
+
+    def _can_fail(self, name: str, args: tuple[Any, ...]) -> bool:
+        if name == "close":
+            return False
+        if name == "open":
+            return len(args) > 1 and bool(args[1] & os.O_CREAT)
+        return self._errno != errno.ENOSPC or name in GROWING
+
+
+@pytest.mark.parametrize(
+    ("number", "stays"),
+    [(errno.ENOSPC, True), (errno.ENOSPC, False), (errno.EIO, False), (errno.EROFS, True)],
+    ids=["full", "full for a moment", "broken once", "read-only"],
+)
+@trials(short=12, long=100_000)
+def test_any_call_may_fail(tmp_path: Path, number: int, stays: bool, count: int) -> None:
+    continue_run(tmp_path / "whole")
+    expected = run_info(tmp_path / "whole")
+    whole = Failing(tmp_path / "counted", number, None, stays=stays)
+    with hooked(whole.hook):
+        continue_run(tmp_path / "counted")
+    assert whole.count > 100
+    for k in range(1, whole.count + 1, -(-whole.count // count)):
+        path = tmp_path / f"run-{k}"
+        failing = Failing(path, number, k, stays=stays)
+        failed = None
+        with hooked(failing.hook):
+            try:
+                continue_run(path)
+            except Exception as error:
+                failed = error
+        where = f"call {k} of {whole.count}: {failed!r}"
+        assert failed is None or exit_code_of(failed) is ExitCode.ENVIRONMENT, where
+        assert failed is None or str(path) in str(failed), where
+        if RunDirectory.is_run(path):
+            assert [finding for finding in verify(path) if finding.severity == "error"] == [], where
+        continue_run(path)
+        info = run_info(path)
+        assert (info["data_digest"], info["state_digest"]) == (expected["data_digest"], expected["state_digest"]), where
+        shutil.rmtree(path)
+
+
+@pytest.fixture
+def small_disk(tmp_path: Path) -> Iterator[Path]:
+    """A file system of its own, whose size can be changed."""
+    path = tmp_path / "disk"
+    path.mkdir()
+    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", path], capture_output=True, check=False)
+    if mounted.returncode:
+        pytest.skip("only root may mount a file system")
+    yield path
+    subprocess.run(["umount", path], check=True)
+
+
+@trials(short=2, long=24)
+def test_real_disk_of_any_size(tmp_path: Path, small_disk: Path, finished: Path, count: int) -> None:
+    """On a file system from one on which not even the scenario fits to one that has room for everything but ``results.h5``."""
+    need = sum(path.stat().st_size for path in finished.rglob("*") if path.is_file() and not path.is_symlink())
+    write_small(tmp_path)
+    codes = []
+    for k in range(count):
+        resize(small_disk, 16_384 + round(need * (k + 0.5) / count * 2.0))
+        run = small_disk / "run"
+        done = call("run", "small.toml", "-o", run, cwd=tmp_path)
+        codes.append(done.returncode)
+        assert done.returncode in (0, 5), done.stderr
+        assert "Traceback" not in done.stderr
+        assert done.returncode == 0 or "space" in done.stderr
+        resize(small_disk, 64 << 20)
+        assert call("run", "small.toml", "-o", run, cwd=tmp_path).returncode == 0
+        assert read_info(run)["data_digest"] == read_info(finished)["data_digest"]
+        shutil.rmtree(run)
+    assert 5 in codes
+
+
+def resize(disk: Path, size: int) -> None:
+    subprocess.run(["mount", "-o", f"remount,size={size}", disk], check=True)

@@ -1,0 +1,55 @@
+"""Runs that earlier versions of the file format have left, kept in ``tests/data``: read, verified and continued, or refused by name.
+
+Each archive holds a tiny scenario, a finished run of it, and one that was killed at step 8 of 20, after a checkpoint at step 7.
+"""
+
+from __future__ import annotations
+
+import tarfile
+from pathlib import Path
+
+import numpy as np
+import pytest
+from small_run import call, read_info
+
+from multicor_cli.store import open_run, verify
+from multicor_cli.store.schema import FORMAT_VERSION
+
+DATA = Path(__file__).parents[1] / "data"
+VERSIONS = sorted(path.name.removeprefix("format-").removesuffix(".tar.xz") for path in DATA.glob("format-*.tar.xz"))
+
+
+def test_there_is_data_of_the_version_of_now() -> None:
+    assert ".".join(map(str, FORMAT_VERSION)) in VERSIONS
+
+
+@pytest.fixture(params=VERSIONS)
+def kept(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
+    with tarfile.open(DATA / f"format-{request.param}.tar.xz") as archive:
+        archive.extractall(tmp_path, filter="data")
+    return tmp_path
+
+
+def test_finished_runs_are_read(kept: Path) -> None:
+    assert verify(kept / "finished") == []
+    info = read_info(kept / "finished")
+    assert (info["status"], info["step"]) == ("finished", 20)
+    with open_run(kept / "finished") as run:
+        assert run.frames.step.tolist() == [0, 10, 20]
+        height = [frame.position[:, 1].mean() for frame in run.frames]
+        assert height[0] > height[1] > height[2]  # they fall
+        assert run.model.grain_count == 12
+        assert run.series["kinetic"][-1] > 0.0
+
+
+def test_unfinished_runs_are_continued(kept: Path) -> None:
+    """Another version of the program may end in other bits; the physics is the same."""
+    assert verify(kept / "unfinished") == []
+    done = call("run", "tiny.toml", "-o", "unfinished", cwd=kept)
+    assert done.returncode == 0, done.stderr
+    assert "continuing from step 7" in done.stderr
+    assert verify(kept / "unfinished") == []
+    with open_run(kept / "finished") as before, open_run(kept / "unfinished") as now:
+        assert now.frames.step.tolist() == before.frames.step.tolist()
+        for a, b in zip(before.frames, now.frames, strict=True):
+            assert np.allclose(a.position, b.position, rtol=0.0, atol=1e-6)  # grains are a thousand times as large

@@ -1,0 +1,66 @@
+"""Runs a scenario whose state is spoiled behind its back; a process of its own, for machine code that meets nonsense may crash.
+
+Each line of stdin is a case: ``[field, row, value, step]``. Each line of stdout is its outcome: exit code, message, step of the
+last checkpoint, and whether frames and checkpoint are sound.
+"""
+
+from __future__ import annotations
+
+import json
+import shutil
+import sys
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from multicor_cli.cli.exit_codes import exit_code_of
+from multicor_cli.run import run_scenario
+from multicor_cli.run import session as session_module
+from multicor_cli.store import open_run, verify
+
+
+def main(scenario: Path, directory: Path) -> None:
+    original = session_module.CoupledEngine.step
+    case: list[Any] = []
+
+    def step(self: Any, *arguments: Any, **options: Any) -> Any:
+        field, row, value, at = case
+        if self.state.step == at:
+            values = getattr(self.state, field)
+            if field in ("contact_impulse", "mean_force"):
+                values[:] = value  # single ones may be those of contacts that open
+            elif isinstance(values, np.ndarray):
+                values.reshape(-1)[row % values.size] = value
+            else:
+                setattr(self.state, field, value)
+        return original(self, *arguments, **options)
+
+    session_module.CoupledEngine.step = step  # type: ignore[method-assign]
+    for line in sys.stdin:
+        case[:] = json.loads(line)
+        case[2] = float(case[2])
+        print(json.dumps(outcome(scenario, directory)), flush=True)
+        shutil.rmtree(directory)
+
+
+def outcome(scenario: Path, directory: Path) -> dict[str, Any]:
+    code, message = 0, ""
+    try:
+        run_scenario(scenario, directory, overrides=["output.checkpoint_interval=0.01"])
+    except Exception as error:
+        code, message = int(exit_code_of(error)), f"{type(error).__name__}: {error}"
+    with open_run(directory) as run:
+        state = run.state()
+        assert state is not None
+        return {
+            "code": code,
+            "message": message,
+            "checkpoint": state.step,
+            "last_frame": int(run.frames.step[-1]),
+            "findings": [f"{finding.file}: {finding.message}" for finding in verify(directory)],
+        }
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]), Path(sys.argv[2]))
