@@ -37,8 +37,8 @@ def predict(
         middle: q_m, shape ``(n, 3)``. **Modified.**
         start: Bodies (v_x, v_y, a ω, 1/m) at the start of the step, shape ``(bodies, 4)``. **Grains modified.**
         free: The same with the free velocities. **Grains modified.**
-        fastest: Largest speed in each chunk of grains, at the start or free [m/s]; ``nan`` if a number is not finite or absurd, shape
-            ``(chunks, 1)``. **Modified.**
+        fastest: Largest speed in each chunk of grains, at the start or free [m/s]; ``nan`` if a number is not finite or absurd,
+            shape ``(chunks, 1)``. **Modified.**
     """
     count = radius.size
     half = 0.5 * dt

@@ -21,7 +21,7 @@ class DirectoryRecorder:
         self._writer = writer
 
     def frame(self, state: State, contacts: ContactTable | None) -> None:
-        """Write a frame; without contacts if they are not recorded. Raises `StoreError`, and `PhysicsError` as `checkpoint` does."""
+        """Write a frame; without contacts if they are not recorded. Raises as `checkpoint` does."""
         self._require_sound(state)
         rows = None
         if contacts is not None:

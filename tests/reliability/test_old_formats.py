@@ -1,4 +1,4 @@
-"""Runs that earlier versions of the file format have left, kept in ``tests/data``: read, verified and continued, or refused by name.
+"""Runs that earlier versions of the file format have left, kept in ``tests/data``: read, verified and continued.
 
 Each archive holds a tiny scenario, a finished run of it, and one that was killed at step 8 of 20, after a checkpoint at step 7.
 """
