@@ -221,7 +221,8 @@ def prune(directory: Path, newest: str | None = None) -> None:
     first = names.index(newest) if newest else 0
     keep = set(names[first : first + KEEP])
     with storage_errors(directory):
-        for path in sorted(directory.glob("step-*")):
+        # Descriptions first: state and description are a checkpoint only together.
+        for path in sorted(directory.glob("step-*"), key=lambda path: (path.suffix != ".json", path.name)):
             if path.suffix == ".tmp" or path.name.removesuffix(".json").removesuffix(".h5") not in keep:
                 path.unlink()
 

@@ -1,0 +1,125 @@
+"""Ctrl-C and SIGTERM at any moment end the program within two seconds; one run at a time in a directory."""
+
+from __future__ import annotations
+
+import json
+import os
+import random
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+from small_run import SMALL, call, read_info, start, write_small
+from trials import trials
+
+from multicor_cli.store import verify
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+PROMISED = 2.0
+"""Time from the signal to the end [s]."""
+
+CODES = {signal.SIGINT: 130, signal.SIGTERM: 143}
+BIG = {"short": 20_000, "long": 200_000}
+"""Grains of a bed, one step of which takes long."""
+
+
+def wait_until(is_reached, process: subprocess.Popen[str], seconds: float = 300.0) -> None:
+    end = time.monotonic() + seconds
+    while not is_reached() and process.poll() is None and time.monotonic() < end:
+        time.sleep(0.01)
+
+
+@trials(short=3, long=30)
+def test_signals_end_the_program_soon(tmp_path: Path, count: int) -> None:
+    """Thousands of grains dropped at once: placing them, compiling, a first step of thousands of sweeps, checkpoints, frames."""
+    grains = BIG["short" if count < 10 else "long"]
+    rng, waited, codes = random.Random(5), [], []
+    options = ("--set", f"particles.0.count={grains}", "--set", "output.checkpoint_interval=0.5", "--set", "loading.0.duration=1.0")
+    before = time.monotonic()
+    process = start("run", CONFIGS / "million.toml", "-o", "first", *options, cwd=tmp_path)
+    wait_until((tmp_path / "first" / "checkpoints").exists, process)
+    began = time.monotonic() - before
+    process.kill()
+    process.communicate()
+    for trial in range(count):
+        number = rng.choice(list(CODES))
+        process = start("run", CONFIGS / "million.toml", "-o", str(trial), *options, cwd=tmp_path)
+        time.sleep(rng.uniform(0.7, 2.0 * began + 5.0))  # Python itself needs some tenths before it can listen
+        sent = time.monotonic()
+        process.send_signal(number)
+        process.communicate(timeout=60)
+        waited.append(time.monotonic() - sent)
+        codes.append(process.returncode)
+        assert process.returncode == CODES[number]
+        if (tmp_path / str(trial) / "run.json").exists():
+            assert [finding for finding in verify(tmp_path / str(trial)) if finding.severity == "error"] == []
+    print(f"{count} signals, at most {max(waited):.2f} s, median {sorted(waited)[count // 2]:.2f} s")
+    assert max(waited) < PROMISED
+
+
+@trials(short=2, long=20)
+def test_of_two_runs_that_start_together_one_goes_on(tmp_path: Path, count: int) -> None:
+    write_small(tmp_path, SMALL.replace("duration = 0.004", "duration = 100.0"))
+    for trial in range(count):
+        both = [start("run", "small.toml", "-o", str(trial), cwd=tmp_path) for _ in range(2)]
+        wait_until(lambda both=both: any(process.poll() is not None for process in both), both[0], 60.0)
+        ended = [process for process in both if process.poll() is not None]
+        running = [process for process in both if process.poll() is None]
+        assert len(ended) == 1
+        assert ended[0].returncode == 6
+        message = ended[0].communicate()[1]
+        assert f"process {running[0].pid}" in message or "holds a run" in message  # it came before the lock, or after
+        running[0].send_signal(signal.SIGTERM)
+        running[0].communicate(timeout=30)
+        assert running[0].returncode == 143
+        assert verify(tmp_path / str(trial)) == []
+
+
+def test_lock_of_a_dead_process_is_taken_over_and_that_of_another_host_is_not(tmp_path: Path) -> None:
+    write_small(tmp_path)
+    process = start("run", "small.toml", "-o", "run", cwd=tmp_path)
+    wait_until((tmp_path / "run" / "model.h5").exists, process)
+    process.kill()
+    process.communicate()
+    lock = tmp_path / "run" / "lock"
+    holder = json.loads(lock.read_text())
+    assert holder["pid"] == process.pid
+    lock.write_text(json.dumps({**holder, "host": "elsewhere"}))
+    files = {path: path.stat().st_mtime_ns for path in (tmp_path / "run").rglob("*") if path != lock}
+    refused = call("run", "small.toml", "-o", "run", cwd=tmp_path)
+    assert refused.returncode == 6
+    assert "on elsewhere" in refused.stderr
+    assert str(lock.relative_to(tmp_path)) in refused.stderr  # what to delete if nobody runs there
+    assert {path: path.stat().st_mtime_ns for path in (tmp_path / "run").rglob("*") if path != lock} == files
+    lock.write_text(json.dumps(holder))
+    assert call("run", "small.toml", "-o", "run", cwd=tmp_path).returncode == 0
+    assert read_info(tmp_path / "run")["status"] == "finished"
+    assert lock.read_text() == ""
+
+
+def test_process_number_that_was_given_to_another_program_is_dead(tmp_path: Path) -> None:
+    write_small(tmp_path)
+    process = start("run", "small.toml", "-o", "run", cwd=tmp_path)
+    wait_until((tmp_path / "run" / "model.h5").exists, process)
+    process.kill()
+    process.communicate()
+    lock = tmp_path / "run" / "lock"
+    lock.write_text(json.dumps({**json.loads(lock.read_text()), "pid": os.getpid()}))
+    assert read_info(tmp_path / "run")["status"] == "interrupted"
+    assert call("run", "small.toml", "-o", "run", cwd=tmp_path).returncode == 0
+
+
+@pytest.mark.parametrize("number", [signal.SIGUSR1, signal.SIGHUP])
+def test_other_signals_do_no_harm(tmp_path: Path, number: signal.Signals) -> None:
+    """SIGUSR1 goes on; a terminal that closes ends the run, which can be continued."""
+    write_small(tmp_path, SMALL.replace("duration = 0.004", "duration = 100.0"))
+    process = start("run", "small.toml", "-o", "run", cwd=tmp_path)
+    wait_until((tmp_path / "run" / "model.h5").exists, process)
+    process.send_signal(number)
+    time.sleep(0.5)
+    assert (process.poll() is None) == (number == signal.SIGUSR1)
+    process.send_signal(signal.SIGTERM)
+    process.communicate(timeout=30)
+    assert verify(tmp_path / "run") == []

@@ -1,0 +1,176 @@
+"""What surrounds a run does not change it: threads, threading layers, clocks, time zones, readers, no home, a stale cache."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+from small_run import ROOT, SMALL, call, environment, read_info, start, write_small
+from trials import trials
+from warm_run import WARM
+
+from multicor_cli.store import open_run
+
+CONFIGS = ROOT / "configs"
+MANY = ("--set", "particles.0.count=5000", "--set", "loading.0.duration=0.004", "--set", "solver.max_sweeps=60")
+"""So many grains that several threads are used, few steps."""
+
+
+def digests(run: Path) -> tuple[str, str]:
+    info = read_info(run)
+    return info["data_digest"], info["state_digest"]
+
+
+@trials(short=3, long=30)
+def test_threads_and_layers(tmp_path: Path, count: int) -> None:
+    """1, 2, 3, 4, 7 threads with both threading layers, each three times: the same bits."""
+    choices = [(threads, layer) for _ in range(3) for threads in (2, 1, 3, 4, 7) for layer in ("workqueue", "omp")][:count]
+    found = set()
+    for number, (threads, layer) in enumerate(choices):
+        run = tmp_path / str(number)
+        done = call(
+            "run", CONFIGS / "million.toml", "-o", run, "--threads", threads, *MANY, cwd=tmp_path, NUMBA_THREADING_LAYER=layer
+        )
+        assert done.returncode == 0, done.stderr
+        assert read_info(run)["provenance"]["threads"] == threads
+        found.add(digests(run))
+    assert len(found) == 1
+
+
+def test_clocks_that_jump_and_time_zones(finished: Path, tmp_path: Path) -> None:
+    """The wall clock is for people: nothing that is computed, and no interval, hangs on it."""
+    write_small(tmp_path)
+    jumping = (
+        "import random, sys, time; sys.argv = ['multicor', 'run', 'small.toml', '-o', 'run']\n"
+        "time.time = lambda: random.choice([0.0, 1e9, 4e9, -1e6])\n"
+        "from multicor_cli.cli.app import main; main()"
+    )
+    for zone in ("Pacific/Kiritimati", "nonsense/<>"):
+        shutil.rmtree(tmp_path / "run", ignore_errors=True)
+        done = subprocess.run(
+            [sys.executable, "-c", jumping], cwd=tmp_path, env=environment(TZ=zone), capture_output=True, text=True, check=False
+        )
+        assert done.returncode == 0, done.stderr
+        assert digests(tmp_path / "run") == digests(finished)
+
+
+@trials(short=5, long=50)
+def test_reading_while_it_runs(tmp_path: Path, count: int) -> None:
+    """Every reading is the beginning of what is there at the end, and no shorter than the one before."""
+    text = SMALL.replace("duration = 0.004", "duration = 0.4" if count < 10 else "duration = 4.0")
+    write_small(tmp_path, text)
+    process = start("run", "small.toml", "-o", "run", "--set", "output.checkpoint_interval=0.01", cwd=tmp_path)
+    end = time.monotonic() + 120.0
+    while not (tmp_path / "run" / "model.h5").exists() and time.monotonic() < end:
+        time.sleep(0.01)
+    readings = []
+    while len(readings) < count:
+        with open_run(tmp_path / "run") as run:
+            heights = [float(frame.position[:, 1].mean()) for frame in run.frames]
+            readings.append((run.frames.step.tolist(), heights, run.series["kinetic"].tolist()))
+        time.sleep(0.02)
+    assert process.wait(300) == 0, process.communicate()[1]
+    with open_run(tmp_path / "run") as run:
+        steps = run.frames.step.tolist()
+        heights = [float(frame.position[:, 1].mean()) for frame in run.frames]
+        kinetic = run.series["kinetic"].tolist()
+    for shown, means, energies in readings:
+        assert shown == steps[: len(shown)]
+        assert means == heights[: len(means)]
+        assert energies == kinetic[: len(energies)]
+    lengths = [len(reading[0]) for reading in readings]
+    assert lengths == sorted(lengths)
+    print(f"{count} readings of {lengths[0]} to {lengths[-1]} of {len(steps)} frames")
+
+
+@pytest.mark.parametrize("name", ["with spaces", "ünïcödé–漢字", "x" * 200, "-dash", "semi;colon'quote\""])
+def test_directories_of_any_name(name: str, finished: Path, tmp_path: Path) -> None:
+    write_small(tmp_path)
+    done = call("run", "small.toml", "-o", tmp_path / name, cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert digests(tmp_path / name) == digests(finished)
+
+
+def as_nobody(arguments: list[object], cwd: Path, **extra: str) -> subprocess.CompletedProcess[str]:
+    """Run a command as a user for whom permissions count; root may do everything."""
+    setpriv = ["setpriv", "--reuid=65534", "--regid=65534", "--clear-groups"]
+    return subprocess.run(
+        [*setpriv, sys.executable, "-m", "multicor_cli", *map(str, arguments)],
+        cwd=cwd,
+        env={**environment(**extra), "PYTHONDONTWRITEBYTECODE": "1"},
+        capture_output=True,
+        text=True,
+        check=False,
+    )
+
+
+@pytest.fixture
+def nobodys(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A directory in which that user may read but not write."""
+    if os.getuid() != 0 or shutil.which("setpriv") is None:
+        pytest.skip("only root can become somebody else")
+    path = Path("/tmp") / f"multicor-nobody-{os.getpid()}"  # those of pytest are closed to others
+    path.mkdir(mode=0o755)
+    write_small(path)
+    if as_nobody(["--version"], path).returncode != 0:
+        shutil.rmtree(path)
+        pytest.skip("the interpreter is closed to other users")
+    return path
+
+
+def test_directories_that_may_not_be_written(nobodys: Path) -> None:
+    try:
+        (nobodys / "closed").mkdir(mode=0o555)
+        refused = as_nobody(["run", "small.toml", "-o", "closed/run"], nobodys, HOME="/nonexistent")
+        assert refused.returncode == 5, refused.stderr
+        assert "closed/run: Permission denied" in refused.stderr
+        (nobodys / "open").mkdir()
+        (nobodys / "open").chmod(0o777)
+        (nobodys / "home").mkdir(mode=0o555)
+        for home in ("/nonexistent", str(nobodys / "home")):
+            done = as_nobody(["run", "small.toml", "-o", "open/run", "--overwrite"], nobodys, HOME=home)
+            assert done.returncode == 0, done.stderr
+    finally:
+        shutil.rmtree(nobodys)
+
+
+def test_stale_machine_code_is_never_used(tmp_path: Path) -> None:
+    """Numba does not notice that a function called by a cached one has changed: a copy of the program, edited between two runs."""
+    shutil.copytree(ROOT / "multicor_cli", tmp_path / "multicor_cli", ignore=shutil.ignore_patterns("__pycache__"))
+    kernel = tmp_path / "multicor_cli" / "kernels" / "probe.py"
+    formula = tmp_path / "multicor_cli" / "physics" / "probe.py"
+    kernel.write_text(
+        "from multicor_cli.kernels.jit import kernel, scalar\n"
+        "from multicor_cli.physics import probe\n"
+        "answer = scalar(probe.answer)\n"
+        "@kernel\n"
+        "def ask(x):\n"
+        "    return answer(x)\n"
+    )
+    script = "from multicor_cli.kernels.probe import ask; print(ask(1.0)); print(sum(ask.stats.cache_hits.values()))"
+    seen = []
+    for value in (1.0, 1.0, 2.0, 1.0):
+        formula.write_text(f"def answer(x):\n    return {value} * x\n")
+        env = {**environment(NUMBA_CACHE_DIR=str(tmp_path / "cache")), "PYTHONPATH": str(tmp_path)}
+        done = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, env=env, capture_output=True, text=True, check=True)
+        seen.append(tuple(float(word) for word in done.stdout.split()))
+    assert seen == [(1.0, 0.0), (1.0, 1.0), (2.0, 0.0), (1.0, 1.0)]  # the first sources come back, and with them their cache
+
+
+def test_heat_and_stages_too(tmp_path: Path) -> None:
+    """The scenario that uses every field of the state, on both threading layers and in pieces of a second."""
+    (tmp_path / "warm.toml").write_text(WARM)
+    found = set()
+    for name, layer in (("a", "workqueue"), ("b", "omp")):
+        done = call("run", "warm.toml", "-o", name, cwd=tmp_path, NUMBA_THREADING_LAYER=layer)
+        assert done.returncode == 0, done.stderr
+        found.add(digests(tmp_path / name))
+    assert len(found) == 1
+    with open_run(tmp_path / "a") as run:
+        assert np.isfinite(run.frames[-1].temperature).all()
