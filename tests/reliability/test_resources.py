@@ -1,0 +1,136 @@
+"""Memory is bounded and predicted, and what runs for long leaks nothing: no memory, no open files, no energy."""
+
+from __future__ import annotations
+
+import json
+import os
+import resource
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from small_run import ROOT, call, command, environment, read_info
+from trials import trials
+from warm_run import WARM
+
+from multicor_cli.store import open_run, verify
+
+CONFIGS = ROOT / "configs"
+WITHIN = 0.25
+"""Promised accuracy of the memory that ``validate`` predicts."""
+
+SHORT = ("loading.0.duration=0.001",)
+CASES = {
+    "small": ("shear-gravity-free.toml", ("loading.0.until.strain.value=0.02",)),
+    "10^5": ("million.toml", ("particles.0.count=100000", *SHORT)),
+    "10^5 with contacts": ("million.toml", ("particles.0.count=100000", "output.contacts=true", *SHORT)),
+    "heat": ("lattice14.toml", ()),
+    "3 10^5 with contacts": ("million.toml", ("particles.0.count=300000", "output.contacts=true", *SHORT)),
+    "10^6": ("million.toml", SHORT),
+}
+
+
+def peak_memory(*arguments: object, cwd: Path) -> int:
+    """Largest resident memory of a command [bytes]."""
+    process = subprocess.Popen(command(*arguments), cwd=cwd, env=environment(), stderr=subprocess.DEVNULL)
+    _, status, usage = os.wait4(process.pid, 0)
+    process.returncode = os.waitstatus_to_exitcode(status)
+    assert process.returncode == 0
+    return usage.ru_maxrss * 1024
+
+
+@trials(short=2, long=len(CASES))
+def test_memory_is_as_predicted(tmp_path: Path, count: int) -> None:
+    wrong = []
+    for name, (config, changes) in list(CASES.items())[:count]:
+        options = [word for change in changes for word in ("--set", change)]
+        done = call("validate", CONFIGS / config, *options, "--json", cwd=tmp_path)
+        predicted = json.loads(done.stdout)["estimate"]["memory_bytes"]
+        call("run", CONFIGS / config, "--dry-run", *options, cwd=tmp_path)  # compilation has a memory of its own
+        used = peak_memory("run", CONFIGS / config, "-o", tmp_path / name, *options, cwd=tmp_path)
+        print(f"{name}: {predicted / 1e6:.0f} MB predicted, {used / 1e6:.0f} MB used")
+        if not abs(predicted - used) < WITHIN * used:
+            wrong.append((name, predicted, used))
+    assert not wrong
+
+
+def limited(*arguments: object, cwd: Path, memory: int) -> subprocess.CompletedProcess[str]:
+    """A command that may have no more than some bytes of memory."""
+    return subprocess.run(
+        command(*arguments),
+        cwd=cwd,
+        env=environment(OPENBLAS_NUM_THREADS="1"),
+        capture_output=True,
+        text=True,
+        check=False,
+        timeout=300,
+        preexec_fn=lambda: resource.setrlimit(resource.RLIMIT_AS, (memory, memory)),
+    )
+
+
+@trials(short=1, long=6)
+def test_too_little_memory(tmp_path: Path, count: int) -> None:
+    """More grains than fit: one line, exit code 5, and nothing that is damaged."""
+    codes = []
+    for trial, memory in enumerate(np.linspace(0.9e9, 1.6e9, count).astype(int).tolist()):
+        run = tmp_path / str(trial)
+        options = ("--set", "particles.0.count=1000000", "--set", "output.contacts=true", "--set", "loading.0.duration=0.001")
+        done = limited("run", CONFIGS / "million.toml", "-o", run, "-q", *options, cwd=tmp_path, memory=memory)
+        codes.append(done.returncode)
+        assert done.returncode in (0, 5), done.stderr
+        assert "Traceback" not in done.stderr
+        assert done.returncode == 0 or "not enough memory" in done.stderr
+        if (run / "run.json").exists():
+            assert [finding for finding in verify(run) if finding.severity == "error"] == []
+    assert codes[0] == 5
+
+
+SOAK = WARM.replace("count = 150", "count = 12").replace('"deposited"', '"random"')
+
+
+@trials(short=3_000, long=1_000_000)
+@pytest.mark.timeout(7200)
+def test_soak(tmp_path: Path, count: int) -> None:
+    """A million steps of a shaken, heated layer: memory and open files as after a tenth of them, books closed to rounding."""
+    text = SOAK.replace("duration = 0.01", f"duration = {5e-4 * count}", 1).replace(
+        "frame_interval = 2e-3", f"frame_interval = {5e-4 * count / 100}\nseries_interval = {5e-4 * count / 1000}"
+    )
+    (tmp_path / "soak.toml").write_text(text)
+    call("run", "soak.toml", "--dry-run", cwd=tmp_path)
+    process = subprocess.Popen(
+        command("run", "soak.toml", "-o", "run", "--set", "output.checkpoint_interval=1.0"),
+        cwd=tmp_path,
+        env=environment(),
+        stderr=subprocess.DEVNULL,
+    )
+    samples: list[tuple[int, int]] = []
+    while process.poll() is None:
+        try:
+            process.wait(0.2 if count < 100_000 else 2.0)
+        except subprocess.TimeoutExpired:
+            samples.append(looked_at(process.pid))
+    assert process.returncode == 0
+    info = read_info(tmp_path / "run")
+    assert info["step"] >= count
+    assert info["energy_closure"] < 1e-9
+    assert info["heat_closure"] < 1e-9
+    with open_run(tmp_path / "run") as run:
+        assert len(run.frames) >= 100
+    memory, files = (np.array([sample[k] for sample in samples if sample[0]], float) for k in (0, 1))
+    early, late = len(memory) // 3, -(-len(memory) * 9 // 10)
+    print(f"{info['step']} steps: closures {info['energy_closure']:.1e} and {info['heat_closure']:.1e}")
+    print(
+        f"memory {memory[early] / 1e6:.1f} → {memory[late:].max() / 1e6:.1f} MB, open files {files[early]:.0f} → {files[late:].max():.0f}"
+    )
+    assert memory[late:].max() < 1.1 * memory[early] + 4e6
+    assert files[late:].max() <= files[early:late].max() + 1
+
+
+def looked_at(pid: int) -> tuple[int, int]:
+    """Resident memory [bytes] and open files of a process; zeros if it has just ended."""
+    try:
+        pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
+        return pages * os.sysconf("SC_PAGE_SIZE"), len(list(Path(f"/proc/{pid}/fd").iterdir()))
+    except (OSError, IndexError):
+        return 0, 0
