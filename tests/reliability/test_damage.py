@@ -80,7 +80,7 @@ def test_damaged_files(runs: Path, tmp_path: Path, count: int) -> None:
             cases += [(kind, name, how, seed) for how in ("cut", "zero", "shift") for seed in range(max(1, count // 4))]
             cases += [(kind, name, how, 0) for how in WHOLE_FILES]
     if count < 10:
-        cases = cases[:: max(1, len(cases) // 60)]
+        cases = cases[:: max(1, len(cases) // 30)]
     found = outcomes(runs, tmp_path / "scratch", cases)
     wrong = [(case, why, result) for case, result in zip(cases, found, strict=True) if (why := faults(case, result))]
     print(f"{len(cases)} damages, {sum(result['noticed'] for result in found)} noticed, {len(wrong)} wrong")

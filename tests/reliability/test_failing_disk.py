@@ -59,7 +59,7 @@ class Failing:
     [(errno.ENOSPC, True), (errno.ENOSPC, False), (errno.EIO, False), (errno.EROFS, True)],
     ids=["full", "full for a moment", "broken once", "read-only"],
 )
-@trials(short=12, long=100_000)
+@trials(short=5, long=100_000)
 def test_any_call_may_fail(tmp_path: Path, number: int, stays: bool, count: int) -> None:
     continue_run(tmp_path / "whole")
     expected = run_info(tmp_path / "whole")
@@ -99,14 +99,14 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
     subprocess.run(["umount", path], check=True)
 
 
-@trials(short=2, long=24)
+@trials(short=1, long=24)
 def test_real_disk_of_any_size(tmp_path: Path, small_disk: Path, finished: Path, count: int) -> None:
     """On a file system from one on which not even the scenario fits to one that has room for everything but ``results.h5``."""
     need = sum(path.stat().st_size for path in finished.rglob("*") if path.is_file() and not path.is_symlink())
     write_small(tmp_path)
     codes = []
     for k in range(count):
-        resize(small_disk, 16_384 + round(need * (k + 0.5) / count * 2.0))
+        resize(small_disk, 16_384 + round(need * (k + 0.5) / count * 1.5))
         run = small_disk / "run"
         done = call("run", "small.toml", "-o", run, cwd=tmp_path)
         codes.append(done.returncode)

@@ -101,7 +101,7 @@ def verify_quietly(run: Path) -> bool:
     return all(finding.severity == "warning" for finding in verify(run))
 
 
-@trials(short=3, long=100)
+@trials(short=2, long=100)
 def test_killed_at_any_moment(tmp_path: Path, reference: Reference, count: int) -> None:
     """Up to three kills a run, each at a random time after its start."""
     rng, killed = random.Random(1), 0
@@ -125,7 +125,7 @@ def test_killed_at_any_moment(tmp_path: Path, reference: Reference, count: int) 
     assert killed >= count // 2
 
 
-@trials(short=4, long=len(FIRST_TIMES))
+@trials(short=2, long=len(FIRST_TIMES))
 def test_killed_at_named_points(tmp_path: Path, reference: Reference, count: int) -> None:
     """Every window of the commit protocol, in the program as a whole."""
     for index in range(count):

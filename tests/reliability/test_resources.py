@@ -120,9 +120,8 @@ def test_soak(tmp_path: Path, count: int) -> None:
     memory, files = (np.array([sample[k] for sample in samples if sample[0]], float) for k in (0, 1))
     early, late = len(memory) // 3, -(-len(memory) * 9 // 10)
     print(f"{info['step']} steps: closures {info['energy_closure']:.1e} and {info['heat_closure']:.1e}")
-    print(
-        f"memory {memory[early] / 1e6:.1f} → {memory[late:].max() / 1e6:.1f} MB, open files {files[early]:.0f} → {files[late:].max():.0f}"
-    )
+    print(f"memory {memory[early] / 1e6:.1f} → {memory[late:].max() / 1e6:.1f} MB")
+    print(f"open files {files[early]:.0f} → {files[late:].max():.0f}")
     assert memory[late:].max() < 1.1 * memory[early] + 4e6
     assert files[late:].max() <= files[early:late].max() + 1
 
