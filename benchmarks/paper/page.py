@@ -6,9 +6,9 @@ from html import escape
 from pathlib import Path
 
 from entry import Entry, Panel
+from runs import Study
 
 from multicor_cli import __version__
-from runs import Study
 
 _CITATION = "Nguyen, Fortin, Guessasma, Bellenger &amp; Cogné, <cite>J. Mech. Mater. Struct.</cite> 4(2), 2009, 413–426"
 

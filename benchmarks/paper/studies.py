@@ -9,9 +9,8 @@ from bed_study import bed_entries
 from entry import Entry
 from lattice_study import lattice_entries
 from page import write_page
-from shear_study import shear_entries
-
 from runs import finish_study
+from shear_study import shear_entries
 
 _NAMES = ("lattice14", "heated-bed", "shear", "shear-dynamic")
 

@@ -17,7 +17,7 @@ from system_calls import hooked
 from trials import trials
 
 from multicor_cli.cli.exit_codes import ExitCode, exit_code_of
-from multicor_cli.store import RunDirectory, run_info, verify
+from multicor_cli.store import DamagedRun, RunDirectory, run_info, verify
 
 GROWING = ("pwrite", "write", "posix_fallocate", "mkdir", "replace", "rename", "link", "symlink", "fsync")
 """Calls that a full disk may refuse, besides the creation of files."""
@@ -85,6 +85,60 @@ def test_any_call_may_fail(tmp_path: Path, number: int, stays: bool, count: int)
         info = run_info(path)
         assert (info["data_digest"], info["state_digest"]) == (expected["data_digest"], expected["state_digest"]), where
         shutil.rmtree(path)
+
+
+class Lying:
+    """Changes a bit of what is written into HDF5 files by the ``k``-th call, without a word."""
+
+    def __init__(self, root: Path, k: int | None) -> None:
+        self.count = 0
+        self._root, self._k = root, k
+        self._open: dict[int, str] = {}
+
+    def hook(self, name: str, args: tuple[Any, ...], call: Callable[[], Any]) -> Any:
+        if name == "pwrite" and self._open.get(args[0], "").endswith(".h5.tmp") and len(args[1]) > 64:
+            self.count += 1
+            if self.count == self._k:
+                wrong = bytearray(args[1])
+                wrong[len(wrong) // 2] ^= 8
+                return self._write(args[0], bytes(wrong), args[2])
+        result = call()
+        if name == "open" and Path(args[0]).absolute().is_relative_to(self._root):
+            self._open[result] = str(args[0])
+        elif name == "close":
+            self._open.pop(args[0], None)
+        return result
+
+    def _write(self, descriptor: int, data: bytes, offset: int) -> int:
+        return UNHOOKED_PWRITE(descriptor, data, offset)
+
+
+UNHOOKED_PWRITE = os.pwrite
+
+
+@trials(short=10, long=100_000)
+def test_a_disk_that_lies(tmp_path: Path, count: int) -> None:
+    """What is not read back as it was written is never committed; a bit that nobody reads may be wrong."""
+    continue_run(tmp_path / "whole")
+    expected = run_info(tmp_path / "whole")
+    whole = Lying(tmp_path / "counted", None)
+    with hooked(whole.hook):
+        continue_run(tmp_path / "counted")
+    noticed = 0
+    for k in range(1, whole.count + 1, -(-whole.count // count)):
+        path, failed = tmp_path / f"run-{k}", None
+        with hooked(Lying(path, k).hook):
+            try:
+                continue_run(path)
+            except DamagedRun as error:
+                failed = error
+        noticed += failed is not None
+        assert [finding for finding in verify(path) if finding.severity == "error"] == [], f"call {k}: {failed}"
+        continue_run(path)
+        info = run_info(path)
+        assert (info["data_digest"], info["state_digest"]) == (expected["data_digest"], expected["state_digest"]), f"call {k}"
+        shutil.rmtree(path)
+    assert noticed > 0
 
 
 @pytest.fixture
