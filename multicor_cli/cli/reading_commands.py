@@ -91,7 +91,7 @@ def _describe(found: dict[str, Any]) -> list[tuple[str, str]]:
         ("energy closure", _text(found["energy_closure"])),
         ("largest overlap", _text(found["max_overlap"], " of the smaller radius")),
         ("sweeps", _text(solver["sweeps_mean"], " per step")),
-        ("largest residual", _text(solver["residual_rms_max"], " of the reference velocity (rms of a step)")),
+        ("largest residual", _text(solver["residual_rms_max"], " of the reference velocity (rms of a step)") + _where(found["worst_step"])),
         ("not converged", _text(solver["unconverged_steps"], " steps")),
         ("negative losses", _text(found["negative_loss_share"], " of the losses at contacts")),
     ]
@@ -99,6 +99,10 @@ def _describe(found: dict[str, Any]) -> list[tuple[str, str]]:
         lines.append(("Hertz deflection", _text(found["hertz_deflection"], " of a diameter under the largest contact force")))
     version = found["provenance"].get("multicor_version", "")
     return [*lines, ("made by", f"multicor {version}, seed {found['provenance'].get('seed')}")]
+
+
+def _where(worst: dict[str, Any] | None) -> str:
+    return "" if worst is None else f", by step {worst['step']} (t = {worst['time']:.4g} s)"
 
 
 def _describe_heat(heat: dict[str, Any]) -> list[tuple[str, str]]:

@@ -23,7 +23,7 @@ def run_info(path: Path | str) -> dict[str, Any]:
         ``path, run_id, status, stop_reason, exit_code, grain_count, frame_count, series_count, step, time, stage, stages,
         walls, state_digest, energy_closure, heat_closure, max_overlap, solver.{sweeps_mean, residual_rms_max,
         residual_max_max, unconverged_steps}, books, heat, negative_loss_share, corrected_steps, max_contact_force,
-        hertz_deflection, started, finished, duration`` (from the first start to the last sign of life, s),
+        worst_step.{step, time} (end of the row of the time series with the largest rms residual), hertz_deflection, started, finished, duration`` (from the first start to the last sign of life, s),
         ``timings, data_digest, provenance``.
 
     Raises:
@@ -47,6 +47,7 @@ def run_info(path: Path | str) -> dict[str, Any]:
             "stages": list(run.stages),
             "walls": _walls(run),
             **{name: value for name, value in summary.items() if name not in ("grain_count", "step", "time", "stage")},
+            "worst_step": _worst_step(run),
             "hertz_deflection": hertz_deflection(run, summary["max_contact_force"]),
             "started": info["started"],
             "finished": info["finished"],
@@ -55,6 +56,15 @@ def run_info(path: Path | str) -> dict[str, Any]:
             "data_digest": results.get("data_digest"),
             "provenance": info["provenance"],
         }
+
+
+def _worst_step(run: Run) -> dict[str, float] | None:
+    """Where the contact solver was farthest from a solution; ``None`` if no step has been recorded."""
+    residual = run.series["residual_rms"]
+    if not residual.size or not residual.max() > 0.0:
+        return None
+    worst = int(residual.argmax())
+    return {"step": int(run.series["step"][worst]), "time": float(run.series["time"][worst])}
 
 
 def hertz_deflection(run: Run, force: float | None) -> float | None:
