@@ -19,7 +19,7 @@ from multicor_cli.export.errors import ExportError
 from multicor_cli.export.target import check_file
 from multicor_cli.solver.problem import ContactProblem, free_velocity
 from multicor_cli.state.model import Floats, Ints
-from multicor_cli.store.atomic import GuardedFile, commit_file, storage_errors
+from multicor_cli.store.atomic import GuardedFile, commit_file, storage_errors, temporary_beside
 from multicor_cli.store.checked import reading
 from multicor_cli.store.errors import StorageError
 
@@ -170,7 +170,8 @@ def write_fclib(
     try:
         with storage_errors(path):
             path.parent.mkdir(parents=True, exist_ok=True)
-        commit_file(path, "fclib", write, size=sum(array.nbytes for array in arrays) + 64 * len(form.q) + (64 << 10))
+        size = sum(array.nbytes for array in arrays) + 64 * len(form.q) + (64 << 10)
+        commit_file(path, "fclib", write, size=size, temporary=temporary_beside(path))
     except RuntimeError as error:
         raise StorageError(f"{path}: HDF5 cannot write the file ({error})") from error
 

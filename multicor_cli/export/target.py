@@ -11,7 +11,7 @@ from pathlib import Path
 
 from multicor_cli.export.errors import ExportRefused
 from multicor_cli.store import layout
-from multicor_cli.store.atomic import fsync_path, storage_errors
+from multicor_cli.store.atomic import fsync_path, storage_errors, temporary_beside
 
 _REMEDY = "choose another name with -o, or give --overwrite"
 
@@ -62,12 +62,11 @@ def new_file(path: Path, *, is_overwriting: bool) -> Iterator[Path]:
         StorageError: For any other error of the system.
     """
     check_file(path, is_overwriting=is_overwriting)
-    temporary = path.with_name(path.name + ".tmp")
+    temporary = temporary_beside(path)
     try:
         with storage_errors(path):
             path.parent.mkdir(parents=True, exist_ok=True)
-            temporary.unlink(missing_ok=True)
-            temporary.touch()  # with the permissions that the user's mask gives; a library may choose others
+            temporary.touch(exist_ok=False)  # with the permissions that the user's mask gives; a library may choose others
             yield temporary
             fsync_path(temporary)
             temporary.replace(path)
@@ -94,11 +93,9 @@ def new_directory(path: Path, names: re.Pattern[str], *, is_overwriting: bool) -
     """
     refuse_files_of_runs(path)
     _check_directory(path, names, is_overwriting=is_overwriting)
-    temporary = path.with_name(path.name + ".tmp")
-    _check_directory(temporary, names, is_overwriting=True)
+    temporary = temporary_beside(path)
     try:
         with storage_errors(path):
-            shutil.rmtree(temporary, ignore_errors=True)
             temporary.mkdir(parents=True)
             yield temporary
             for file in (*temporary.iterdir(), temporary):

@@ -16,7 +16,7 @@ from multicor_cli.report.figures import make_figures
 from multicor_cli.report.pack import Packing, Progress, pack_frames
 from multicor_cli.report.page import MARK, make_page
 from multicor_cli.store import StoreError, open_run, run_info
-from multicor_cli.store.atomic import GuardedFile, commit_file
+from multicor_cli.store.atomic import GuardedFile, commit_file, temporary_beside
 
 SIZE_LIMIT = 30_000_000
 """Largest size of a page [bytes]: what most mail servers still take."""
@@ -93,7 +93,7 @@ def write_report(
         books = energy(run) if run.series.row_count else None
         figures = make_figures(run, books)
         page = make_page(run, info, books, packing, figures)
-    commit_file(target, "report", _writer(page), size=len(page))
+    commit_file(target, "report", _writer(page), size=len(page), temporary=temporary_beside(target))
     return _summary(target, len(page), packing, figures is not None)
 
 

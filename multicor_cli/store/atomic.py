@@ -12,6 +12,7 @@ import contextlib
 import errno
 import hashlib
 import os
+import secrets
 import signal
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -156,6 +157,7 @@ def commit_file(
     size: int = 0,
     verify: Callable[[Path], None] | None = None,
     read_only: bool = False,
+    temporary: Path | None = None,
 ) -> None:
     """Create or replace ``path`` by the commit protocol.
 
@@ -166,12 +168,13 @@ def commit_file(
         size: Upper bound of the size [bytes], reserved beforehand; 0 for small files, which may use the `RESERVE`.
         verify: Raises if the closed temporary file is not what was meant.
         read_only: Whether to take the write permission away: the file is never changed again.
+        temporary: Name of the file until then; ``NAME.tmp``, which belongs to us in a run directory, if None.
 
     Raises:
         StorageFull: If there is not enough space.
         StorageError: For any other error of the system.
     """
-    temporary = path.with_name(path.name + ".tmp")
+    temporary = temporary or path.with_name(path.name + ".tmp")
     if size:
         require_space(path, size)
     try:
@@ -189,6 +192,11 @@ def commit_file(
     finally:
         with contextlib.suppress(OSError):
             temporary.unlink(missing_ok=True)
+
+
+def temporary_beside(path: Path) -> Path:
+    """A name for a temporary file beside ``path`` that nobody else uses: outside run directories ``NAME.tmp`` may be somebody's."""
+    return path.with_name(f".{path.name}.{os.getpid()}-{secrets.token_hex(4)}.tmp")
 
 
 def _write_temporary(path: Path, write: Callable[[GuardedFile], None], size: int, read_only: bool) -> None:

@@ -47,7 +47,7 @@ def test_clocks_that_jump_and_time_zones(finished: Path, tmp_path: Path) -> None
     """The wall clock is for people: nothing that is computed, and no interval, hangs on it."""
     write_small(tmp_path)
     jumping = (
-        "import random, sys, time; sys.argv = ['multicor', 'run', 'small.toml', '-o', 'run']\n"
+        "import random, sys, time; sys.argv = ['multicor', 'run', 'small.toml', '-o', 'run', '--max-hours', '1']\n"
         "time.time = lambda: random.choice([0.0, 1e9, 4e9, -1e6])\n"
         "from multicor_cli.cli.app import main; main()"
     )
