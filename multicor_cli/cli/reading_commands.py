@@ -21,6 +21,8 @@ _HEAT_LABELS = {
 }
 """Heat books for people, by name; those that are zero are not shown."""
 
+_OF_REFERENCE = " of the reference velocity (rms of a step)"
+
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 
 
@@ -91,7 +93,7 @@ def _describe(found: dict[str, Any]) -> list[tuple[str, str]]:
         ("energy closure", _text(found["energy_closure"])),
         ("largest overlap", _text(found["max_overlap"], " of the smaller radius")),
         ("sweeps", _text(solver["sweeps_mean"], " per step")),
-        ("largest residual", _text(solver["residual_rms_max"], " of the reference velocity (rms of a step)") + _where(found["worst_step"])),
+        ("largest residual", _text(solver["residual_rms_max"], _OF_REFERENCE) + _where(found["worst_step"])),
         ("not converged", _text(solver["unconverged_steps"], " steps")),
         ("negative losses", _text(found["negative_loss_share"], " of the losses at contacts")),
     ]
