@@ -207,6 +207,12 @@ def newest_first(directory: Path) -> list[Path]:
     return [path for *_, path in sorted(found, reverse=True)]
 
 
+def step_of(sidecar: Path) -> int:
+    """Step of a checkpoint, by the name of its ``.json``."""
+    match = _NAME.fullmatch(sidecar.name)
+    return int(match[1]) if match else -1
+
+
 def prune(directory: Path, newest: str | None = None) -> None:
     """Remove all but the newest `KEEP` checkpoints, and what a crash has left of others.
 

@@ -14,7 +14,7 @@ from multicor_cli.state import Model
 from multicor_cli.store import layout, schema
 from multicor_cli.store.atomic import file_digest
 from multicor_cli.store.checked import CheckedFile
-from multicor_cli.store.checkpoint import Identity, load_checkpoint, newest_first
+from multicor_cli.store.checkpoint import Identity, load_checkpoint, newest_first, step_of
 from multicor_cli.store.committed import committed_segments
 from multicor_cli.store.documents import Document
 from multicor_cli.store.errors import DamagedRun, StoreError
@@ -219,9 +219,15 @@ def _check_contacts(file: CheckedFile, limits: Limits) -> None:
 
 
 def _verify_checkpoints(path: Path, document: Document) -> list[Finding]:
+    directory = path / layout.CHECKPOINTS
     identity = Identity(str(document["run_id"]), str(document["resolved_sha256"]))
-    sidecars = newest_first(path / layout.CHECKPOINTS)
-    return _run_checks([(sidecar, _checkpoint_check(sidecar, identity)) for sidecar in sidecars])
+    sidecars = newest_first(directory)
+    named = document["summary"]["step"] if document["summary"] and document["status"] != "finished" else -1
+    findings = _run_checks([(sidecar, _checkpoint_check(sidecar, identity)) for sidecar in sidecars])
+    if named > max((step_of(sidecar) for sidecar in sidecars), default=-1):
+        message = f"{directory}: the checkpoint at step {named}, of which {layout.RUN} knows, is missing"
+        findings.append(Finding("error", str(directory), message))
+    return findings
 
 
 def _checkpoint_check(sidecar: Path, identity: Identity) -> Check:

@@ -490,3 +490,11 @@ def test_contacts_of_shapes_that_do_not_exist_are_refused(name: str, value: int,
         frame = next(frame for frame in run.frames if len(frame.contacts))
         with pytest.raises(DamagedRun, match=f"contacts/{name}"):
             getattr(frame.contacts, name)
+
+
+def test_newest_checkpoint_that_has_vanished_is_noticed(open_copy: Path) -> None:
+    newest = max((open_copy / "checkpoints").glob("*.json"))
+    newest.unlink()
+    assert [finding.message for finding in verify(open_copy)] == [
+        f"{open_copy / 'checkpoints'}: the checkpoint at step 40, of which run.json knows, is missing"
+    ]
