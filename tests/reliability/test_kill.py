@@ -6,6 +6,7 @@ checkpoint had saved.
 
 from __future__ import annotations
 
+import json
 import random
 import signal
 import subprocess
@@ -73,11 +74,16 @@ class Watch:
             file = self._run / name
             assert not file.exists() or stamp(file) == identity, f"{name} was touched"
         self._step = step
-        self._files = {
-            str(file.relative_to(self._run)): stamp(file)
-            for pattern in ("segments/*.h5", "checkpoints/*.h5", "model.h5")
-            for file in self._run.glob(pattern)
-        }
+        self._files = {str(file.relative_to(self._run)): stamp(file) for file in self._committed()}
+
+    def _committed(self) -> list[Path]:
+        """Files that belong to the newest checkpoint; what was written after it is set aside and written anew."""
+        sidecars = sorted(self._run.glob("checkpoints/step-*.json"))
+        if not sidecars:
+            return []
+        segments = [self._run / "segments" / segment["name"] for segment in json.loads(sidecars[-1].read_text())["segments"]]
+        files = [*segments, *self._run.glob("checkpoints/*.h5"), self._run / "model.h5"]
+        return [file for file in files if file.exists()]
 
 
 def newest_checkpoint(run: Path) -> int:
