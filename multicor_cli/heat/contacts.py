@@ -61,7 +61,7 @@ def forces_of_step(state: State, contacts: Contacts, settings: HeatSettings, dt:
         return np.asarray(carried / dt)
     before = _averages(state, contacts.i, contacts.j)
     mean: Floats = before + (carried / dt - before) * -np.expm1(-dt / settings.force.value)
-    kept = ~(mean <= 0.0)  # nan stays, to be noticed
+    kept = mean != 0.0  # nan stays, to be noticed
     state.mean_i, state.mean_j, state.mean_force = contacts.i[kept], contacts.j[kept], mean[kept]
     state.mean_age += dt
     touches = (carried > 0.0) | (contacts.frame[:, 2] <= 0.0)

@@ -250,7 +250,7 @@ class HeatEngine:
         try:
             flow = self._integrate(net, walls, source, dt, should_stop, is_implicit=is_implicit)
         except ArithmeticError as error:
-            raise PhysicsError(state.step, str(error)) from error
+            raise PhysicsError(state.step, find_absurd_value(state, self.model) or str(error)) from error
         self._check(flow)
         state.heat += flow.received
         state.heat_dt = flow.next_step

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from multicor_cli.physics.drives import Shifted, Sine
 from multicor_cli.run.conditions import Condition, RestReached, ShearGauge, StrainReached
 from multicor_cli.run.heat_plan import wall_heat
 from multicor_cli.run.plan import RunPlan, StageHeat, StagePlan, count_steps
@@ -15,6 +16,9 @@ from multicor_cli.scenario.settings import Solver
 from multicor_cli.solver.settings import Settings
 from multicor_cli.state import Model
 
+MAX_SWINGS = 100.0
+"""Periods of the temperature or heat flow of a wall in one step at most."""
+
 
 def make_plan(scenario: Scenario, model: Model) -> RunPlan:
     """The plan of a run.
@@ -24,7 +28,8 @@ def make_plan(scenario: Scenario, model: Model) -> RunPlan:
         model: Grains and walls of the run.
 
     Raises:
-        ScenarioError: If nothing sets the scale of an automatic time step, or it is too short for the duration of its stage.
+        ScenarioError: If nothing sets the scale of an automatic time step, or it is too short for the duration of its stage; if the
+            heat of a wall swings too often in a step.
         ValueError: If the strain of a stage is not defined; loading a scenario excludes it.
     """
     drives = scenario.drives(model.walls.names)
@@ -34,6 +39,7 @@ def make_plan(scenario: Scenario, model: Model) -> RunPlan:
     for number, stage in enumerate(scenario.loading):
         solver = scenario.stage_solver(number)
         dt = _automatic_step(scenario, model, number, drives[number]) if solver.dt == "auto" else solver.dt
+        _refuse_fast_heat(scenario, model, number, heat[number], dt)
         stages.append(
             StagePlan(
                 name=stage_name(stage, number),
@@ -73,6 +79,18 @@ def _stage_heat(scenario: Scenario, model: Model) -> list[StageHeat | None]:
         StageHeat(condition, is_on=stage.heat is not False, is_frozen=stage.frozen)
         for condition, stage in zip(conditions, scenario.loading, strict=True)
     ]
+
+
+def _refuse_fast_heat(scenario: Scenario, model: Model, number: int, heat: StageHeat | None, dt: float) -> None:
+    """Heat follows each swing of a wall's signal, in 16 pieces: refuse what would be no end of them."""
+    if heat is None:
+        return
+    for name, wall in zip(model.walls.names, heat.conditions.started([0.0] * (number + 1)), strict=True):
+        signal = wall.signal.signal if isinstance(wall.signal, Shifted) else wall.signal
+        if isinstance(signal, Sine) and dt > MAX_SWINGS * signal.period:
+            what = f"the heat of the wall '{name}' swings {dt / signal.period:.3g} times in a step of {dt:g} s"
+            remedy = "shorten dt in this stage, or give the mean of the signal"
+            raise ScenarioError([scenario.problem(("loading", number), what, remedy)])
 
 
 def stage_name(stage: Stage, number: int) -> str:

@@ -197,7 +197,8 @@ class Engine:
         walls = self._motion.predict(state.wall_velocity, t, dt)
         self._start[n:, :3] = state.wall_velocity
         self._free[n:, :3] = walls
-        if not np.isfinite(speeds).all() or not (np.abs(walls) <= LARGEST).all():
+        of_walls = np.concatenate([walls, state.wall_velocity, state.wall_position])
+        if not np.isfinite(speeds).all() or not (np.abs(of_walls) <= LARGEST).all():
             raise PhysicsError(state.step, _name_absurd(state, model))
         scene = self._scene(self._middle, state.wall_position + 0.5 * dt * state.wall_velocity)
         drift = fit_drift(self._free, self._middle, model.period)

@@ -25,6 +25,8 @@ FLOATS = tuple(f.name for f in fields(State) if "Ints" not in str(f.type) and "i
 REPLACED = {
     "time": "follows from the start of the stage",
     "stage_peak": "a maximum, which -inf and -1e308 never are",
+    "tallies": "some are maxima too",
+    "last_dt": "scales the first guess of the next solve and nothing else; every step sets it anew",
     "wall_velocity": "of a wall that moves as it is told: a step takes over what it is told",
     "wall_temperature": "taken anew from the conditions of the walls in every step with heat",
     "heat_dt": "a first guess, which the length of the step bounds",

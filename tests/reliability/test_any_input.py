@@ -5,6 +5,7 @@ from __future__ import annotations
 import copy
 import random
 import re
+import resource
 import time
 import tomllib
 from pathlib import Path
@@ -39,6 +40,9 @@ DOCUMENTS = [
 ]
 NUMBERS = (0, 1, -1, 2, 1e-12, 1e-6, 1e-3, 0.5, 1.5, 10.0, 1e6, 1e12, 1e308, float("nan"), float("inf"), True, 10**400)
 OTHERS = ("", "x", "*", "top", "a\nb\x1b[31m", "é" * 100, [], [[]], {}, [{}], {"kind": "random"}, "../../etc/passwd", "<script>")
+ROOM = 1 << 30
+"""Memory that a few hundred grains may take besides [bytes]."""
+
 LARGEST = 400
 """Grains of a mutant that is placed at most."""
 
@@ -166,6 +170,7 @@ def test_hostile_texts_are_refused_soon(name: str, tmp_path: Path) -> None:
 @trials(short=25, long=2_000)
 def test_what_is_right_can_be_placed_and_moved(count: int) -> None:
     """Scenarios that pass the check: placed, planned, estimated and moved by two steps, or refused for what only placing shows."""
+    room = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 + ROOM
     choose, outcomes = random.Random(9), {"moved": 0, "refused": 0, "physics": 0}
     while sum(outcomes.values()) < count:
         document = mutate(choose.choice(DOCUMENTS), choose)
@@ -196,6 +201,7 @@ def test_what_is_right_can_be_placed_and_moved(count: int) -> None:
         except Exception as error:
             raise AssertionError(text) from error
         assert time.monotonic() - before < PLACED, text
+        assert resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 < room, text
     print(outcomes)
     assert outcomes["moved"] > count // 3
 

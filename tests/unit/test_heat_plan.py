@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 from packing_support import scenario as cold_scenario
 from scenario_text import HEATED, SHEAR
+from warm_run import WARM
 
 from multicor_cli.heat.settings import ContactForce, Gas, Radiation, WallHeat
 from multicor_cli.packing import build
 from multicor_cli.physics.drives import Constant, Ramp, Shifted, Sine
 from multicor_cli.run.heat_plan import heat_laws, heat_settings, wall_heat
-from multicor_cli.scenario import parse_scenario
+from multicor_cli.run.planning import make_plan
+from multicor_cli.scenario import ScenarioError, parse_scenario
 
 GLASS, STEEL, SPARE = range(3)
 NAMES = ("glass", "steel", "spare")
@@ -158,3 +160,10 @@ def test_walls_come_in_the_order_asked_for_and_are_insulated_at_first(heated):
     assert [wall.kind for wall in wall_heat(heated[0], ("lid", "floor"))[0].walls] == ["insulated", "temperature"]
     cold = wall_heat(parse_scenario(SHEAR, "shear.toml"), ("bottom", "top", "paddle"))
     assert all(stage.walls == (WallHeat(),) * 3 for stage in cold)
+
+
+def test_heat_that_swings_no_end_of_times_in_a_step_is_refused():
+    """Each swing is followed in 16 pieces: a list of 10¹⁰ of them would fill the memory."""
+    scenario = parse_scenario(WARM.replace("period = 0.05", "period = 1e-12"), "warm.toml")
+    with pytest.raises(ScenarioError, match=r"wall 'floor' swings 5e\+08 times in a step of 0.0005 s; shorten dt"):
+        make_plan(scenario, build(scenario)[0])
