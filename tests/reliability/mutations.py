@@ -1,6 +1,6 @@
 """Are the reliability tests worth something? Take away each safeguard in turn, and see a test fail.
 
-    python tests/reliability/mutations.py            # all, half an hour
+    python tests/reliability/mutations.py            # all
     python tests/reliability/mutations.py fsync lock # those whose names contain one of the words
 
 Each mutant of ``mutants.toml`` is a copy of the repository with one change; the tests named beside it must fail there. Exit code

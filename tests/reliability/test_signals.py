@@ -77,15 +77,20 @@ def test_of_two_runs_that_start_together_one_goes_on(tmp_path: Path, count: int)
         assert verify(tmp_path / str(trial)) == []
 
 
-def test_lock_of_a_dead_process_is_taken_over_and_that_of_another_host_is_not(tmp_path: Path) -> None:
-    write_small(tmp_path)
-    process = start("run", "small.toml", "-o", "run", cwd=tmp_path)
-    wait_until((tmp_path / "run" / "model.h5").exists, process)
+def kill_a_run(directory: Path) -> tuple[int, Path]:
+    """Start a run and kill it once it has stored something; its process number and its lock."""
+    write_small(directory)
+    process = start("run", "small.toml", "-o", "run", cwd=directory)
+    wait_until((directory / "run" / "model.h5").exists, process)
     process.kill()
     process.communicate()
-    lock = tmp_path / "run" / "lock"
+    return process.pid, directory / "run" / "lock"
+
+
+def test_lock_of_a_dead_process_is_taken_over_and_that_of_another_host_is_not(tmp_path: Path) -> None:
+    number, lock = kill_a_run(tmp_path)
     holder = json.loads(lock.read_text())
-    assert holder["pid"] == process.pid
+    assert holder["pid"] == number
     lock.write_text(json.dumps({**holder, "host": "elsewhere"}))
     files = {path: path.stat().st_mtime_ns for path in (tmp_path / "run").rglob("*") if path != lock}
     refused = call("run", "small.toml", "-o", "run", cwd=tmp_path)
@@ -100,12 +105,7 @@ def test_lock_of_a_dead_process_is_taken_over_and_that_of_another_host_is_not(tm
 
 
 def test_process_number_that_was_given_to_another_program_is_dead(tmp_path: Path) -> None:
-    write_small(tmp_path)
-    process = start("run", "small.toml", "-o", "run", cwd=tmp_path)
-    wait_until((tmp_path / "run" / "model.h5").exists, process)
-    process.kill()
-    process.communicate()
-    lock = tmp_path / "run" / "lock"
+    _, lock = kill_a_run(tmp_path)
     lock.write_text(json.dumps({**json.loads(lock.read_text()), "pid": os.getpid()}))
     assert read_info(tmp_path / "run")["status"] == "interrupted"
     assert call("run", "small.toml", "-o", "run", cwd=tmp_path).returncode == 0
