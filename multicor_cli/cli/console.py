@@ -11,8 +11,8 @@ from typing import Any
 
 
 def say(text: str = "") -> None:
-    """A line for people, on stderr; that nobody reads it any more changes nothing."""
-    with contextlib.suppress(BrokenPipeError):
+    """A line for people, on stderr; that nobody reads it any more (a closed pipe, a closed terminal) changes nothing."""
+    with contextlib.suppress(OSError):
         print(text, file=sys.stderr, flush=True)
 
 

@@ -11,7 +11,7 @@
 | 6 | the output exists, or another live run holds it |
 | 7 | data damaged, or made by an incompatible version |
 | 75 | stopped at the time limit, resumable |
-| 130, 143 | stopped by Ctrl-C, SIGTERM after a checkpoint |
+| 129, 130, 143 | stopped by SIGHUP, Ctrl-C, SIGTERM after a checkpoint |
 """
 
 from __future__ import annotations

@@ -49,21 +49,18 @@ def run(
 ) -> None:
     """Run a scenario, or continue a run that was stopped: the same command does both.
 
-    Ctrl-C and SIGTERM stop after a checkpoint (a second one at once), SIGUSR1 writes a checkpoint and goes on.
+    Ctrl-C, SIGTERM and SIGHUP stop after a checkpoint (a second one at once), SIGUSR1 writes a checkpoint and goes on.
     """
-    from multicor_cli.run.signals import StopRequested, Switchboard
+    from multicor_cli.run.signals import Switchboard
 
-    try:
-        with Switchboard().installed() as switchboard:
-            with switchboard.raising():
-                job = _prepare(scenario, overrides or [], threads)
-            if is_dry:
-                with switchboard.raising():
-                    _dry_run(job)
-                return
-            outcome = _run(job, output, max_hours, switchboard, overwrite=overwrite, is_quiet=is_quiet)
-    except StopRequested as stop:  # nothing has been begun
-        raise typer.Exit(128 + stop.signal) from None
+    with Switchboard(may_exit=True).installed() as switchboard:
+        with switchboard.impatient():
+            job = _prepare(scenario, overrides or [], threads)
+        if is_dry:
+            with switchboard.impatient():
+                _dry_run(job)
+            return
+        outcome = _run(job, output, max_hours, switchboard, overwrite=overwrite, is_quiet=is_quiet)
     _conclude(outcome, is_quiet=is_quiet)
     raise typer.Exit(outcome.reason.exit_code)
 
@@ -108,10 +105,8 @@ def _conclude(outcome: RunOutcome, *, is_quiet: bool) -> None:
     if outcome.unconverged_steps:
         steps = count_noun(outcome.unconverged_steps, "step")
         say(f"warning: {steps} did not converge; see multicor info {outcome.directory}")
-    if is_quiet:
-        return
-    where = f"step {outcome.step}, t = {outcome.time:.6g} s, in {outcome.directory}"
-    say(f"{outcome.reason.value}: {where}" + ("" if outcome.is_finished else "; the same command continues"))
+    if not is_quiet:
+        say(str(outcome))
 
 
 def _dry_run(job: _Job) -> None:

@@ -13,7 +13,7 @@ from multicor_cli.run.observer import Observer, SilentObserver, Status
 from multicor_cli.run.outcome import StopReason
 from multicor_cli.run.pace import Pace
 from multicor_cli.run.plan import RunPlan, StagePlan
-from multicor_cli.run.signals import StopRequested, Switchboard
+from multicor_cli.run.signals import Switchboard
 from multicor_cli.solver.contact_table import ContactTable
 from multicor_cli.solver.settings import Settings, StepReport
 from multicor_cli.solver.solve import Interrupted
@@ -137,13 +137,10 @@ class Controller:
             self._write_frame()
             self._checkpoint()
         state = self._engine.state
-        try:
-            while state.stage < len(self._plan.stages):
-                reason = self._run_stage(self._plan.stages[state.stage])
-                if reason is not None:
-                    return reason
-        except StopRequested as stop:  # only in the first step of this process: the last checkpoint is the state before it
-            return StopReason.of_signal(stop.signal)
+        while state.stage < len(self._plan.stages):
+            reason = self._run_stage(self._plan.stages[state.stage])
+            if reason is not None:
+                return reason
         if self._steps:
             self._checkpoint()
         self._beat()
@@ -198,7 +195,7 @@ class Controller:
         dt, t = stage.dt, self._engine.state.stage_step * stage.dt
         if self._steps:
             return self._engine.step(dt, t, self._signals.should_stop)
-        with self._signals.raising():  # kernels may compile now
+        with self._signals.impatient():  # kernels may compile now, and the last checkpoint is the state before this step
             return self._engine.step(dt, t, self._signals.should_stop)
 
     def _after_step(self, stage: StagePlan, report: StepReport) -> bool:

@@ -20,6 +20,7 @@ class ExitCode(IntEnum):
     OCCUPIED = 6  # the output exists, or another live run holds it
     DAMAGED = 7  # data damaged, or made by an incompatible version
     STOPPED = 75  # time limit reached, resumable (EX_TEMPFAIL: schedulers may requeue)
+    HUNG_UP = 129  # SIGHUP: the terminal was closed, after a checkpoint
     INTERRUPTED = 130  # Ctrl-C, after a checkpoint
     TERMINATED = 143  # SIGTERM, after a checkpoint
 
@@ -31,12 +32,13 @@ class StopReason(Enum):
     ALREADY_FINISHED = "already finished"
     INTERRUPTED = "interrupted (SIGINT)"
     TERMINATED = "terminated (SIGTERM)"
+    HUNG_UP = "terminal closed (SIGHUP)"
     TIME_LIMIT = "time limit reached"
 
     @classmethod
     def of_signal(cls, number: int) -> StopReason:
         """The reason that a stop signal stands for."""
-        return cls.TERMINATED if number == signal.SIGTERM else cls.INTERRUPTED
+        return {signal.SIGTERM: cls.TERMINATED, signal.SIGHUP: cls.HUNG_UP}.get(signal.Signals(number), cls.INTERRUPTED)
 
     @property
     def is_end(self) -> bool:
@@ -54,6 +56,7 @@ _EXIT_CODES = {
     StopReason.ALREADY_FINISHED: ExitCode.DONE,
     StopReason.INTERRUPTED: ExitCode.INTERRUPTED,
     StopReason.TERMINATED: ExitCode.TERMINATED,
+    StopReason.HUNG_UP: ExitCode.HUNG_UP,
     StopReason.TIME_LIMIT: ExitCode.STOPPED,
 }
 
@@ -80,3 +83,7 @@ class RunOutcome:
     def is_finished(self) -> bool:
         """Whether the run is complete; otherwise the same call continues it."""
         return self.reason.is_end
+
+    def __str__(self) -> str:
+        where = f"step {self.step}, t = {self.time:.6g} s, in {self.directory}"
+        return f"{self.reason.value}: {where}" + ("" if self.is_finished else "; the same command continues")

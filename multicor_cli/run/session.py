@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import dataclasses
+import functools
 import time
 import tomllib
 from collections.abc import Iterator
@@ -23,7 +24,7 @@ from multicor_cli.run.observer import Observer, SilentObserver
 from multicor_cli.run.outcome import ExitCode, RunOutcome, StopReason
 from multicor_cli.run.planning import make_plan
 from multicor_cli.run.recorder import DirectoryRecorder
-from multicor_cli.run.signals import StopRequested, Switchboard
+from multicor_cli.run.signals import Switchboard
 from multicor_cli.scenario.load import parse_scenario
 from multicor_cli.scenario.overrides import apply_overrides
 from multicor_cli.scenario.problems import ScenarioError
@@ -82,14 +83,23 @@ class Session:
             StoreError: If the directory cannot be used, or a file cannot be written or is damaged.
         """
         with self._signals.installed():
+            self._signals.farewell = self._leave
             try:
                 if RunDirectory.is_run(self._path) and not self._overwrite:
                     return self._continue()
                 return self._begin()
-            except StopRequested as stop:  # while the grains were placed: there is nothing to save
-                return RunOutcome(StopReason.of_signal(stop.signal), self._path, 0, 0.0, 0)
             finally:
                 self._observer.closed()
+
+    def _leave(self, number: int, directory: RunDirectory | None = None, state: State | None = None) -> None:
+        """What a signal does where nothing has to be saved: while grains are placed, or kernels compile in a first step."""
+        reason = StopReason.of_signal(number)
+        self._observer.closed()
+        step, time_reached = (state.step, state.time) if state is not None else (0, 0.0)
+        self._observer.message(str(RunOutcome(reason, self._path, step, time_reached, 0)))
+        if directory is not None:
+            with directory:
+                directory.finish("stopped", stop_reason=reason.value, exit_code=reason.exit_code)
 
     def _begin(self) -> RunOutcome:
         check_usable(self._path, overwrite=self._overwrite)
@@ -125,6 +135,7 @@ class Session:
             with self._recording_failure(directory):
                 checkpoint = directory.load_checkpoint()
                 if checkpoint is None:
+                    self._signals.farewell = functools.partial(self._leave, directory=directory)
                     model, state = self._build(scenario)
                     return self._carry_on(directory, scenario, model, state, is_new=True)
                 self._compare_versions(str(directory.provenance.get("multicor_version", "")))
@@ -140,7 +151,7 @@ class Session:
 
     def _build(self, scenario: Scenario) -> tuple[Model, State]:
         self._observer.message("placing the grains")
-        with self._signals.raising():
+        with self._signals.impatient():
             return build(scenario)
 
     def _carry_on(self, directory: RunDirectory, scenario: Scenario, model: Model, state: State, *, is_new: bool) -> RunOutcome:
@@ -150,6 +161,7 @@ class Session:
             writer = directory.writer(model)
             engine = make_engine(scenario, model, state, self._threads)
             self._announce(model, engine)
+            self._signals.farewell = functools.partial(self._leave, directory=directory, state=state)
             controller = Controller(
                 plan,
                 engine,
@@ -192,10 +204,6 @@ class Session:
         """Write into ``run.json`` why the run failed, as far as that is possible, and let the error go on."""
         try:
             yield
-        except StopRequested as stop:
-            reason = StopReason.of_signal(stop.signal)
-            directory.finish("stopped", stop_reason=reason.value, exit_code=reason.exit_code)
-            raise
         except Exception as error:
             if directory.status == "running":
                 with contextlib.suppress(StoreError, MemoryError):

@@ -1,57 +1,55 @@
 """Signals as flags: the controller looks at them between two steps, where the state can be saved.
 
-SIGINT and SIGTERM ask for a checkpoint and a stop, SIGUSR1 for a checkpoint. A second SIGINT or SIGTERM ends the process at
-once, which the commit protocol of the files survives. While kernels compile there is no "between two steps" for half a minute:
-an `impatient` switchboard then raises `StopRequested` out of the handler.
+SIGINT, SIGTERM and SIGHUP ask for a checkpoint and a stop, SIGUSR1 for a checkpoint. A second request to stop ends the process at
+once, which the commit protocol of the files survives. While kernels compile there is no "between two steps" for half a minute,
+nor is there anything to save: an `impatient` switchboard then ends the process out of the handler. (An exception that is raised
+there would have to find its way through the machine code of a compiler, which crashes now and then.)
 """
 
 from __future__ import annotations
 
+import contextlib
 import os
 import signal
 import sys
 import threading
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from types import FrameType
+from typing import NoReturn
 
-STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM)
-
-
-class StopRequested(BaseException):
-    """A signal arrived where nothing has to be saved; no `Exception`, so that no library swallows it.
-
-    Attributes:
-        signal: Number of the signal.
-    """
-
-    def __init__(self, number: int) -> None:
-        super().__init__(f"stopped by {signal.Signals(number).name}")
-        self.signal = number
+STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
 class Switchboard:
     """Collects the signals that arrive during a run.
 
     Attributes:
-        stop_signal: The first SIGINT or SIGTERM, or None.
+        stop_signal: The first signal that asked for a stop, or None.
         is_checkpoint_wanted: Whether SIGUSR1 has arrived since this was last cleared.
-        impatient: Whether a stop signal raises `StopRequested` instead of waiting to be looked at.
+        farewell: What an impatient switchboard does with the number of a stop signal before it ends the process.
     """
 
-    def __init__(self) -> None:
+    def __init__(self, *, may_exit: bool = False) -> None:
+        """Set up.
+
+        Args:
+            may_exit: Whether the process is ours to end; otherwise `impatient` has no effect.
+        """
         self.stop_signal: int | None = None
         self.is_checkpoint_wanted = False
-        self.impatient = False
+        self.farewell: Callable[[int], None] = lambda number: None
+        self._may_exit = may_exit
+        self._is_impatient = False
         self._is_installed = False
 
     def should_stop(self) -> bool:
-        """Whether SIGINT or SIGTERM has arrived."""
+        """Whether somebody has asked for a stop."""
         return self.stop_signal is not None
 
     @contextmanager
     def installed(self) -> Iterator[Switchboard]:
-        """Handle the signals while the context lasts.
+        """Handle the signals while the context lasts; what was ignored before (SIGHUP under ``nohup``) stays ignored.
 
         Outside the main thread Python does not allow it, and inside such a context it is done already: then nothing happens.
         """
@@ -59,8 +57,9 @@ class Switchboard:
             yield self
             return
         self._is_installed = True
-        before = {number: signal.signal(number, self._on_stop) for number in STOP_SIGNALS}
-        before[signal.SIGUSR1] = signal.signal(signal.SIGUSR1, self._on_checkpoint)
+        handlers = {**dict.fromkeys(STOP_SIGNALS, self._on_stop), signal.SIGUSR1: self._on_checkpoint}
+        heard = [number for number in handlers if signal.getsignal(number) is not signal.SIG_IGN]
+        before = {number: signal.signal(number, handlers[number]) for number in heard}
         try:
             yield self
         finally:
@@ -69,38 +68,33 @@ class Switchboard:
                 signal.signal(number, handler if handler is not None else signal.SIG_DFL)
 
     @contextmanager
-    def raising(self) -> Iterator[None]:
-        """While the context lasts a stop signal raises `StopRequested` at once; so does one that has come already."""
-        if self.stop_signal is not None:
-            raise StopRequested(self.stop_signal)
-        hook = sys.unraisablehook
-
-        def on_swallowed(event: sys.UnraisableHookArgs) -> None:
-            # The exception came out where Python drops exceptions, in a destructor. There is nothing to save: leave at once.
-            if isinstance(event.exc_value, StopRequested):
-                _exit_now(event.exc_value.signal)
-            hook(event)
-
-        sys.unraisablehook = on_swallowed
-        self.impatient = True
+    def impatient(self) -> Iterator[None]:
+        """While the context lasts nothing has to be saved: a stop signal ends the process; so does one that has come already."""
+        self._is_impatient = self._may_exit
         try:
+            if self._is_impatient and self.stop_signal is not None:
+                self._leave(self.stop_signal)
             yield
         finally:
-            self.impatient = False
-            sys.unraisablehook = hook
+            self._is_impatient = False
 
     def _on_stop(self, number: int, _frame: FrameType | None) -> None:
         if self.stop_signal is not None:
             _exit_now(number)
         self.stop_signal = number
-        if self.impatient:
-            raise StopRequested(number)
+        if self._is_impatient:
+            self._leave(number)
+
+    def _leave(self, number: int) -> NoReturn:
+        with contextlib.suppress(Exception):  # a full disk: that the run was stopped is then found out from its lock
+            self.farewell(number)
+        _exit_now(number)
 
     def _on_checkpoint(self, _number: int, _frame: FrameType | None) -> None:
         self.is_checkpoint_wanted = True
 
 
-def _exit_now(number: int) -> None:
+def _exit_now(number: int) -> NoReturn:
     if sys.stderr.isatty():
         os.write(sys.stderr.fileno(), b"\x1b[?25h\n")  # a progress bar hides the cursor
     os._exit(128 + number)

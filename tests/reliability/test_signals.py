@@ -1,17 +1,19 @@
-"""Ctrl-C and SIGTERM at any moment end the program within two seconds; one run at a time in a directory."""
+"""Ctrl-C, SIGTERM and SIGHUP at any moment end the program within two seconds; one run at a time in a directory."""
 
 from __future__ import annotations
 
 import json
 import os
+import pty
 import random
 import signal
 import subprocess
+import sys
 import time
 from pathlib import Path
 
 import pytest
-from small_run import SMALL, call, read_info, start, write_small
+from small_run import SMALL, call, command, environment, read_info, start, write_small
 from trials import trials
 
 from multicor_cli.store import verify
@@ -20,7 +22,9 @@ CONFIGS = Path(__file__).parents[2] / "configs"
 PROMISED = 2.0
 """Time from the signal to the end [s]."""
 
-CODES = {signal.SIGINT: 130, signal.SIGTERM: 143}
+CODES = {signal.SIGINT: 130, signal.SIGTERM: 143, signal.SIGHUP: 129}
+if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:  # these tests run under nohup
+    del CODES[signal.SIGHUP]
 BIG = {"short": 20_000, "long": 200_000}
 """Grains of a bed, one step of which takes long."""
 
@@ -111,17 +115,31 @@ def test_process_number_that_was_given_to_another_program_is_dead(tmp_path: Path
     assert call("run", "small.toml", "-o", "run", cwd=tmp_path).returncode == 0
 
 
-@pytest.mark.parametrize("number", [signal.SIGUSR1, signal.SIGHUP])
-def test_other_signals_do_no_harm(tmp_path: Path, number: signal.Signals) -> None:
-    """SIGUSR1 goes on; a terminal that closes ends the run, which can be continued."""
-    if signal.getsignal(number) is signal.SIG_IGN:
-        pytest.skip("these tests run under nohup")
+def test_usr1_goes_on(tmp_path: Path) -> None:
     write_small(tmp_path, SMALL.replace("duration = 0.004", "duration = 100.0"))
     process = start("run", "small.toml", "-o", "run", cwd=tmp_path)
     wait_until((tmp_path / "run" / "model.h5").exists, process)
-    process.send_signal(number)
+    process.send_signal(signal.SIGUSR1)
     time.sleep(0.5)
-    assert (process.poll() is None) == (number == signal.SIGUSR1)
+    assert process.poll() is None
     process.send_signal(signal.SIGTERM)
     process.communicate(timeout=30)
     assert [finding for finding in verify(tmp_path / "run") if finding.severity == "error"] == []
+
+
+@pytest.mark.skipif(signal.SIGHUP not in CODES, reason="these tests run under nohup")
+def test_terminal_that_closes_stops_the_run_after_a_checkpoint(tmp_path: Path) -> None:
+    """Where nothing can be written to it any more, not even why the run stopped."""
+    write_small(tmp_path, SMALL.replace("duration = 0.004", "duration = 100.0"))
+    child, terminal = pty.fork()
+    if child == 0:
+        os.chdir(tmp_path)
+        os.execve(sys.executable, [*command(), "run", "small.toml", "-o", "run"], environment())
+    while b"steps/s" not in os.read(terminal, 10_000):  # the progress bar
+        pass
+    os.close(terminal)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 129
+    info = read_info(tmp_path / "run")
+    assert (info["status"], info["exit_code"]) == ("stopped", 129)
+    assert info["step"] > 0
+    assert verify(tmp_path / "run") == []

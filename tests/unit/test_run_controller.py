@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import random
 import signal
 
@@ -15,7 +16,7 @@ from multicor_cli.run.observer import SilentObserver, Status
 from multicor_cli.run.outcome import StopReason
 from multicor_cli.run.pace import WARM_UP_STEPS, Pace
 from multicor_cli.run.plan import RunPlan, StagePlan, count_steps
-from multicor_cli.run.signals import StopRequested, Switchboard
+from multicor_cli.run.signals import STOP_SIGNALS, Switchboard
 from multicor_cli.solver.settings import PhysicsError, Settings
 from multicor_cli.state import BOOK_NAMES, State
 
@@ -139,19 +140,13 @@ def test_interrupted_step_leaves_the_state_of_the_step_before(last: int) -> None
     assert resumed.state.digest() == straight.state.digest()
 
 
-def test_signal_during_the_first_step_raises_and_keeps_the_checkpoint_before_it() -> None:
+def test_signal_during_the_first_step_waits_where_the_process_is_not_ours() -> None:
     model = make_model()
     engine, recorder, switchboard = FakeEngine(model), MemoryRecorder(), Switchboard()
-
-    def act(_step: int) -> None:
-        engine.state.position[:] = np.nan  # compilation stopped half-way through a step
-        switchboard._on_stop(signal.SIGINT, None)
-
-    engine.before_step = act
+    engine.before_step = lambda _step: switchboard._on_stop(signal.SIGINT, None)
     reason = Controller(make_plan(model), engine, recorder, switchboard=switchboard, clock=Clock()).run(is_new=True)
     assert reason is StopReason.INTERRUPTED
-    assert len(recorder.checkpoints) == 1
-    assert np.isfinite(recorder.checkpoints[0][0].position).all()
+    assert engine.state.step == recorder.rewind().step == 0
 
 
 def test_time_limit_stops_with_a_checkpoint() -> None:
@@ -346,18 +341,58 @@ def test_switchboard_collects_signals_and_puts_the_handlers_back() -> None:
     assert signal.getsignal(signal.SIGTERM) is before
 
 
-def test_impatient_switchboard_raises() -> None:
-    switchboard = Switchboard()
-    with switchboard.installed(), pytest.raises(StopRequested) as caught, switchboard.raising():
-        signal.raise_signal(signal.SIGINT)
-    assert caught.value.signal == signal.SIGINT
-    assert not switchboard.impatient
+@pytest.mark.parametrize("number", STOP_SIGNALS)
+@pytest.mark.parametrize("when", ["before", "inside"])
+def test_impatient_switchboard_ends_the_process_with_its_farewell(number: signal.Signals, when: str, capfd) -> None:
+    child = os.fork()
+    if child == 0:
+        signal.signal(number, signal.SIG_DFL)
+        switchboard = Switchboard(may_exit=True)
+        switchboard.farewell = lambda number: os.write(1, b"farewell %d" % number)
+        with switchboard.installed():
+            if when == "before":
+                signal.raise_signal(number)
+            with switchboard.impatient():
+                if when == "inside":
+                    signal.raise_signal(number)
+        os._exit(0)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 128 + number
+    assert capfd.readouterr().out == f"farewell {number}"
+
+
+def test_second_signal_ends_the_process_at_once_also_during_its_farewell(capfd) -> None:
+    child = os.fork()
+    if child == 0:
+        switchboard = Switchboard(may_exit=True)
+
+        def farewell(_number: int) -> None:
+            signal.raise_signal(signal.SIGTERM)
+            os.write(1, b"not reached")
+
+        switchboard.farewell = farewell
+        with switchboard.installed(), switchboard.impatient():
+            signal.raise_signal(signal.SIGINT)
+        os._exit(0)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 143
+    assert capfd.readouterr().out == ""
+
+
+def test_ignored_signals_stay_ignored() -> None:
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as nohup does
+    try:
+        switchboard = Switchboard()
+        with switchboard.installed():
+            signal.raise_signal(signal.SIGHUP)
+        assert not switchboard.should_stop()
+    finally:
+        signal.signal(signal.SIGHUP, before)
 
 
 def test_reasons_have_exit_codes() -> None:
     codes = {reason: reason.exit_code for reason in StopReason}
     assert codes[StopReason.INTERRUPTED] == 130
     assert codes[StopReason.TERMINATED] == 143
+    assert codes[StopReason.HUNG_UP] == 129
     assert codes[StopReason.TIME_LIMIT] == 75
     assert codes[StopReason.FINISHED] == codes[StopReason.ALREADY_FINISHED] == 0
     assert StopReason.of_signal(signal.SIGTERM) is StopReason.TERMINATED
