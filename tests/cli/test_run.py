@@ -116,6 +116,47 @@ def test_second_signal_ends_at_once(tmp_path: Path) -> None:
     assert read_info(tmp_path / "slow")["status"] == "interrupted"
 
 
+def run_that_hangs(directory: Path, name: str) -> subprocess.Popen[str]:
+    """A run in whose session the function ``name`` says so and never ends: a slow placement, or kernels that compile."""
+    hanging = (
+        "import sys, time; sys.argv = ['multicor', 'run', 'small.toml', '-o', 'early']\n"
+        "import multicor_cli.run.session as s\n"
+        "def hang(*a, **k):\n"
+        "    print('hanging', flush=True)\n"
+        "    while True: time.sleep(0.05)\n"
+        f"s.{name} = hang\n"
+        "from multicor_cli.cli.app import main; main()"
+    )
+    process = subprocess.Popen(
+        [*command()[:1], "-c", hanging], cwd=directory, env=environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == "hanging\n"
+    return process
+
+
+def stop_early(process: subprocess.Popen[str]) -> None:
+    process.send_signal(signal.SIGTERM)
+    _, errors = process.communicate(timeout=5)
+    assert process.returncode == 143
+    assert "terminated (SIGTERM): step 0, t = 0 s, in early; the same command continues" in errors
+
+
+def test_signal_while_nothing_has_to_be_saved_ends_the_process(finished: Path, tmp_path: Path) -> None:
+    write_small(tmp_path)
+    stop_early(run_that_hangs(tmp_path, "build"))
+    assert not (tmp_path / "early").exists()
+    stop_early(run_that_hangs(tmp_path, "Engine.step"))
+    info = read_info(tmp_path / "early")
+    assert (info["status"], info["exit_code"]) == ("stopped", 143)
+    assert (tmp_path / "early" / "lock").read_text() == ""
+    for checkpoint in (tmp_path / "early" / "checkpoints").iterdir():
+        checkpoint.unlink()  # as if it had been killed before the first one: the grains are placed again
+    stop_early(run_that_hangs(tmp_path, "build"))
+    assert call("run", "small.toml", "-o", "early", cwd=tmp_path).returncode == 0
+    assert read_info(tmp_path / "early")["data_digest"] == read_info(finished)["data_digest"]
+
+
 def test_usr1_writes_a_checkpoint_and_goes_on(tmp_path: Path) -> None:
     write_small(tmp_path, SMALL.replace("duration = 0.004", "duration = 100.0"))
     process = start("run", "small.toml", "-o", "long", cwd=tmp_path)

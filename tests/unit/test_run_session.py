@@ -12,6 +12,7 @@ from typing import Any
 import pytest
 from small_run import SMALL, write_small
 
+from multicor_cli.packing import build
 from multicor_cli.run import run_scenario
 from multicor_cli.run import session as session_module
 from multicor_cli.run.observer import SilentObserver, Status
@@ -19,7 +20,9 @@ from multicor_cli.run.outcome import ExitCode, RunOutcome, StopReason
 from multicor_cli.run.session import failure_code, stage_starts
 from multicor_cli.scenario.load import load_scenario, parse_scenario
 from multicor_cli.scenario.problems import ScenarioError
+from multicor_cli.scenario.scenario import Scenario
 from multicor_cli.solver import PhysicsError
+from multicor_cli.state import Model, State
 from multicor_cli.store import DirectoryRefused, StorageFull, open_run, run_info
 
 KEPT = """
@@ -203,11 +206,20 @@ def test_other_failures_are_recorded(
     assert run_scenario(scenario_path, tmp_path / "run").is_finished
 
 
-def test_signal_while_the_grains_are_placed(scenario_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(session_module, "build", lambda scenario: signal.raise_signal(signal.SIGINT))
+def test_signal_while_the_grains_are_placed_waits_for_them(
+    scenario_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of Python users, whose process is not ours to end."""
+
+    def build_interrupted(scenario: Scenario) -> tuple[Model, State]:
+        signal.raise_signal(signal.SIGINT)
+        return build(scenario)
+
+    monkeypatch.setattr(session_module, "build", build_interrupted)
     outcome = run_scenario(scenario_path, tmp_path / "run")
-    assert outcome.reason is StopReason.INTERRUPTED
-    assert not (tmp_path / "run").exists()
+    assert (outcome.reason, outcome.step) == (StopReason.INTERRUPTED, 0)
+    monkeypatch.undo()
+    assert run_scenario(scenario_path, tmp_path / "run").is_finished
 
 
 def test_time_limit_counts_from_the_start(scenario_path: Path, tmp_path: Path) -> None:
