@@ -68,10 +68,12 @@ class Identity:
     Attributes:
         run_id: Identity of the run.
         scenario: Digest of the resolved scenario.
+        stages: Number of loading stages.
     """
 
     run_id: str
     scenario: str
+    stages: int
 
 
 def write_checkpoint(
@@ -179,6 +181,8 @@ def load_checkpoint(sidecar: Path, identity: Identity, model: Model | None = Non
         raise DamagedRun(f"{path}: damaged (it does not match its digest in {sidecar.name})")
     state, version = _read_state(path, identity.run_id)
     misfit = find_misfit(state, model) if model is not None else None
+    if state.stage > identity.stages:
+        misfit = f"it is in stage {state.stage + 1} of {identity.stages}"
     if misfit is not None:
         raise DamagedRun(f"{path}: does not fit the model: {misfit}")
     try:

@@ -171,7 +171,7 @@ class Run:
         directory = self.path / layout.CHECKPOINTS
         if not directory.is_dir():
             return None
-        identity = Identity(self.run_id, str(self.info["resolved_sha256"]))
+        identity = Identity(self.run_id, str(self.info["resolved_sha256"]), len(self.stages))
         model = None
         with contextlib.suppress(DamagedRun):  # what belongs to the state is whole all the same
             model = self.model

@@ -332,7 +332,7 @@ class RunDirectory:
         return path
 
     def _identity(self) -> Identity:
-        return Identity(self.run_id, str(self._document["resolved_sha256"]))
+        return Identity(self.run_id, str(self._document["resolved_sha256"]), len(self.stages))
 
     def _save(self) -> None:
         self._document["updated"] = now()

@@ -92,6 +92,7 @@ BROKEN = {
     "a value that is not finite": {"velocity": np.nan},
     "an absurd value": {"position": 1e300},
     "a negative stage": {"stage": -1},
+    "a stage after the last": {"stage": 100},
 }
 
 
