@@ -70,7 +70,7 @@ def _are_pairs(first: NDArray[Any], second: NDArray[Any], grains: int, shapes: i
 
 
 def _owner(state: State, model: Model, name: str, row: int) -> str:
-    plain = f"the {name.replace('_', ' ')}"
+    plain = "the heat generated" if name == "generated" else f"the {name.replace('_', ' ')}"
     if name in _OF_GRAINS:
         return f"{plain} of grain {row}"
     if name in _OF_WALLS:

@@ -51,13 +51,13 @@ def main(words: list[str]) -> int:
     for mutant in chosen:
         killer = first_failure(mutant)
         survivors += killer is None
-        print(f"| {mutant.name} | {killer or 'SURVIVES'} |", flush=True)
+        print(f"| {mutant.name} | {killer or 'SURVIVES |'} |", flush=True)
     print(f"{len(chosen)} mutants, {survivors} survive")
     return 1 if survivors else 0
 
 
 def first_failure(mutant: Mutant) -> str | None:
-    """The test that fails first: of the short forms, or else of the long ones."""
+    """The test that fails first, of the short forms or else of the long ones, and why."""
     with tempfile.TemporaryDirectory() as directory:
         copy = Path(directory) / "repository"
         skipped = shutil.ignore_patterns("__pycache__", ".*", "runs", "docs", "benchmarks")
@@ -85,7 +85,8 @@ def first_failure(mutant: Mutant) -> str | None:
             )
             failed = [line for line in done.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
             if failed:
-                return failed[0].split()[1].rpartition("/")[2]
+                reasons = [line.split(maxsplit=1)[1] for line in done.stdout.splitlines() if line.startswith("E  ")]
+                return f"{failed[0].split()[1].rpartition('/')[2]} | {reasons[0][:100] if reasons else ''}"
     return None
 
 

@@ -1,7 +1,7 @@
 """Runs a scenario whose state is spoiled behind its back; a process of its own, for machine code that meets nonsense may crash.
 
-Each line of stdin is a case: ``[field, row, value, step]``. Each line of stdout is its outcome: exit code, message, step of the
-last checkpoint, and whether frames and checkpoint are sound.
+Each line of stdin is a case: ``[field, entry, value, step]``. Each line of stdout is its outcome: exit code, message, step of the
+last checkpoint, row of the entry, and whether frames and checkpoint are sound.
 """
 
 from __future__ import annotations
@@ -23,15 +23,17 @@ from multicor_cli.store import open_run, verify
 def main(scenario: Path, directory: Path) -> None:
     original = session_module.CoupledEngine.step
     case: list[Any] = []
+    row = [0]
 
     def step(self: Any, *arguments: Any, **options: Any) -> Any:
-        field, row, value, at = case
+        field, entry, value, at = case
         if self.state.step == at:
             values = getattr(self.state, field)
             if field in ("contact_impulse", "mean_force"):
                 values[:] = value  # single ones may be those of contacts that open
             elif isinstance(values, np.ndarray):
-                values.reshape(-1)[row % values.size] = value
+                values.reshape(-1)[entry % values.size] = value
+                row[0] = entry % values.size // max(1, values.size // len(values))
             else:
                 setattr(self.state, field, value)
         return original(self, *arguments, **options)
@@ -40,7 +42,7 @@ def main(scenario: Path, directory: Path) -> None:
     for line in sys.stdin:
         case[:] = json.loads(line)
         case[2] = float(case[2])
-        print(json.dumps(outcome(scenario, directory)), flush=True)
+        print(json.dumps({**outcome(scenario, directory), "row": row[0]}), flush=True)
         shutil.rmtree(directory)
 
 

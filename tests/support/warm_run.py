@@ -62,4 +62,5 @@ dt = 5e-4
 max_sweeps = 500
 [output]
 frame_interval = 2e-3
+series_interval = 1e-3
 """
