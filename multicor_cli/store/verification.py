@@ -66,7 +66,7 @@ def verify(path: Path | str) -> list[Finding]:
     if path.is_file():
         return _run_checks([(path, lambda: _check_results(path, None, None))])
     if not (path / layout.RUN).exists() and (path / layout.RESULTS).is_file():
-        return verify(path / layout.RESULTS)
+        return _missing_run_document(path) + verify(path / layout.RESULTS)
     try:
         document = read_run_document(path)
     except DamagedRun as error:
@@ -78,6 +78,13 @@ def verify(path: Path | str) -> list[Finding]:
     else:
         findings += _verify_segments(path, document)
     return findings + _verify_checkpoints(path, document) + list(_leftovers(path, document))
+
+
+def _missing_run_document(path: Path) -> list[Finding]:
+    """Results may lie alone in a directory; beside other files of their run its description is missing."""
+    if not any((path / name).exists() for name in (layout.SOURCE, layout.RESOLVED, layout.MODEL, layout.CHECKPOINTS)):
+        return []
+    return [Finding("error", str(path / layout.RUN), "missing: the run cannot be continued; results.h5 can be read without it")]
 
 
 def _run_checks(checks: list[tuple[Path, Check]]) -> list[Finding]:

@@ -3,8 +3,10 @@
     python tests/reliability/mutations.py            # all
     python tests/reliability/mutations.py fsync lock # those whose names contain one of the words
 
-Each mutant of ``mutants.toml`` is a copy of the repository with one change; the tests named beside it must fail there. Exit code
-1 if one survives. Fields of a state are taken away by `test_saved_states.py` itself.
+Each mutant of ``mutants.toml`` is a copy of the repository with one change; the tests named beside it must fail there, and pass
+without the change. Exit code 1 if one survives, 2 if a test fails without any change.
+
+Fields of a state are taken away by `test_saved_states.py` itself.
 """
 
 from __future__ import annotations
@@ -19,6 +21,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 ROOT = Path(__file__).parents[2]
+FORMS = ("not reliability", "reliability")
+"""Markers of the short forms of the tests, and of the long ones."""
 
 
 @dataclass(frozen=True)
@@ -48,45 +52,48 @@ def read_mutants() -> list[Mutant]:
 def main(words: list[str]) -> int:
     chosen = [mutant for mutant in read_mutants() if not words or any(word in mutant.name for word in words)]
     survivors = 0
-    for mutant in chosen:
-        killer = first_failure(mutant)
-        survivors += killer is None
-        print(f"| {mutant.name} | {killer or 'SURVIVES |'} |", flush=True)
+    with tempfile.TemporaryDirectory() as directory:
+        copy = Path(directory) / "repository"  # always the same, so that Numba finds the kernels that it has compiled
+        for tests in dict.fromkeys(mutant.tests for mutant in chosen):
+            make_copy(copy)
+            failure = first_failure(copy, tests, FORMS[:1])
+            if failure is not None:
+                print(f"fails without any mutant: {failure}")
+                return 2
+        for mutant in chosen:
+            make_copy(copy)
+            file = copy / mutant.file
+            file.write_text(file.read_text().replace(mutant.before, mutant.after))
+            killer = first_failure(copy, mutant.tests, FORMS)
+            survivors += killer is None
+            print(f"| {mutant.name} | {killer or 'SURVIVES |'} |", flush=True)
     print(f"{len(chosen)} mutants, {survivors} survive")
     return 1 if survivors else 0
 
 
-def first_failure(mutant: Mutant) -> str | None:
+def make_copy(copy: Path) -> None:
+    """The repository as it is, anew."""
+    shutil.rmtree(copy, ignore_errors=True)
+    shutil.copytree(ROOT, copy, ignore=shutil.ignore_patterns("__pycache__", ".*", "runs", "docs", "benchmarks"))
+
+
+def first_failure(copy: Path, tests: tuple[str, ...], forms: tuple[str, ...]) -> str | None:
     """The test that fails first, of the short forms or else of the long ones, and why."""
-    with tempfile.TemporaryDirectory() as directory:
-        copy = Path(directory) / "repository"
-        skipped = shutil.ignore_patterns("__pycache__", ".*", "runs", "docs", "benchmarks")
-        shutil.copytree(ROOT, copy, ignore=skipped)
-        file = copy / mutant.file
-        file.write_text(file.read_text().replace(mutant.before, mutant.after))
-        for form in ("not reliability", "reliability"):
-            arguments = [
-                *(f"tests/{test}" for test in mutant.tests),
-                "-x",
-                "-m",
-                form,
-                "-p",
-                "no:cacheprovider",
-                "--basetemp",
-                f"{directory}/tmp",
-            ]
-            done = subprocess.run(
-                [sys.executable, "-m", "pytest", *arguments],
-                cwd=copy,
-                env={**os.environ, "PYTHONPATH": str(copy)},
-                capture_output=True,
-                text=True,
-                check=False,
-            )
-            failed = [line for line in done.stdout.splitlines() if line.startswith(("FAILED", "ERROR"))]
-            if failed:
-                reasons = [line.split(maxsplit=1)[1] for line in done.stdout.splitlines() if line.startswith("E  ")]
-                return f"{failed[0].split()[1].rpartition('/')[2]} | {reasons[0][:100] if reasons else ''}"
+    for form in forms:
+        arguments = [*(f"tests/{test}" for test in tests), "-x", "-m", form, "-p", "no:cacheprovider"]
+        done = subprocess.run(
+            [sys.executable, "-m", "pytest", *arguments, "--basetemp", str(copy.parent / "tmp")],
+            cwd=copy,
+            env={**os.environ, "PYTHONPATH": str(copy)},
+            capture_output=True,
+            text=True,
+            check=False,
+        )
+        lines = done.stdout.splitlines()
+        failed = [line.split()[1] for line in lines if line.startswith(("FAILED", "ERROR"))]
+        if failed:
+            reasons = [line.split(maxsplit=1)[1] for line in lines if line.startswith("E  ")]
+            return f"{failed[0].rpartition('/')[2]} | {reasons[0][:100] if reasons else ''}"
     return None
 
 
