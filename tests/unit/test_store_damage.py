@@ -448,6 +448,15 @@ def test_run_json_with_wrong_types(copy: Path, key: str, value: object) -> None:
         open_run(copy)
 
 
+def test_missing_run_json_is_noticed_unless_results_lie_alone(copy: Path) -> None:
+    (copy / "run.json").unlink()
+    assert [finding.file for finding in verify(copy) if finding.severity == "error"] == [str(copy / "run.json")]
+    for path in copy.iterdir():
+        if path.name != "results.h5":
+            shutil.rmtree(path) if path.is_dir() else path.unlink()
+    assert verify(copy) == []
+
+
 def test_edited_run_json_is_noticed(copy: Path) -> None:
     data = json.loads((copy / "run.json").read_text())
     data["summary"]["max_overlap"] = 0.0001
