@@ -42,7 +42,7 @@ def read_run_document(path: Path) -> Document:
     missing = _KEYS - document.keys()
     if missing:
         raise DamagedRun(f"{file}: lacks {', '.join(sorted(missing))}")
-    wrong = [name for name, is_right in _TYPES.items() if not is_right(document[name])]
+    wrong = [name for name, is_right in _TYPES.items() if name in document and not is_right(document[name])]
     if wrong:
         raise DamagedRun(f"{file}: {wrong[0]} is {document[wrong[0]]!r}")
     return document
@@ -91,6 +91,10 @@ def _is_results(value: Any) -> bool:
     return value is None or (isinstance(value, dict) and all(isinstance(value.get(k), int) for k in ("size", "frames")))
 
 
+def _is_file(value: Any) -> bool:
+    return isinstance(value, dict) and isinstance(value.get("size"), int) and isinstance(value.get("blake2b"), str)
+
+
 def _is_summary(value: Any) -> bool:
     required = empty_summary().keys() - {"heat"}  # since 1.1
     return value is None or (isinstance(value, dict) and value.keys() >= required)
@@ -105,6 +109,7 @@ _TYPES: dict[str, Callable[[Any], bool]] = {
     "timings": lambda value: isinstance(value, dict),
     "started": lambda value: isinstance(value, str),
     "updated": lambda value: isinstance(value, str),
+    "model": _is_file,  # once it is there; earlier versions have not recorded it
     "results": _is_results,
     "summary": _is_summary,
 }

@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 from multicor_cli.state import Model, State
 from multicor_cli.store import layout
-from multicor_cli.store.atomic import kill_point, make_directory, storage_errors
+from multicor_cli.store.atomic import file_digest, kill_point, make_directory, storage_errors
 from multicor_cli.store.checkpoint import Checkpoint, Identity, load_newest, prune, write_checkpoint
 from multicor_cli.store.documents import Document, plain, write_document
 from multicor_cli.store.errors import DamagedRun, DirectoryRefused, StoreError
@@ -224,8 +224,13 @@ class RunDirectory:
         digest = model_digest(model)
         if checkpoint and checkpoint.model_digest != digest:
             raise DamagedRun(f"{self.path}: the checkpoint belongs to another model; start again with --overwrite")
-        if checkpoint is None or not (self.path / layout.MODEL).exists():
-            write_model(self.path / layout.MODEL, model, self.run_id)
+        path = self.path / layout.MODEL
+        if checkpoint is None or not path.exists():
+            write_model(path, model, self.run_id)
+            self._document.pop("model", None)
+        if "model" not in self._document:
+            with storage_errors(path):
+                self._document["model"] = {"size": path.stat().st_size, "blake2b": file_digest(path)}
         self._model, self._model_digest = model, digest
         self._writer = FrameWriter(
             self.path / layout.SEGMENTS,

@@ -109,14 +109,19 @@ def _discard(_: Any) -> None:
 
 
 def _verify_segments(path: Path, document: Document) -> list[Finding]:
-    directory, run_id = path / layout.SEGMENTS, str(document["run_id"])
+    directory, file, run_id = path / layout.SEGMENTS, path / layout.MODEL, str(document["run_id"])
     try:
         segments = committed_segments(path)
-        if not segments and not (path / layout.MODEL).exists():
-            return []
-        model = load_model(path / layout.MODEL, run_id)
     except StoreError as error:
         return [Finding("error", str(path), str(error))]
+    if not segments and not file.exists():
+        return []
+    try:
+        model = load_model(file, run_id)
+        if "model" in document:
+            _check_whole(file, document["model"])
+    except StoreError as error:
+        return [Finding("error", str(file), str(error))]
     limits = Limits.of(model, len(document["stages"]))
     return _run_checks([(directory / s.name, _segment_check(directory, s, run_id, limits)) for s in segments])
 
