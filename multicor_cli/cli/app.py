@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import sys
-from typing import Annotated
+from pathlib import Path
+from typing import Annotated, TextIO
 
 import typer
 
@@ -50,7 +52,12 @@ for module in (scenario_commands, run_command, reading_commands, post_commands, 
 
 def main() -> None:
     """Entry point of the command ``multicor``."""
+    sys.stdout, sys.stderr = sys.stdout or _nowhere(), sys.stderr or _nowhere()  # None if they were closed
     for stream in (sys.stdout, sys.stderr):
         if hasattr(stream, "reconfigure"):
             stream.reconfigure(errors="replace")  # a terminal without UTF-8 must not end a run
-    app(prog_name="multicor")
+    guarded(app)(prog_name="multicor")
+
+
+def _nowhere() -> TextIO:
+    return Path(os.devnull).open("w")

@@ -13,7 +13,12 @@ from typing import Any
 def say(text: str = "") -> None:
     """A line for people, on stderr; that nobody reads it any more (a closed pipe, a closed terminal) changes nothing."""
     with contextlib.suppress(OSError):
-        print(text, file=sys.stderr, flush=True)
+        print(printable(text), file=sys.stderr, flush=True)
+
+
+def printable(text: str) -> str:
+    """Names out of files made elsewhere must not command the terminal: control characters as their escapes."""
+    return "".join(c if c.isprintable() or c in "\n\t" else c.encode("unicode_escape").decode() for c in text)
 
 
 def complain(text: str) -> None:
@@ -42,7 +47,7 @@ def emit_table(columns: Sequence[str], rows: Sequence[Sequence[str]], *, title: 
     for number, name in enumerate(columns):
         table.add_column(Text(name), justify="left" if number == 0 else "right", no_wrap=True)
     for row in rows:
-        table.add_row(*(Text(cell) for cell in row))
+        table.add_row(*(Text(printable(cell)) for cell in row))
     is_terminal = sys.stdout.isatty()
     Console(file=sys.stdout, width=None if is_terminal else 200, highlight=False).print(table)
 
@@ -51,7 +56,7 @@ def emit_pairs(pairs: Sequence[tuple[str, str]]) -> None:
     """Names and values on stdout, aligned."""
     width = max((len(name) for name, _ in pairs), default=0)
     for name, value in pairs:
-        emit(f"{name:<{width}}  {value}")
+        emit(printable(f"{name:<{width}}  {value}"))
 
 
 def format_bytes(size: float) -> str:

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import contextlib
 import os
+import signal
 import sys
 import tempfile
+import threading
 import traceback
 from collections.abc import Callable, Iterator
 from functools import wraps
@@ -23,11 +25,27 @@ def guarded(function: Callable[..., Any]) -> Callable[..., Any]:
 
     @wraps(function)
     def wrapper(*args: Any, **kwargs: Any) -> None:
-        with _failures():
+        with _failures(), _terminable():
             function(*args, **kwargs)
             sys.stdout.flush()
 
     return wrapper
+
+
+@contextlib.contextmanager
+def _terminable() -> Iterator[None]:
+    """SIGTERM and SIGHUP leave a command as Ctrl-C does, which removes its temporary files; ``run`` has handlers of its own."""
+    if threading.current_thread() is not threading.main_thread():
+        yield
+        return
+    numbers = [number for number in (signal.SIGTERM, signal.SIGHUP) if signal.getsignal(number) is signal.SIG_DFL]
+    for number in numbers:
+        signal.signal(number, lambda number, _frame: sys.exit(128 + number))
+    try:
+        yield
+    finally:
+        for number in numbers:
+            signal.signal(number, signal.SIG_DFL)
 
 
 def set_crash_directory(path: Path) -> None:
@@ -91,7 +109,8 @@ def _write_crash(error: BaseException) -> str:
     if _crash_directory is not None and (_crash_directory / "run.json").is_file():
         with contextlib.suppress(OSError):
             path = _crash_directory / "crash.txt"
-            path.write_text(content)
+            with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NOFOLLOW, 0o666), "w") as file:
+                file.write(content)
             return str(path)
     try:
         handle, name = tempfile.mkstemp(prefix="multicor-crash-", suffix=".txt")

@@ -20,6 +20,7 @@ from multicor_cli.solver.problem import ContactProblem
 from multicor_cli.state import Model, State
 from multicor_cli.state.model import Floats
 from multicor_cli.store import Frame, Run
+from multicor_cli.store.errors import DamagedRun
 
 
 @dataclass(frozen=True)
@@ -134,6 +135,8 @@ def _find_moment(run: Run, frame: Frame, plan: RunPlan) -> _Moment:
     """Every stage leaves a frame of its end, so the frames tell where stages begin."""
     stages, times, steps = run.frames.stage, run.frames.time, run.frames.step
     stage = frame.stage
+    if stage not in range(len(plan.stages)) or not np.isin(np.arange(stage), stages).all():
+        raise DamagedRun(f"frame {frame.index} is of stage {stage}, which the run does not have; check it with multicor verify")
     ends = [int(np.flatnonzero(stages == k)[-1]) for k in range(stage)]
     stage_step = frame.step - (int(steps[ends[-1]]) if ends else 0)
     starts = (0.0, *(float(times[end]) for end in ends))

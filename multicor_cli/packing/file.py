@@ -8,29 +8,25 @@ from __future__ import annotations
 
 import csv
 import difflib
-import math
 import warnings
-from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
 from multicor_cli.packing.brought import MAX_GRAINS, Brought
 from multicor_cli.packing.errors import PackingError
+from multicor_cli.packing.values import NAMED, describe_faults, faulty_rows, find_fault
 from multicor_cli.state.model import Floats
 
 REQUIRED = ("x", "y", "radius")
 OPTIONAL = ("angle", "vx", "vy", "spin")
 MAX_BYTES = 2**33
-MAX_COORDINATE = 1e6
-"""Bound on coordinates and radii [m], as in the scenario file."""
-MAX_SPEED = 1e12
 
 _KEY = ("packing", "path")
-_NAMED = 5
 _HEADER_LENGTH = 10_000
+_MOST_COMPRESSED = 1100
+"""Times by which the compression of HDF5 can shrink data, somewhat more."""
 _NUMBERS = "uif"  # kinds of numpy types that are plain numbers
 
 
@@ -90,28 +86,6 @@ def _refuse_count(path: Path, n: int) -> None:
         raise PackingError(f"'{path}' holds {n} grains", f"at most {MAX_GRAINS} are read", _KEY)
 
 
-def _fault(name: str, value: float) -> str:
-    """What is wrong with a value of a column; empty if nothing is."""
-    if not math.isfinite(value):
-        return f"{name} = {value} is not finite"
-    if name == "radius" and not 0.0 < value <= MAX_COORDINATE:
-        return f"radius = {value:g} m is not between 0 and {MAX_COORDINATE:g} m"
-    if name in ("x", "y") and abs(value) > MAX_COORDINATE:
-        return f"{name} = {value:g} m is beyond {MAX_COORDINATE:g} m"
-    if abs(value) > MAX_SPEED:
-        return f"{name} = {value:g} is beyond {MAX_SPEED:g}"
-    return ""
-
-
-def _faulty(columns: Mapping[str, Floats]) -> NDArray[np.int64]:
-    """Rows with a value that `_fault` finds something wrong with."""
-    bad = np.zeros(columns["x"].size, bool)
-    for name, values in columns.items():
-        bound = MAX_COORDINATE if name in REQUIRED else MAX_SPEED
-        bad |= ~(np.abs(values) <= bound)
-    return np.flatnonzero(bad | ~(columns["radius"] > 0.0))
-
-
 def _refuse_rows(path: Path, faults: list[str], total: str) -> PackingError:
     return PackingError(f"'{path}': {'; '.join(faults)}{total}", "correct the file", _KEY)
 
@@ -125,7 +99,7 @@ def _read_csv(path: Path) -> dict[str, Floats]:
             _refuse_count(path, len(table) if table.size else 0)
             if table.shape[1] == len(names):
                 columns = {name: np.ascontiguousarray(table[:, k]) for k, name in enumerate(names)}
-                if not _faulty(columns).size:
+                if not faulty_rows(columns).size:
                     return columns
         raise _explain_csv(path, names, header_line)
     except (OSError, UnicodeDecodeError, csv.Error) as error:
@@ -164,7 +138,7 @@ def _explain_csv(path: Path, names: list[str], header_line: int) -> PackingError
             if number <= header_line or not text.strip():
                 continue
             fault = _line_fault(text, names)
-            if fault and len(faults) == _NAMED:
+            if fault and len(faults) == NAMED:
                 return _refuse_rows(path, faults, "; and more")
             if fault:
                 faults.append(f"line {number}: {fault}")
@@ -180,7 +154,7 @@ def _line_fault(text: str, names: list[str]) -> str:
             value = float(cell)
         except ValueError:
             return f"{name} = {cell.strip()[:40]!r} is no number"
-        if fault := _fault(name, value):
+        if fault := find_fault(name, value):
             return fault
     return ""
 
@@ -199,13 +173,15 @@ def _read_hdf5(path: Path) -> dict[str, Floats]:
             for name, size in sizes.items():
                 if size != sizes["x"]:
                     raise PackingError(f"'{path}': {name} has {size} values and x has {sizes['x']}", "give one per grain", _KEY)
-            columns = {name: np.asarray(file[name][()], float) for name in names}
-    except (OSError, RuntimeError, KeyError) as error:
+            with np.errstate(over="ignore"):  # long doubles become infinite, which is refused below
+                columns = {name: np.asarray(file[name][()], float) for name in names}
+    except PackingError:
+        raise
+    except (OSError, RuntimeError, KeyError, TypeError, ValueError) as error:  # the last two: types that NumPy does not have
         raise PackingError(f"cannot read '{path}' as HDF5: {error}", "check the file, it may be damaged", _KEY) from None
-    bad = _faulty(columns)
-    if bad.size:
-        faults = list(_row_faults(columns, bad[:_NAMED]))
-        raise _refuse_rows(path, faults, f"; and {bad.size - _NAMED} more rows" if bad.size > _NAMED else "")
+    faults = describe_faults(columns)
+    if faults:
+        raise _refuse_rows(path, [faults], "")
     return columns
 
 
@@ -219,12 +195,6 @@ def _dataset_size(file: Any, name: str, path: Path) -> int:
         raise PackingError(f"'{path}': {name} is not a dataset stored in this file", "store the numbers themselves", _KEY)
     if item.dtype.kind not in _NUMBERS or len(item.shape or ()) != 1:
         raise PackingError(f"'{path}': {name} is not a one-dimensional array of numbers", "store one number per grain", _KEY)
+    if item.size * item.dtype.itemsize > _MOST_COMPRESSED * max(1, item.id.get_storage_size()):
+        raise PackingError(f"'{path}': {name} has more values than are stored in the file", "store every value", _KEY)
     return int(item.shape[0])
-
-
-def _row_faults(columns: Mapping[str, Floats], rows: NDArray[np.int64]) -> Iterator[str]:
-    for row in rows:
-        for name, values in columns.items():
-            if fault := _fault(name, float(values[row])):
-                yield f"row {row}: {fault}"
-                break

@@ -8,6 +8,7 @@ import numpy as np
 
 from multicor_cli.packing.brought import Brought
 from multicor_cli.packing.errors import PackingError
+from multicor_cli.packing.values import describe_faults
 
 _KEY = ("packing", "path")
 
@@ -22,7 +23,7 @@ def read_frame(path: Path, frame: int) -> Brought:
         frame: Index of the frame; negative counts from the last one.
 
     Raises:
-        PackingError: There is no readable run, or no such frame.
+        PackingError: There is no readable run, or no such frame, or it holds what no grain can have.
     """
     from multicor_cli.store import StoreError, open_run
 
@@ -37,6 +38,16 @@ def read_frame(path: Path, frame: int) -> Brought:
             velocity = np.column_stack([chosen.velocity, chosen.spin]).astype(float)
             warmth = chosen.temperature
             temperature = None if warmth is None else np.array(warmth, float)
-            return Brought(np.array(run.model.grains.radius, float), position, velocity, temperature)
+            radius = np.array(run.model.grains.radius, float)
     except StoreError as error:
         raise PackingError(f"the run '{path}' cannot be read: {error}", "give the directory of a run", _KEY) from None
+    sizes = {len(radius), len(position), len(velocity), len(radius if temperature is None else temperature)}
+    if len(sizes) > 1:
+        raise PackingError(
+            f"the run '{path}' is damaged: frame {frame} has other grains than the run", "check it with multicor verify", _KEY
+        )
+    columns = dict(zip(("x", "y", "angle", "vx", "vy", "spin"), [*position.T, *velocity.T], strict=True)) | {"radius": radius}
+    faults = describe_faults(columns | ({} if temperature is None else {"temperature": temperature}))
+    if faults:
+        raise PackingError(f"frame {frame} of the run '{path}': {faults}", "check the run with multicor verify", _KEY)
+    return Brought(radius, position, velocity, temperature)

@@ -6,6 +6,7 @@ import math
 from collections.abc import Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from multicor_cli.kernels.jit import kernel
 from multicor_cli.kernels.neighbours import gap_to_shape
@@ -18,6 +19,10 @@ from multicor_cli.state.model import Floats, Ints, ShapeKind
 LARGEST = 1e-3
 """Largest overlap that is accepted, over the smaller radius."""
 
+CROWD = 32
+"""Of more grains than this in one cell some overlap: of a class of radii (factor two) 10 have room in twice its largest radius."""
+
+_FAR = 2.0**40
 _NAMED = 5
 _DISC = int(ShapeKind.DISC)
 
@@ -62,6 +67,32 @@ def overlapping_pairs(position: Floats, radius: Floats, shapes: Obstacles, perio
     return i[order], pairs.partner[order], -gap[order]
 
 
+def thin_crowds(position: Floats, radius: Floats) -> NDArray[np.int64]:
+    """Grains without those beyond the first `CROWD` in a cell: coincident grains would have n² pairs, and no memory holds them.
+
+    Args:
+        position: Centers [m], shape ``(n, 2)`` or more columns.
+        radius: Radii [m], shape ``(n,)``.
+
+    Returns:
+        Indices, ascending; all of them if nothing is crowded.
+    """
+    level = np.floor(np.log2(float(radius.max()) / radius))
+    width = 2.0 * float(radius.max()) * np.exp2(-level)
+    cell = np.clip(np.floor(position[:, :2] / width[:, None]), -_FAR, _FAR).astype(np.int64)
+    order = np.lexsort((cell[:, 1], cell[:, 0], level))
+    is_new = np.ones(radius.size, bool)
+    is_new[1:] = (np.diff(cell[order], axis=0) != 0).any(axis=1) | (np.diff(level[order]) != 0)
+    first = np.flatnonzero(is_new)
+    rank = np.arange(radius.size) - first[np.cumsum(is_new) - 1]
+    return np.sort(order[rank < CROWD])
+
+
+def _renumber(bodies: Ints, kept: NDArray[np.int64], count: int) -> Ints:
+    """Numbers of grains and wall shapes among ``kept`` grains as those among all ``count``."""
+    return np.where(bodies < kept.size, kept[np.minimum(bodies, kept.size - 1)], bodies - kept.size + count).astype(np.int32)
+
+
 def overlap_problems(
     position: Floats,
     radius: Floats,
@@ -83,14 +114,16 @@ def overlap_problems(
         period: Period in x [m] or 0.
     """
     count = radius.size
-    i, j, overlap = overlapping_pairs(position, radius, shapes, period)
+    kept = thin_crowds(position, radius)
+    i, j, overlap = overlapping_pairs(position[kept], radius[kept], shapes, period)
+    i, j = _renumber(i, kept, count), _renumber(j, kept, count)
     problems = []
     among = j < count
     if among.any():
         a, b, size = i[among], j[among], overlap[among]
         smaller = np.minimum(radius[a], radius[b])
         items = [f"grains {a[k]} and {b[k]} by {_amount(size[k], smaller[k])}" for k in range(min(_NAMED, a.size))]
-        text = f"grains overlap at the start: {_listing(items, a.size, 'pairs')}"
+        text = f"grains overlap at the start: {_listing(items, a.size, 'pairs' if kept.size == count else 'pairs at least')}"
         key = ("particles", int(max(group[a[0]], group[b[0]])))
         problems.append(PackingError(text, "move them apart: a larger spacing or region, or fewer grains", key))
     cut_shape = j[~among] - count

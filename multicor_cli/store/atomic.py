@@ -18,7 +18,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from multicor_cli.store.errors import StorageError, StorageFull
+from multicor_cli.store.errors import DamagedRun, StorageError, StorageFull
 
 RESERVE = 1 << 20
 """Bytes that large files leave free, so that ``run.json`` can still say why the run stopped."""
@@ -50,6 +50,16 @@ def storage_errors(path: Path) -> Iterator[None]:
         if error.errno in _NO_SPACE:
             raise StorageFull(path) from error
         raise StorageError(f"{path}: {error.strerror or error}") from error
+
+
+def require_regular(path: Path) -> None:
+    """Refuse what is there but no file: opening a pipe would wait for ever, and a device has no end.
+
+    Raises:
+        DamagedRun: If it is.
+    """
+    if path.exists() and not path.is_file():
+        raise DamagedRun(f"{path}: not a regular file")
 
 
 def require_space(path: Path, size: int) -> None:
@@ -236,7 +246,7 @@ def append_line(path: Path, label: str, line: bytes) -> None:
     """
     with storage_errors(path):
         is_new = not path.exists()
-        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | getattr(os, "O_CLOEXEC", 0), 0o666)
+        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC | os.O_NOFOLLOW, 0o666)
         try:
             _append(descriptor, label, line)
             os.fsync(descriptor)

@@ -16,6 +16,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from multicor_cli.store.atomic import require_regular
 from multicor_cli.store.errors import DamagedRun, StorageError, UnsupportedVersion
 from multicor_cli.store.schema import FORMAT_VERSION, Dataset
 
@@ -71,6 +72,7 @@ class CheckedFile:
         self.path = path
         self.dims: dict[str, int] = {"one": 1, **(dims or {})}
         self._accepted: dict[str, h5py.Dataset] = {}
+        require_regular(path)
         with reading(path):
             self._size = path.stat().st_size
             self._file = h5py.File(path, "r", locking=False)
@@ -158,7 +160,7 @@ class CheckedFile:
         with reading(self.path):
             stored = self._file[spec.path].attrs["blake2b"]
         actual = digest.hexdigest()
-        if stored != actual or expected not in (None, actual):
+        if not isinstance(stored, str) or stored != actual or expected not in (None, actual):
             raise DamagedRun(f"{self.path}: the values of {spec.path} do not match their digest")
         return actual
 
@@ -219,10 +221,10 @@ class CheckedFile:
         return self.dims.setdefault(dim, length)
 
 
-def check_version(path: Path, version: list[int]) -> None:
-    """Refuse another major version of the format; raises `UnsupportedVersion`."""
-    if len(version) != 2 or version[0] != FORMAT_VERSION[0]:
-        given = ".".join(map(str, version))
+def check_version(path: Path, version: Any) -> None:
+    """Refuse another major version of the format, or what is none; raises `UnsupportedVersion`."""
+    if not isinstance(version, list) or len(version) != 2 or version[0] != FORMAT_VERSION[0]:
+        given = ".".join(map(str, version)) if isinstance(version, list) else str(version)[:40]
         raise UnsupportedVersion(
             f"{path}: has format version {given}, this program reads {FORMAT_VERSION[0]}.x; "
             f"use the version of multicor that made it, or run the scenario again"

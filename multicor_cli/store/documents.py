@@ -8,7 +8,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from multicor_cli.store.atomic import append_line, commit_bytes, storage_errors
+from multicor_cli.store.atomic import append_line, commit_bytes, require_regular, storage_errors
 from multicor_cli.store.errors import DamagedRun
 
 Document = dict[str, Any]
@@ -42,6 +42,7 @@ def read_document(path: Path) -> Document:
         StorageError: If the file cannot be read.
         DamagedRun: If it is not a document of ours, or has been changed.
     """
+    require_regular(path)
     with storage_errors(path), path.open("rb") as file:
         data = file.read(SIZE_LIMIT + 1)
     if len(data) > SIZE_LIMIT:

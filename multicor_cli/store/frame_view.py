@@ -122,7 +122,13 @@ class Frame:
             DamagedRun: If the file is damaged, or the run has no such quantity.
             StorageError: If it cannot be read.
         """
-        return self._parts.frame_rows(_SPECS[path], self.index)
+        spec = _SPECS[path]
+        rows = self._parts.frame_rows(spec, self.index)
+        if spec.row == "particle_row" and len(rows) != self.facts.grain_count:
+            raise DamagedRun(
+                f"frame {self.index} has {len(rows)} grains and its run {self.facts.grain_count}; check it with multicor verify"
+            )
+        return rows
 
     def heat_column(self, path: str) -> Array | None:
         """As `column`, for what only runs with heat have: None in a run without."""

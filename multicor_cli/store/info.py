@@ -86,9 +86,11 @@ def hertz_deflection(run: Run, force: float | None) -> float | None:
     try:
         materials = tomllib.loads(run.scenario_resolved).get("materials", {})
         model = run.model
-    except (StoreError, ValueError):
+    except (StoreError, ValueError, RecursionError):
         return None
     found = []
+    if not isinstance(materials, dict):
+        return None
     for index, name in enumerate(model.materials):
         radii = model.grains.radius[model.grains.material == index]
         elastic = _elastic(materials.get(name))
@@ -101,7 +103,7 @@ def _elastic(material: Any) -> tuple[float, float] | None:
     if not isinstance(material, dict):
         return None
     young, poisson = material.get("young"), material.get("poisson")
-    if not isinstance(young, int | float) or not isinstance(poisson, int | float) or young <= 0.0:
+    if not isinstance(young, int | float) or not isinstance(poisson, int | float) or not young > 0.0 or not -1.0 < poisson <= 0.5:
         return None
     return float(young), float(poisson)
 

@@ -13,9 +13,11 @@ from pathlib import Path
 from typing import Any
 
 from multicor_cli.store.atomic import storage_errors
-from multicor_cli.store.errors import RunLocked
+from multicor_cli.store.errors import DirectoryRefused, RunLocked
 
 _RETRIES, _PAUSE = 5, 0.05
+_SIZE = 4096
+"""More bytes of a lock are not looked at."""
 
 
 class RunLock:
@@ -30,6 +32,7 @@ class RunLock:
 
     Raises:
         RunLocked: If another process holds it.
+        DirectoryRefused: If it is a link, which might lead to somebody's file.
         StorageError: If the file cannot be opened.
     """
 
@@ -38,7 +41,7 @@ class RunLock:
         self._descriptor = _acquire(path)
         try:
             with storage_errors(path):
-                holder = _parse(os.pread(self._descriptor, 4096, 0))
+                holder = _parse(os.pread(self._descriptor, _SIZE, 0))
                 if holder and holder.get("host") != socket.gethostname() and not force:
                     raise _locked(path, holder, is_elsewhere=True)
                 _write(self._descriptor, json.dumps(_own_identity()).encode())
@@ -59,7 +62,10 @@ class RunLock:
 def read_holder(path: Path) -> dict[str, Any]:
     """Who holds (or held, if it died) the lock: ``pid, host, started``; empty if nobody."""
     try:
-        return _parse(path.read_bytes()[:4096])
+        if not path.is_file():
+            return {}
+        with path.open("rb") as file:
+            return _parse(file.read(_SIZE))
     except OSError:
         return {}
 
@@ -77,8 +83,10 @@ def is_alive(path: Path) -> bool:
 
 def _acquire(path: Path) -> int:
     for attempt in range(_RETRIES + 1):
+        if path.is_symlink() or (path.exists() and not path.is_file()):
+            raise DirectoryRefused(f"{path}: is not the lock of a run but a link or something else; remove it")
         with storage_errors(path):
-            descriptor = os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_CLOEXEC", 0), 0o666)
+            descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_CLOEXEC | os.O_NOFOLLOW, 0o666)
         try:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
             if _is_current(path, descriptor):
@@ -130,7 +138,7 @@ def _start_ticks(pid: int) -> int | None:
 def _parse(data: bytes) -> dict[str, Any]:
     try:
         value = json.loads(data.decode() or "{}")
-    except ValueError:
+    except (ValueError, RecursionError):
         return {}
     return value if isinstance(value, dict) else {}
 

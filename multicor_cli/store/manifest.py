@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
-from multicor_cli.store.atomic import append_line, commit_bytes, file_digest, kill_point, storage_errors
+from multicor_cli.store.atomic import append_line, commit_bytes, file_digest, kill_point, require_regular, storage_errors
 from multicor_cli.store.documents import Document, document_line, parse_document
 from multicor_cli.store.errors import DamagedRun
 
@@ -71,6 +71,7 @@ def read_manifest(directory: Path) -> list[Segment]:
     path = directory / NAME
     if not path.exists():
         return []
+    require_regular(path)
     with storage_errors(path):
         lines = path.read_bytes().split(b"\n")[:-1]
     segments = []

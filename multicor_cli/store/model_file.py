@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.state import ContactLaws, Grains, Model, ShapeKind, Softening, Thermal, Walls, WallShapes
+from multicor_cli.state.faults import LARGEST
 from multicor_cli.store import schema
 from multicor_cli.store.checked import CheckedFile
 from multicor_cli.store.errors import DamagedRun
@@ -154,12 +155,16 @@ def _check_model(model: Model, path: Path) -> None:
         "model/shapes/material": _within(model.shapes.material, materials),
         "model/laws/table": _within(model.laws.table + 1, start.size),
         "model/laws/table_start": bool(start[0] == 0 and (np.diff(start) >= 0).all() and start[-1] == model.laws.table_speed.size),
-        "model/radius": bool((model.grains.radius > 0.0).all()),
+        "model/radius": _between(model.grains.radius, 1.0 / LARGEST, LARGEST),
         "model/thermal/capacity": model.thermal is None or bool((model.thermal.capacity > 0.0).all()),
     }
     for name, is_right in checks.items():
         if not is_right:
             raise DamagedRun(f"{path}: {name} holds values out of range")
+
+
+def _between(values: NDArray[Any], low: float, high: float) -> bool:
+    return bool(((values >= low) & (values <= high)).all())
 
 
 def _within(values: NDArray[Any], count: int) -> bool:

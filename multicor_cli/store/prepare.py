@@ -7,7 +7,7 @@ import hashlib
 from pathlib import Path
 
 from multicor_cli.store import layout
-from multicor_cli.store.atomic import commit_bytes, make_directory, storage_errors
+from multicor_cli.store.atomic import commit_bytes, make_directory, require_regular, storage_errors
 from multicor_cli.store.documents import Document, read_document, write_document
 from multicor_cli.store.errors import DamagedRun, DirectoryRefused
 from multicor_cli.store.run_document import CREATING
@@ -65,6 +65,7 @@ def check_usable(path: Path, *, overwrite: bool) -> None:
 
 def read_scenario(path: Path, sha256: str) -> str:
     """Text of a scenario file; raises `DamagedRun` if it was changed, `StorageError` if it cannot be read."""
+    require_regular(path)
     with storage_errors(path):
         data = path.read_bytes()
     if hashlib.sha256(data).hexdigest() != sha256:

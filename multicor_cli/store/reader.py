@@ -24,7 +24,7 @@ from multicor_cli.store.model_file import load_model, read_model
 from multicor_cli.store.parts import Part, Parts, results_part, segment_part
 from multicor_cli.store.prepare import read_scenario
 from multicor_cli.store.results import FILETYPE as RESULTS_FILETYPE
-from multicor_cli.store.run_document import read_run_document
+from multicor_cli.store.run_document import check_types, read_run_document
 from multicor_cli.store.schema import Dataset
 
 
@@ -254,4 +254,6 @@ def _info_of_results(path: Path) -> Document:
         frames = int(file.dataset(next(spec for spec in schema.STEPS if spec.name == "step")).shape[0])
         digest = file.text("data_digest")
     results = {"size": path.stat().st_size, "data_digest": digest, "frames": frames}
-    return {**texts, **documents, "stages": stages, "exit_code": 0, "timings": {}, "results": results}
+    info = {**texts, **documents, "stages": stages, "exit_code": 0, "timings": {}, "results": results}
+    check_types(path, info)
+    return info

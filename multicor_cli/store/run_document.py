@@ -38,14 +38,19 @@ def read_run_document(path: Path) -> Document:
     document = read_document(file)
     if document.get("filetype") != FILETYPE:
         raise DamagedRun(f"{file}: not the description of a run")
-    check_version(file, list(document.get("format_version", [])))
+    check_version(file, document.get("format_version"))
     missing = _KEYS - document.keys()
     if missing:
         raise DamagedRun(f"{file}: lacks {', '.join(sorted(missing))}")
+    check_types(file, document)
+    return document
+
+
+def check_types(file: Path, document: Document) -> None:
+    """Compare the values that ``document`` has with what they must be; raises `DamagedRun` about ``file``."""
     wrong = [name for name, is_right in _TYPES.items() if name in document and not is_right(document[name])]
     if wrong:
-        raise DamagedRun(f"{file}: {wrong[0]} is {document[wrong[0]]!r}")
-    return document
+        raise DamagedRun(f"{file}: {wrong[0]} is {str(document[wrong[0]])[:200]}")
 
 
 def new_document(
@@ -88,7 +93,12 @@ _KEYS = set(new_document(b"", "", {}, (), "double"))
 
 
 def _is_results(value: Any) -> bool:
-    return value is None or (isinstance(value, dict) and all(isinstance(value.get(k), int) for k in ("size", "frames")))
+    return value is None or (
+        isinstance(value, dict)
+        and all(isinstance(value.get(name), int) for name in ("size", "frames"))
+        and all(isinstance(value.get(name, ""), str) for name in ("data_digest", "blake2b"))
+        and "data_digest" in value
+    )
 
 
 def _is_file(value: Any) -> bool:
@@ -96,17 +106,32 @@ def _is_file(value: Any) -> bool:
 
 
 def _is_summary(value: Any) -> bool:
-    required = empty_summary().keys() - {"heat"}  # since 1.1
-    return value is None or (isinstance(value, dict) and value.keys() >= required)
+    """Whether it has the keys of a summary, whose values are numbers but for the digest and what it does not have."""
+    if value is None:
+        return True
+    required = empty_summary()
+    heat = required.pop("heat")  # since 1.1
+    return _is_like(value, required) and _is_like(value.get("heat", heat), {"books": {}, "temperature": {}}, is_optional=True)
+
+
+def _is_like(value: Any, reference: dict[str, Any], *, is_optional: bool = False) -> bool:
+    """Whether a value has the tables and keys of ``reference``, and all else in it is a number, a text or null."""
+    if not isinstance(value, dict) or not value.keys() >= reference.keys():
+        return is_optional and value is None
+    tables = {name: table for name, table in reference.items() if isinstance(table, dict)}
+    rest = (item for name, item in value.items() if name not in tables and name != "heat")
+    return all(_is_like(value[name], table) for name, table in tables.items()) and all(
+        item is None or isinstance(item, int | float | str) for item in rest
+    )
 
 
 _TYPES: dict[str, Callable[[Any], bool]] = {
     "run_id": lambda value: isinstance(value, str),
     "status": lambda value: value in (CREATING, "running", "finished", "stopped", "failed"),
     "stages": lambda value: isinstance(value, list) and all(isinstance(name, str) for name in value),
-    "sessions": lambda value: isinstance(value, list),
+    "sessions": lambda value: isinstance(value, list) and all(isinstance(item, dict) for item in value),
     "provenance": lambda value: isinstance(value, dict),
-    "timings": lambda value: isinstance(value, dict),
+    "timings": lambda value: isinstance(value, dict) and all(isinstance(item, int | float) for item in value.values()),
     "started": lambda value: isinstance(value, str),
     "updated": lambda value: isinstance(value, str),
     "model": _is_file,  # once it is there; earlier versions have not recorded it

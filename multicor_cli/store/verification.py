@@ -24,7 +24,7 @@ from multicor_cli.store.model_file import load_model, read_model
 from multicor_cli.store.prepare import read_scenario
 from multicor_cli.store.results import FILETYPE as RESULTS_FILETYPE
 from multicor_cli.store.results import check_features, read_offsets, segment_dims
-from multicor_cli.store.run_document import read_run_document
+from multicor_cli.store.run_document import check_types, read_run_document
 from multicor_cli.store.schema import Dataset
 from multicor_cli.store.segments import FILETYPE as SEGMENT_FILETYPE
 from multicor_cli.store.vtkhdf import check_view
@@ -140,6 +140,7 @@ def _segment_check(directory: Path, segment: Segment, run_id: str, limits: Limit
 def _check_results(path: Path, run_id: str | None, recorded: Document | None) -> None:
     with CheckedFile(path, RESULTS_FILETYPE, run_id=run_id) as file:
         model = read_model(file)
+        check_types(path, {name: file.json(name) for name in ("provenance", "summary")})
         stages = len(file.strings(schema.SCENARIO[-1]))
         limits = Limits.of(model, stages)
         digest = data_digest(_check_tables(file, schema.RESULTS_TABLE, limits))

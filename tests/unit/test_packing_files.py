@@ -9,6 +9,8 @@ from multicor_cli.packing import file
 from multicor_cli.packing.errors import PackingError
 from multicor_cli.packing.file import read_grains
 from multicor_cli.packing.from_run import read_frame
+from multicor_cli.packing.obstacles import Obstacles
+from multicor_cli.packing.overlap import overlap_problems, thin_crowds
 
 
 def csv(tmp_path, text, name="grains.csv"):
@@ -93,7 +95,7 @@ def test_too_many_grains_are_refused_before_they_are_read(tmp_path, monkeypatch)
     with h5py.File(tmp_path / "big.h5", "w") as out:
         for name in ("x", "y", "radius"):
             out.create_dataset(name, shape=(10**13,), chunks=(1000,), dtype="f8")
-    with pytest.raises(PackingError, match="holds 10000000000000 grains"):
+    with pytest.raises(PackingError, match="more values than are stored"):
         read_grains(tmp_path / "big.h5", (0.0, 0.0))
 
 
@@ -154,3 +156,56 @@ def test_missing_run_or_frame(tmp_path):
     assert caught.value.key == ("packing", "frame")
     with pytest.raises(PackingError, match="cannot be read"):
         read_frame(tmp_path / "nothing", -1)
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "message"),
+    [
+        ("particles/position", np.nan, r"row \d+: y = nan is not finite"),
+        ("particles/position", 1e300, "y = 1e.300 m is beyond"),
+        ("particles/velocity", np.inf, "vy = inf is not finite"),
+        ("model/radius", -1.0, "model/radius holds values out of range"),
+    ],
+)
+def test_frames_hold_no_absurd_values(tmp_path, path, value, message):
+    run_whole(tmp_path / "run")
+    results = tmp_path / "run" / "results.h5"
+    results.chmod(0o644)
+    with h5py.File(results, "r+") as out:
+        data = out[path]
+        if data.ndim == 2:
+            data[-1, 1] = value
+        else:
+            data[-1] = value
+    with pytest.raises(PackingError, match=message):
+        read_frame(results, -1)
+
+
+@pytest.mark.parametrize("kind", ["a time", "a float of 256 bits", "values that are not stored"])
+def test_hdf5_with_types_that_numpy_lacks(tmp_path, kind):
+    path = hdf5(tmp_path, y=np.zeros(5), radius=np.ones(5))
+    with h5py.File(path, "r+") as out:
+        if kind == "values that are not stored":
+            del out["y"], out["radius"]
+            for name in ("x", "y", "radius"):
+                out.create_dataset(name, (10_000_000,), float, chunks=(1000,), fillvalue=0.1)
+        else:
+            wide = h5py.h5t.IEEE_F64LE.copy()
+            wide.set_size(32)
+            wide.set_precision(256)
+            wide.set_fields(255, 224, 31, 0, 224)
+            number = h5py.h5t.UNIX_D32LE if kind == "a time" else wide
+            h5py.h5d.create(out.id, b"x", number, h5py.h5s.create_simple((5,)))
+    with pytest.raises(PackingError, match=r"cannot read|more values than are stored"):
+        read_grains(path, (0.0, 0.0))
+
+
+def test_coincident_grains_are_refused_in_bounded_memory():
+    """All pairs of them would need 40 GB."""
+    count = 100_000
+    problems = overlap_problems(
+        np.full((count, 2), 0.01), np.full(count, 1e-4), np.zeros(count, np.int32), Obstacles.none(), np.zeros(0, np.int32), [], 0.0
+    )
+    assert "pairs at least" in str(problems[0])
+    scattered = np.random.default_rng(1).uniform(0.0, 1.0, (count, 2))
+    assert thin_crowds(scattered, np.full(count, 1e-3)).size == count

@@ -1,0 +1,170 @@
+"""Files that somebody has made to mislead the program: refused by name, nothing outside the run is touched, nothing hangs."""
+
+from __future__ import annotations
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import h5py
+import numpy as np
+import pytest
+from small_run import call, command, environment
+
+from multicor_cli.cli.console import printable
+from multicor_cli.store import DamagedRun, StoreError, open_run, run_info, verify
+from multicor_cli.store.documents import read_document, write_document
+
+READERS = ("info {}", "verify {}", "post profile {}", "post forces {}", "export csv {} -o out", "export fclib {} -o out.h5")
+"""Commands that read a run, and how they are called."""
+
+KNOWN = {0, 3, 5, 6, 7}
+"""Exit codes without an internal error."""
+
+
+@pytest.fixture
+def copy(tmp_path: Path, finished: Path) -> Path:
+    shutil.copytree(finished, tmp_path / "run", symlinks=True)
+    for path in (tmp_path / "run").rglob("*"):
+        if path.is_file():
+            path.chmod(0o644)
+    return tmp_path / "run"
+
+
+def test_links_are_not_followed_where_something_is_written(copy: Path, tmp_path: Path) -> None:
+    precious = tmp_path / "precious.txt"
+    precious.write_text("precious")
+    (copy / "lock").unlink()
+    (copy / "lock").symlink_to(precious)
+    done = call("run", copy / "scenario.toml", "-o", "run", cwd=tmp_path)
+    assert done.returncode == 6
+    assert "lock" in done.stderr
+    assert precious.read_text() == "precious"
+
+
+@pytest.mark.parametrize("name", ["run.json", "scenario.toml", "scenario.resolved.toml", "results.h5", "lock"])
+def test_pipes_are_not_waited_for(copy: Path, tmp_path: Path, name: str) -> None:
+    (copy / name).unlink()
+    os.mkfifo(copy / name)
+    for arguments in (["info", "run"], ["verify", "run"], ["run", copy / "scenario.resolved.toml", "-o", "run"]):
+        if not (name == "scenario.resolved.toml" and arguments[0] == "run"):
+            assert call(*arguments, cwd=tmp_path).returncode in KNOWN  # fails after a minute
+
+
+def spoil_attribute(name: str, value: Any) -> Callable[[h5py.File], None]:
+    return lambda file: file.attrs.modify(name, value)
+
+
+def lose_a_grain(file: h5py.File) -> None:
+    for name in ("radius", "mass", "inertia", "material", "group"):
+        values, attributes = file[f"model/{name}"][:-1], dict(file[f"model/{name}"].attrs)
+        del file[f"model/{name}"]
+        file[f"model/{name}"] = values
+        file[f"model/{name}"].attrs.update(attributes)
+
+
+def change_stage(file: h5py.File) -> None:
+    file["steps/stage"][-1] = 77
+
+
+def change_digest(file: h5py.File) -> None:
+    file["particles/position"].attrs["blake2b"] = np.arange(5)
+
+
+SPOILED: dict[str, Callable[[h5py.File], None]] = {
+    "summary is a number": spoil_attribute("summary", "3"),
+    "summary of other things": spoil_attribute("summary", '{"solver": 3}'),
+    "provenance is a list": spoil_attribute("provenance", "[]"),
+    "a grain less": lose_a_grain,
+    "a stage that does not exist": change_stage,
+    "a digest that is an array": change_digest,
+}
+
+
+@pytest.mark.parametrize("what", SPOILED)
+def test_results_that_lie_are_refused_or_read_as_they_are(copy: Path, tmp_path: Path, what: str) -> None:
+    with h5py.File(copy / "results.h5", "r+") as file:
+        SPOILED[what](file)
+    shutil.move(copy / "results.h5", tmp_path / "alone.h5")
+    codes = {}
+    for reader in READERS:
+        done = call(*reader.format("alone.h5").split(), cwd=tmp_path)
+        codes[reader] = done.returncode
+        assert "internal error" not in done.stderr
+    assert set(codes.values()) <= KNOWN
+    assert codes["verify {}"] == 7
+
+
+@pytest.mark.parametrize(
+    ("key", "value"),
+    [
+        ("format_version", 3),
+        ("summary", {"solver": 3}),
+        ("results", {"size": 1, "frames": 1}),
+        ("sessions", [1]),
+        ("timings", {"a": "b"}),
+        ("model", 3),
+    ],
+)
+def test_run_json_with_a_right_digest_and_wrong_types(copy: Path, key: str, value: Any) -> None:
+    document = read_document(copy / "run.json")
+    if isinstance(document.get(key), dict) and key == "summary":
+        value = document[key] | value
+    write_document(copy / "run.json", "runjson", document | {key: value})
+    with pytest.raises(DamagedRun, match=r"run\.json"):
+        run_info(copy)
+    with pytest.raises(StoreError), open_run(copy):
+        pass
+    assert [finding.severity for finding in verify(copy)] == ["error"]
+
+
+def test_lock_of_nested_lists(copy: Path, tmp_path: Path) -> None:
+    (copy / "lock").write_text("[" * 4000)
+    assert call("run", copy / "scenario.toml", "-o", "run", cwd=tmp_path).returncode == 0
+
+
+def test_names_do_not_command_the_terminal() -> None:
+    assert printable("wall \x1b]0;x\x07 \x9b1m ok\nµ θ") == "wall \\x1b]0;x\\x07 \\x9b1m ok\nµ θ"
+    assert json.loads(f'"{printable("é")}"') == "é"
+
+
+@pytest.mark.parametrize(("stream", "code"), [(">&-", 0), (">/dev/full", 5)])
+@pytest.mark.parametrize("arguments", ["--help", "schema", "info run"])
+def test_output_that_cannot_be_written(copy: Path, tmp_path: Path, arguments: str, stream: str, code: int) -> None:
+    line = f"{' '.join(command())} {arguments} {stream}"
+    done = subprocess.run(["sh", "-c", line], cwd=tmp_path, env=environment(), stderr=subprocess.PIPE, text=True, check=False)
+    assert done.returncode == code, done.stderr
+    assert "Traceback" not in done.stderr
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
+def test_stopped_exports_leave_nothing_half_written(finished: Path, tmp_path: Path, number: signal.Signals) -> None:
+    slow = (
+        "import sys, time; sys.argv = ['multicor', 'export', 'csv', sys.argv[1], '-o', 'tables']\n"
+        "from multicor_cli.store.frame_view import Frame\n"
+        "def hang(*a, **k):\n"
+        "    print('hanging', flush=True)\n"
+        "    while True: time.sleep(0.05)\n"
+        "Frame.column = hang\n"
+        "from multicor_cli.cli.app import main; main()"
+    )
+    process = subprocess.Popen(
+        [*command()[:1], "-c", slow, finished],
+        cwd=tmp_path,
+        env=environment(),
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+    )
+    assert process.stdout is not None
+    assert process.stdout.readline() == "hanging\n"
+    assert list(tmp_path.iterdir()) != []
+    process.send_signal(number)
+    process.communicate(timeout=10)
+    assert process.returncode == 128 + number
+    assert list(tmp_path.iterdir()) == []
