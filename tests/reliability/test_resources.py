@@ -102,10 +102,9 @@ SOAK = WARM.replace("count = 150", "count = 12").replace('"deposited"', '"random
 @pytest.mark.timeout(7200)
 def test_soak(tmp_path: Path, count: int) -> None:
     """A million steps of a shaken, heated layer: memory and open files as after a tenth of them, books closed to rounding."""
-    text = SOAK.replace("duration = 0.01", f"duration = {5e-4 * count}", 1).replace(
-        "frame_interval = 2e-3\nseries_interval = 1e-3",
-        f"frame_interval = {5e-4 * count / 100}\nseries_interval = {5e-4 * count / 1000}",
-    )
+    intervals = f"frame_interval = {5e-4 * count / 100}\nseries_interval = {5e-4 * count / 1000}"
+    text = SOAK.replace("duration = 0.01", f"duration = {5e-4 * count}", 1)
+    text = text.replace("frame_interval = 2e-3\nseries_interval = 1e-3", intervals)
     (tmp_path / "soak.toml").write_text(text)
     call("run", "soak.toml", "--dry-run", cwd=tmp_path)
     process = subprocess.Popen(
