@@ -49,7 +49,7 @@ class Switchboard:
 
     @contextmanager
     def installed(self) -> Iterator[Switchboard]:
-        """Handle the signals while the context lasts; what was ignored before (SIGHUP under ``nohup``) stays ignored.
+        """Handle the signals while the context lasts; SIGHUP stays ignored if it was (``nohup``).
 
         Outside the main thread Python does not allow it, and inside such a context it is done already: then nothing happens.
         """
@@ -58,8 +58,9 @@ class Switchboard:
             return
         self._is_installed = True
         handlers = {**dict.fromkeys(STOP_SIGNALS, self._on_stop), signal.SIGUSR1: self._on_checkpoint}
-        heard = [number for number in handlers if signal.getsignal(number) is not signal.SIG_IGN]
-        before = {number: signal.signal(number, handlers[number]) for number in heard}
+        if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:
+            del handlers[signal.SIGHUP]
+        before = {number: signal.signal(number, handler) for number, handler in handlers.items()}
         try:
             yield self
         finally:

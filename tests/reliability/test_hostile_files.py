@@ -145,7 +145,8 @@ def test_output_that_cannot_be_written(copy: Path, tmp_path: Path, arguments: st
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_stopped_exports_leave_nothing_half_written(finished: Path, tmp_path: Path, number: signal.Signals) -> None:
     slow = (
-        "import sys, time; sys.argv = ['multicor', 'export', 'csv', sys.argv[1], '-o', 'tables']\n"
+        "import signal, sys, time; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
+        "sys.argv = ['multicor', 'export', 'csv', sys.argv[1], '-o', 'tables']\n"
         "from multicor_cli.store.frame_view import Frame\n"
         "def hang(*a, **k):\n"
         "    print('hanging', flush=True)\n"

@@ -377,7 +377,7 @@ def test_second_signal_ends_the_process_at_once_also_during_its_farewell(capfd) 
     assert capfd.readouterr().out == ""
 
 
-def test_ignored_signals_stay_ignored() -> None:
+def test_ignored_hangup_stays_ignored() -> None:
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as nohup does
     try:
         switchboard = Switchboard()
