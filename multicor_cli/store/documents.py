@@ -21,7 +21,7 @@ _CHECK = "check"
 
 def write_document(path: Path, label: str, data: Document) -> None:
     """Commit ``data`` as JSON with its digest under the key ``check``; numbers that are not finite become null."""
-    text = json.dumps(_sealed(data), indent=1, ensure_ascii=False, allow_nan=False)
+    text = _page(_sealed(data))
     commit_bytes(path, label, (text + "\n").encode())
 
 
@@ -32,7 +32,7 @@ def append_document(path: Path, label: str, data: Document) -> None:
 
 def document_line(data: Document) -> bytes:
     """One line of JSON with its digest."""
-    return (json.dumps(_sealed(data), ensure_ascii=False, allow_nan=False) + "\n").encode()
+    return (_line(_sealed(data)) + "\n").encode()
 
 
 def read_document(path: Path) -> Document:
@@ -58,10 +58,19 @@ def parse_document(data: bytes, where: str) -> Document:
         raise DamagedRun(f"{where}: damaged ({error})") from error
     if not isinstance(value, dict):
         raise DamagedRun(f"{where}: damaged (not a JSON object)")
+    is_as_written = data.decode() in (_page(value) + "\n", _line(value))  # not a blank more
     check = value.pop(_CHECK, None)
-    if check != _digest(value):
+    if check != _digest(value) or not is_as_written:
         raise DamagedRun(f"{where}: damaged or edited (its content does not match its digest)")
     return value
+
+
+def _page(data: Document) -> str:
+    return json.dumps(data, indent=1, ensure_ascii=False)
+
+
+def _line(data: Document) -> str:
+    return json.dumps(data, ensure_ascii=False)
 
 
 def _sealed(data: Document) -> Document:
