@@ -10,7 +10,7 @@ from multicor_cli.packing.errors import PackingError
 from multicor_cli.packing.file import read_grains
 from multicor_cli.packing.from_run import read_frame
 from multicor_cli.packing.obstacles import Obstacles
-from multicor_cli.packing.overlap import overlap_problems, thin_crowds
+from multicor_cli.packing.overlap import CROWD, overlap_problems, thin_crowds
 
 
 def csv(tmp_path, text, name="grains.csv"):
@@ -203,9 +203,9 @@ def test_hdf5_with_types_that_numpy_lacks(tmp_path, kind):
 def test_coincident_grains_are_refused_in_bounded_memory():
     """All pairs of them would need 40 GB."""
     count = 100_000
-    problems = overlap_problems(
-        np.full((count, 2), 0.01), np.full(count, 1e-4), np.zeros(count, np.int32), Obstacles.none(), np.zeros(0, np.int32), [], 0.0
-    )
+    center, radius = np.full((count, 2), 0.01), np.full(count, 1e-4)
+    assert thin_crowds(center, radius).size == CROWD
+    problems = overlap_problems(center, radius, np.zeros(count, np.int32), Obstacles.none(), np.zeros(0, np.int32), [], 0.0)
     assert "pairs at least" in str(problems[0])
     scattered = np.random.default_rng(1).uniform(0.0, 1.0, (count, 2))
     assert thin_crowds(scattered, np.full(count, 1e-3)).size == count
