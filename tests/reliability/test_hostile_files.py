@@ -20,7 +20,7 @@ from multicor_cli.cli.console import printable
 from multicor_cli.store import DamagedRun, StoreError, open_run, run_info, verify
 from multicor_cli.store.documents import read_document, write_document
 
-READERS = ("info {}", "verify {}", "post profile {}", "post forces {}", "export csv {} -o out", "export fclib {} -o out.h5")
+READERS = ("info {}", "verify {}", "export csv {} -o out", "export fclib {} -o out.h5")
 """Commands that read a run, and how they are called."""
 
 KNOWN = {0, 3, 5, 6, 7}
