@@ -22,7 +22,8 @@ LARGEST = 1e-3
 CROWD = 32
 """Of more grains than this in one cell some overlap: of a class of radii (factor two) 10 have room in twice its largest radius."""
 
-_FAR = 2.0**40
+_FAR = 2.0**62
+"""Cells this far out count as one; a coordinate cannot be so far from the origin for any radius above 1e-13 m."""
 _NAMED = 5
 _DISC = int(ShapeKind.DISC)
 

@@ -30,7 +30,7 @@ def run_scenario(
 ) -> RunOutcome:
     """Run a scenario, or continue a run that was stopped: the same call does both.
 
-    SIGINT (Ctrl-C) and SIGTERM stop the run after a checkpoint; the outcome then says so.
+    SIGINT (Ctrl-C), SIGTERM and SIGHUP stop the run after a checkpoint; the outcome then says so.
 
     Args:
         scenario: A scenario, or the path of a scenario file.
