@@ -19,6 +19,7 @@ from numpy.typing import NDArray
 from multicor_cli.store.atomic import require_regular
 from multicor_cli.store.errors import DamagedRun, StorageError, UnsupportedVersion
 from multicor_cli.store.schema import FORMAT_VERSION, Dataset
+from multicor_cli.store.texts import DIGESTS, read_text, text_digest
 
 _DEFLATE_RATIO = 1100
 """No deflated stream grows by more than 1032 times."""
@@ -106,10 +107,10 @@ class CheckedFile:
     def text(self, name: str) -> str:
         """A root attribute that is a string; raises `DamagedRun`."""
         with reading(self.path):
-            value = self._file.attrs[name]
-        if not isinstance(value, str):
-            raise DamagedRun(f"{self.path}: attribute {name!r} is not a string")
-        return value
+            text = read_text(self._file, name)
+        if self._text_digests is not None and self._text_digests.get(name) != text_digest(text):
+            raise DamagedRun(f"{self.path}: attribute {name!r} does not match its digest")
+        return text
 
     def json(self, name: str) -> Any:
         """A root attribute that holds JSON; raises `DamagedRun`."""
@@ -117,6 +118,19 @@ class CheckedFile:
             return json.loads(self.text(name))
         except (ValueError, RecursionError) as error:
             raise DamagedRun(f"{self.path}: attribute {name!r} is damaged") from error
+
+    def check_texts(self) -> None:
+        """Compare all root attributes that are texts with their digests; raises `DamagedRun`."""
+        for name in self._text_digests or ():
+            self.text(name)
+
+    @cached_property
+    def _text_digests(self) -> dict[str, Any] | None:
+        with reading(self.path):
+            found = json.loads(read_text(self._file, DIGESTS)) if DIGESTS in self._file.attrs else None
+        if not isinstance(found, dict | None):
+            raise DamagedRun(f"{self.path}: attribute {DIGESTS!r} is damaged")
+        return found
 
     def dataset(self, spec: Dataset) -> h5py.Dataset:
         """The dataset of a row of the schema, its type, shape and storage checked; raises `DamagedRun`."""
@@ -158,9 +172,9 @@ class CheckedFile:
         for block in self.blocks(spec):
             digest.update(np.ascontiguousarray(block).tobytes())
         with reading(self.path):
-            stored = self._file[spec.path].attrs["blake2b"]
+            stored = read_text(self._file[spec.path], "blake2b")
         actual = digest.hexdigest()
-        if not isinstance(stored, str) or stored != actual or expected not in (None, actual):
+        if stored != actual or expected not in (None, actual):
             raise DamagedRun(f"{self.path}: the values of {spec.path} do not match their digest")
         return actual
 
@@ -169,11 +183,17 @@ class CheckedFile:
         if found != filetype:
             raise DamagedRun(f"{self.path}: is a {found!r} file, expected {filetype!r}")
         with reading(self.path):
-            version = [int(v) for v in np.asarray(self._file.attrs["format_version"]).ravel()[:2]]
+            version = self._version()
         check_version(self.path, version)
         if run_id is not None and self.text("run_id") != run_id:
             raise DamagedRun(f"{self.path}: belongs to another run")
         return version[0], version[1]
+
+    def _version(self) -> list[int]:
+        stored = self._file.attrs.get_id("format_version")
+        if stored.dtype.kind != "i" or stored.shape != (2,):
+            raise TypeError("attribute 'format_version' is not two integers")
+        return [int(part) for part in self._file.attrs["format_version"]]
 
     def _find(self, path: str) -> h5py.Dataset:
         node: Any = self._file

@@ -25,6 +25,9 @@ FILETYPE = "multicor-checkpoint"
 KEEP = 2
 """Number of checkpoints kept."""
 
+_SAME_STATE_SINCE = (1, 1)
+"""Since then states have the fields of now."""
+
 _NAME = re.compile(r"step-(\d+)(?:\.(\d+))?\.json")
 
 
@@ -186,8 +189,8 @@ def load_checkpoint(sidecar: Path, identity: Identity, model: Model | None = Non
     if misfit is not None:
         raise DamagedRun(f"{path}: does not fit the model: {misfit}")
     try:
-        # The digest of a state covers the names of its fields: one of an older format cannot be compared.
-        if version == schema.FORMAT_VERSION and state.digest() != document["summary"]["state_digest"]:
+        # The digest of a state covers the names of its fields: one with other fields cannot be compared.
+        if version >= _SAME_STATE_SINCE and state.digest() != document["summary"]["state_digest"]:
             raise DamagedRun(f"{path}: the state does not match its digest")
         return Checkpoint(
             state=state,

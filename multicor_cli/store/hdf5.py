@@ -21,6 +21,7 @@ from multicor_cli.store.atomic import GuardedFile, commit_file, kill_point
 from multicor_cli.store.documents import plain
 from multicor_cli.store.errors import StorageError
 from multicor_cli.store.schema import FORMAT_VERSION, Dataset
+from multicor_cli.store.texts import write_digests, write_text
 
 Precision = Literal["double", "single"]
 
@@ -98,7 +99,7 @@ class DatasetStream:
         digest = self._digest.hexdigest()
         self._dataset.attrs["unit"] = self._spec.unit
         self._dataset.attrs["long_name"] = self._spec.long_name
-        self._dataset.attrs["blake2b"] = digest
+        write_text(self._dataset, "blake2b", digest)
         return digest
 
     def _write(self, count: int) -> None:
@@ -191,7 +192,8 @@ def write_hdf5(
             fill(writer)
             digests.update(writer.digests)
             if "data_digest" in attributes:
-                file.attrs["data_digest"] = data_digest(digests)
+                write_text(file, "data_digest", data_digest(digests))
+            write_digests(file)
 
     check = (lambda temporary: verify(temporary, digests)) if verify is not None else None
     try:
@@ -214,10 +216,9 @@ def data_digest(digests: Mapping[str, str]) -> str:
 
 def _write_attributes(file: h5py.File, attributes: Mapping[str, Any]) -> None:
     file.attrs["format_version"] = np.array(FORMAT_VERSION, np.int64)
-    file.attrs["multicor_version"] = __version__
+    write_text(file, "multicor_version", __version__)
     for name, value in attributes.items():
-        is_plain = isinstance(value, str | int | float)
-        file.attrs[name] = value if is_plain else json.dumps(plain(value), ensure_ascii=False)
+        write_text(file, name, value if isinstance(value, str) else json.dumps(plain(value), ensure_ascii=False))
 
 
 def _chunk_rows(shape: tuple[int, ...], itemsize: int) -> int:

@@ -12,7 +12,7 @@ from typing import Literal
 
 from multicor_cli.state import BOOK_NAMES, TALLY_NAMES, WINDOW_NAMES, Model
 
-FORMAT_VERSION = (1, 1)
+FORMAT_VERSION = (1, 2)
 """Major and minor version of the file format. A reader refuses another major version and ignores unknown datasets."""
 
 Dim = Literal[

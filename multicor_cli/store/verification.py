@@ -139,6 +139,7 @@ def _segment_check(directory: Path, segment: Segment, run_id: str, limits: Limit
 
 def _check_results(path: Path, run_id: str | None, recorded: Document | None) -> None:
     with CheckedFile(path, RESULTS_FILETYPE, run_id=run_id) as file:
+        file.check_texts()
         model = read_model(file)
         check_types(path, {name: file.json(name) for name in ("provenance", "summary")})
         stages = len(file.strings(schema.SCENARIO[-1]))

@@ -28,6 +28,7 @@ from multicor_cli.state import Model
 from multicor_cli.store import layout
 from multicor_cli.store.checked import reading
 from multicor_cli.store.errors import DamagedRun
+from multicor_cli.store.texts import read_text, write_text
 from multicor_cli.store.vtk_lines import BLOCK_ROWS, CHUNK_ROWS, Growing, Indices, LineBlock, frame_blocks, ranges
 
 GROUP = "VTKHDF"
@@ -124,7 +125,7 @@ def write_view(file: h5py.File, model: Model) -> None:
     _write_constants(root, steps, model, rows)
     _write_cell_data(file, root, steps, rows)
     _link_step_data(file, root, steps)
-    root.attrs["blake2b"] = _digest(file)
+    write_text(root, "blake2b", _digest(file))
 
 
 def check_view(path: Path) -> None:
@@ -138,7 +139,7 @@ def check_view(path: Path) -> None:
         StorageError: If the file cannot be read.
     """
     with reading(path), h5py.File(path, "r", locking=False) as file:
-        is_whole = GROUP not in file or file[GROUP].attrs["blake2b"] == _digest(file)
+        is_whole = GROUP not in file or read_text(file[GROUP], "blake2b") == _digest(file)
     if not is_whole:
         raise DamagedRun(f"{path}: {GROUP}, the view for ParaView, does not match its digest")
 

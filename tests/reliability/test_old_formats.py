@@ -42,6 +42,24 @@ def test_finished_runs_are_read(kept: Path) -> None:
         assert run.series["kinetic"][-1] > 0.0
 
 
+@pytest.mark.parametrize("fault", [0, 2**64 - 16, 1], ids=["no size", "a size that wraps around", "too short for its header"])
+def test_texts_of_old_files_that_never_end_are_refused(tmp_path: Path, fault: int) -> None:
+    """HDF5 looks for the next object of a heap behind this one, which has no size: in a process of its own, for it would hang."""
+    with tarfile.open(DATA / "format-1.1.tar.xz") as archive:
+        archive.extractall(tmp_path, filter="data")
+    file = tmp_path / "finished" / "results.h5"
+    data = bytearray(file.read_bytes())
+    heap = data.index(b"GCOL")
+    is_free = fault != 2**64 - 16
+    data[heap + 16 : heap + 32] = (0 if is_free else 1).to_bytes(8, "little") + fault.to_bytes(8, "little")
+    alone = tmp_path / "results.h5"
+    alone.write_bytes(data)
+    for command in ("info", "verify"):
+        done = call(command, alone, cwd=tmp_path)
+        assert done.returncode == 7, done.stderr
+        assert "no end" in done.stdout + done.stderr
+
+
 def test_unfinished_runs_are_continued(kept: Path) -> None:
     """Another version of the program may end in other bits; the physics is the same."""
     assert verify(kept / "unfinished") == []

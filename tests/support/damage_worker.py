@@ -86,6 +86,8 @@ def read_all(path: Path) -> str:
             total.update(np.ascontiguousarray(run.series[name]).tobytes())
         total.update(run.model.grains.radius.tobytes())
         total.update((run.scenario_source + run.scenario_resolved).encode())
+        if path.is_file():  # a directory has more than one file that tells
+            total.update(json.dumps(run.info, sort_keys=True).encode())
     return total.hexdigest()
 
 
@@ -96,9 +98,14 @@ def read_state(path: Path) -> str:
         return state.digest() if state else "none"
 
 
+def opened(run: Path) -> Path:
+    """What a user opens: the directory of a run, or the only file in it."""
+    return run if (run / "run.json").exists() else run / "results.h5"
+
+
 def contents_of(path: Path, scratch: Path) -> set[str]:
     """Digests of what may be read of the run: all of it, or without what was written after its newest checkpoint."""
-    found = {read_all(path)}
+    found = {read_all(opened(path))}
     manifest = scratch / "segments" / "MANIFEST.jsonl"
     shutil.copytree(path, scratch, symlinks=True)
     if manifest.exists():
@@ -112,6 +119,8 @@ def contents_of(path: Path, scratch: Path) -> set[str]:
 
 def states_of(path: Path, scratch: Path) -> set[str]:
     """Digests of all states that the run has saved."""
+    if opened(path) != path:
+        return {"none"}
     shutil.copytree(path, scratch, symlinks=True)
     found = set()
     for sidecar in sorted((scratch / "checkpoints").glob("*.json"), reverse=True):
@@ -122,16 +131,22 @@ def states_of(path: Path, scratch: Path) -> set[str]:
     return found
 
 
-def attempt(action: Callable[[], Any]) -> tuple[int, Any]:
+def attempt(action: Callable[[Path], Any], path: Path) -> tuple[int, Any]:
     """Exit code that the command line would give, and the result or the message."""
     try:
-        return 0, action()
+        return 0, action(path)
     except Exception as error:
         return int(exit_code_of(error)), f"{type(error).__name__}: {error}"
 
 
+def errors_of(path: Path) -> list[str]:
+    return [finding.message for finding in verify(path) if finding.severity == "error"]
+
+
 def continued(path: Path) -> tuple[str, str]:
-    continue_run(path)
+    """Digests of the end; a file alone is at its end."""
+    if path.is_dir():
+        continue_run(path)
     info = run_info(path)
     return info["data_digest"], info["state_digest"]
 
@@ -142,17 +157,18 @@ def main(runs: Path, others: Path, scratch: Path) -> None:
     ends = {}
     for kind in whole:
         shutil.copytree(runs / kind, scratch, symlinks=True)
-        ends[kind] = attempt(lambda: continued(scratch))[1]
+        ends[kind] = attempt(continued, opened(scratch))[1]
         shutil.rmtree(scratch)
     for line in sys.stdin:
         kind, name, how, seed = json.loads(line)
         shutil.copytree(runs / kind, scratch, symlinks=True)
+        path = opened(scratch)
         is_changed = damage(scratch / name, how, seed, others / kind / name)
-        findings = attempt(lambda: [f.message for f in verify(scratch) if f.severity == "error"])
-        reading, value = attempt(lambda: read_all(scratch))
-        state, digest = attempt(lambda: read_state(scratch))
-        info, _ = attempt(lambda: run_info(scratch))
-        going_on, end = attempt(lambda: continued(scratch))
+        findings = attempt(errors_of, path)
+        reading, value = attempt(read_all, path)
+        state, digest = attempt(read_state, path)
+        info, _ = attempt(run_info, path)
+        going_on, end = attempt(continued, path)
         result = {
             "changed": is_changed,
             "noticed": findings[0] != 0 or bool(findings[1]),

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
 import os
 import signal
 import traceback
 from pathlib import Path
 
+import h5py
 import numpy as np
 
 from multicor_cli.state import (
@@ -24,6 +26,7 @@ from multicor_cli.state import (
     WallShapes,
 )
 from multicor_cli.store import ContactRows, FrameData, RunDirectory, SeriesRow
+from multicor_cli.store.texts import write_digests, write_text
 
 SOURCE = "# scénario\r\n[scenario]\nname = 'tiny'\n"
 RESOLVED = """[scenario]
@@ -184,3 +187,21 @@ def killed_at(path: Path, point: str) -> bool:
     was_killed = os.WIFSIGNALED(status) and os.WTERMSIG(status) == signal.SIGKILL
     assert was_killed or status == 0
     return was_killed
+
+
+def replace(path: Path, data: bytes) -> None:
+    """Give a file that may be read-only other bytes."""
+    path.unlink()
+    path.write_bytes(data)
+
+
+def set_text(file: h5py.File, name: str, text: str) -> None:
+    """Change a root attribute and its digest, as a faulty program would."""
+    write_text(file, name, text)
+    write_digests(file)
+
+
+def set_value(file: h5py.File, path: str, row: int, value: float) -> None:
+    """Change a value and the digest of its dataset, as a faulty program would."""
+    file[path][row] = value
+    write_text(file[path], "blake2b", hashlib.blake2b(file[path][...].tobytes(), digest_size=16).hexdigest())
