@@ -105,16 +105,16 @@ def _write_crash(error: BaseException) -> str:
     """Save the traceback, in the run directory if there is one; returns the name of the file."""
     text = "".join(traceback.format_exception(error))
     command = " ".join(sys.argv)
-    content = f"multicor crashed\ncommand: {command}\n\n{text}"
+    content = f"multicor crashed\ncommand: {command}\n\n{text}".encode(errors="backslashreplace")
     if _crash_directory is not None and (_crash_directory / "run.json").is_file():
         with contextlib.suppress(OSError):
             path = _crash_directory / "crash.txt"
-            with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NOFOLLOW, 0o666), "w") as file:
+            with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NOFOLLOW, 0o666), "wb") as file:
                 file.write(content)
             return str(path)
     try:
         handle, name = tempfile.mkstemp(prefix="multicor-crash-", suffix=".txt")
-        with os.fdopen(handle, "w") as file:
+        with os.fdopen(handle, "wb") as file:
             file.write(content)
     except OSError:
         say(text)

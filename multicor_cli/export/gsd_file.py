@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.export.errors import MissingLibrary
+from multicor_cli.export.errors import ExportRefused, MissingLibrary
 from multicor_cli.export.selection import Progress, choose_frames, no_progress
 from multicor_cli.export.target import check_file, new_file
 from multicor_cli.state import Model
@@ -81,6 +81,8 @@ def _library_errors(path: Path) -> Iterator[None]:
     """The library does not always say that the disk is full: what it writes last fails with an error of its own."""
     try:
         yield
+    except UnicodeEncodeError as error:
+        raise ExportRefused(f"{path}: the library gsd takes no names that are not UTF-8; choose another with -o") from error
     except RuntimeError as error:
         raise StorageError(f"{path}: the library gsd cannot write it ({error}); is there space left on the disk?") from error
 

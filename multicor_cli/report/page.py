@@ -58,7 +58,7 @@ def make_page(run: Run, info: dict[str, Any], books: EnergyTable | None, packing
         *(_data(f"frame-{k}", "text/plain", _base64(chunk.data)) for k, chunk in enumerate(packing.chunks)),
         f"<script>{program}</script>",
     ]
-    return "\n".join([_head(name, program), "<body>", *body, "</body>", "</html>", ""]).encode()
+    return "\n".join([_head(name, program), "<body>", *body, "</body>", "</html>", ""]).encode(errors="backslashreplace")
 
 
 def _shorten(text: str) -> str:

@@ -94,6 +94,10 @@ def _git(root: Path, *arguments: str) -> str:
 
 
 def current_command() -> list[str]:
-    """The command line of this process; ``python -m multicor_cli`` is named as the command that it is."""
+    """The command line of this process; ``python -m multicor_cli`` is named as the command that it is.
+
+    Names of files may be any bytes: what is no UTF-8 is escaped, for it is stored in texts.
+    """
     name = Path(sys.argv[0]).name or "python"
-    return ["multicor" if name == "__main__.py" else name, *sys.argv[1:]]
+    words = ["multicor" if name == "__main__.py" else name, *sys.argv[1:]]
+    return [word.encode(errors="backslashreplace").decode() for word in words]

@@ -89,12 +89,42 @@ def test_reading_while_it_runs(tmp_path: Path, count: int) -> None:
     print(f"{count} readings of {lengths[0]} to {lengths[-1]} of {len(steps)} frames")
 
 
-@pytest.mark.parametrize("name", ["with spaces", "ünïcödé–漢字", "x" * 200, "-dash", "semi;colon'quote\""])
+NAMES = {
+    "spaces": "with spaces",
+    "unicode": "ünïcödé–漢字",
+    "long": "x" * 200,
+    "dash": "-dash",
+    "quotes": "semi;colon'quote\"",
+    "no UTF-8": os.fsdecode(b"\xe9t\xe9"),
+}
+
+
+@pytest.mark.parametrize("name", NAMES.values(), ids=NAMES)
 def test_directories_of_any_name(name: str, finished: Path, tmp_path: Path) -> None:
     write_small(tmp_path)
     done = call("run", "small.toml", "-o", tmp_path / name, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert digests(tmp_path / name) == digests(finished)
+
+
+def test_results_may_be_written_under_any_name(finished: Path, tmp_path: Path) -> None:
+    name = NAMES["no UTF-8"]
+    run = tmp_path / name
+    shutil.copytree(finished, run)
+    commands = {
+        "report": ("report", run, "-o", f"{name}.html"),
+        "map": ("post", "map", run, "--of", "velocity", "--plot", f"{name}.png"),
+        "csv": ("export", "csv", run, "-o", f"{name}-csv"),
+        "fclib": ("export", "fclib", run, "-o", f"{name}.h5"),
+        "gsd": ("export", "gsd", run, "-o", f"{name}.gsd"),
+    }
+    done = {word: call(*arguments, cwd=tmp_path) for word, arguments in commands.items()}
+    codes = {word: result.returncode for word, result in done.items()}
+    assert codes == {"report": 0, "map": 0, "csv": 0, "fclib": 0, "gsd": 6}, {word: r.stderr for word, r in done.items()}
+    assert "not UTF-8" in done["gsd"].stderr  # the library cannot
+    assert sorted(path.name for path in tmp_path.iterdir()) == sorted(
+        [name, *(f"{name}{end}" for end in (".html", ".png", "-csv", ".h5"))]
+    )
 
 
 def as_nobody(arguments: list[object], cwd: Path, **extra: str) -> subprocess.CompletedProcess[str]:
