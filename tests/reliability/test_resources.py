@@ -98,7 +98,7 @@ def test_too_little_memory(tmp_path: Path, count: int) -> None:
 SOAK = WARM.replace("count = 150", "count = 12").replace('"deposited"', '"random"')
 
 
-@trials(short=3_000, long=1_000_000)
+@trials(short=5_000, long=1_000_000)
 @pytest.mark.timeout(7200)
 def test_soak(tmp_path: Path, count: int) -> None:
     """A million steps of a shaken, heated layer: memory and open files as after a tenth of them, books closed to rounding."""
@@ -116,9 +116,10 @@ def test_soak(tmp_path: Path, count: int) -> None:
     samples: list[tuple[int, int]] = []
     while process.poll() is None:
         try:
-            process.wait(0.2 if count < 100_000 else 2.0)
+            process.wait(0.1 if count < 100_000 else 2.0)
         except subprocess.TimeoutExpired:
-            samples.append(looked_at(process.pid))
+            if 0.1 * count < steps_done(tmp_path / "run") < 0.95 * count:  # neither compiling nor writing results.h5
+                samples.append(looked_at(process.pid))
     assert process.returncode == 0
     info = read_info(tmp_path / "run")
     assert info["step"] >= count
@@ -126,13 +127,21 @@ def test_soak(tmp_path: Path, count: int) -> None:
     assert info["heat_closure"] < 1e-9
     with open_run(tmp_path / "run") as run:
         assert len(run.frames) >= 100
-    memory, files = (np.array([sample[k] for sample in samples if sample[0]], float) for k in (0, 1))
-    early, late = len(memory) // 3, -(-len(memory) * 9 // 10)
+    memory, files = (np.array_split([sample[k] for sample in samples if sample[0]], 8) for k in (0, 1))
     print(f"{info['step']} steps: closures {info['energy_closure']:.1e} and {info['heat_closure']:.1e}")
-    print(f"memory {memory[early] / 1e6:.1f} → {memory[late:].max() / 1e6:.1f} MB")
-    print(f"open files {files[early]:.0f} → {files[late:].max():.0f}")
-    assert memory[late:].max() < 1.1 * memory[early] + 4e6
-    assert files[late:].max() <= files[early:late].max() + 1
+    print("memory in eighths of the run [MB]:", *(f"{np.median(part) / 1e6:.1f}" for part in memory))
+    print("most open files in eighths of the run:", *(max(part) for part in files))
+    growth = 1.02 if count >= 100_000 else 1.1  # machine code is loaded when it is first needed
+    assert np.median(memory[-1]) < growth * np.median(memory[0])
+    assert max(files[-1]) <= max(files[0]) + 1
+
+
+def steps_done(run: Path) -> int:
+    """What the run says of itself; 0 before it says anything."""
+    try:
+        return int(json.loads((run / "progress.json").read_text())["step"])
+    except FileNotFoundError:
+        return 0
 
 
 def looked_at(pid: int) -> tuple[int, int]:
