@@ -85,6 +85,7 @@ def test_any_call_may_fail(tmp_path: Path, number: int, stays: bool, count: int)
         info = run_info(path)
         assert (info["data_digest"], info["state_digest"]) == (expected["data_digest"], expected["state_digest"]), where
         shutil.rmtree(path)
+    print(f"{len(range(1, whole.count + 1, -(-whole.count // count)))} of {whole.count} calls failed")
 
 
 class Lying:
