@@ -235,6 +235,14 @@ def commit_bytes(path: Path, label: str, data: bytes) -> None:
     commit_file(path, label, write)
 
 
+def commit_result(path: Path, label: str, data: bytes) -> None:
+    """Create or replace a file that a user has asked for, outside of run directories; raises as `commit_file` does.
+
+    It is there whole or as it was before. A link at its place is replaced, not followed.
+    """
+    commit_file(path, label, lambda file: _discard(file.write(data)), size=len(data), temporary=temporary_beside(path))
+
+
 def append_line(path: Path, label: str, line: bytes) -> None:
     """Append one line with one write, and fsync; nothing of it stays if it cannot be written whole.
 

@@ -46,7 +46,7 @@ class Mutant:
 
 def read_mutants() -> list[Mutant]:
     with (Path(__file__).parent / "mutants.toml").open("rb") as file:
-        return [Mutant(**entry) for entry in tomllib.load(file)["mutants"]]
+        return [Mutant(**{**entry, "tests": tuple(entry["tests"])}) for entry in tomllib.load(file)["mutants"]]
 
 
 def main(words: list[str]) -> int:
