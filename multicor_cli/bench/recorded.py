@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from multicor_cli.bench.measuring import Result
+from multicor_cli.store.atomic import commit_result
 
 MARGINS = {"sweeps": 1.25, "sweep_over_c": 1.4, "solve_over_c": 1.5, "other_over_c": 1.6}
 """By how much a ratio may exceed the recorded one: sweeps depend on roundings, times on a shared machine
@@ -44,11 +45,11 @@ def write_record(path: Path, results: Iterable[Result]) -> None:
 
     Raises:
         RecordError: If the file holds something else.
-        OSError: If it cannot be written.
+        StorageError: If it cannot be written.
     """
     known = read_record(path) if path.exists() else {}
     known.update({name_of(result): ratios(result) for result in results if not result.faults})
-    path.write_text(json.dumps(dict(sorted(known.items())), indent=2) + "\n", encoding="utf-8")
+    commit_result(path, "record", (json.dumps(dict(sorted(known.items())), indent=2) + "\n").encode())
 
 
 def read_record(path: Path) -> dict[str, dict[str, float]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import os
 import signal
 import sys
@@ -97,7 +98,9 @@ def _report(error: BaseException, code: ExitCode) -> None:
 def _describe(error: BaseException) -> str:
     """The message of an error; of one of the system: the file and what is wrong with it."""
     if isinstance(error, OSError) and error.strerror:
-        return f"{error.filename}: {error.strerror}" if error.filename is not None else error.strerror
+        is_output = error.filename is None and error.errno in (errno.ENOSPC, errno.EDQUOT, errno.EFBIG)  # files are named
+        where = "standard output" if is_output else error.filename
+        return f"{where}: {error.strerror}" if where is not None else error.strerror
     return str(error)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
@@ -31,18 +32,17 @@ def new(
 ) -> None:
     """Write a commented scenario file to start from."""
     from multicor_cli.scenario.templates import new_scenario
+    from multicor_cli.store.atomic import commit_result
 
     path = Path(f"{name}.toml")
     try:
         text = new_scenario(path.stem, template)
     except ValueError as error:
         raise typer.BadParameter(str(error)) from None
-    try:
-        with path.open("w" if overwrite else "x", encoding="utf-8") as file:
-            file.write(text)
-    except FileExistsError:
+    if os.path.lexists(path) and not overwrite:
         say(f"multicor: {path} exists; choose another name, or give --overwrite")
-        raise typer.Exit(ExitCode.OCCUPIED) from None
+        raise typer.Exit(ExitCode.OCCUPIED)
+    commit_result(path, "scenario", text.encode())
     say(f"wrote {path}; check it with:  multicor validate {path}")
 
 

@@ -18,6 +18,7 @@ from multicor_cli.plots.scene import place_scene
 from multicor_cli.plots.style import PAGE, PlotError, house_style
 from multicor_cli.post.grain_map import GrainMap
 from multicor_cli.state.model import Floats
+from multicor_cli.store.atomic import storage_errors
 
 SUFFIXES = (".mp4", ".gif")
 """Formats of films."""
@@ -70,7 +71,7 @@ def write_film(
 
     Raises:
         PlotError: If matplotlib (for a GIF: Pillow) is missing, the ending is not known, no map is left, or ffmpeg fails.
-        OSError: If the file cannot be written.
+        StorageError: If the file cannot be written.
     """
     if path.suffix.lower() not in SUFFIXES:
         raise PlotError(f"{path}: the name of a film ends in {' or '.join(SUFFIXES)}")
@@ -79,14 +80,10 @@ def write_film(
         stage = _find_stage(maps(), count)
         if stage is None:
             raise PlotError(f"{path}: no frame has this quantity")
-        temporary = _temporary(target)
         drawn = _Counter(count, progress)
-        try:
-            pictures = _draw_all(drawn.watch(maps()), stage, _SIDES[target.suffix.lower()])
-            (_write_mp4 if target.suffix.lower() == ".mp4" else _write_gif)(pictures, temporary, rate)
-            temporary.replace(target)
-        finally:
-            temporary.unlink(missing_ok=True)
+        pictures = _draw_all(drawn.watch(maps()), stage, _SIDES[target.suffix.lower()])
+        with storage_errors(target):
+            _write(pictures, target, rate)
     return Film(target, drawn.maps, count - drawn.maps)
 
 
@@ -163,6 +160,15 @@ def _make_even(figure: Any, most: int) -> None:
     sides = figure.get_size_inches()
     figure.dpi = most / max(sides)
     figure.set_size_inches([(2.0 * round(0.5 * figure.dpi * side) + 1e-3) / figure.dpi for side in sides])
+
+
+def _write(pictures: Iterator[Any], target: Path, rate: float) -> None:
+    temporary = _temporary(target)
+    try:
+        (_write_mp4 if target.suffix.lower() == ".mp4" else _write_gif)(pictures, temporary, rate)
+        temporary.replace(target)
+    finally:
+        temporary.unlink(missing_ok=True)
 
 
 def _temporary(target: Path) -> Path:

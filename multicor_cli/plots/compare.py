@@ -21,7 +21,7 @@ def plot_comparison(comparison: Comparison, path: Path) -> None:
 
     Raises:
         PlotError: If matplotlib is not installed, the ending is not known, or there are no profiles.
-        OSError: If the file cannot be written.
+        StorageError: If the file cannot be written.
     """
     with figure_file(path, PAGE, 0.85 * COLUMN * len(comparison.profiles)) as figure:
         draw_comparison(figure, comparison)

@@ -59,7 +59,7 @@ def plot(table: Any, path: Path, **options: Any) -> None:
 
     Raises:
         PlotError: If matplotlib is not installed or the ending is not known.
-        OSError: If the file cannot be written.
+        StorageError: If the file cannot be written.
     """
     _WAYS[type(table)].file(table, path, **options)
 

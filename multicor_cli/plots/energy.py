@@ -31,7 +31,7 @@ def plot_energy(table: EnergyTable, path: Path) -> None:
 
     Raises:
         PlotError: If matplotlib is not installed or the ending is not known.
-        OSError: If the file cannot be written.
+        StorageError: If the file cannot be written.
     """
     with figure_file(path, COLUMN if table.heat_closure is None else PAGE, 1.15 * COLUMN) as figure:
         draw_energy(figure, table)

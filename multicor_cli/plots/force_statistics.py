@@ -20,7 +20,7 @@ def plot_distribution(table: ForceDistribution, path: Path) -> None:
 
     Raises:
         PlotError: If matplotlib is not installed or the ending is not known.
-        OSError: If the file cannot be written.
+        StorageError: If the file cannot be written.
     """
     with figure_file(path, COLUMN, 0.85 * COLUMN) as figure:
         draw_distribution(figure.add_subplot(), table)
@@ -50,7 +50,7 @@ def plot_angles(table: AngularDistribution, path: Path) -> None:
 
     Raises:
         PlotError: If matplotlib is not installed or the ending is not known.
-        OSError: If the file cannot be written.
+        StorageError: If the file cannot be written.
     """
     with figure_file(path, PAGE, 0.55 * PAGE) as figure:
         draw_angles(figure, table)

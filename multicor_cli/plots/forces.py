@@ -28,7 +28,7 @@ def plot_forces(network: ForceNetwork, path: Path) -> None:
 
     Raises:
         PlotError: If matplotlib is not installed or the ending is not known.
-        OSError: If the file cannot be written.
+        StorageError: If the file cannot be written.
     """
     with figure_file(path, COLUMN, COLUMN) as figure:
         draw_forces(place_scene(figure, network.scene, has_bar=False, top=_LEGEND).axes, network)

@@ -39,7 +39,7 @@ def plot_map(table: GrainMap, path: Path, *, has_streamlines: bool = True) -> No
 
     Raises:
         PlotError: If matplotlib is not installed or the ending is not known.
-        OSError: If the file cannot be written.
+        StorageError: If the file cannot be written.
     """
     with figure_file(path, COLUMN, COLUMN) as figure:
         draw_map(place_scene(figure, table.scene), table, has_streamlines=has_streamlines)

@@ -21,7 +21,7 @@ def plot_profile(table: ProfileTable, path: Path) -> None:
 
     Raises:
         PlotError: If matplotlib is not installed or the ending is not known.
-        OSError: If the file cannot be written.
+        StorageError: If the file cannot be written.
     """
     with figure_file(path, COLUMN, 0.9 * COLUMN) as figure:
         draw_profile(figure.add_subplot(), table)

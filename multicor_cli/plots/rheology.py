@@ -30,7 +30,7 @@ def plot_rheology(table: Rheology, path: Path) -> None:
 
     Raises:
         PlotError: If matplotlib is not installed or the ending is not known.
-        OSError: If the file cannot be written.
+        StorageError: If the file cannot be written.
     """
     with figure_file(path, PAGE, 0.62 * PAGE) as figure:
         draw_rheology(figure, table)

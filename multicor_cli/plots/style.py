@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -10,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from multicor_cli.state.model import Floats
+from multicor_cli.store.atomic import commit_result
 
 COLUMN = 3.35
 """Width of a journal column [inch]."""
@@ -100,7 +102,7 @@ def figure_file(path: Path, width: float, height: float) -> Iterator[Any]:
 
     Raises:
         PlotError: If matplotlib is not installed or the ending is not known.
-        OSError: If the file cannot be written.
+        StorageError: If the file cannot be written.
     """
     check_suffix(path)
     with house_style():
@@ -112,12 +114,15 @@ def figure_file(path: Path, width: float, height: float) -> Iterator[Any]:
 
 
 def save_figure(figure: Any, path: Path) -> None:
-    """Write a figure in the format of the file name; the same data give the same bytes.
+    """Write a figure in the format of the file name, whole or not at all; the same data give the same bytes.
 
     Raises:
         PlotError: If the name has no known ending.
-        OSError: If the file cannot be written.
+        StorageError: If the file cannot be written.
     """
     check_suffix(path)
+    ending = path.suffix.lower()
     undated = {".png": {"Software": None}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
-    figure.savefig(path, metadata=undated[path.suffix.lower()])
+    drawn = io.BytesIO()
+    figure.savefig(drawn, format=ending.removeprefix("."), metadata=undated[ending])
+    commit_result(path, "figure", drawn.getvalue())

@@ -23,7 +23,7 @@ def plot_theta_eta(table: ThetaTable, path: Path) -> None:
 
     Raises:
         PlotError: If matplotlib is not installed or the ending is not known.
-        OSError: If the file cannot be written.
+        StorageError: If the file cannot be written.
     """
     with figure_file(path, COLUMN, 0.8 * COLUMN) as figure:
         draw_theta_eta(figure.add_subplot(), table)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,7 +15,7 @@ from multicor_cli.report.figures import make_figures
 from multicor_cli.report.pack import Packing, Progress, pack_frames
 from multicor_cli.report.page import MARK, make_page
 from multicor_cli.store import StoreError, open_run, run_info
-from multicor_cli.store.atomic import GuardedFile, commit_file, temporary_beside
+from multicor_cli.store.atomic import commit_result
 
 SIZE_LIMIT = 30_000_000
 """Largest size of a page [bytes]: what most mail servers still take."""
@@ -93,7 +92,7 @@ def write_report(
         books = energy(run) if run.series.row_count else None
         figures = make_figures(run, books)
         page = make_page(run, info, books, packing, figures)
-    commit_file(target, "report", _writer(page), size=len(page), temporary=temporary_beside(target))
+    commit_result(target, "report", page)
     return _summary(target, len(page), packing, figures is not None)
 
 
@@ -116,13 +115,6 @@ def check_target(path: Path, *, is_overwriting: bool) -> None:
 def _head(path: Path) -> str:
     with path.open("rb") as file:
         return file.read(400).decode("utf-8", "replace")
-
-
-def _writer(page: bytes) -> Callable[[GuardedFile], None]:
-    def write(file: GuardedFile) -> None:
-        file.write(page)
-
-    return write
 
 
 def _summary(path: Path, size: int, packing: Packing, has_figures: bool) -> ReportSummary:

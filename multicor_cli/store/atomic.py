@@ -240,7 +240,11 @@ def commit_result(path: Path, label: str, data: bytes) -> None:
 
     It is there whole or as it was before. A link at its place is replaced, not followed.
     """
-    commit_file(path, label, lambda file: _discard(file.write(data)), size=len(data), temporary=temporary_beside(path))
+
+    def write(file: GuardedFile) -> None:
+        file.write(data)
+
+    commit_file(path, label, write, size=len(data), temporary=temporary_beside(path))
 
 
 def append_line(path: Path, label: str, line: bytes) -> None:

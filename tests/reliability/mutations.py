@@ -74,7 +74,7 @@ def main(words: list[str]) -> int:
 def make_copy(copy: Path) -> None:
     """The repository as it is, anew."""
     shutil.rmtree(copy, ignore_errors=True)
-    shutil.copytree(ROOT, copy, ignore=shutil.ignore_patterns("__pycache__", ".*", "runs", "docs", "benchmarks"))
+    shutil.copytree(ROOT, copy, ignore=shutil.ignore_patterns("__pycache__", ".*", "runs", "benchmarks"))
 
 
 def first_failure(copy: Path, tests: tuple[str, ...], forms: tuple[str, ...]) -> str | None:

@@ -183,5 +183,36 @@ def test_real_disk_of_any_size(tmp_path: Path, small_disk: Path, finished: Path,
     assert 5 in codes
 
 
+RESULTS = {
+    "report": ("report", "RUN", "-o", "DISK/r.html"),
+    "png": ("post", "map", "RUN", "--of", "velocity", "--plot", "DISK/m.png"),
+    "svg": ("post", "map", "RUN", "--of", "velocity", "--plot", "DISK/m.svg"),
+    "pdf": ("post", "map", "RUN", "--of", "velocity", "--plot", "DISK/m.pdf"),
+    "film": ("post", "animate", "RUN", "--of", "velocity", "-o", "DISK/m.gif"),
+    "csv": ("export", "csv", "RUN", "-o", "DISK/tables"),
+    "gsd": ("export", "gsd", "RUN", "-o", "DISK/m.gsd"),
+    "fclib": ("export", "fclib", "RUN", "-o", "DISK/m.h5"),
+    "scenario": ("new", "DISK/mine"),
+}
+
+
+@pytest.mark.parametrize("command", RESULTS.values(), ids=RESULTS)
+def test_full_disk_leaves_nothing_of_what_is_made_of_a_run(command: tuple[str, ...], small_disk: Path, finished: Path) -> None:
+    (small_disk / "data").write_bytes(bytes(56_000))
+    words = [word.replace("RUN", str(finished)).replace("DISK", str(small_disk)) for word in command]
+    done = call(*words, cwd=finished.parent)
+    assert done.returncode == 5, done.stderr
+    assert "no space left" in done.stderr
+    assert str(small_disk) in done.stderr
+    assert [path.name for path in small_disk.iterdir()] == ["data"]
+
+
+def test_full_disk_keeps_the_scenario_that_was_to_be_replaced(small_disk: Path, finished: Path) -> None:
+    (small_disk / "mine.toml").write_text("precious")
+    (small_disk / "data").write_bytes(bytes(56_000))
+    assert call("new", small_disk / "mine", "--overwrite", cwd=finished.parent).returncode == 5
+    assert (small_disk / "mine.toml").read_text() == "precious"
+
+
 def resize(disk: Path, size: int) -> None:
     subprocess.run(["mount", "-o", f"remount,size={size}", disk], check=True)
