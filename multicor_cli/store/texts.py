@@ -10,6 +10,7 @@ from __future__ import annotations
 import hashlib
 import json
 import mmap
+from functools import lru_cache
 from pathlib import Path
 
 import h5py
@@ -71,6 +72,13 @@ def require_finite_heaps(path: Path) -> None:
         DamagedRun: If there is such a heap.
         OSError: If the file cannot be read.
     """
+    status = path.stat()
+    _look_at_heaps(path, status.st_ino, status.st_size, status.st_mtime_ns)
+
+
+@lru_cache(maxsize=64)
+def _look_at_heaps(path: Path, *_identity: int) -> None:
+    """Once for each file: it is searched from its beginning to its end."""
     with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
         at = data.find(_HEAP)
         while at >= 0:
