@@ -93,7 +93,7 @@ def first_failure(copy: Path, tests: tuple[str, ...], forms: tuple[str, ...]) ->
         failed = [line.split()[1] for line in lines if line.startswith(("FAILED", "ERROR"))]
         if failed:
             reasons = [line.split(maxsplit=1)[1] for line in lines if line.startswith("E  ")]
-            return f"{failed[0].rpartition('/')[2]} | {reasons[0][:100] if reasons else ''}"
+            return f"{failed[0].rpartition('/')[2]} | {next(filter(None, reasons), '')[:100]}"
     return None
 
 
