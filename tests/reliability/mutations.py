@@ -92,7 +92,7 @@ def first_failure(copy: Path, tests: tuple[str, ...], forms: tuple[str, ...]) ->
         lines = done.stdout.splitlines()
         failed = [line.split()[1] for line in lines if line.startswith(("FAILED", "ERROR"))]
         if failed:
-            reasons = [line.split(maxsplit=1)[1] for line in lines if line.startswith("E  ")]
+            reasons = [line.removeprefix("E").strip() for line in lines if line.startswith("E  ")]
             return f"{failed[0].rpartition('/')[2]} | {next(filter(None, reasons), '')[:100]}"
     return None
 
