@@ -25,6 +25,7 @@ _BY_CLASS = {
     ("multicor_cli.solver.settings", "PhysicsError"): ExitCode.PHYSICS,
     ("multicor_cli.post.source", "PostError"): ExitCode.USAGE,
     ("multicor_cli.plots.style", "PlotError"): ExitCode.ENVIRONMENT,
+    ("multicor_cli.kernels.layer", "NoThreadingLayer"): ExitCode.ENVIRONMENT,
     ("multicor_cli.bench.recorded", "RecordError"): ExitCode.USAGE,
 }
 

@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import Any, TypeVar
 
 from multicor_cli.kernels.cache import configure_cache
-from multicor_cli.kernels.layer import prefer_openmp
+from multicor_cli.kernels.layer import prefer_openmp, require_layer
 
 configure_cache()
 prefer_openmp()
@@ -20,6 +20,8 @@ import numba  # noqa: E402  (the cache directory and the threading layer must be
 import numpy as np  # noqa: E402
 
 from multicor_cli.state.model import Floats  # noqa: E402
+
+require_layer()
 
 F = TypeVar("F", bound=Callable[..., Any])
 

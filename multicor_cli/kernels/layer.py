@@ -1,4 +1,4 @@
-"""Which threading layer Numba takes. This module does not import Numba, and must run before kernels start threads."""
+"""Which threading layer Numba takes. To be chosen before Numba is imported."""
 
 from __future__ import annotations
 
@@ -19,3 +19,25 @@ def prefer_openmp() -> None:
     numba = sys.modules.get("numba")
     if numba is not None:  # somebody imported Numba before us: it has read the environment already
         numba.config.THREADING_LAYER_PRIORITY = PRIORITY.split()
+
+
+class NoThreadingLayer(Exception):
+    """The threading layer that the environment asks for is not there: one message for the user."""
+
+
+def require_layer() -> None:
+    """Start the threads of a layer that the environment chooses: Numba complains of one that is not there in the midst of a kernel.
+
+    Raises:
+        NoThreadingLayer: If it is not there.
+    """
+    import numba
+
+    chosen = [f"{name}={os.environ[name]}" for name in _CHOICES if os.environ.get(name) not in (None, "", PRIORITY)]
+    if not chosen:
+        return
+    try:
+        numba.get_num_threads()  # starts them
+    except ValueError as error:
+        message = f"{', '.join(chosen)}: Numba has no such threading layer here; unset it, or choose omp or workqueue"
+        raise NoThreadingLayer(message) from error

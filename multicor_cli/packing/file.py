@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import csv
 import difflib
+import math
 import warnings
 from pathlib import Path
 from typing import Any
@@ -27,6 +28,7 @@ _KEY = ("packing", "path")
 _HEADER_LENGTH = 10_000
 _MOST_COMPRESSED = 1100
 """Times by which the compression of HDF5 can shrink data, somewhat more."""
+_LARGEST_CHUNK = 2**20  # values
 _NUMBERS = "uif"  # kinds of numpy types that are plain numbers
 
 
@@ -197,4 +199,6 @@ def _dataset_size(file: Any, name: str, path: Path) -> int:
         raise PackingError(f"'{path}': {name} is not a one-dimensional array of numbers", "store one number per grain", _KEY)
     if item.size * item.dtype.itemsize > _MOST_COMPRESSED * max(1, item.id.get_storage_size()):
         raise PackingError(f"'{path}': {name} has more values than are stored in the file", "store every value", _KEY)
+    if math.prod(item.chunks or (0,)) > max(item.size, _LARGEST_CHUNK):  # one chunk is unpacked whole
+        raise PackingError(f"'{path}': {name} is stored in chunks of {item.chunks[0]} values", "use smaller chunks", _KEY)
     return int(item.shape[0])

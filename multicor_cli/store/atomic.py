@@ -238,8 +238,10 @@ def commit_bytes(path: Path, label: str, data: bytes) -> None:
 def commit_result(path: Path, label: str, data: bytes) -> None:
     """Create or replace a file that a user has asked for, outside of run directories; raises as `commit_file` does.
 
-    It is there whole or as it was before. A link at its place is replaced, not followed.
+    It is there whole or as it was before. A link at its place is replaced, not followed; a pipe or a device is refused.
     """
+    if path.exists() and not path.is_file():
+        raise StorageError(f"{path}: is not an ordinary file, and is not replaced; choose another name")
 
     def write(file: GuardedFile) -> None:
         file.write(data)

@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from multicor_cli.store.atomic import require_regular
 from multicor_cli.store.errors import DamagedRun, StorageError, UnsupportedVersion
 from multicor_cli.store.schema import FORMAT_VERSION, Dataset
-from multicor_cli.store.texts import DIGESTS, read_text, text_digest
+from multicor_cli.store.texts import DIGESTS, read_text, text_digest, text_names
 
 _DEFLATE_RATIO = 1100
 """No deflated stream grows by more than 1032 times."""
@@ -120,8 +120,10 @@ class CheckedFile:
             raise DamagedRun(f"{self.path}: attribute {name!r} is damaged") from error
 
     def check_texts(self) -> None:
-        """Compare all root attributes that are texts with their digests; raises `DamagedRun`."""
-        for name in self._text_digests or ():
+        """Read all root attributes that are texts, and compare them with their digests if they have any; raises `DamagedRun`."""
+        with reading(self.path):
+            names = text_names(self._file) if self._text_digests is None else list(self._text_digests)
+        for name in names:
             self.text(name)
 
     @cached_property

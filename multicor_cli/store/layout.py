@@ -42,6 +42,20 @@ def foreign_entries(directory: Path) -> list[str]:
     return foreign
 
 
+def own_files(directory: Path, name: str) -> list[Path]:
+    """Files in the directory ``name`` (`SEGMENTS`, `CHECKPOINTS`) of a run that only this program makes; none through a link."""
+    inner = directory / name
+    if inner.is_symlink() or not inner.is_dir():
+        return []
+    return [entry for entry in sorted(inner.iterdir()) if _IN_DIRECTORY[name].fullmatch(entry.name) and not entry.is_dir()]
+
+
+def temporaries(directory: Path) -> list[Path]:
+    """Files that interrupted commits of this program have left in a run directory."""
+    inside = [*own_files(directory, SEGMENTS), *own_files(directory, CHECKPOINTS)]
+    return [*(directory / f"{name}.tmp" for name in sorted(_FILES)), *(file for file in inside if file.name.endswith(".tmp"))]
+
+
 def known_files(directory: Path) -> list[Path]:
     """All files of a run in ``directory`` except ``run.json`` and the lock; call only if `foreign_entries` is empty."""
     found = []

@@ -74,8 +74,8 @@ def read_scenario(path: Path, sha256: str) -> str:
 
 
 def remove_temporaries(path: Path) -> None:
-    """Remove what interrupted commits have left; one that cannot be removed does no harm."""
-    for directory in (path, path / layout.SEGMENTS, path / layout.CHECKPOINTS):
-        for entry in directory.glob("*.tmp"):
+    """Remove what interrupted commits have left; one that cannot be removed does no harm, and what is not ours stays."""
+    with contextlib.suppress(OSError):
+        for entry in layout.temporaries(path):
             with contextlib.suppress(OSError):
-                entry.unlink()
+                entry.unlink(missing_ok=True)

@@ -50,7 +50,7 @@ def check_types(file: Path, document: Document) -> None:
     """Compare the values that ``document`` has with what they must be; raises `DamagedRun` about ``file``."""
     wrong = [name for name, is_right in _TYPES.items() if name in document and not is_right(document[name])]
     if wrong:
-        raise DamagedRun(f"{file}: {wrong[0]} is {str(document[wrong[0]])[:200]}")
+        raise DamagedRun(f"{file}: damaged ({wrong[0]} is {str(document[wrong[0]])[:60]}, which no run writes)")
 
 
 def new_document(
@@ -111,7 +111,16 @@ def _is_summary(value: Any) -> bool:
         return True
     required = empty_summary()
     heat = required.pop("heat")  # since 1.1
-    return _is_like(value, required) and _is_like(value.get("heat", heat), {"books": {}, "temperature": {}}, is_optional=True)
+    if not _is_like(value, required) or not _is_like(value.get("heat", heat), {"books": {}, "temperature": {}}, is_optional=True):
+        return False
+    counts = [*(value[name] for name in ("step", "time", "stage", "grain_count")), value["solver"]["unconverged_steps"]]
+    temperature = [value["heat"]["temperature"].get(name) for name in ("mean", "min", "max")] if value.get("heat") else []
+    return all(_is_number(item) for item in [*counts, *temperature])
+
+
+def _is_number(value: Any) -> bool:
+    """Whether it is a number that a machine can hold."""
+    return isinstance(value, float) or (isinstance(value, int) and abs(value) < 2**63)
 
 
 def _is_like(value: Any, reference: dict[str, Any], *, is_optional: bool = False) -> bool:
@@ -121,8 +130,12 @@ def _is_like(value: Any, reference: dict[str, Any], *, is_optional: bool = False
     tables = {name: table for name, table in reference.items() if isinstance(table, dict)}
     rest = (item for name, item in value.items() if name not in tables and name != "heat")
     return all(_is_like(value[name], table) for name, table in tables.items()) and all(
-        item is None or isinstance(item, int | float | str) for item in rest
+        item is None or isinstance(item, str) or _is_number(item) for item in rest
     )
+
+
+def _is_provenance(value: Any) -> bool:
+    return isinstance(value, dict) and isinstance(value.get("seed"), int)
 
 
 _TYPES: dict[str, Callable[[Any], bool]] = {
@@ -130,8 +143,8 @@ _TYPES: dict[str, Callable[[Any], bool]] = {
     "status": lambda value: value in (CREATING, "running", "finished", "stopped", "failed"),
     "stages": lambda value: isinstance(value, list) and all(isinstance(name, str) for name in value),
     "sessions": lambda value: isinstance(value, list) and all(isinstance(item, dict) for item in value),
-    "provenance": lambda value: isinstance(value, dict),
-    "timings": lambda value: isinstance(value, dict) and all(isinstance(item, int | float) for item in value.values()),
+    "provenance": _is_provenance,
+    "timings": lambda value: isinstance(value, dict) and all(map(_is_number, value.values())),
     "started": lambda value: isinstance(value, str),
     "updated": lambda value: isinstance(value, str),
     "model": _is_file,  # once it is there; earlier versions have not recorded it

@@ -355,13 +355,16 @@ class RunDirectory:
         self._save()
 
     def _remove_segments(self) -> None:
-        """Everything is in ``results.h5``, and ``run.json`` says so; what a crash leaves of this goes at the next start."""
+        """Everything is in ``results.h5``, and ``run.json`` says so; what a crash leaves of this goes at the next start.
+
+        Files that others have put beside the segments stay, and so does what a link leads to.
+        """
         kill_point("cleanup.before")
         directory = self.path / layout.SEGMENTS
         with storage_errors(directory):
-            if directory.is_dir():
-                for entry in sorted(directory.iterdir()):
-                    entry.unlink()
-                    kill_point("cleanup.mid")
+            for entry in layout.own_files(self.path, layout.SEGMENTS):
+                entry.unlink()
+                kill_point("cleanup.mid")
+            if not directory.is_symlink() and directory.is_dir() and not any(directory.iterdir()):
                 directory.rmdir()
             (self.path / layout.MODEL).unlink(missing_ok=True)

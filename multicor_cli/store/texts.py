@@ -20,7 +20,7 @@ from multicor_cli.store.errors import DamagedRun
 DIGESTS = "attribute_digests"
 """Root attribute with the digests of all other texts of the root, as JSON; since format 1.2."""
 
-_HEAP = b"GCOL\x01\0\0\0"
+_HEAP = b"GCOL\x01"  # HDF5 does not look at the three bytes behind
 _HEAP_HEADER = 16
 _OBJECT_HEADER = 16
 
@@ -33,9 +33,13 @@ def write_text(node: h5py.HLObject, name: str, text: str) -> None:
 
 def write_digests(file: h5py.File) -> None:
     """Store the digests of all texts of the root; the last to be written there."""
-    names = [name for name in file.attrs if h5py.check_string_dtype(file.attrs.get_id(name).dtype) is not None]
     file.attrs.pop(DIGESTS, None)
-    write_text(file, DIGESTS, json.dumps({name: text_digest(read_text(file, name)) for name in names if name != DIGESTS}))
+    write_text(file, DIGESTS, json.dumps({name: text_digest(read_text(file, name)) for name in text_names(file)}))
+
+
+def text_names(node: h5py.HLObject) -> list[str]:
+    """Names of the attributes that are texts."""
+    return [name for name in node.attrs if h5py.check_string_dtype(node.attrs.get_id(name).dtype) is not None]
 
 
 def read_text(node: h5py.HLObject, name: str) -> str:

@@ -249,10 +249,12 @@ def _checkpoint_check(sidecar: Path, identity: Identity) -> Check:
 
 
 def _leftovers(path: Path, document: Document) -> Iterator[Finding]:
-    for directory in (path, path / layout.SEGMENTS, path / layout.CHECKPOINTS):
-        for entry in sorted(directory.glob("*.tmp")):
+    for entry in layout.temporaries(path):
+        if entry.exists():
             yield Finding("warning", str(entry), "left by an interrupted write; the next start removes it")
     for entry in sorted((path / layout.SEGMENTS).glob("*.orphan")):
         yield Finding("warning", str(entry), "written after the checkpoint from which the run was continued; not used")
     if document["results"] and (path / layout.SEGMENTS).exists() and document["status"] == "finished":
-        yield Finding("warning", str(path / layout.SEGMENTS), "not needed beside results.h5; the next start removes it")
+        is_ours = bool(layout.own_files(path, layout.SEGMENTS))
+        remedy = "the next start removes it" if is_ours else "it is a link or holds files that no run has made, and stays"
+        yield Finding("warning", str(path / layout.SEGMENTS), f"not needed beside results.h5; {remedy}")

@@ -143,6 +143,14 @@ def test_output_that_cannot_be_written(copy: Path, tmp_path: Path, arguments: st
     assert code == 0 or "standard output: No space left" in done.stderr
 
 
+def test_figures_do_not_replace_pipes(finished: Path, tmp_path: Path) -> None:
+    os.mkfifo(tmp_path / "map.png")
+    done = call("post", "map", finished, "--of", "velocity", "--plot", "map.png", cwd=tmp_path)
+    assert done.returncode == 5
+    assert "map.png: is not an ordinary file" in done.stderr
+    assert [path.is_fifo() for path in tmp_path.iterdir()] == [True]
+
+
 @pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGTERM])
 def test_stopped_exports_leave_nothing_half_written(finished: Path, tmp_path: Path, number: signal.Signals) -> None:
     slow = (

@@ -42,15 +42,31 @@ def test_finished_runs_are_read(kept: Path) -> None:
         assert run.series["kinetic"][-1] > 0.0
 
 
-@pytest.mark.parametrize("fault", [0, 2**64 - 16, 1], ids=["no size", "a size that wraps around", "too short for its header"])
-def test_texts_of_old_files_that_never_end_are_refused(tmp_path: Path, fault: int) -> None:
-    """HDF5 looks for the next object of a heap behind this one, which has no size: in a process of its own, for it would hang."""
+def first_heap(tmp_path: Path) -> tuple[bytearray, int]:
+    """Results in format 1.1, whose texts lie in heaps, and where the first heap begins."""
     with tarfile.open(DATA / "format-1.1.tar.xz") as archive:
         archive.extractall(tmp_path, filter="data")
-    file = tmp_path / "finished" / "results.h5"
-    data = bytearray(file.read_bytes())
-    heap = data.index(b"GCOL")
+    data = bytearray((tmp_path / "finished" / "results.h5").read_bytes())
+    return data, data.index(b"GCOL")
+
+
+def test_every_text_of_old_files_is_verified(tmp_path: Path) -> None:
+    data, heap = first_heap(tmp_path)
+    for index in range(1, 4):  # numbers of the first objects: who looks for one does not find it
+        at = data.index(index.to_bytes(2, "little") + b"\0" * 6, heap + 16)
+        damaged = bytearray(data)
+        damaged[at] = 99
+        (tmp_path / "results.h5").write_bytes(damaged)
+        assert [finding.severity for finding in verify(tmp_path / "results.h5")] == ["error"]
+
+
+@pytest.mark.parametrize("reserved", [0, 1], ids=["", "reserved byte"])
+@pytest.mark.parametrize("fault", [0, 2**64 - 16, 1], ids=["no size", "a size that wraps around", "too short for its header"])
+def test_texts_of_old_files_that_never_end_are_refused(tmp_path: Path, fault: int, reserved: int) -> None:
+    """HDF5 looks for the next object of a heap behind this one, which has no size: in a process of its own, for it would hang."""
+    data, heap = first_heap(tmp_path)
     is_free = fault != 2**64 - 16
+    data[heap + 5] = reserved  # HDF5 does not look at it
     data[heap + 16 : heap + 32] = (0 if is_free else 1).to_bytes(8, "little") + fault.to_bytes(8, "little")
     alone = tmp_path / "results.h5"
     alone.write_bytes(data)

@@ -4,7 +4,7 @@ import subprocess
 import sys
 
 import pytest
-from small_run import ROOT, environment
+from small_run import ROOT, call, environment
 
 from multicor_cli.kernels.layer import PRIORITY
 
@@ -33,3 +33,11 @@ def test_the_users_choice_is_kept(name: str) -> None:
     value = "workqueue omp tbb" if name.endswith("PRIORITY") else "workqueue"
     assert "workqueue" in shown(**{name: value})
     assert shown(**{name: value}) != shown()
+
+
+def test_a_layer_that_is_not_there_is_named() -> None:
+    """Numba complains of it in the midst of a kernel."""
+    arguments = ("run", ROOT / "configs" / "lattice14.toml", "--dry-run")
+    done = call(*arguments, cwd=ROOT, NUMBA_THREADING_LAYER="abacus")
+    assert done.returncode == 5
+    assert done.stderr.startswith("multicor: NUMBA_THREADING_LAYER=abacus: ")

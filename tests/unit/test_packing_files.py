@@ -99,6 +99,16 @@ def test_too_many_grains_are_refused_before_they_are_read(tmp_path, monkeypatch)
         read_grains(tmp_path / "big.h5", (0.0, 0.0))
 
 
+def test_chunks_that_would_fill_the_memory_are_refused(tmp_path):
+    """HDF5 unpacks a chunk whole, however few of its values belong to the dataset."""
+    with h5py.File(tmp_path / "bomb.h5", "w") as out:
+        for name in ("x", "y"):
+            out[name] = np.arange(3.0)
+        out.create_dataset("radius", shape=(3,), maxshape=(None,), chunks=(2**22,), dtype="f8", compression="gzip", data=np.ones(3))
+    with pytest.raises(PackingError, match="radius is stored in chunks of 4194304 values"):
+        read_grains(tmp_path / "bomb.h5", (0.0, 0.0))
+
+
 BAD_HDF5 = {
     "missing": ({"x": [1.0], "y": [1.0]}, "no dataset radius"),
     "lengths": ({"x": [1.0, 2.0], "y": [1.0, 2.0], "radius": [1.0]}, "radius has 1 values and x has 2"),

@@ -283,12 +283,23 @@ def test_run_json_that_is_none(copy: Path, text: str) -> None:
 
 
 @pytest.mark.parametrize(
-    ("key", "value"), [("status", "done"), ("stages", "load"), ("results", {"size": "big"}), ("summary", {}), ("run_id", 3)]
+    ("key", "value"),
+    [("status", "done"), ("stages", "load"), ("results", {"size": "big"}), ("summary", {}), ("run_id", 3), ("provenance", {})],
 )
 def test_run_json_with_wrong_types(copy: Path, key: str, value: object) -> None:
     edit_document(copy / "run.json", **{key: value})
     with pytest.raises(DamagedRun, match=key):
         open_run(copy)
+
+
+@pytest.mark.parametrize("value", [None, 10**320, "many", [1]])
+@pytest.mark.parametrize("name", ["step", "time", "grain_count"])
+def test_summary_with_absurd_numbers(copy: Path, name: str, value: object) -> None:
+    summary = read_document(copy / "run.json")["summary"] | {name: value}
+    edit_document(copy / "run.json", summary=summary)
+    for action in (open_run, run_info, RunDirectory.resume, continue_run):
+        with pytest.raises(DamagedRun, match="summary"):
+            action(copy)
 
 
 def test_missing_run_json_is_noticed_unless_results_lie_alone(copy: Path) -> None:

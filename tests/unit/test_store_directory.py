@@ -199,6 +199,39 @@ def test_committed_files_are_read_only(tmp_path: Path) -> None:
             assert not file.stat().st_mode & 0o222
 
 
+@pytest.mark.parametrize("name", ["mine.txt", "000000.h5.bak", "mine.tmp", "sub"])
+@pytest.mark.parametrize("is_finished", [False, True])
+def test_files_of_others_beside_the_segments_stay(tmp_path: Path, name: str, is_finished: bool) -> None:
+    path = tmp_path / "run"
+    with make_run(path) as run:
+        drive(run, make_model(), steps=20, checkpoint_every=15, finish=is_finished)
+    (path / "segments").mkdir(exist_ok=True)
+    for mine in (path / "segments" / name, path / "checkpoints" / name, path / "mine.tmp"):
+        mine.mkdir() if name == "sub" and mine.name == "sub" else mine.write_text("precious")
+    continue_run(path)
+    assert run_info(path)["status"] == "finished"
+    assert [entry.name for entry in (path / "segments").iterdir()] == [name]
+    assert (path / "checkpoints" / name).exists()
+    assert (path / "mine.tmp").read_text() == "precious"
+    assert ["stays" in finding.message for finding in verify(path)] == [True]
+
+
+def test_links_in_place_of_directories_are_not_followed_to_remove_anything(tmp_path: Path) -> None:
+    """Somebody moved the segments to a larger disk, or points at something else."""
+    path, elsewhere = tmp_path / "run", tmp_path / "elsewhere"
+    with make_run(path) as run:
+        drive(run, make_model(), steps=20, checkpoint_every=15, finish=False)
+    (path / "segments").rename(elsewhere)
+    (path / "segments").symlink_to(elsewhere)
+    (elsewhere / "notes.tmp").write_text("precious")
+    before = {entry.name for entry in elsewhere.iterdir()}
+    for _ in range(2):
+        continue_run(path)
+        assert run_info(path)["status"] == "finished"
+        assert {entry.name for entry in elsewhere.iterdir()} >= before
+    assert not (path / "model.h5").exists()
+
+
 def test_progress_never_fails(tmp_path: Path) -> None:
     with make_run(tmp_path / "run") as run:
         run.progress({"step": np.int64(3), "eta": float("inf")})
