@@ -6,7 +6,7 @@ import contextlib
 import hashlib
 import json
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
@@ -179,6 +179,12 @@ class CheckedFile:
         if stored != actual or expected not in (None, actual):
             raise DamagedRun(f"{self.path}: the values of {spec.path} do not match their digest")
         return actual
+
+    def check_written(self, specs: Iterable[Dataset], digests: Mapping[str, str]) -> None:
+        """Read everything back: the datasets of ``specs`` with their digests by path, and the texts; raises `DamagedRun`."""
+        self.check_texts()
+        for spec in specs:
+            self.check_digest(spec, digests[spec.path])
 
     def _check_header(self, filetype: str, run_id: str | None) -> tuple[int, int]:
         found = self.text("filetype")

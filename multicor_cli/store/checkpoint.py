@@ -263,6 +263,7 @@ def _columns(state: State) -> dict[str, NDArray[Any]]:
 def _read_state(path: Path, run_id: str) -> tuple[State, tuple[int, int]]:
     """The state and the format version of the file; what appeared after that version is as in a run without it."""
     with CheckedFile(path, FILETYPE, run_id=run_id) as file:
+        file.check_texts()
         data = _defaults()
         for spec in schema.CHECKPOINT:
             if spec.since <= file.version:

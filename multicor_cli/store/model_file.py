@@ -86,8 +86,7 @@ def write_model_into(writer: Hdf5Writer, columns: Arrays) -> None:
 
 def _verify(path: Path, digests: dict[str, str]) -> None:
     with CheckedFile(path, FILETYPE) as file:
-        for spec in schema.select(schema.MODEL, file.features):
-            file.check_digest(spec, digests[spec.path])
+        file.check_written(schema.select(schema.MODEL, file.features), digests)
 
 
 def load_model(path: Path, run_id: str | None = None) -> Model:

@@ -123,8 +123,7 @@ def write_results(
 
 def _verify(path: Path, digests: dict[str, str]) -> None:
     with CheckedFile(path, FILETYPE) as file:
-        for spec in schema.select(schema.RESULTS_TABLE, file.features):
-            file.check_digest(spec, digests[spec.path])
+        file.check_written(schema.select(schema.RESULTS_TABLE, file.features), digests)
     check_view(path)
 
 

@@ -169,8 +169,7 @@ class FrameWriter:
 
     def _verify(self, path: Path, digests: dict[str, str]) -> None:
         with CheckedFile(path, FILETYPE, run_id=self._run_id) as file:
-            for spec in self._table:
-                file.check_digest(spec, digests[spec.path])
+            file.check_written(self._table, digests)
 
     def _describe(self, path: Path) -> Segment:
         steps = list(self._pending_steps())

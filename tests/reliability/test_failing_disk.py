@@ -151,6 +151,28 @@ def test_a_disk_that_lies(tmp_path: Path, session: Callable[[Path], None], count
     assert noticed > 0
 
 
+def test_a_text_that_is_not_as_written_is_not_committed(tmp_path: Path) -> None:
+    """What ``results.h5`` says of the run beside its numbers; the segments, from which it could be made again, go after it."""
+    count = 0
+
+    def hook(name: str, args: tuple[Any, ...], call: Callable[[], Any]) -> Any:
+        nonlocal count
+        is_results = name == "pwrite" and Path(f"/proc/self/fd/{args[0]}").readlink().name == "results.h5.tmp"
+        data = bytes(args[1]) if is_results else b""
+        if b'"energy_closure"' not in data or count:
+            return call()
+        count += 1
+        return UNHOOKED_PWRITE(args[0], data.replace(b'"energy_closure"', b'"energy_closurf"'), args[2])
+
+    begin_run(tmp_path / "run")
+    with hooked(hook), pytest.raises(DamagedRun, match=r"results\.h5\.tmp"):
+        continue_run(tmp_path / "run")
+    assert count == 1
+    assert [finding for finding in verify(tmp_path / "run") if finding.severity == "error"] == []
+    continue_run(tmp_path / "run")
+    assert run_info(tmp_path / "run")["status"] == "finished"
+
+
 @pytest.fixture
 def small_disk(tmp_path: Path) -> Iterator[Path]:
     """A file system of its own, whose size can be changed."""
