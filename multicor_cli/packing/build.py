@@ -21,6 +21,7 @@ from multicor_cli.scenario import Scenario, ScenarioError
 from multicor_cli.scenario.models import FrictionTable
 from multicor_cli.state import Grains, Model, State, Thermal
 from multicor_cli.state.model import Floats, Ints
+from multicor_cli.state.nudge import nudge, nudge_seed
 
 _LEAST_DIAMETERS = 4.0
 """Shortest period over the largest diameter: the engine finds each neighbor once only if it is not its own neighbor's image."""
@@ -46,6 +47,9 @@ def build(scenario: Scenario) -> tuple[Model, State]:
     problems = _check(model, state, walls, solid)
     if problems:
         raise _refusal(scenario, problems)
+    seed = nudge_seed()
+    if seed is not None:
+        state.position = nudge(state.position, model.period, seed)
     return model, state
 
 

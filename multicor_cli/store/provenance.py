@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from multicor_cli import __version__
+from multicor_cli.state.nudge import nudge_seed
 
 _LIBRARIES = ("numpy", "numba", "llvmlite", "h5py", "pydantic")
 
@@ -29,7 +30,8 @@ def collect_provenance(command: Sequence[str], *, seed: int, threads: int, threa
 
     Returns:
         ``multicor_version, git_sha1, git_dirty, versions, platform, cpu, cores, threads, threading_layer, host,
-        command, seed``; the commit is empty where the program was not started from its repository.
+        command, seed``; the commit is empty where the program was not started from its repository. ``nudge`` is there only if
+        the switch for tests of `multicor_cli.state.nudge` was set.
     """
     sha1, is_dirty = _commit(Path(__file__).resolve().parents[2])
     return {
@@ -45,6 +47,7 @@ def collect_provenance(command: Sequence[str], *, seed: int, threads: int, threa
         "host": socket.gethostname(),
         "command": shlex.join(command),
         "seed": seed,
+        **({} if nudge_seed() is None else {"nudge": nudge_seed()}),
     }
 
 
