@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
+from multicor_cli.arithmetic import total
 from multicor_cli.heat.flow import Flow
 from multicor_cli.kernels.heat_flow import AMBIENT, SURROUNDINGS
 from multicor_cli.state.model import Floats
@@ -14,7 +17,7 @@ _BOOK = {name: k for k, name in enumerate(HEAT_BOOK_NAMES)}
 
 def book_generated(state: State, friction: float, impact: float, to_walls: Floats) -> None:
     """Enter the heat generated in one step [J]; ``to_walls`` of shape ``(w,)`` is what of it went into the walls."""
-    _enter(state, {"friction": friction, "impact": impact, "to_walls": float(to_walls.sum())})
+    _enter(state, {"friction": friction, "impact": impact, "to_walls": total(to_walls)})
     state.wall_heat[:, 1] += to_walls
 
 
@@ -24,11 +27,11 @@ def book_flow(state: State, flow: Flow, undelivered: float) -> None:
     _enter(
         state,
         {
-            "from_walls": float(flow.walls.sum()),
+            "from_walls": total(flow.walls),
             "from_ambient": float(outside[AMBIENT]),
             "from_surroundings": float(outside[SURROUNDINGS]),
         },
-        float(np.abs(flow.walls).sum()),
+        total(np.abs(flow.walls)),
     )
     state.wall_heat[:, 0] += flow.walls
     state.heat_books[_BOOK["undelivered"]] += undelivered
@@ -42,7 +45,7 @@ def _enter(state: State, entries: dict[str, float], walls: float | None = None) 
     exchanged = {name: abs(value) for name, value in entries.items()}
     if walls is not None:
         exchanged["from_walls"] = walls
-    books[_BOOK["exchanged"]] += sum(exchanged.values())
+    books[_BOOK["exchanged"]] += math.fsum(exchanged.values())
 
 
 def note_contacts(state: State, biot: float, gas_ratio: tuple[float, float]) -> None:
@@ -55,12 +58,12 @@ def note_contacts(state: State, biot: float, gas_ratio: tuple[float, float]) -> 
 def strike_balance(state: State) -> None:
     """Compare the heat content of the grains with what has come in."""
     books = state.heat_books
-    stored = float(state.heat.sum())
+    stored = total(state.heat)
     books[_BOOK["stored"]] = stored
     received = books[_BOOK["friction"]] + books[_BOOK["impact"]] - books[_BOOK["to_walls"]]
     received += books[_BOOK["from_walls"]] + books[_BOOK["from_ambient"]] + books[_BOOK["from_surroundings"]]
     books[_BOOK["imbalance"]] = stored - received
     # Σ C_i |T_i − T_i0| = Σ |Q_i|.
-    scale = books[_BOOK["exchanged"]] + float(np.abs(state.heat).sum())
+    scale = books[_BOOK["exchanged"]] + total(np.abs(state.heat))
     if scale > 0.0:
         books[_BOOK["closure"]] = max(books[_BOOK["closure"]], abs(books[_BOOK["imbalance"]]) / scale)

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from dataclasses import dataclass
 
 import numpy as np
 
+from multicor_cli.arithmetic import expm1
 from multicor_cli.heat.settings import HeatSettings
 from multicor_cli.kernels import contact_heat
 from multicor_cli.kernels.contact_heat import Thermals
@@ -60,7 +60,7 @@ def forces_of_step(state: State, contacts: Contacts, settings: HeatSettings, dt:
     if settings.force.kind == "step":
         return np.asarray(carried / dt)
     before = _averages(state, contacts.i, contacts.j)
-    mean: Floats = before + (carried / dt - before) * -np.expm1(-dt / settings.force.value)
+    mean: Floats = before + (carried / dt - before) * -expm1(-dt / settings.force.value)
     kept = mean != 0.0  # nan stays, to be noticed
     state.mean_i, state.mean_j, state.mean_force = contacts.i[kept], contacts.j[kept], mean[kept]
     state.mean_age += dt
@@ -77,7 +77,7 @@ def _averages(state: State, i: Ints, j: Ints) -> Floats:
 
 def _known_weight(state: State, settings: HeatSettings) -> float:
     """Weight of the time since the start of the averages: 1 − exp(−age/τ)."""
-    return -math.expm1(-state.mean_age / settings.force.value)
+    return -expm1(-state.mean_age / settings.force.value)
 
 
 def loaded_pairs(state: State, settings: HeatSettings) -> tuple[Ints, Ints, Floats]:

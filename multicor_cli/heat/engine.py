@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from multicor_cli.arithmetic import column_totals, total
 from multicor_cli.heat.books import book_flow, book_generated, note_contacts, strike_balance
 from multicor_cli.heat.contacts import (
     TOUCHING,
@@ -201,9 +202,9 @@ class HeatEngine:
             state.wall_wear,
         )  # fmt: skip
         state.generated += source
-        friction, impact = (float(total) for total in heat.sum(axis=0))
+        friction, impact = column_totals(heat).tolist()
         book_generated(state, friction, impact, to_walls)
-        return source, heat.sum(axis=1)
+        return source, heat[:, 0] + heat[:, 1]
 
     def _spots(self, moved: MovedContacts, dt: float) -> Spots:
         contacts, settings = moved.contacts, self.settings
@@ -300,7 +301,7 @@ class HeatEngine:
         """Heat that walls of prescribed flow that touch nothing could not pass on within ``dt`` [J]."""
         idle = np.array([c.kind == "flow" for c in self._conditions], np.bool_)
         idle[reached] = False
-        return float(np.abs(walls(0.5 * dt)[idle]).sum() * dt)
+        return total(np.abs(walls(0.5 * dt)[idle])) * dt
 
     @contextmanager
     def _timed(self) -> Iterator[None]:

@@ -16,6 +16,7 @@ from collections.abc import Callable
 
 import numpy as np
 
+from multicor_cli.arithmetic import cbrt
 from multicor_cli.heat.flow import Flow, WallValues, stop_if_asked
 from multicor_cli.kernels.heat_flow import Network, solve_linear, total_conductance
 from multicor_cli.state.model import Floats
@@ -88,7 +89,7 @@ def advance_implicit(
         if not error < math.inf:  # unsolved, or not a number
             step *= LEAST
             continue
-        factor = min(MOST, max(LEAST, SAFETY * error ** (-1.0 / 3.0))) if error > 0.0 else MOST
+        factor = min(MOST, max(LEAST, SAFETY / cbrt(error))) if error > 0.0 else MOST
         if error <= 1.0:
             trial.commit(flow, temperature)
             done = dt if is_last else done + step
@@ -148,7 +149,7 @@ class _SubStep:
             solve_linear(self._net, diagonal, DIAGONAL * h, guess, residual, self._capacity, 0.1 * target, change)
             guess += change
             # Not a number, or an overshoot below absolute zero, where T⁴ means nothing.
-            if not math.isfinite(float(guess.sum())) or (self._net.radiates and float(guess.min()) <= 0.0):
+            if not bool(np.isfinite(guess).all()) or (self._net.radiates and float(guess.min()) <= 0.0):
                 self.is_solved = False
                 break
             rate = self._rate(guess, stage)

@@ -12,6 +12,7 @@ from multicor_cli.heat.settings import Ambient, HeatSettings, WallHeat
 from multicor_cli.kernels import contact_heat, gap_heat
 from multicor_cli.kernels.contact_heat import Thermals
 from multicor_cli.kernels.contacts import Scene, warm_rows
+from multicor_cli.kernels.elementwise import hypot
 from multicor_cli.kernels.heat_flow import Network
 from multicor_cli.state.model import Floats, Ints, Model
 
@@ -117,7 +118,7 @@ def convective_conductance(ambient: Ambient, velocity: Floats, model: Model) -> 
     slip = velocity - np.array(ambient.velocity)
     number = {"ranz-marshall": 0, "whitaker": 1, "gunn": 2, "li-mason": 3}[ambient.correlation]
     gap_heat.convection_coefficients(
-        number, np.hypot(slip[:, 0], slip[:, 1]), model.grains.radius, ambient.conductivity, ambient.viscosity, ambient.prandtl,
+        number, hypot(slip[:, 0], slip[:, 1]), model.grains.radius, ambient.conductivity, ambient.viscosity, ambient.prandtl,
         ambient.porosity, coefficient,
     )  # fmt: skip
     return np.asarray(coefficient * surface)

@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from multicor_cli.arithmetic import column_totals
 from multicor_cli.kernels.contacts import Contacts, Scene, relative_velocity
 from multicor_cli.kernels.jit import CHUNK, chunks_for, kernel, parallel_kernel, prange, scalar
 from multicor_cli.state.model import Floats, Ints
@@ -88,9 +89,9 @@ def account_contacts(scene: Scene, contacts: Contacts, after: Floats) -> Contact
     partial = chunks_for(contacts.i.size, SUMS)
     partial_wall = np.zeros((len(partial), scene.wall_position.shape[0], 3))
     _account_chunks(scene, contacts, after, partial, partial_wall)
-    total = partial.sum(axis=0)
+    total = column_totals(partial)
     total[LARGEST] = partial[:, LARGEST].max()
-    return ContactSums(total, partial_wall.sum(axis=0))
+    return ContactSums(total, column_totals(partial_wall))
 
 
 @kernel

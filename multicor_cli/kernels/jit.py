@@ -7,9 +7,12 @@ kernel would be turned into parallel loops of their own, at a second of compilat
 
 from __future__ import annotations
 
+import inspect
 from collections.abc import Callable
+from types import ModuleType
 from typing import Any, TypeVar
 
+from multicor_cli.arithmetic import exponential, normal, trigonometric
 from multicor_cli.kernels.cache import configure_cache
 from multicor_cli.kernels.layer import prefer_openmp, require_layer
 
@@ -18,6 +21,7 @@ prefer_openmp()
 
 import numba  # noqa: E402  (the cache directory and the threading layer must be set first)
 import numpy as np  # noqa: E402
+from numba.extending import register_jitable  # noqa: E402
 
 from multicor_cli.state.model import Floats  # noqa: E402
 
@@ -30,6 +34,17 @@ CHUNK = 512
 _WITHOUT_COUNTING: dict[str, Any] = {"_nrt": False}  # known to Numba, not to its stubs
 
 prange = numba.prange
+
+
+def _register(*modules: ModuleType) -> None:
+    """Let kernels call the functions of modules that do not know Numba."""
+    for module in modules:
+        for function in vars(module).values():
+            if inspect.isfunction(function) and function.__module__ == module.__name__:
+                register_jitable(error_model="numpy")(function)
+
+
+_register(exponential, normal, trigonometric)
 
 
 def scalar(function: F) -> F:
@@ -50,6 +65,11 @@ def kernel(function: F) -> F:
 def parallel_kernel(function: F) -> F:
     """Compile a kernel whose ``prange`` loops run on several threads."""
     return numba.njit(cache=True, error_model="numpy", parallel=True)(function)  # type: ignore[return-value]
+
+
+def elementwise(function: Callable[..., float]) -> Callable[..., Floats]:
+    """Compile a function of numbers into one of arrays, when it is first called."""
+    return numba.vectorize(cache=True)(function)  # type: ignore[no-any-return, no-untyped-call]
 
 
 def chunks_for(size: int, columns: int = 1) -> Floats:

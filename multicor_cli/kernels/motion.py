@@ -242,7 +242,7 @@ def shape_bounds(
             nx, ny = world[k, 2], world[k, 3]
             wall = max(wall, abs(nx) * largest[0] + abs(ny) * largest[1] + abs(nx * u + ny * v) + turn[k])
         else:
-            wall = max(wall, np.sqrt(largest[0] ** 2 + largest[1] ** 2) + np.sqrt(u * u + v * v) + turn[k])
+            wall = max(wall, np.sqrt(largest[0] * largest[0] + largest[1] * largest[1]) + np.sqrt(u * u + v * v) + turn[k])
     return np.sqrt(square), np.sqrt(fastest), wall
 
 

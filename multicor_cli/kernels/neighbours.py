@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from multicor_cli.arithmetic import cos, sin
 from multicor_cli.kernels.jit import CHUNK, kernel, parallel_kernel, prange, scalar
 from multicor_cli.physics import geometry
 from multicor_cli.state.model import Floats, Ints, ShapeKind
@@ -41,7 +42,7 @@ def place_shapes(kind: Ints, wall: Ints, local: Floats, wall_position: Floats, w
     """
     for k in range(kind.size):
         frame = wall_position[wall[k]]
-        c, s = np.cos(frame[2]), np.sin(frame[2])
+        c, s = cos(frame[2]), sin(frame[2])
         x, y = local[k, 0], local[k, 1]
         world[k, 0] = frame[0] + c * x - s * y
         world[k, 1] = frame[1] + s * x + c * y

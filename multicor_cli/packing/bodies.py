@@ -25,13 +25,13 @@ def masses(radius: Floats, density: float, shape: Shape, thickness: float | None
         thickness: h [m], for discs.
     """
     if shape == "sphere":
-        return np.asarray(4.0 / 3.0 * math.pi * radius**3 * density)
+        return np.asarray(4.0 / 3.0 * math.pi * (radius * radius * radius) * density)
     if thickness is None:
         message = "discs need a thickness"
         raise ValueError(message)
-    return np.asarray(math.pi * radius**2 * thickness * density)
+    return np.asarray(math.pi * (radius * radius) * thickness * density)
 
 
 def inertias(radius: Floats, mass: Floats, shape: Shape) -> Floats:
     """Moment of inertia of each grain about its center [kg m²]: ½ m a² of a disc, 2/5 m a² of a sphere."""
-    return np.asarray(mass * radius**2 / SHAPE_FACTOR[shape])
+    return np.asarray(mass * (radius * radius) / SHAPE_FACTOR[shape])

@@ -7,15 +7,18 @@ from collections.abc import Callable
 
 import numpy as np
 
+from multicor_cli.arithmetic import hypot, total
+from multicor_cli.kernels import elementwise
 from multicor_cli.packing.errors import PackingError
 from multicor_cli.packing.sizes import Sizes, diameter, draw_to_total
+from multicor_cli.packing.streams import Stream
 from multicor_cli.state.model import Floats
 
 _ROUNDS = 20
 _BISECTIONS = 200
 
 
-def chain_on_line(start: Floats, end: Floats, sizes: Sizes, restart: Callable[[], np.random.Generator]) -> Floats:
+def chain_on_line(start: Floats, end: Floats, sizes: Sizes, restart: Callable[[], Stream]) -> Floats:
     """Discs with centers on a line, each touching the next: x, y, radius [m], shape ``(k, 3)``.
 
     The number of discs is the one whose diameters add up best to the length of the line; the radii are then scaled by one
@@ -31,15 +34,15 @@ def chain_on_line(start: Floats, end: Floats, sizes: Sizes, restart: Callable[[]
     Raises:
         PackingError: The line is shorter than one grain.
     """
-    length = float(np.hypot(*(end - start)))
+    length = hypot(*(end - start).tolist())
     _check_length(length, 2.0 * sizes.largest, "line")
     radii = draw_to_total(sizes, diameter, length, restart)
-    radii = radii * (length / float(diameter(radii).sum()))
+    radii = radii * (length / total(diameter(radii)))
     along = np.cumsum(diameter(radii)) - radii
     return np.column_stack([start + along[:, None] * ((end - start) / length), radii])
 
 
-def chain_in_circle(radius: float, sizes: Sizes, restart: Callable[[], np.random.Generator]) -> Floats:
+def chain_in_circle(radius: float, sizes: Sizes, restart: Callable[[], Stream]) -> Floats:
     """Discs that touch a circle around the origin from inside, each touching the next: x, y, radius [m], shape ``(k, 3)``.
 
     As with `chain_on_line`, the radii are scaled by one factor so that the chain closes.
@@ -56,7 +59,7 @@ def chain_in_circle(radius: float, sizes: Sizes, restart: Callable[[], np.random
 
     def angles(radii: Floats) -> Floats:
         # What each grain takes of the full circle; exact for equal grains.
-        return np.asarray(2.0 * np.arcsin(radii / (radius - radii)))
+        return np.asarray(2.0 * elementwise.asin(radii / (radius - radii)))
 
     radii = draw_to_total(sizes, angles, 2.0 * math.pi, restart)
     found = {}
@@ -70,14 +73,14 @@ def chain_in_circle(radius: float, sizes: Sizes, restart: Callable[[], np.random
     radii = min(found.values(), key=lambda pair: pair[0])[1]
     steps = _turns(radii, radius)
     bearing = np.concatenate([[0.0], np.cumsum(steps[:-1])])
-    return np.column_stack([(radius - radii) * np.cos(bearing), (radius - radii) * np.sin(bearing), radii])
+    return np.column_stack([(radius - radii) * elementwise.cos(bearing), (radius - radii) * elementwise.sin(bearing), radii])
 
 
 def _turns(radii: Floats, radius: float) -> Floats:
     """Angle at the center of the circle between each disc and the next [rad]."""
     after = np.roll(radii, -1)
     a, b, c = radius - radii, radius - after, radii + after
-    return np.asarray(np.arccos(np.clip((a * a + b * b - c * c) / (2.0 * a * b), -1.0, 1.0)))
+    return np.asarray(elementwise.acos(np.clip((a * a + b * b - c * c) / (2.0 * a * b), -1.0, 1.0)))
 
 
 def _closing_factor(radii: Floats, radius: float) -> float:
@@ -87,7 +90,7 @@ def _closing_factor(radii: Floats, radius: float) -> float:
         middle = 0.5 * (low + high)
         if middle in (low, high):
             break
-        if float(_turns(middle * radii, radius).sum()) < 2.0 * math.pi:
+        if total(_turns(middle * radii, radius)) < 2.0 * math.pi:
             low = middle
         else:
             high = middle

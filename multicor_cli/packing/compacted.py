@@ -16,6 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from multicor_cli.arithmetic import mean, total
 from multicor_cli.packing.bodies import SHAPE_FACTOR, Shape, inertias, masses
 from multicor_cli.packing.errors import PackingError
 from multicor_cli.packing.region import Region
@@ -67,7 +68,7 @@ def compact(
 
     mass = masses(radius, density, shape, thickness)
     model, state = _press(position, radius, mass, region, shape, friction)
-    beat = math.sqrt(float(mass.mean()) / pressure)
+    beat = math.sqrt(mean(mass) / pressure)
     load = pressure * region.width
     drag = load * beat / (_APPROACH * region.height)
     lid = WallDrive(y=DofDrive(force=Constant(-load), damping=drag))
@@ -151,7 +152,7 @@ def _press(position: Floats, radius: Floats, mass: Floats, region: Region, shape
         bodies.append(box(low, high, ("bottom", "top")))
         names.append("sides")
     # As heavy as one layer of grains: it neither rattles nor drags.
-    lid_mass = float(mass.mean() * region.width / (2.0 * radius.mean()))
+    lid_mass = mean(mass) * region.width / (2.0 * mean(radius))
     inertia = [(lid_mass if k == _LID else math.nan, math.nan) for k in range(len(bodies))]
     count = radius.size
     one, none = np.full((1, 1), friction), np.zeros(0)
@@ -176,12 +177,13 @@ def _press(position: Floats, radius: Floats, mass: Floats, region: Region, shape
 def _kinetic(model: Model, state: State) -> float:
     """Kinetic energy of the grains and of the lid [J]."""
     v = state.velocity
-    grains = 0.5 * (model.grains.mass * (v[:, 0] ** 2 + v[:, 1] ** 2) + model.grains.inertia * v[:, 2] ** 2).sum()
-    return float(grains + 0.5 * model.walls.mass[_LID] * state.wall_velocity[_LID, 1] ** 2)
+    square = model.grains.mass * (v[:, 0] * v[:, 0] + v[:, 1] * v[:, 1]) + model.grains.inertia * (v[:, 2] * v[:, 2])
+    lid = float(state.wall_velocity[_LID, 1])
+    return 0.5 * total(square) + 0.5 * float(model.walls.mass[_LID]) * lid * lid
 
 
 def _carried(model: Model, state: State) -> float:
     """Force with which the grains hold the lid in the last step [N]."""
     lid = model.grain_count + int(np.flatnonzero(model.shapes.wall == _LID)[0])
     on_lid = state.contact_j == lid
-    return float(state.contact_impulse[on_lid, 0].sum() / state.last_dt)
+    return total(state.contact_impulse[on_lid, 0]) / state.last_dt

@@ -12,17 +12,19 @@ from __future__ import annotations
 
 import numpy as np
 
+from multicor_cli.arithmetic import total
 from multicor_cli.packing.errors import PackingError
 from multicor_cli.packing.obstacles import Obstacles
 from multicor_cli.packing.placing import drop_and_roll, make_field
 from multicor_cli.packing.region import Region
+from multicor_cli.packing.streams import Stream
 from multicor_cli.state.model import Floats
 
 _ATTEMPTS = 200
 _BATCH = 4096
 
 
-def deposit(radius: Floats, region: Region, obstacles: Obstacles, rng: np.random.Generator) -> Floats:
+def deposit(radius: Floats, region: Region, obstacles: Obstacles, rng: Stream) -> Floats:
     """Centers of grains deposited in the order given [m], shape ``(n, 2)``.
 
     Args:
@@ -45,7 +47,7 @@ def deposit(radius: Floats, region: Region, obstacles: Obstacles, rng: np.random
         uniform = rng.random(max(_BATCH, radius.size - done))
         done, tried = drop_and_roll(field, fixed, done, tried, _ATTEMPTS, uniform, sides)
         if tried >= _ATTEMPTS:
-            fill = float(np.pi * (radius[:done] ** 2).sum() / region.area)
+            fill = np.pi * total(radius[:done] * radius[:done]) / region.area
             text = f"{radius.size} grains do not fit: the region is full with {done} of them (area fraction {fill:.3f})"
             raise PackingError(text, "enlarge the region or ask for fewer grains")
     return field.disc[fixed:, :2].copy()

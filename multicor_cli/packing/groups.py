@@ -20,7 +20,7 @@ from multicor_cli.packing.random import DEFAULT_ATTEMPTS, random_packing
 from multicor_cli.packing.region import Region, spans_period
 from multicor_cli.packing.size_tables import sizes_of
 from multicor_cli.packing.sizes import Sizes, disc_area, draw_to_total
-from multicor_cli.packing.streams import Purpose, Table, stream
+from multicor_cli.packing.streams import Purpose, Stream, Table, stream
 from multicor_cli.packing.tile import repeat_tile
 from multicor_cli.scenario import Scenario
 from multicor_cli.scenario.models import (
@@ -57,7 +57,7 @@ class _Task:
     fill: float | None
     region: Region
     obstacles: Obstacles
-    random: Callable[[Purpose], np.random.Generator]
+    random: Callable[[Purpose], Stream]
     is_periodic_in_y: bool = False
 
     def radii(self) -> Floats:
@@ -111,7 +111,7 @@ def _place(scenario: Scenario, group: ParticleGroup, index: int, region: Region,
         return read_frame(scenario.resolve_path(packing.path), packing.frame)
     assert group.sizes is not None  # the scenario has been checked
 
-    def random(purpose: Purpose) -> np.random.Generator:
+    def random(purpose: Purpose) -> Stream:
         return stream(scenario.seed, Table.PARTICLES, index, purpose)
 
     sizes = sizes_of(group.sizes, group.shape)
@@ -128,7 +128,7 @@ def _tile(
     packing: TilePacking,
     sizes: Sizes,
     region: Region,
-    random: Callable[[Purpose], np.random.Generator],
+    random: Callable[[Purpose], Stream],
 ) -> Brought:
     """One tile, periodic in x (a random one in y too), and its copies."""
     source = packing.source

@@ -13,8 +13,10 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
+from multicor_cli.kernels import elementwise
 from multicor_cli.packing.errors import PackingError
 from multicor_cli.packing.region import Region
+from multicor_cli.packing.streams import Stream
 from multicor_cli.state.model import Floats
 
 LatticeKind = Literal["triangular", "square"]
@@ -29,7 +31,7 @@ def lattice(
     kind: LatticeKind,
     spacing: float | None,
     jitter: float,
-    rng: np.random.Generator,
+    rng: Stream,
 ) -> Floats:
     """Centers of the first ``count`` sites of a lattice [m], shape ``(count, 2)``.
 
@@ -166,8 +168,8 @@ def _sites(count: int, layout: _Layout) -> Floats:
     return np.column_stack([x, (2 * pair + is_odd) * layout.rise])
 
 
-def _jitter(count: int, reach: float, rng: np.random.Generator) -> Floats:
+def _jitter(count: int, reach: float, rng: Stream) -> Floats:
     """Points uniform in a disc of radius ``reach`` [m]."""
     distance = reach * np.sqrt(rng.random(count))
     angle = 2.0 * math.pi * rng.random(count)
-    return np.column_stack([distance * np.cos(angle), distance * np.sin(angle)])
+    return np.column_stack([distance * elementwise.cos(angle), distance * elementwise.sin(angle)])

@@ -12,7 +12,7 @@ from multicor_cli.kernels.jit import kernel
 from multicor_cli.kernels.neighbours import gap_to_shape
 from multicor_cli.packing.errors import PackingError
 from multicor_cli.packing.obstacles import Obstacles
-from multicor_cli.packing.pairs import find_pairs
+from multicor_cli.packing.pairs import find_pairs, size_class
 from multicor_cli.packing.walls import Front
 from multicor_cli.state.model import Floats, Ints, ShapeKind
 
@@ -78,8 +78,8 @@ def thin_crowds(position: Floats, radius: Floats) -> NDArray[np.int64]:
     Returns:
         Indices, ascending; all of them if nothing is crowded.
     """
-    level = np.floor(np.log2(float(radius.max()) / radius))
-    width = 2.0 * float(radius.max()) * np.exp2(-level)
+    level = size_class(radius)
+    width = 2.0 * np.ldexp(float(radius.max()), -level)
     cell = np.clip(np.floor(position[:, :2] / width[:, None]), -_FAR, _FAR).astype(np.int64)
     order = np.lexsort((cell[:, 1], cell[:, 0], level))
     is_new = np.ones(radius.size, bool)
@@ -157,7 +157,7 @@ def behind_problem(position: Floats, front: Front, name: str, w: int, period: fl
     if period > 0.0 and math.isfinite(front.depth):
         middle = 0.5 * front.length * front.along[0]
         offset[:, 0] -= period * np.floor((offset[:, 0] - middle) / period + 0.5)
-    across, along = offset @ front.normal, offset @ front.along
+    across, along = _along(offset, front.normal), _along(offset, front.along)
     is_behind = (across < 0.0) & (across > -front.depth)
     if math.isfinite(front.depth):
         is_behind &= (along > front.depth) & (along < front.length - front.depth)
@@ -168,6 +168,10 @@ def behind_problem(position: Floats, front: Front, name: str, w: int, period: fl
     items = [f"grain {g} by {-across[g]:.3g} m" for g in found[:_NAMED]]
     text = f"grains lie behind the rough wall '{name}', whose flow side is the other: {_listing(items, found.size, 'grains')}"
     return PackingError(text, 'exchange side = "left" and "right", or keep the grains\' region clear of the wall', ("walls", w))
+
+
+def _along(offset: Floats, direction: Floats) -> Floats:
+    return np.asarray(offset[:, 0] * direction[0] + offset[:, 1] * direction[1])
 
 
 def _amount(relative: float, smaller: float) -> str:

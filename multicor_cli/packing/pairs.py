@@ -47,6 +47,11 @@ class Grids(NamedTuple):
     shape: Ints
 
 
+def size_class(radius: Floats) -> Ints:
+    """Class of each radius: k if the largest one is 2^k to 2^(k+1) times as large."""
+    return np.frexp(float(radius.max()) / radius)[1] - np.int32(1)
+
+
 def make_grids(radius: Floats, low: Floats, high: Floats, period: float, margin: float) -> Grids:
     """Grids for discs of these radii with centers between the corners ``low`` and ``high`` [m].
 
@@ -60,12 +65,12 @@ def make_grids(radius: Floats, low: Floats, high: Floats, period: float, margin:
         margin: Gap up to which pairs will be looked for [m].
     """
     largest = float(radius.max())
-    level = np.clip(np.floor(np.log2(largest / radius)), 0, MAX_LEVELS - 1).astype(np.int32)
+    level = np.minimum(size_class(radius), MAX_LEVELS - 1)
     levels = int(level.max()) + 1
     extent = np.maximum(np.asarray(high) - low, 1e-300)
     if period > 0.0:
         extent[0] = period
-    reach: Floats = largest * np.exp2(-np.arange(levels, dtype=float))
+    reach: Floats = np.ldexp(largest, -np.arange(levels, dtype=np.int32))
     shape = np.ones((levels, 2), np.int32)
     for k in range(levels):
         discs = max(1, int(np.count_nonzero(level == k)))

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from multicor_cli.arithmetic import acos, asin, atan2, cos, sin
 from multicor_cli.kernels.jit import kernel
 from multicor_cli.kernels.neighbours import gap_to_shape, minimum_image
 from multicor_cli.packing.obstacles import Obstacles
@@ -199,15 +200,15 @@ def _meeting(angle: float, rolling: float, dx: float, dy: float, near: float) ->
     apart = np.sqrt(dx * dx + dy * dy)
     if apart == 0.0:
         return np.inf
-    bearing = np.arctan2(dx, dy)
+    bearing = atan2(dx, dy)
     square = rolling * rolling + apart * apart
-    if square - 2.0 * rolling * apart * np.cos(angle - bearing) <= near * near * (1.0 + 1e-10):
+    if square - 2.0 * rolling * apart * cos(angle - bearing) <= near * near * (1.0 + 1e-10):
         # Touching: an obstacle if the grain moves towards it, nothing if it moves away.
-        return angle if np.sin(angle - bearing) < 0.0 else np.inf
+        return angle if sin(angle - bearing) < 0.0 else np.inf
     cosine = (square - near * near) / (2.0 * rolling * apart)
     if abs(cosine) >= 1.0:
         return np.inf
-    meeting: float = bearing - np.arccos(cosine)
+    meeting: float = bearing - acos(cosine)
     while meeting < angle:
         meeting += 2.0 * np.pi
     return meeting
@@ -224,19 +225,19 @@ def _roll(
     """
     xj, yj = field.disc[j, 0], field.disc[j, 1]
     rolling = radius + field.disc[j, 2]
-    start = np.arctan2(side * minimum_image(x - xj, field.period), y - yj)
+    start = atan2(side * minimum_image(x - xj, field.period), y - yj)
     best, what = 0.5 * np.pi, _FALLS
     above = (floor + radius - yj) / rolling
     if above > 0.0:
-        best, what = max(start, np.arccos(min(1.0, above))), _FLOOR
+        best, what = max(start, acos(min(1.0, above))), _FLOOR
     if field.period <= 0.0:
         room = (right - radius - xj) / rolling if side > 0.0 else (xj - left - radius) / rolling
-        if room < 1.0 and np.arcsin(max(room, 0.0)) < best:
-            best, what = max(start, np.arcsin(max(room, 0.0))), _SIDE
+        if room < 1.0 and asin(max(room, 0.0)) < best:
+            best, what = max(start, asin(max(room, 0.0))), _SIDE
     for k in range(field.grids.radius.size):
         reach = radius + field.grids.radius[k]
         columns = field.grids.shape[k, 0]
-        ends = xj + side * (rolling * np.sin(start) - reach), xj + side * (rolling + reach)
+        ends = xj + side * (rolling * sin(start) - reach), xj + side * (rolling + reach)
         first, last = _columns_between(min(ends), max(ends), field, k)
         for row in range(_row_of(yj - reach, field, k), _row_of(yj + rolling + reach, field, k) + 1):
             base = field.grids.start[k] + row * columns
@@ -249,7 +250,7 @@ def _roll(
                         if meeting < best:
                             best, what = meeting, d
                     d = field.next[d]
-    return xj + side * rolling * np.sin(best), yj + rolling * np.cos(best), what
+    return xj + side * rolling * sin(best), yj + rolling * cos(best), what
 
 
 @kernel

@@ -11,12 +11,14 @@ import math
 
 import numpy as np
 
+from multicor_cli.arithmetic import mean, total
 from multicor_cli.packing.errors import PackingError
 from multicor_cli.packing.obstacles import Obstacles
 from multicor_cli.packing.pairs import find_pairs
 from multicor_cli.packing.placing import insert_at_random, make_field
 from multicor_cli.packing.region import Region
 from multicor_cli.packing.relaxation import relax
+from multicor_cli.packing.streams import Stream
 from multicor_cli.state.model import Floats, ShapeKind
 
 DEFAULT_ATTEMPTS = 1000
@@ -35,7 +37,7 @@ def random_packing(
     obstacles: Obstacles,
     separation: float,
     attempts: int,
-    rng: np.random.Generator,
+    rng: Stream,
     *,
     is_periodic_in_y: bool = False,
 ) -> Floats:
@@ -53,7 +55,7 @@ def random_packing(
     Raises:
         PackingError: No arrangement without overlaps was found; says how many grains would fit.
     """
-    enlarged = radius + separation * radius.mean()
+    enlarged = radius + separation * mean(radius)
     solid = obstacles.with_sides(region, bottom=not is_periodic_in_y, top=not is_periodic_in_y)
     fraction = _fraction(enlarged, region, solid)
     if fraction > _DENSEST_FRACTION:
@@ -69,7 +71,7 @@ def random_packing(
     return relaxed.position
 
 
-def _insert(radius: Floats, region: Region, obstacles: Obstacles, attempts: int, rng: np.random.Generator) -> tuple[Floats, bool]:
+def _insert(radius: Floats, region: Region, obstacles: Obstacles, attempts: int, rng: Stream) -> tuple[Floats, bool]:
     """Random sequential addition, largest first: centers [m], and whether every grain found a free place."""
     order = np.argsort(-radius, kind="stable")
     field, fixed = make_field(radius[order], region, obstacles)
@@ -109,8 +111,8 @@ def _fraction(radius: Floats, region: Region, obstacles: Obstacles) -> float:
     covered = np.zeros(len(points), bool)
     owner = np.repeat(np.arange(len(points)), np.diff(pairs.row))
     covered[owner[pairs.partner >= len(points)]] = True
-    free = region.area * (1.0 - covered.mean())
-    return float(np.pi * (radius**2).sum() / free) if free > 0.0 else math.inf
+    free = region.area * (1.0 - np.count_nonzero(covered) / covered.size)
+    return np.pi * total(radius * radius) / free if free > 0.0 else math.inf
 
 
 def _solid(obstacles: Obstacles) -> Obstacles:

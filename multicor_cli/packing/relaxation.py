@@ -12,6 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from multicor_cli.arithmetic import mean
 from multicor_cli.kernels.jit import kernel
 from multicor_cli.kernels.neighbours import gap_to_shape, minimum_image
 from multicor_cli.packing.obstacles import Obstacles
@@ -212,7 +213,7 @@ def relax(
         is_periodic_in_y: Whether the lower and the upper side of the region are one and the same.
     """
     enlarged = radius * (1.0 + INFLATION)
-    skin = _SKIN * float(radius.mean())
+    skin = _SKIN * mean(radius)
     now, velocity = np.array(position[:, :2]), np.zeros((radius.size, 2))
     clock = np.array([_FIRST_STEP, _FIRST_MIXING, 0.0])
     done, worst, is_jammed = 0, np.inf, False

@@ -13,11 +13,13 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from statistics import NormalDist
 from typing import Literal, Protocol
 
 import numpy as np
 
+from multicor_cli import arithmetic
+from multicor_cli.kernels import elementwise
+from multicor_cli.packing.streams import Stream
 from multicor_cli.state.model import Floats
 
 MASS_POWER = {"disc": 2, "sphere": 3}
@@ -37,7 +39,7 @@ class Sizes(Protocol):
         """Largest radius that can be drawn [m]."""
         ...
 
-    def draw(self, count: int, rng: np.random.Generator) -> Floats:
+    def draw(self, count: int, rng: Stream) -> Floats:
         """``count`` radii [m] in random order."""
         ...
 
@@ -59,20 +61,20 @@ class ListSizes:
         """Largest radius that can be drawn [m]."""
         return float(self.radii[self.fractions > 0.0].max())
 
-    def draw(self, count: int, rng: np.random.Generator) -> Floats:
+    def draw(self, count: int, rng: Stream) -> Floats:
         """``count`` radii [m] in random order; each radius gets its share to the nearest grain (largest remainder)."""
         if count < self.radii.size:
             # Fewer grains than radii: the largest remainders would always pick the same few.
             levels = (np.arange(count) + rng.random(count)) / count
             place = np.searchsorted(np.cumsum(self.fractions), levels, side="right")
-            return rng.permutation(self.radii[np.minimum(place, self.radii.size - 1)])
+            return rng.shuffled(self.radii[np.minimum(place, self.radii.size - 1)])
         share = self.fractions * count
         # Shares that are whole numbers but for rounding must not lose a grain to the next one.
         whole = np.floor(share + 1e-9).astype(np.int64)
-        missing = count - int(whole.sum())
+        missing = count - int(np.add.reduce(whole))
         lottery = rng.random(self.radii.size)
-        whole[np.lexsort((lottery, np.round(whole - share, 9)))[:missing]] += 1
-        return rng.permutation(np.repeat(self.radii, whole))
+        whole[np.lexsort((lottery, np.rint(1e9 * (whole - share))))[:missing]] += 1
+        return rng.shuffled(np.repeat(self.radii, whole))
 
 
 @dataclass(frozen=True)
@@ -87,30 +89,35 @@ class ContinuousSizes:
     quantile: Callable[[Floats], Floats]
     largest: float
 
-    def draw(self, count: int, rng: np.random.Generator) -> Floats:
+    def draw(self, count: int, rng: Stream) -> Floats:
         """``count`` radii [m] in random order: one from each of ``count`` intervals of equal probability."""
         levels = (np.arange(count) + rng.random(count)) / max(count, 1)
-        return rng.permutation(self.quantile(levels))
+        return rng.shuffled(self.quantile(levels))
 
 
 def list_sizes(radii: Floats, fractions: Floats | None, by: Basis, mass_power: int) -> ListSizes:
     """Radii [m] with ``fractions`` (default: equal) by number or by mass; they are normalized to sum 1."""
     weights = np.ones(radii.size) if fractions is None else np.array(fractions, float)
     if by == "mass":
-        weights = weights / (radii / radii.max()) ** mass_power
-    return ListSizes(np.array(radii, float), weights / weights.sum())
+        weights = weights / _mass_factor(radii / radii.max(), mass_power)
+    return ListSizes(np.array(radii, float), weights / arithmetic.total(weights))
+
+
+def _mass_factor(ratio: Floats, mass_power: int) -> Floats:
+    return ratio * ratio if mass_power == 2 else ratio * ratio * ratio
 
 
 def power_sizes(exponent: float, smallest: float, largest: float, by: Basis, mass_power: int) -> ContinuousSizes:
     """Density ∝ r^-exponent between ``smallest`` and ``largest`` [m]."""
     slope = 1.0 - exponent - (mass_power if by == "mass" else 0)
-    span = math.log(largest / smallest)
+    span = arithmetic.log(largest / smallest)
 
     def quantile(level: Floats) -> Floats:
         if abs(slope * span) < 1e-12:
-            return smallest * np.exp(level * span)
+            return smallest * elementwise.exp(level * span)
         # (r/r_min)^slope grows linearly with the level; expm1 and log1p keep it exact for slopes near 0.
-        return smallest * np.exp(np.log1p(level * math.expm1(slope * span)) / slope)
+        growth = arithmetic.expm1(slope * span)
+        return smallest * elementwise.exp(elementwise.log1p(level * growth) / slope)
 
     return ContinuousSizes(quantile, largest)
 
@@ -125,17 +132,16 @@ def lognormal_sizes(median: float, sigma: float, smallest: float, largest: float
 
     Cut to radii between ``smallest`` and ``largest`` [m]. Dividing by r^p shifts the mean of ln r by −p σ² and keeps the form.
     """
-    center = math.log(median) - (mass_power * sigma * sigma if by == "mass" else 0.0)
-    low, high = (math.log(smallest) - center) / sigma, (math.log(largest) - center) / sigma
+    center = arithmetic.log(median) - (mass_power * sigma * sigma if by == "mass" else 0.0)
+    low, high = (arithmetic.log(smallest) - center) / sigma, (arithmetic.log(largest) - center) / sigma
     # Work in the lower tail, where the cumulated probability has full relative precision.
     side = -1.0 if low + high > 0.0 else 1.0
-    normal = NormalDist()
-    start, end = normal.cdf(side * low), normal.cdf(side * high)
+    start, end = arithmetic.normal_cdf(side * low), arithmetic.normal_cdf(side * high)
 
     def quantile(level: Floats) -> Floats:
         cumulated = np.clip(start + level * (end - start), 1e-300, 1.0 - 1e-16)
-        score = np.fromiter(map(normal.inv_cdf, cumulated.tolist()), float, cumulated.size)
-        return np.clip(np.exp(center + sigma * side * score), smallest, largest)
+        score = elementwise.normal_quantile(cumulated)
+        return np.clip(elementwise.exp(center + sigma * side * score), smallest, largest)
 
     return ContinuousSizes(quantile, largest)
 
@@ -150,9 +156,7 @@ def diameter(radii: Floats) -> Floats:
     return 2.0 * radii
 
 
-def draw_to_total(
-    sizes: Sizes, measure: Callable[[Floats], Floats], total: float, restart: Callable[[], np.random.Generator]
-) -> Floats:
+def draw_to_total(sizes: Sizes, measure: Callable[[Floats], Floats], total: float, restart: Callable[[], Stream]) -> Floats:
     """Draw as many grains as bring the sum of their ``measure`` closest to ``total``.
 
     Args:
@@ -164,18 +168,18 @@ def draw_to_total(
     Returns:
         Radii [m]; at least one.
     """
-    mean = float(measure(sizes.draw(_PROBES, restart())).mean())
+    mean = arithmetic.mean(measure(sizes.draw(_PROBES, restart())))
     count = max(1, round(total / mean))
     tried: dict[int, tuple[float, Floats]] = {}
     for _ in range(_FITS):
         if count in tried:
             break
         radii = sizes.draw(count, restart())
-        reached = float(measure(radii).sum())
+        reached = arithmetic.total(measure(radii))
         tried[count] = abs(reached - total), radii
         count = max(1, count + round((total - reached) / mean))
     for near in (count - 1, count + 1):
         if near > 0 and near not in tried:
             radii = sizes.draw(near, restart())
-            tried[near] = abs(float(measure(radii).sum()) - total), radii
+            tried[near] = abs(arithmetic.total(measure(radii)) - total), radii
     return min(tried.values(), key=lambda pair: pair[0])[1]

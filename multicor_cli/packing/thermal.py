@@ -59,11 +59,11 @@ def group_thermal(scenario: Scenario, index: int, brought: Brought, center: Floa
         message = "a material of grains without heat capacity"  # loading a scenario excludes it
         raise ValueError(message)
     mass = masses(radius, material.density, group.shape, group.thickness)
-    surface = 4.0 * math.pi * radius**2 if group.shape == "sphere" else 2.0 * math.pi * radius * (group.thickness or math.nan)
+    around = 2.0 * radius if group.shape == "sphere" else np.full(radius.size, group.thickness or math.nan)
     return Thermal(
         capacity=mass * material.heat_capacity,
         start=_start(scenario, group, brought, center),
-        surface=np.asarray(surface),
+        surface=np.asarray(2.0 * math.pi * radius * around),
     )
 
 
@@ -102,7 +102,8 @@ def _told(scenario: Scenario, table: AnyTemperature, center: Floats) -> Floats:
 
 
 def _gradient(table: GradientTemperature, center: Floats) -> Floats:
-    temperature = np.asarray(table.value + (center - np.array(table.at)) @ np.array(table.gradient))
+    x, y = (center - np.array(table.at)).T
+    temperature = np.asarray(table.value + (x * table.gradient[0] + y * table.gradient[1]))
     low, high = KELVIN_BOUNDS
     wrong = np.flatnonzero(~((temperature >= low) & (temperature <= high)))
     if wrong.size:

@@ -12,7 +12,7 @@ from multicor_cli.packing.chain import chain_in_circle, chain_on_line
 from multicor_cli.packing.errors import PackingError
 from multicor_cli.packing.region import spans_period
 from multicor_cli.packing.size_tables import sizes_of
-from multicor_cli.packing.streams import Purpose, Table, stream
+from multicor_cli.packing.streams import Purpose, Stream, Table, stream
 from multicor_cli.packing.walls import (
     WallBody,
     box,
@@ -92,7 +92,7 @@ def _rough(scenario: Scenario, index: int, wall: Wall, geometry: RoughGeometry |
     assert table is not None  # the scenario has been checked
     sizes = sizes_of(table, _shape(scenario))
 
-    def restart() -> np.random.Generator:
+    def restart() -> Stream:
         return stream(scenario.seed, Table.WALLS, index, Purpose.SIZES)
 
     if isinstance(geometry, CircleGeometry):

@@ -11,6 +11,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from multicor_cli.arithmetic import column_totals, hypot, mean, total
+from multicor_cli.kernels import elementwise
 from multicor_cli.packing.bodies import Shape, inertias, masses
 from multicor_cli.state.model import Floats, Ints, ShapeKind, Walls, WallShapes
 
@@ -60,7 +62,7 @@ class WallBody:
 
 def plane(point: Floats, normal: Floats, extent: tuple[float, float]) -> WallBody:
     """A half-plane; ``normal`` points to the grains, of any length; ``extent`` is the size of the domain [m]."""
-    nx, ny = normal / math.hypot(*normal)
+    nx, ny = normal / hypot(*normal.tolist())
     length = abs(ny) * extent[0] + abs(nx) * extent[1]
     return _body(point, ShapeKind.PLANE, np.array([[0.0, 0.0, nx, ny]]), length)
 
@@ -75,7 +77,7 @@ def box(low: Floats, high: Floats, is_open: tuple[str, ...]) -> WallBody:
         "top": (0.0, half_height, 0.0, -1.0),
     }
     closed = [name for name in sides if name not in is_open]
-    length = sum(2.0 * (half_height if name in ("left", "right") else half_width) for name in closed)
+    length = math.fsum(2.0 * (half_height if name in ("left", "right") else half_width) for name in closed)
     return _body(0.5 * (low + high), ShapeKind.PLANE, np.array([sides[name] for name in closed]), length)
 
 
@@ -101,10 +103,10 @@ def rough_line(start: Floats, end: Floats, is_left: bool, glued: Floats, spans_p
         glued: The grains.
         spans_period: Whether the line closes on itself over the period.
     """
-    length = float(np.hypot(*(end - start)))
+    length = hypot(*(end - start).tolist())
     along = (end - start) / length
     normal = np.array([-along[1], along[0]]) * (1.0 if is_left else -1.0)
-    front = Front(start, along, normal, length, math.inf if spans_period else float(glued[:, 2].mean()))
+    front = Front(start, along, normal, length, math.inf if spans_period else mean(glued[:, 2]))
     middle = 0.5 * (start + end)
     body = _body(middle, ShapeKind.DISC, _four(glued - np.append(middle, 0.0)), length)
     return WallBody(body.origin, body.kind, body.geometry, length, front)
@@ -112,7 +114,7 @@ def rough_line(start: Floats, end: Floats, is_left: bool, glued: Floats, spans_p
 
 def polyline(points: Floats, is_closed: bool) -> WallBody:
     """Segments from point to point [m], shape ``(k, 2)``, and a vertex at every point that knows the segments it ends."""
-    origin = points.mean(axis=0)
+    origin = column_totals(points) / len(points)
     local = points - origin
     ends = np.roll(local, -1, axis=0) if is_closed else local[1:]
     segments = np.column_stack([local[: len(ends)], ends])
@@ -122,7 +124,7 @@ def polyline(points: Floats, is_closed: bool) -> WallBody:
         before[0] = len(segments) - 1.0
     vertices = np.column_stack([local, before, after])
     kind = np.repeat([int(ShapeKind.SEGMENT), int(ShapeKind.VERTEX)], [len(segments), len(points)]).astype(np.int32)
-    length = float(np.hypot(*(segments[:, 2:] - segments[:, :2]).T).sum())
+    length = total(elementwise.hypot(*(segments[:, 2:] - segments[:, :2]).T))
     return WallBody(origin, kind, np.concatenate([segments, vertices]), length)
 
 
@@ -140,8 +142,8 @@ def glued_inertia(body: WallBody, density: float, shape: Shape, thickness: float
     if not len(glued):
         return math.nan, math.nan
     mass = masses(glued[:, 2], density, shape, thickness)
-    about = inertias(glued[:, 2], mass, shape) + mass * (glued[:, 0] ** 2 + glued[:, 1] ** 2)
-    return float(mass.sum()), float(about.sum())
+    about = inertias(glued[:, 2], mass, shape) + mass * (glued[:, 0] * glued[:, 0] + glued[:, 1] * glued[:, 1])
+    return total(mass), total(about)
 
 
 def join_shapes(bodies: list[WallBody], materials: list[int]) -> WallShapes:

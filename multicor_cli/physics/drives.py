@@ -6,6 +6,8 @@ import bisect
 import math
 from dataclasses import dataclass
 
+from multicor_cli.arithmetic import sin
+
 
 @dataclass(frozen=True)
 class Constant:
@@ -60,7 +62,7 @@ class Sine:
 
     def value(self, t: float) -> float:
         """Value at ``t`` seconds after the start of the stage."""
-        return self.mean + self.amplitude * math.sin(2.0 * math.pi * (t / self.period) + self.phase)
+        return self.mean + self.amplitude * sin(2.0 * math.pi * (t / self.period) + self.phase)
 
     def largest(self) -> float:
         """Largest magnitude at any time."""

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
+from multicor_cli.arithmetic import hypot
 from multicor_cli.heat.settings import Ambient, ContactForce, Gas, HeatLaws, HeatSettings, Radiation, WallHeat
 from multicor_cli.physics.drives import Constant, Shifted
 from multicor_cli.physics.thermal.conduction import contact_modulus, harmonic_conductivity
@@ -133,7 +133,7 @@ def _harmonic(a: Material, b: Material) -> float:
 
 def _together(a: float | None, b: float | None) -> float:
     """Root of the sum of the squares, 0 if one is not given."""
-    return 0.0 if a is None or b is None else math.hypot(a, b)
+    return 0.0 if a is None or b is None else hypot(a, b)
 
 
 def _microhardness(a: Material, b: Material) -> float:

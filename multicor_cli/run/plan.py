@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
@@ -129,8 +130,8 @@ class RunPlan:
         weights = [float(s.step_limit or 0) for s in self.stages]
         if self.step_total is None:
             weights = [1.0] * len(self.stages)
-        done = sum(weights[: state.stage]) + weights[state.stage] * stage.progress(state)
-        return done / sum(weights)
+        done = math.fsum(weights[: state.stage]) + weights[state.stage] * stage.progress(state)
+        return done / math.fsum(weights)
 
 
 def count_steps(interval: float, dt: float) -> int:

@@ -11,7 +11,9 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from decimal import ROUND_DOWN, Decimal
 
+from multicor_cli.arithmetic import hypot, total
 from multicor_cli.physics.drives import DofDrive, WallDrive
 from multicor_cli.run.plan import RunPlan
 from multicor_cli.scenario.scenario import Scenario
@@ -56,7 +58,7 @@ def find_scales(scenario: Scenario, model: Model, drives: Sequence[WallDrive]) -
         model: Its grains and walls.
         drives: What the walls do in the stage, one per wall.
     """
-    mean_mass = float(model.grains.mass.sum()) / model.grain_count
+    mean_mass = total(model.grains.mass) / model.grain_count
     pressure = largest_pressure(scenario, model, drives)
     rate = _largest_rate(scenario, drives)
     speed = _largest_speed(scenario)
@@ -70,7 +72,7 @@ def find_scales(scenario: Scenario, model: Model, drives: Sequence[WallDrive]) -
 def largest_pressure(scenario: Scenario, model: Model, drives: Sequence[WallDrive]) -> float:
     """The larger of the weight of all grains over the width, and the loads of a stage over their length [N/m]."""
     across = scenario.domain.size[0] if abs(model.gravity[1]) >= abs(model.gravity[0]) else scenario.domain.size[1]
-    weight = float(model.grains.mass.sum()) * math.hypot(*model.gravity) / across
+    weight = total(model.grains.mass) * hypot(*model.gravity.tolist()) / across
     loads = [
         max(_largest_force(drive.x), _largest_force(drive.y)) / float(length)
         for drive, length in zip(drives, model.walls.length, strict=True)
@@ -93,7 +95,7 @@ def _largest_rate(scenario: Scenario, drives: Sequence[WallDrive]) -> float:
     # Two walls may move against each other: their speeds add up.
     along_x = sorted((_largest_velocity(drive.x) for drive in drives), reverse=True)
     along_y = sorted((_largest_velocity(drive.y) for drive in drives), reverse=True)
-    return max([0.0, *spins, sum(along_x[:2]) / height, sum(along_y[:2]) / min(width, height)])
+    return max([0.0, *spins, math.fsum(along_x[:2]) / height, math.fsum(along_y[:2]) / min(width, height)])
 
 
 def _largest_speed(scenario: Scenario) -> float:
@@ -101,7 +103,7 @@ def _largest_speed(scenario: Scenario) -> float:
     gravity, size = scenario.domain.gravity, scenario.domain.size
     falls = [math.sqrt(2.0 * abs(g) * length) for g, length in zip(gravity, size, strict=True)]
     velocities = [group.velocity for group in scenario.particles]
-    apart = [math.dist(a, b) for a in velocities for b in velocities]
+    apart = [hypot(a[0] - b[0], a[1] - b[1]) for a in velocities for b in velocities]
     return max([*falls, *apart])
 
 
@@ -177,6 +179,5 @@ def _ratio(dt: float, scale: float) -> float | None:
 
 def _round_down(value: float) -> float:
     """``value`` with two significant digits, not above it."""
-    exponent = math.floor(math.log10(value)) - 1
-    digits = math.floor(value / 10.0**exponent * (1.0 + 1e-9))
-    return float(f"{digits}e{exponent}")
+    exact = Decimal(value * (1.0 + 1e-9))
+    return float(exact.quantize(Decimal((0, (1,), exact.adjusted() - 1)), rounding=ROUND_DOWN))

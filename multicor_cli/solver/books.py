@@ -2,8 +2,11 @@
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
+from multicor_cli.arithmetic import total
 from multicor_cli.kernels import account
 from multicor_cli.solver.correction import Correction
 from multicor_cli.solver.solve import Outcome
@@ -19,8 +22,8 @@ _WINDOW = {name: k for k, name in enumerate(WINDOW_NAMES)}
 def start_books(state: State, model: Model, motion: WallMotion) -> None:
     """Open the books at the first step with the kinetic energy of the initial state."""
     grains = model.grains
-    square = state.velocity[:, 0] ** 2 + state.velocity[:, 1] ** 2
-    kinetic = float((0.5 * grains.mass * square + 0.5 * grains.inertia * state.velocity[:, 2] ** 2).sum())
+    u, v, spin = state.velocity.T
+    kinetic = total(0.5 * grains.mass * (u * u + v * v) + 0.5 * grains.inertia * (spin * spin))
     kinetic += motion.kinetic(state.wall_velocity)
     state.books[_BOOK["kinetic"]] = kinetic
     state.books[_BOOK["kinetic_start"]] = kinetic
@@ -59,10 +62,10 @@ def book_step(
     """
     mean = 0.5 * (wall_before + state.wall_velocity)
     driven = motion.driven
-    wall_work = -float(np.where(driven, 0.0, sums.wall_impulse * mean).sum())
-    load_work = dt * float((motion.load * mean).sum()) + correction.load_work
-    damping = dt * float((motion.damping * mean * mean).sum())
-    gravity = gravity_work + dt * float((motion.weight * mean).sum()) + correction.gravity_work
+    wall_work = -total(np.where(driven, 0.0, sums.wall_impulse * mean))
+    load_work = dt * total(motion.load * mean) + correction.load_work
+    damping = dt * total(motion.damping * mean * mean)
+    gravity = gravity_work + dt * total(motion.weight * mean) + correction.gravity_work
     moved = correction.gravity_work + correction.load_work
     friction, impact = float(sums.total[account.FRICTION]), float(sums.total[account.IMPACT])
     kinetic += motion.kinetic(state.wall_velocity)
@@ -82,7 +85,7 @@ def book_step(
         books[_BOOK[name]] += value
     books[_BOOK["friction_sliding"]] += sums.total[account.SLIDING]
     books[_BOOK["negative_loss"]] += sums.total[account.NEGATIVE]
-    books[_BOOK["terms"]] += abs(change) + sum(abs(value) for value in entries.values())
+    books[_BOOK["terms"]] += abs(change) + math.fsum(abs(value) for value in entries.values())
     _close(books)
     _tally(state, sums, correction, outcome, dt)
     _add_to_window(state, sums, outcome, dt)

@@ -16,6 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from multicor_cli.arithmetic import total
 from multicor_cli.kernels.contacts import Scene, pair_geometry
 from multicor_cli.kernels.jit import chunks_for
 from multicor_cli.kernels.neighbours import place_shapes
@@ -95,10 +96,10 @@ def correct_positions(
     if overlap > FORBIDDEN:
         raise PhysicsError(step, _name_overlap(scene, model, lists, flagged, overlap))
     moved = scene.position[:, :2] - before
-    gravity_work = float((model.grains.mass * (moved @ model.gravity)).sum())
+    gravity_work = total(model.grains.mass * (moved[:, 0] * model.gravity[0] + moved[:, 1] * model.gravity[1]))
     shift = scene.wall_position - wall_before
-    gravity_work += float((motion.weight * shift).sum())
-    return Correction(overlap, gravity_work, float((motion.load * shift).sum()), rounds)
+    gravity_work += total(motion.weight * shift)
+    return Correction(overlap, gravity_work, total(motion.load * shift), rounds)
 
 
 def _correct_once(
@@ -124,7 +125,7 @@ def _overlaps(scene: Scene, lists: NeighbourList, reach: float, flagged: NDArray
     """Largest overlap over the smaller radius, and number of grains flagged for one above `ALLOWED`; gaps go into the list."""
     found = chunks_for(flagged.size, 2)
     measure_overlaps(scene, lists.row, lists.partner, lists.gap, reach, ALLOWED, lists.gap_after, flagged, found)
-    return float(found[:, 0].max()), int(found[:, 1].sum())
+    return float(found[:, 0].max()), round(total(found[:, 1]))
 
 
 def _name_overlap(scene: Scene, model: Model, lists: NeighbourList, flagged: NDArray[np.bool_], overlap: float) -> str:

@@ -7,10 +7,12 @@ height, which the largest speed does.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
 
+from multicor_cli.arithmetic import hypot, total
 from multicor_cli.kernels.jit import chunks_for
 from multicor_cli.kernels.motion import fit_affine, shape_bounds
 from multicor_cli.state.model import Floats, Ints
@@ -35,7 +37,7 @@ class Drift:
     @property
     def gradient(self) -> float:
         """Bound of |G x|/|x| (Frobenius norm)."""
-        return float(np.sqrt((self.fit[1:] ** 2).sum()))
+        return math.sqrt(total(self.fit[1:] * self.fit[1:]))
 
 
 _NOTHING = np.empty((0, 2))
@@ -96,5 +98,5 @@ def bound_closing(kind: Ints, drift: Drift, world: Floats, vectors: Floats, turn
         turn: What turning adds to the motion of any of their points that a grain may meet, shape ``(m,)``; discs do without.
     """
     rest, fastest, wall = shape_bounds(kind, world, vectors, turn, drift.center, drift.fit, drift.largest)
-    fastest = max(fastest, float(np.hypot(*drift.largest)))
+    fastest = max(fastest, hypot(*drift.largest.tolist()))
     return Closing(2.0 * max(drift.rest, rest), drift.gradient, 2.0 * fastest, wall)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -10,6 +11,7 @@ from dataclasses import replace
 import numba
 import numpy as np
 
+from multicor_cli.arithmetic import column_totals, hypot, total
 from multicor_cli.kernels import account
 from multicor_cli.kernels.contacts import (
     Contacts,
@@ -203,7 +205,7 @@ class Engine:
         scene = self._scene(self._middle, state.wall_position + 0.5 * dt * state.wall_velocity)
         drift = fit_drift(self._free, self._middle, model.period)
         fall = dt * np.abs(model.gravity)  # between the velocities at the start and the free ones
-        drift = replace(drift, rest=drift.rest + float(np.hypot(*fall)), largest=drift.largest + fall)
+        drift = replace(drift, rest=drift.rest + hypot(*fall.tolist()), largest=drift.largest + fall)
         return scene, self._motion.closing(drift, scene, state.wall_velocity, walls).reach(dt, self._list.largest)
 
     def _measure_pairs(self, scene: Scene, reach: float) -> float:
@@ -257,14 +259,14 @@ class Engine:
     def _scale(self, dt: float, squares: float, closing: float) -> Scale:
         """u_ref = max(rms Δt|F|/m, Δt P d̄/m̄, rms of the closing velocities), and ½ M u_ref² (design §2)."""
         model = self.model
-        mass = float(model.grains.mass.sum())
+        mass = total(model.grains.mass)
         mean_mass = mass / model.grain_count
         reference = max(
-            dt * float(np.hypot(*model.gravity)),
+            dt * hypot(*model.gravity.tolist()),
             dt * self._motion.pressure() * model.mean_diameter / mean_mass,
-            float(np.sqrt(squares / closing)) if closing else 0.0,
+            math.sqrt(squares / closing) if closing else 0.0,
         )
-        return Scale(reference, 0.5 * mass * reference**2)
+        return Scale(reference, 0.5 * mass * reference * reference)
 
     def _finish(self, scene: Scene, contacts: Contacts, after: Floats, outcome: Outcome, reach: float, dt: float) -> StepReport:
         """Books, motion and position correction; from here on the state changes."""
@@ -279,7 +281,7 @@ class Engine:
                 self._middle, self._start, after, model.grains.radius, model.grains.mass, model.gravity,
                 model.shape_factor, dt, state.position, state.velocity, grain_sums,
             )  # fmt: skip
-            kinetic, gravity_work = (float(total) for total in grain_sums.sum(axis=0))
+            kinetic, gravity_work = column_totals(grain_sums).tolist()
             if not np.isfinite(kinetic):
                 raise PhysicsError(state.step, _name_absurd(state, model))
             wall_before = state.wall_velocity

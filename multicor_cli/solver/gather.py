@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from multicor_cli.arithmetic import column_totals
 from multicor_cli.kernels.contacts import (
     Contacts,
     Laws,
@@ -40,4 +41,4 @@ def gather_contacts(
     )  # fmt: skip
     closing = chunks_for(lists.row.size - 1, 2)
     fill_contacts(scene, laws, lists.row, lists.partner, gap, margin, kept, start, dt, warm, ratio, contacts, closing)
-    return contacts, closing.sum(axis=0)
+    return contacts, column_totals(closing)

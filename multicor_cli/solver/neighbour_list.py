@@ -5,6 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from multicor_cli import arithmetic
+from multicor_cli.kernels.elementwise import hypot
 from multicor_cli.kernels.neighbours import bin_discs, list_pairs
 from multicor_cli.solver.drift import bound_closing, fit_drift
 from multicor_cli.state.model import Floats, Ints, Model, ShapeKind
@@ -72,9 +74,9 @@ class NeighbourList:
         turn = np.zeros(len(world))
         if self._planes.size:  # a tilting plane moves in proportion to the distance from its point
             tilt, move = change[self._planes, 2:], change[self._planes, :2]
-            far = self._extent + np.hypot(move[:, 0], move[:, 1]) + np.hypot(*drift.largest)
-            turn[self._planes] = np.hypot(tilt[:, 0], tilt[:, 1]) * far
-        turn[self._segments] = np.hypot(change[self._segments, 2], change[self._segments, 3])  # their other end
+            far = self._extent + hypot(move[:, 0], move[:, 1]) + arithmetic.hypot(*drift.largest.tolist())
+            turn[self._planes] = hypot(tilt[:, 0], tilt[:, 1]) * far
+        turn[self._segments] = hypot(change[self._segments, 2], change[self._segments, 3])  # their other end
         kind = self._model.shapes.kind
         closing = bound_closing(kind, drift, self._reference_world, np.ascontiguousarray(change[:, :2]), turn)
         # Discs that are not listed are at least this far apart; for those farther apart there is more room than they can lose.
@@ -115,16 +117,17 @@ class NeighbourList:
         self._reference = position[:, :2].copy()
         self._reference_world = world.copy()
         # Planes pass anywhere: their lever is the farthest grain from any of their points.
-        self._extent = float(np.hypot(*np.ptp(centers, axis=0))) + float(np.abs(world[self._planes, :2]).max(initial=0.0))
+        self._extent = arithmetic.hypot(*np.ptp(centers, axis=0).tolist()) + float(np.abs(world[self._planes, :2]).max(initial=0.0))
         self.builds += 1
 
     def _box(self, centers: Floats, cutoff: float) -> tuple[Floats, Floats]:
         """Corners of what the grids cover. What lies beyond is found in the cells at the edge."""
         low, high = centers.min(axis=0), centers.max(axis=0)
         width = 2.0 * float(self._level_radius.min()) + cutoff
-        if ((high - low) / width + 1.0).prod() > _cells_for(len(centers)):
+        if _product((high - low) / width + 1.0) > _cells_for(len(centers)):
             # A few grains that have flown far away must not make all cells large, and all grains neighbors.
-            low, high = np.quantile(centers, [OUTSIDE, 1.0 - OUTSIDE], axis=0)
+            few = int(OUTSIDE * len(centers))
+            low, high = np.partition(centers, (few, len(centers) - 1 - few), axis=0)[[few, -1 - few]]
         return low, high
 
     def _grids(self, size: Floats, cutoff: float) -> tuple[Floats, Ints]:
@@ -134,7 +137,7 @@ class NeighbourList:
         for k, radius in enumerate(self._level_radius):
             width = 2.0 * radius + cutoff
             allowed = _cells_for(int(np.count_nonzero(self._level == k)))
-            while (np.floor(size / width) + 1.0).prod() > allowed:
+            while _product(np.floor(size / width) + 1.0) > allowed:
                 width *= 1.5
             shape[k] = np.maximum(1, np.floor(size / width))
             cells[k] = size / shape[k]
@@ -146,9 +149,13 @@ def _cells_for(discs: int) -> int:
     return 64 + 4 * discs
 
 
+def _product(pair: Floats) -> float:
+    return float(pair[0] * pair[1])
+
+
 def _size_classes(radius: Floats) -> tuple[Ints, Floats]:
     """Class of each disc by radius, factor two apart, and the largest radius of each class that occurs."""
-    exponent = np.floor(np.log2(radius / radius.min()) + 1e-9).astype(np.int32)
+    exponent = np.frexp(radius / (radius.min() * (1.0 - 1e-9)))[1]
     _, level = np.unique(exponent, return_inverse=True)
     largest = np.array([radius[level == k].max() for k in range(level.max() + 1)])
     return level.astype(np.int32), largest

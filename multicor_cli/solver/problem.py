@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, fields
 from pathlib import Path
 
 import numpy as np
 
+from multicor_cli.arithmetic import mean, total
 from multicor_cli.kernels.contacts import Contacts, Scene
 from multicor_cli.kernels.sweep import System, add_impulses
 from multicor_cli.solver.pace import Pace
@@ -148,9 +150,9 @@ def solve_contacts(
     if reference_velocity is None:
         reference_velocity = _closing_velocity(problem)
     movable = problem.inverse_mass[:, 0] > 0.0
-    mass = float((1.0 / problem.inverse_mass[movable, 0]).sum())
+    energy = 0.5 * total(1.0 / problem.inverse_mass[movable, 0]) * (reference_velocity * reference_velocity)
     add_impulses(system)
-    outcome = solve_system(system, Scale(reference_velocity, 0.5 * mass * reference_velocity**2), settings, Pace())
+    outcome = solve_system(system, Scale(reference_velocity, energy), settings, Pace())
     velocity = system.velocity[: len(problem.velocity), :3].copy()
     if arm is not None:
         velocity[:, 2] = np.where(arm > 0.0, velocity[:, 2] / np.where(arm > 0.0, arm, 1.0), problem.velocity[:, 2])
@@ -172,7 +174,7 @@ def free_velocity(problem: ContactProblem) -> Floats:
 def _closing_velocity(problem: ContactProblem) -> float:
     violation = np.minimum(free_velocity(problem)[:, 0] + problem.bias, 0.0)
     violated = violation < 0.0
-    return float(np.sqrt((violation[violated] ** 2).mean())) if violated.any() else 0.0
+    return math.sqrt(mean(violation[violated] * violation[violated])) if violated.any() else 0.0
 
 
 def _general_system(problem: ContactProblem, impulse: Floats) -> System:
@@ -209,7 +211,7 @@ def _disc_system(problem: ContactProblem, impulse: Floats) -> tuple[System, Floa
     fixed_j = ~movable[problem.pair[:, 1]]
     relevant = np.ones_like(lever, bool)
     relevant[fixed_j, 2:] = False
-    beta = inverse[movable, 2] * arm[movable] ** 2 / inverse[movable, 0]
+    beta = inverse[movable, 2] * (arm[movable] * arm[movable]) / inverse[movable, 0]
     tolerance = 1e-9 * arm.max()
     if (
         not movable[problem.pair[:, 0]].all()
@@ -218,7 +220,7 @@ def _disc_system(problem: ContactProblem, impulse: Floats) -> tuple[System, Floa
         or not np.allclose(beta, beta[0], rtol=1e-9)
     ):
         return None
-    bodies, anchors = len(inverse), int(fixed_j.sum())
+    bodies, anchors = len(inverse), int(np.count_nonzero(fixed_j))
     velocity = np.zeros((bodies + anchors, 4))
     velocity[:bodies, :2] = problem.velocity[:, :2]
     velocity[:bodies, 2] = arm * problem.velocity[:, 2]
@@ -255,7 +257,7 @@ def problem_of_step(scene: Scene, contacts: Contacts, free: Floats, wall_inverse
     velocity[:n, 2] /= scene.radius
     inverse = np.empty((len(free), 3))
     inverse[:n, 0] = inverse[:n, 1] = free[:n, 3]
-    inverse[:n, 2] = spin_factor * free[:n, 3] / scene.radius**2
+    inverse[:n, 2] = spin_factor * free[:n, 3] / (scene.radius * scene.radius)
     inverse[n:] = wall_inverse
     i, j = contacts.i, contacts.j
     is_wall = j >= n
@@ -278,7 +280,7 @@ def delassus(pair: Ints, normal: Floats, lever: Floats, inverse: Floats) -> Floa
     for side in (0, 1):
         m = inverse[pair[:, side]]
         l_n, l_t = lever[:, 2 * side], lever[:, 2 * side + 1]
-        result[:, 0] += m[:, 0] * nx**2 + m[:, 1] * ny**2 + m[:, 2] * l_n**2
+        result[:, 0] += m[:, 0] * (nx * nx) + m[:, 1] * (ny * ny) + m[:, 2] * (l_n * l_n)
         result[:, 1] += (m[:, 1] - m[:, 0]) * nx * ny + m[:, 2] * l_n * l_t
-        result[:, 2] += m[:, 0] * ny**2 + m[:, 1] * nx**2 + m[:, 2] * l_t**2
+        result[:, 2] += m[:, 0] * (ny * ny) + m[:, 1] * (nx * nx) + m[:, 2] * (l_t * l_t)
     return result

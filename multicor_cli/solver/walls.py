@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from multicor_cli.arithmetic import hypot, total
 from multicor_cli.kernels.contacts import Scene
 from multicor_cli.kernels.motion import shape_velocities
 from multicor_cli.physics.drives import WallDrive
@@ -84,7 +85,7 @@ class WallMotion:
 
     def kinetic(self, velocity: Floats) -> float:
         """Kinetic energy of the driven degrees of freedom [J]."""
-        return float((0.5 * self.mass * velocity * velocity).sum())
+        return total(0.5 * self.mass * velocity * velocity)
 
     def closing(self, drift: Drift, scene: Scene, *velocities: Floats) -> Closing:
         """Bounds on how fast shapes come closer [m/s], given velocities of the grains and one or more of the walls ``(w, 3)``."""
@@ -100,9 +101,9 @@ def _extents(model: Model) -> Floats:
     """How far the shapes of each wall reach from its reference point; planes reach across all grains and are given 1 m."""
     extent = np.zeros(model.wall_count)
     for kind, wall, g in zip(model.shapes.kind, model.shapes.wall, model.shapes.geometry, strict=True):
-        reach = float(np.hypot(g[0], g[1]))
+        reach = hypot(float(g[0]), float(g[1]))
         if kind == ShapeKind.SEGMENT:
-            reach = max(reach, float(np.hypot(g[2], g[3])))
+            reach = max(reach, hypot(float(g[2]), float(g[3])))
         elif kind == ShapeKind.PLANE:
             reach += 1.0
         elif kind == ShapeKind.DISC:

@@ -6,11 +6,14 @@ shape numbers ``(i, j)`` with ``i < j``, so ``i`` is always a grain.
 
 from __future__ import annotations
 
+import functools
 from dataclasses import dataclass
 from enum import IntEnum
 
 import numpy as np
 from numpy.typing import NDArray
+
+from multicor_cli.arithmetic import mean
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
@@ -181,7 +184,7 @@ class Model:
         """Number of wall bodies w."""
         return len(self.walls.names)
 
-    @property
+    @functools.cached_property
     def mean_diameter(self) -> float:
         """Mean diameter of the grains d̄ [m]."""
-        return float(2.0 * self.grains.radius.mean())
+        return 2.0 * mean(self.grains.radius)

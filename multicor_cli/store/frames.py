@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from multicor_cli.arithmetic import total
 from multicor_cli.state import BOOK_NAMES, HEAT_BOOK_NAMES, TALLY_NAMES, WINDOW_NAMES, Model, State
 from multicor_cli.state.model import Floats, Ints, Thermal
 
@@ -247,7 +248,7 @@ def _heat_values(state: State, thermal: Thermal) -> dict[str, float | int | Floa
 
 def mean_temperature(temperature: Floats, thermal: Thermal) -> float:
     """Mean temperature of the grains [K], weighted by their heat capacities."""
-    return float(np.average(temperature, weights=thermal.capacity))
+    return total(temperature * thermal.capacity) / total(thermal.capacity)
 
 
 def _or_zeros(values: Floats | None, like: Ints) -> Floats:

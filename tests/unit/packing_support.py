@@ -6,6 +6,7 @@ import numpy as np
 
 from multicor_cli.packing.obstacles import Obstacles
 from multicor_cli.packing.pairs import find_pairs
+from multicor_cli.packing.streams import Stream
 from multicor_cli.scenario import Scenario, parse_scenario
 
 BASE = """\
@@ -46,8 +47,8 @@ frame_interval = 0.1
 """
 
 
-def generator(seed: int = 3) -> np.random.Generator:
-    return np.random.Generator(np.random.Philox(seed))
+def generator(seed: int = 3) -> Stream:
+    return Stream(np.random.Philox(seed))
 
 
 def scenario(*overrides: str, extra: str = "", path: str = "test.toml") -> Scenario:

@@ -18,6 +18,8 @@ from __future__ import annotations
 
 from math import inf, pi, sqrt
 
+from multicor_cli.arithmetic import power
+
 
 def impact_time(m_eff: float, a_eff: float, modulus: float, speed: float) -> float:
     """Duration of an elastic impact ``t_c = 2.87 (m²/(a* E*² v))^⅕`` [s] (Hertz); infinite for a speed that is not positive.
@@ -30,14 +32,12 @@ def impact_time(m_eff: float, a_eff: float, modulus: float, speed: float) -> flo
     """
     if speed <= 0.0:
         return inf
-    time: float = 2.87 * (m_eff * m_eff / (a_eff * modulus * modulus * speed)) ** 0.2
-    return time
+    return 2.87 * power(m_eff * m_eff / (a_eff * modulus * modulus * speed), 0.2)
 
 
 def impact_radius(m_eff: float, a_eff: float, modulus: float, speed: float) -> float:
     """Largest radius of the contact spot ``R = (15 m a*² v²/(16 E*))^⅕`` [m] (Hertz); arguments as `impact_time`."""
-    radius: float = (0.9375 * m_eff * a_eff * a_eff * speed * speed / modulus) ** 0.2
-    return radius
+    return power(0.9375 * m_eff * a_eff * a_eff * speed * speed / modulus, 0.2)
 
 
 def fourier_number(conductivity: float, volumetric: float, time: float, radius: float) -> float:
@@ -96,8 +96,8 @@ def impact_exchange(
     if speed <= 0.0:
         return 0.0
     # The formulas above once more: what kernels compile calls nothing of ours.
-    time = 2.87 * (m_eff * m_eff / (a_eff * modulus * modulus * speed)) ** 0.2
-    radius = (0.9375 * m_eff * a_eff * a_eff * speed * speed / modulus) ** 0.2
+    time = 2.87 * power(m_eff * m_eff / (a_eff * modulus * modulus * speed), 0.2)
+    radius = power(0.9375 * m_eff * a_eff * a_eff * speed * speed / modulus, 0.2)
     is_first = volumetric_i < volumetric_j or (volumetric_i == volumetric_j and conductivity_i > conductivity_j)
     k_1 = conductivity_i if is_first else conductivity_j
     v_1 = volumetric_i if is_first else volumetric_j

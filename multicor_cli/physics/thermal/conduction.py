@@ -18,6 +18,8 @@ from __future__ import annotations
 
 from math import pi, sqrt
 
+from multicor_cli.arithmetic import cbrt
+
 
 def contact_modulus(young_i: float, poisson_i: float, young_j: float, poisson_j: float) -> float:
     """Contact modulus E* [Pa] with ``1/E* = (1−ν_i²)/E_i + (1−ν_j²)/E_j``; E Young's modulus [Pa], ν Poisson's ratio (Hertz)."""
@@ -39,8 +41,7 @@ def contact_radius(force: float, effective_radius: float, modulus: float) -> flo
     """
     if force <= 0.0:
         return 0.0
-    radius: float = (0.75 * force * effective_radius / modulus) ** (1.0 / 3.0)
-    return radius
+    return cbrt(0.75 * force * effective_radius / modulus)
 
 
 def approach(contact_radius: float, effective_radius: float) -> float:

@@ -14,6 +14,10 @@ infinite fluid, which grains in a bed do not have around them.
 
 from __future__ import annotations
 
+from math import sqrt
+
+from multicor_cli.arithmetic import cbrt, power
+
 
 def reynolds(speed: float, diameter: float, viscosity: float) -> float:
     """Reynolds number ``Re = |v| d/ν_f``.
@@ -28,22 +32,21 @@ def reynolds(speed: float, diameter: float, viscosity: float) -> float:
 
 def ranz_marshall(re: float, pr: float) -> float:
     """Nusselt number ``2 + 0.6 Re^½ Pr^⅓`` (Ranz & Marshall 1952)."""
-    nusselt: float = 2.0 + 0.6 * re**0.5 * pr ** (1.0 / 3.0)
-    return nusselt
+    return 2.0 + 0.6 * sqrt(re) * cbrt(pr)
 
 
 def whitaker(re: float, pr: float) -> float:
     """Nusselt number ``2 + (0.4 Re^½ + 0.06 Re^⅔) Pr^0.4`` (Whitaker 1972), fluid at one temperature."""
-    nusselt: float = 2.0 + (0.4 * re**0.5 + 0.06 * re ** (2.0 / 3.0)) * pr**0.4
-    return nusselt
+    root = cbrt(re)
+    return 2.0 + (0.4 * sqrt(re) + 0.06 * root * root) * power(pr, 0.4)
 
 
 def gunn(re: float, pr: float, porosity: float) -> float:
     """Nusselt number ``(7 − 10ε + 5ε²)(1 + 0.7 Re^0.2 Pr^⅓) + (1.33 − 2.4ε + 1.2ε²) Re^0.7 Pr^⅓``, porosity ε (Gunn 1978)."""
     p = porosity
-    root = pr ** (1.0 / 3.0)
-    low: float = (7.0 - 10.0 * p + 5.0 * p * p) * (1.0 + 0.7 * re**0.2 * root)
-    high: float = (1.33 - 2.4 * p + 1.2 * p * p) * re**0.7 * root
+    root = cbrt(pr)
+    low = (7.0 - 10.0 * p + 5.0 * p * p) * (1.0 + 0.7 * power(re, 0.2) * root)
+    high = (1.33 - 2.4 * p + 1.2 * p * p) * power(re, 0.7) * root
     return low + high
 
 
@@ -60,15 +63,12 @@ def li_mason(re: float, pr: float, porosity: float, exponent: float) -> float:
         porosity: Volume fraction of the fluid ε.
         exponent: n: 3.5 for dilute, 4.75 for dense suspensions.
     """
-    screen: float = porosity**exponent
+    screen = power(porosity, exponent)
     if re < 200.0:
-        dilute: float = 2.0 + 0.6 * screen * re**0.5 * pr ** (1.0 / 3.0)
-        return dilute
+        return 2.0 + 0.6 * screen * sqrt(re) * cbrt(pr)
     if re < 1500.0:
-        middle: float = 2.0 + screen * (0.5 * re**0.5 + 0.02 * re**0.8) * pr ** (1.0 / 3.0)
-        return middle
-    turbulent: float = 2.0 + 4.5e-5 * screen * re**1.8
-    return turbulent
+        return 2.0 + screen * (0.5 * sqrt(re) + 0.02 * power(re, 0.8)) * cbrt(pr)
+    return 2.0 + 4.5e-5 * screen * power(re, 1.8)
 
 
 def coefficient(nusselt: float, conductivity: float, diameter: float) -> float:

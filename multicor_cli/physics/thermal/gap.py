@@ -19,7 +19,9 @@ millimeters under their own weight.
 
 from __future__ import annotations
 
-from math import log, pi, sqrt
+from math import pi, sqrt
+
+from multicor_cli.arithmetic import log
 
 SMALLEST_SPOT = 1e-9
 """Spot radius below which the integral of touching spheres is not carried on [m]: atoms end the continuum, and the log diverges."""

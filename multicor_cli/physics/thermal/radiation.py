@@ -16,7 +16,9 @@ does not absorb. The exchange of neighbors takes no account of what other grains
 
 from __future__ import annotations
 
-from math import acos, pi, sqrt
+from math import pi, sqrt
+
+from multicor_cli.arithmetic import acos
 
 STEFAN_BOLTZMANN = 5.670374419e-8
 """Stefan–Boltzmann constant σ [W/(m² K⁴)] (exact in SI)."""

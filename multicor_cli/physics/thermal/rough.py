@@ -18,7 +18,9 @@ surfaces, H' the harmonic mean.
 
 from __future__ import annotations
 
-from math import erfc, exp, inf, log, pi, sqrt
+from math import inf, pi, sqrt
+
+from multicor_cli.arithmetic import log, normal_quantile, power
 
 
 def macro_resistance(contact_radius: float, harmonic: float) -> float:
@@ -39,7 +41,7 @@ def micro_resistance(
         slope: Mean slope of the asperities m.
         microhardness: H' [Pa].
     """
-    spots: float = (microhardness / peak_pressure) ** 0.96
+    spots = power(microhardness / peak_pressure, 0.96)
     return spots * 1.184 / (pi * contact_radius * contact_radius * harmonic) * (roughness / slope)
 
 
@@ -69,26 +71,14 @@ def rough_conductance(
         return 0.0
     pressure = 2.0 * modulus * contact_radius / (pi * effective_radius)
     macro = 1.0 / (2.0 * harmonic * contact_radius)
-    spots: float = (microhardness / pressure) ** 0.96
+    spots = power(microhardness / pressure, 0.96)
     micro = spots * 1.184 / (pi * contact_radius * contact_radius * harmonic) * (roughness / slope)
     return 1.0 / (macro + micro)
 
 
 def inverse_erfc(value: float) -> float:
-    """The x with ``erfc(x) = value``, for value in (10⁻³⁰⁰, 2), to round-off (derived).
-
-    Newton's method on ln erfc from ``√(−ln value)``, which lies above the root as ``erfc(x) ≤ exp(−x²)``; the function is
-    concave, so the iterates fall to the root. For values above 1, ``erfc(−x) = 2 − erfc(x)``.
-    """
-    target = value if value <= 1.0 else 2.0 - value
-    x = sqrt(-log(target))
-    for _ in range(60):
-        now = erfc(x)
-        step = now * log(now / target) * 0.5 * sqrt(pi) * exp(x * x)
-        x += step
-        if abs(step) <= 1e-15 * x:
-            break
-    return x if value <= 1.0 else -x
+    """The x with ``erfc(x) = value``, for value in (10⁻³⁰⁰, 2), from the quantile of the normal distribution."""
+    return -normal_quantile(0.5 * value) / sqrt(2.0)
 
 
 def microgap_resistance(
@@ -142,5 +132,4 @@ def cmy_coefficient(harmonic: float, slope: float, roughness: float, pressure: f
         pressure: Mean pressure P [Pa].
         microhardness: H' [Pa].
     """
-    ratio: float = (pressure / microhardness) ** 0.95
-    return 1.25 * harmonic * slope / roughness * ratio
+    return 1.25 * harmonic * slope / roughness * power(pressure / microhardness, 0.95)

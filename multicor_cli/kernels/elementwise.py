@@ -1,0 +1,28 @@
+"""The functions of `multicor_cli.arithmetic` applied to arrays.
+
+Each function is compiled when it is first called. All take and give float64 arrays (or numbers) of any shape; `power` and `atan2`
+take two.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from multicor_cli import arithmetic
+from multicor_cli.kernels.jit import elementwise
+from multicor_cli.state.model import Floats
+
+acos = elementwise(arithmetic.acos)
+asin = elementwise(arithmetic.asin)
+cos = elementwise(arithmetic.cos)
+exp = elementwise(arithmetic.exp)
+expm1 = elementwise(arithmetic.expm1)
+log1p = elementwise(arithmetic.log1p)
+normal_quantile = elementwise(arithmetic.normal_quantile)
+power = elementwise(arithmetic.power)
+sin = elementwise(arithmetic.sin)
+
+
+def hypot(x: Floats, y: Floats) -> Floats:
+    """Lengths of the vectors (x, y), as `arithmetic.hypot`."""
+    return np.asarray(np.sqrt(x * x + y * y))
