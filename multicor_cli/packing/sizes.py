@@ -71,7 +71,7 @@ class ListSizes:
         share = self.fractions * count
         # Shares that are whole numbers but for rounding must not lose a grain to the next one.
         whole = np.floor(share + 1e-9).astype(np.int64)
-        missing = count - int(np.add.reduce(whole))
+        missing = count - int(np.cumsum(whole)[-1])
         lottery = rng.random(self.radii.size)
         whole[np.lexsort((lottery, np.rint(1e9 * (whole - share))))[:missing]] += 1
         return rng.shuffled(np.repeat(self.radii, whole))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
@@ -92,7 +93,7 @@ def estimate(scenario: Scenario, plan: RunPlan, model: Model, state: State, thre
         results = frames * frame + series + n * 32.0
         disk = results + 2.0 * _checkpoint_bytes(model)
         peak = disk + results
-        seconds = sum(
+        seconds = math.fsum(
             count * (seconds_per_look(n) if stage.is_frozen else seconds_per_step(n, threads))
             for count, stage in zip(known, plan.stages, strict=True)
         )

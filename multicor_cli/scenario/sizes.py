@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Literal, Self
 
 from pydantic import Field, Strict, ValidationInfo, field_validator, model_validator
@@ -32,7 +33,7 @@ class ListSizes(_Sizes):
             return self
         if len(self.fractions) != len(self.radii):
             raise refuse(f"{len(self.fractions)} fractions for {len(self.radii)} radii", "give one per radius", "fractions")
-        total = sum(self.fractions)
+        total = math.fsum(self.fractions)
         if abs(total - 1.0) > 1e-6:
             raise refuse(f"the fractions add up to {total:g}", "make them add up to 1", "fractions")
         return self

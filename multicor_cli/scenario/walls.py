@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import math
 from typing import Annotated, Literal, Self
 
 from pydantic import Discriminator, Field, Strict, Tag, ValidationInfo, field_validator, model_validator
 
+from multicor_cli.arithmetic import hypot
 from multicor_cli.scenario.base import Length, Name, Point, Table, Vector, refuse, tag_table
 from multicor_cli.scenario.sizes import Sizes
 from multicor_cli.scenario.wall_heat import WallCondition
@@ -25,7 +25,7 @@ class PlaneGeometry(Table):
     @field_validator("normal")
     @classmethod
     def _not_zero(cls, normal: tuple[float, float]) -> tuple[float, float]:
-        if math.hypot(*normal) < 1e-9:
+        if hypot(*normal) < 1e-9:
             raise refuse(f"the normal {list(normal)} has no direction", "give a direction towards the grains, as [0, 1]")
         return normal
 
@@ -51,7 +51,7 @@ class RoughGeometry(Table):
     @property
     def length(self) -> float:
         """Length of the line of centers [m]."""
-        return math.dist(self.start, self.end)
+        return hypot(self.end[0] - self.start[0], self.end[1] - self.start[1])
 
 
 class BoxGeometry(Table):

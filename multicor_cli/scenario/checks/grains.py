@@ -81,7 +81,7 @@ def _check_sizes(path: KeyPath, group: ParticleGroup, region: Region, domain: Do
 
 def _least_area(group: ParticleGroup, count: int) -> float:
     assert group.sizes is not None
-    return count * math.pi * group.sizes.smallest**2
+    return count * math.pi * group.sizes.smallest * group.sizes.smallest
 
 
 def _check_tile(path: KeyPath, packing: TilePacking, region: Region, domain: Domain) -> Iterator[Finding]:
@@ -116,7 +116,7 @@ def _least_count(group: ParticleGroup, domain: Domain) -> float:
     packing, sizes = group.packing, group.sizes
     if sizes is None:
         return 0.0
-    largest_area = math.pi * sizes.largest**2
+    largest_area = math.pi * sizes.largest * sizes.largest
     if isinstance(packing, TilePacking):
         one = packing.tile_count or (packing.tile_fill or 0.0) * packing.tile[0] * packing.tile[1] / largest_area
         return one * packing.repeat[0] * packing.repeat[1]

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
 from multicor_cli.scenario.checks.draft import Draft
@@ -79,9 +80,9 @@ def _check_amounts(draft: Draft) -> Iterator[Finding]:
     stages = [stage for stage in draft.loading if stage]
     limits = (("frame_interval", output.frame_interval, MAX_FRAMES), ("series_interval", output.series_interval, MAX_ROWS))
     for key, interval, most in limits:
-        times = sum((stage.duration or 0.0) / _between(stage, interval) for stage in stages)
+        times = math.fsum((stage.duration or 0.0) / _between(stage, interval) for stage in stages)
         if times > most:
-            total = sum(stage.duration or 0.0 for stage in stages)
+            total = math.fsum(stage.duration or 0.0 for stage in stages)
             what = f"{total:g} s of loading at intervals of {interval:g} s are written {times:.2g} times"
             yield Finding(("output", key), what, f"stay below {most:g}; times are in seconds")
             return

@@ -1,0 +1,113 @@
+"""Frozen digests on as many machines as this one can pretend to be: a table of what holds.
+
+    python tests/digests/machines.py [--oldest] [--aarch64 FOLDER]
+
+``--oldest`` makes an environment with the oldest dependencies that pyproject.toml admits; ``--aarch64`` takes a root directory that
+`tests/digests/aarch64.sh` has made.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import platform
+import subprocess
+import sys
+import tempfile
+import tomllib
+from importlib import metadata
+from pathlib import Path
+
+HERE = Path(__file__).parent
+ROOT = HERE.parents[1]
+
+# Names of one feature differ between versions of the C library: those it does not know it passes over.
+GLIBC = "glibc.cpu.hwcaps=-AVX512F,-AVX512DQ,-AVX512BW,-AVX512VL,-AVX2,-FMA,-FMA4,-AVX2_Usable,-FMA_Usable"
+BLAS = ("Prescott", "Haswell")
+
+
+def optional_features() -> str:
+    """What NumPy may use beyond its baseline."""
+    from numpy._core import _multiarray_umath
+
+    return " ".join(_multiarray_umath.__cpu_dispatch__)
+
+
+def another_machine() -> dict[str, str]:
+    """An environment without any optional instruction."""
+    return {
+        "NPY_DISABLE_CPU_FEATURES": optional_features(),
+        "GLIBC_TUNABLES": GLIBC,
+        "OPENBLAS_CORETYPE": BLAS[0],
+        "NUMBA_CPU_NAME": "generic",
+    }
+
+
+def machines() -> dict[str, tuple[dict[str, str], int]]:
+    """Name, environment and number of threads of each."""
+    every = another_machine()
+    return {
+        **{f"{count} thread{'s' if count > 1 else ''}": ({}, count) for count in (1, 2, 4)},
+        **{f"{name}={value}": ({name: value}, 2) for name, value in every.items() if name != "OPENBLAS_CORETYPE"},
+        **{f"OPENBLAS_CORETYPE={kernel}": ({"OPENBLAS_CORETYPE": kernel}, 2) for kernel in BLAS},
+        "all of these": (every, 2),
+    }
+
+
+def oldest(folder: Path) -> str:
+    """Interpreter of a new environment with the oldest dependencies."""
+    with (ROOT / "pyproject.toml").open("rb") as file:
+        wanted = tomllib.load(file)["project"]["dependencies"]
+    subprocess.run([sys.executable, "-m", "venv", str(folder)], check=True)
+    pip = [str(folder / "bin" / "python"), "-m", "pip", "install", "-q"]
+    subprocess.run([*pip, *(item.replace(">=", "==") + ".*" for item in wanted)], check=True)
+    return str(folder / "bin" / "python")
+
+
+def check(python: list[str], environment: dict[str, str], threads: int) -> str:
+    """Last words of a comparison: how many digests are as frozen; what differs otherwise."""
+    command = [*python, str(HERE), "--threads", str(threads)]
+    done = subprocess.run(command, env={**os.environ, **environment}, capture_output=True, text=True, check=False)
+    lines = [line for line in done.stdout.splitlines() if line.startswith("differs: ") or line.endswith("as frozen")]
+    return "; ".join(lines) if lines else f"failed: {done.stderr.strip()[-300:]}"
+
+
+def emulated(root: Path) -> str:
+    """The same in a root directory of another architecture; the package and the tests are copied there first."""
+    target = root / "opt" / "multicor"
+    subprocess.run(["rm", "-rf", str(target)], check=True)
+    target.mkdir(parents=True)
+    for name in ("multicor_cli", "tests", "configs"):
+        subprocess.run(["cp", "-r", str(ROOT / name), str(target)], check=True)
+    command = ["chroot", str(root), "/usr/bin/env", "-i", "HOME=/root", "PATH=/usr/bin:/bin", "PYTHONPATH=/opt/site"]
+    done = subprocess.run([*command, "python3", "/opt/multicor/tests/digests"], capture_output=True, text=True, check=False)
+    lines = [line for line in done.stdout.splitlines() if line.startswith("differs: ") or line.endswith("as frozen")]
+    return "; ".join(lines) if lines else f"failed: {done.stderr.strip()[-300:]}"
+
+
+def main(arguments: list[str] | None = None) -> int:
+    parser = argparse.ArgumentParser(prog="python tests/digests/machines.py", description=__doc__.splitlines()[0])
+    parser.add_argument("--oldest", action="store_true", help="the oldest dependencies too")
+    parser.add_argument("--aarch64", type=Path, metavar="FOLDER", help="a root directory of AArch64 too (tests/digests/aarch64.sh)")
+    options = parser.parse_args(arguments)
+    versions = ", ".join(f"{name} {metadata.version(name)}" for name in ("numpy", "numba", "h5py"))
+    print(f"{platform.machine()}, Python {platform.python_version()}, {versions}\n\n| machine | digests |\n|---|---|", flush=True)
+    found = []
+
+    def tell(name: str, result: str) -> None:
+        found.append(result)
+        print(f"| {name} | {result} |", flush=True)
+
+    for name, (environment, threads) in machines().items():
+        tell(name, check([sys.executable], environment, threads))
+    if options.oldest:
+        with tempfile.TemporaryDirectory() as folder:
+            cache = {"NUMBA_CACHE_DIR": str(Path(folder) / "cache")}
+            tell("oldest dependencies", check([oldest(Path(folder) / "venv")], cache, 2))
+    if options.aarch64:
+        tell("AArch64 (QEMU)", emulated(options.aarch64))
+    return 0 if all(result.split()[0] == result.split()[2] for result in found) else 1
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,304 @@
+"""Short runs whose bits are frozen: every shipped scenario but the million, every packing, size distribution and kind of law."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+CONFIGS = Path(__file__).parents[2] / "configs"
+
+
+@dataclass(frozen=True)
+class Case:
+    """A short run.
+
+    Attributes:
+        source: A shipped scenario, or the text of one.
+        overrides: As given to ``--set``.
+        after: Name of a case whose run it starts from: it is in the directory beside.
+    """
+
+    source: Path | str
+    overrides: tuple[str, ...] = ()
+    after: str = ""
+
+
+SHIPPED = {
+    "shear": ("loading.0.duration=2e-3", "loading.1.until.strain.value=0.001", "output.frame_interval=2e-3"),
+    "shear-dynamic": ("loading.0.duration=2e-3", "loading.1.until.strain.value=0.01", "output.frame_interval=2e-3"),
+    "shear-gravity-free": ("loading.0.until.strain.value=0.3",),
+    "column-collapse": ("loading.0.duration=0.01", "loading.1.duration=0.01"),
+    "drum": ("loading.0.duration=0.02", "loading.1.duration=0.02"),
+    "hopper": ("loading.0.duration=0.02", "loading.1.duration=0.02"),
+    "lattice14": (),
+    "heated-bed": (
+        "particles.0.count=400",
+        "domain.size=[0.06,0.13]",
+        "walls.2.geometry.point=[0.06,0.0]",
+        "loading.0.duration=0.3",
+        "loading.1.duration=0.02",
+    ),
+    "million": ("particles.0.count=20_000", "domain.size=[1.2,0.14]"),
+}
+"""What makes each shipped scenario short."""
+
+_BASE = """\
+[scenario]
+name = "short"
+seed = 11
+
+[domain]
+size = [0.03, 0.05]
+periodic = {periodic}
+
+[materials.glass]
+density = 2500.0
+young = 70e9
+poisson = 0.22
+conductivity = 1.0
+heat_capacity = 800.0
+emissivity = 0.8
+roughness = 1e-6
+asperity_slope = 0.1
+microhardness = 3e9
+hardness = 6e9
+
+[[contacts]]
+pair = ["*", "*"]
+friction = {friction}
+restitution = 0.3
+{wear}
+
+[[particles]]
+name = "grains"
+material = "glass"
+{shape}
+{sizes}
+{number}
+{region}
+packing = {packing}
+velocity = [0.1, -0.2]
+spin = 3.0
+shear_rate = 2.0
+{temperature}
+
+{walls}
+
+[[loading]]
+name = "first"
+duration = 0.01
+{drives}
+
+[[loading]]
+name = "second"
+{second}
+
+[solver]
+dt = 2e-4
+
+[output]
+frame_interval = 0.005
+{heat}
+"""
+
+_FLOOR = """\
+[[walls]]
+name = "floor"
+material = "glass"
+geometry = { kind = "plane", point = [0.0, 0.0], normal = [0.0, 1.0] }
+"""
+
+_UNIFORM = '{ kind = "uniform", min = 0.4e-3, max = 0.6e-3 }'
+_DISC = 'shape = "disc"\nthickness = 1e-3'
+_SPHERE = 'shape = "sphere"'
+
+
+def _scene(**parts: str) -> Case:
+    values = {
+        "friction": "0.4",
+        "shape": _DISC,
+        "sizes": f"sizes = {_UNIFORM}",
+        "number": "count = 120",
+        "region": "",
+        "packing": '{ kind = "random" }',
+        "temperature": "",
+        "walls": _FLOOR,
+        "drives": "",
+        "second": "duration = 0.005",
+        "heat": "",
+        "periodic": "true",
+        "wear": "",
+        **parts,
+    }
+    return Case(_BASE.format(**values))
+
+
+def _region(top: float) -> str:
+    return f"region = {{ min = [0.0, 0.001], max = [0.03, {top}] }}"
+
+
+_SIZES = {
+    "list-number": '{ kind = "list", radii = [0.4e-3, 0.5e-3, 0.7e-3], fractions = [0.2, 0.5, 0.3] }',
+    "list-mass": '{ kind = "list", radii = [0.4e-3, 0.5e-3, 0.7e-3], fractions = [0.2, 0.5, 0.3], by = "mass" }',
+    "uniform-number": _UNIFORM,
+    "uniform-mass": '{ kind = "uniform", min = 0.3e-3, max = 0.6e-3, by = "mass" }',
+    "lognormal-number": '{ kind = "lognormal", median = 0.5e-3, sigma = 0.3, min = 0.25e-3, max = 0.9e-3 }',
+    "lognormal-mass": '{ kind = "lognormal", median = 0.5e-3, sigma = 0.3, min = 0.25e-3, max = 0.9e-3, by = "mass" }',
+    "power-number": '{ kind = "power", exponent = 2.5, min = 0.25e-3, max = 0.9e-3 }',
+    "power-mass": '{ kind = "power", exponent = 1.5, min = 0.25e-3, max = 0.9e-3, by = "mass" }',
+}
+
+_PACKINGS = {
+    "lattice-triangular": {"packing": '{ kind = "lattice", lattice = "triangular", spacing = 1.4e-3, jitter = 0.05 }'},
+    "lattice-square": {"packing": '{ kind = "lattice", lattice = "square", spacing = 1.5e-3, jitter = 0.1 }', "shape": _SPHERE},
+    "random-fill": {"packing": '{ kind = "random", separation = 0.05 }', "number": "fill = 0.3", "region": _region(0.012)},
+    "random-dense": {"number": "fill = 0.78", "region": _region(0.008)},
+    "deposited": {"packing": '{ kind = "deposited" }', "region": _region(0.03)},
+    "compacted": {
+        "packing": '{ kind = "compacted", pressure = 5.0, friction = 0.3 }',
+        "number": "fill = 0.6",
+        "region": _region(0.008),
+    },
+    "tile-random": {
+        "packing": '{ kind = "tile", source = { kind = "random" }, tile = [0.01, 0.01], tile_fill = 0.7, repeat = [3, 2] }',
+        "number": "",
+        "region": _region(0.03),
+    },
+    "tile-deposited": {
+        "packing": '{ kind = "tile", source = { kind = "deposited" }, tile = [0.015, 0.02], tile_count = 60, repeat = [2, 1] }',
+        "number": "",
+        "region": _region(0.03),
+    },
+}
+
+_DRUM = """\
+[[walls]]
+name = "drum"
+material = "glass"
+geometry = { kind = "circle", center = [0.015, 0.025], radius = 0.012, rough = "grains" }
+"""
+
+_MOVING = """\
+[[walls]]
+name = "shaker"
+material = "glass"
+geometry = { kind = "box", min = [0.002, 0.002], max = [0.028, 0.03], open = ["top"] }
+
+[[walls]]
+name = "paddle"
+material = "glass"
+geometry = { kind = "polyline", points = [[0.008, 0.035], [0.014, 0.037], [0.022, 0.034]] }
+mass = 1e-3
+inertia = 1e-8
+"""
+
+_SHAKE = (
+    "drives.shaker = { x = { velocity = { sine = { amplitude = 0.2, period = 0.007, phase = 0.4 } } } }\n"
+    "drives.paddle = { x = { fixed = true }, y = { force = -0.02, damping = 0.1 }, "
+    "spin = { force = { sine = { amplitude = 1e-5, period = 0.01 } } } }"
+)
+
+_WARM_FLOOR = _FLOOR + "thermal = { temperature = { sine = { mean = 350.0, amplitude = 20.0, period = 0.01 } } }\n"
+
+_HEAT = """
+[heat]
+temperature = 300.0
+impact = true
+"""
+
+_ALL_HEAT = """
+[heat]
+temperature = 300.0
+conduction = "rough"
+friction = "sliding"
+impact = true
+collisional = {collisional}
+partition = "{partition}"
+force = {force}
+gas = {{ conductivity = 0.026, model = "{gas}" }}
+ambient = {{ temperature = 320.0, correlation = "{correlation}", {fluid} }}
+radiation = {{ surroundings = 290.0, neighbors = true }}
+integrator = "{integrator}"
+"""
+
+_AIR = "conductivity = 0.026, viscosity = 1.6e-5, prandtl = 0.7"
+_GRADIENT = "temperature = { value = 320.0, gradient = [400.0, 900.0] }"
+_BED = {
+    "shape": _SPHERE,
+    "packing": '{ kind = "deposited" }',
+    "region": _region(0.03),
+    "walls": _WARM_FLOOR,
+    "temperature": _GRADIENT,
+}
+
+
+def _all_heat(**choices: str) -> str:
+    values = {
+        "collisional": "false",
+        "partition": "effusivity",
+        "force": "{ average = 2e-3 }",
+        "gas": "parallel",
+        "correlation": "whitaker",
+        "fluid": _AIR,
+        "integrator": "implicit",
+        **choices,
+    }
+    return _ALL_HEAT.format(**values)
+
+
+_HEAT_OF_IMPACTS = _all_heat(
+    collisional="true", correlation="gunn", fluid=_AIR + ", porosity = 0.5", partition="conductivity", force="{ prescribed = 0.01 }"
+).replace('conduction = "rough"', 'conduction = "hertz"')
+
+_SOFT = "{ softening = 2e-3, reference = 300.0, value = 0.4, min = 0.1, max = 0.5 }"
+_SPEEDS = "{ speed = [0.0, 0.05, 0.3], values = [0.5, 0.4, 0.2] }"
+
+_LAWS = {
+    "rough-drum": {
+        "walls": _DRUM,
+        "region": "region = { min = [0.008, 0.018], max = [0.022, 0.032] }",
+        "number": "count = 60",
+        "sizes": "sizes = " + _SIZES["lognormal-number"].replace("0.9e-3", "0.6e-3"),
+        "drives": "drives.drum = { spin = { velocity = 4.0 } }",
+    },
+    "moving-walls": {
+        "walls": _MOVING,
+        "periodic": "false",
+        "region": "region = { min = [0.003, 0.003], max = [0.027, 0.029] }",
+        "drives": _SHAKE,
+    },
+    "friction-of-speed": {"friction": _SPEEDS, "packing": '{ kind = "deposited" }', "region": _region(0.03)},
+    "friction-of-temperature": {**_BED, "friction": _SOFT, "heat": _HEAT},
+    "heat": {**_BED, "heat": _HEAT, "second": "frozen = true\nduration = 20.0\ndt = 0.5"},
+    "heat-everything-implicit": {**_BED, "wear": "wear = 1e-4", "heat": _all_heat()},
+    "heat-everything-explicit": {
+        **_BED,
+        "heat": _all_heat(integrator="explicit", correlation="li-mason", fluid=_AIR + ", porosity = 0.5", gas="batchelor"),
+    },
+    "heat-of-impacts": {
+        **_BED,
+        "packing": '{ kind = "random" }',
+        "wear": "wear = 1e-4",
+        "heat": _HEAT_OF_IMPACTS,
+    },
+}
+
+_LATTICE_FILE = (CONFIGS / "lattice14.csv").as_posix()
+
+_BROUGHT = {
+    "packing-file": _scene(
+        packing=f'{{ kind = "file", path = "{_LATTICE_FILE}", shift = [0.01, 0.01] }}', sizes="", number="", periodic="false"
+    ),
+    "packing-run": replace(
+        _scene(packing='{ kind = "run", path = "packing-deposited", frame = 1 }', sizes="", number=""), after="packing-deposited"
+    ),
+}
+
+CASES: dict[str, Case] = {
+    **{name: Case(CONFIGS / f"{name}.toml", overrides) for name, overrides in SHIPPED.items() if name != "million"},
+    **{f"packing-{name}": _scene(**parts) for name, parts in _PACKINGS.items()},
+    **_BROUGHT,
+    **{f"sizes-{name}": _scene(sizes=f"sizes = {sizes}") for name, sizes in _SIZES.items()},
+    **{f"law-{name}": _scene(**parts) for name, parts in _LAWS.items()},
+}
+"""All cases by name."""
