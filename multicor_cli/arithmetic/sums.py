@@ -1,4 +1,4 @@
-"""Sums of arrays in a stated order: the halves of an array are added to each other until one value is left.
+"""Sums of arrays in a stated order: halves are added to each other until few values are left, and these one after the other.
 
 Rounding errors grow with the logarithm of the number of values, and nothing depends on how a library's sum is vectorized.
 """
@@ -13,9 +13,14 @@ from numpy.typing import NDArray
 Floats = NDArray[Any]
 
 
+FEW = 32
+"""Values that are added one after the other."""
+
+
 def total(values: Floats) -> float:
     """Sum of all values of a float array; 0 if there are none."""
-    return float(column_totals(np.reshape(values, (-1, 1)))[0])
+    rest = _folded(values.reshape(-1))
+    return float(rest.cumsum()[-1]) if rest.size else 0.0
 
 
 def mean(values: Floats) -> float:
@@ -25,11 +30,18 @@ def mean(values: Floats) -> float:
 
 def column_totals(values: Floats) -> Floats:
     """Sum over the first axis of an array of two or more dimensions; zeros if it has no rows."""
-    rest = values
-    while len(rest) > 1:
-        half = len(rest) // 2
-        folded = rest[:half] + rest[half : 2 * half]
-        if len(rest) % 2:
-            folded[0] += rest[-1]
-        rest = folded
-    return np.array(rest[0]) if len(rest) else np.zeros(values.shape[1:])
+    rest = _folded(values)
+    return np.array(rest.cumsum(axis=0)[-1]) if len(rest) else np.zeros(values.shape[1:])
+
+
+def _folded(values: Floats) -> Floats:
+    """At most `FEW` rows with the same sum."""
+    count, rest = len(values), values
+    while count > FEW:
+        half = count // 2
+        # The first fold makes an array of its own, the others stay in it.
+        folded = np.add(rest[:half], rest[half : 2 * half], out=None if rest is values else rest[:half])
+        if count % 2:
+            folded[0] += rest[count - 1]
+        count, rest = half, folded
+    return rest

@@ -87,6 +87,7 @@ class Engine:
         self._start = np.zeros((n + w, 4))
         self._free = np.zeros((n + w, 4))
         self._flagged = np.zeros(n, np.bool_)
+        self._mass = total(model.grains.mass)
         self._material = np.concatenate([model.grains.material, model.shapes.material]).astype(np.int32)
         self.shape_temperature: Floats = np.empty(0)
         self._pace = Pace(self.threads)
@@ -259,14 +260,13 @@ class Engine:
     def _scale(self, dt: float, squares: float, closing: float) -> Scale:
         """u_ref = max(rms Δt|F|/m, Δt P d̄/m̄, rms of the closing velocities), and ½ M u_ref² (design §2)."""
         model = self.model
-        mass = total(model.grains.mass)
-        mean_mass = mass / model.grain_count
+        mean_mass = self._mass / model.grain_count
         reference = max(
             dt * hypot(*model.gravity.tolist()),
             dt * self._motion.pressure() * model.mean_diameter / mean_mass,
             math.sqrt(squares / closing) if closing else 0.0,
         )
-        return Scale(reference, 0.5 * mass * reference * reference)
+        return Scale(reference, 0.5 * self._mass * (reference * reference))
 
     def _finish(self, scene: Scene, contacts: Contacts, after: Floats, outcome: Outcome, reach: float, dt: float) -> StepReport:
         """Books, motion and position correction; from here on the state changes."""

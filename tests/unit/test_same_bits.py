@@ -28,7 +28,7 @@ LAYOUT = _words(
     """append arange array asarray ascontiguousarray atleast_1d column_stack concatenate empty errstate fill_diagonal full load
     loadtxt meshgrid ones ones_like repeat reshape roll savez_compressed stack tile tril_indices where zeros zeros_like"""
 )
-ROUNDED_ONCE = _words("abs allclose clip diff divmod floor frexp isfinite isnan ldexp maximum minimum nextafter ptp rint sqrt")
+ROUNDED_ONCE = _words("abs add allclose clip diff divmod floor frexp isfinite isnan ldexp maximum minimum nextafter ptp rint sqrt")
 IN_ORDER = _words("bincount cumsum maximum.at")  # defined as one value after the other
 COMPARING = _words("all argmin argsort argwhere count_nonzero flatnonzero isin lexsort nanmax partition searchsorted sort unique")
 OF_INTEGERS = {"prod"}
