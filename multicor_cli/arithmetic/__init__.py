@@ -6,14 +6,13 @@ the order of a sum or a matrix product is the library's business. A flow of grai
 trajectory. So whatever reaches a `Model` or a `State` calls the functions of this package instead; a test walks the code and finds
 every other call.
 
-The functions are plain Python over floats (`sums`: NumPy's addition of arrays). Kernels compile these very functions
+The functions are plain Python over floats; `arithmetic.sums` is about arrays. Kernels compile these very functions
 (`multicor_cli.kernels.jit` registers them) and `multicor_cli.kernels.elementwise` applies them to arrays, so interpreted and
 compiled results are equal to the bit. Their accuracy is tested against many digits.
 """
 
 from multicor_cli.arithmetic.exponential import cbrt, exp, expm1, log, log1p, power
 from multicor_cli.arithmetic.normal import normal_cdf, normal_quantile
-from multicor_cli.arithmetic.sums import column_totals, mean, total
 from multicor_cli.arithmetic.trigonometric import acos, asin, atan2, cos, hypot, sin
 
 __all__ = [
@@ -21,17 +20,14 @@ __all__ = [
     "asin",
     "atan2",
     "cbrt",
-    "column_totals",
     "cos",
     "exp",
     "expm1",
     "hypot",
     "log",
     "log1p",
-    "mean",
     "normal_cdf",
     "normal_quantile",
     "power",
     "sin",
-    "total",
 ]

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from multicor_cli.arithmetic import total
+from multicor_cli.arithmetic.sums import total
 from multicor_cli.heat.flow import Flow
 from multicor_cli.kernels.heat_flow import AMBIENT, SURROUNDINGS
 from multicor_cli.state.model import Floats

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from multicor_cli.arithmetic import column_totals, total
+from multicor_cli.arithmetic.sums import column_totals, total
 from multicor_cli.heat.books import book_flow, book_generated, note_contacts, strike_balance
 from multicor_cli.heat.contacts import (
     TOUCHING,

@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from multicor_cli.arithmetic import column_totals
+from multicor_cli.arithmetic.sums import column_totals
 from multicor_cli.kernels.contacts import Contacts, Scene, relative_velocity
 from multicor_cli.kernels.jit import CHUNK, chunks_for, kernel, parallel_kernel, prange, scalar
 from multicor_cli.state.model import Floats, Ints

@@ -7,7 +7,8 @@ from collections.abc import Callable
 
 import numpy as np
 
-from multicor_cli.arithmetic import hypot, total
+from multicor_cli.arithmetic import hypot
+from multicor_cli.arithmetic.sums import total
 from multicor_cli.kernels import elementwise
 from multicor_cli.packing.errors import PackingError
 from multicor_cli.packing.sizes import Sizes, diameter, draw_to_total

@@ -16,7 +16,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from multicor_cli.arithmetic import mean, total
+from multicor_cli.arithmetic.sums import mean, total
 from multicor_cli.packing.bodies import SHAPE_FACTOR, Shape, inertias, masses
 from multicor_cli.packing.errors import PackingError
 from multicor_cli.packing.region import Region

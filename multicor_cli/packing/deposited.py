@@ -12,7 +12,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from multicor_cli.arithmetic import total
+from multicor_cli.arithmetic.sums import total
 from multicor_cli.packing.errors import PackingError
 from multicor_cli.packing.obstacles import Obstacles
 from multicor_cli.packing.placing import drop_and_roll, make_field

@@ -11,7 +11,7 @@ import math
 
 import numpy as np
 
-from multicor_cli.arithmetic import mean, total
+from multicor_cli.arithmetic.sums import mean, total
 from multicor_cli.packing.errors import PackingError
 from multicor_cli.packing.obstacles import Obstacles
 from multicor_cli.packing.pairs import find_pairs

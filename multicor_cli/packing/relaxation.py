@@ -12,7 +12,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from multicor_cli.arithmetic import mean
+from multicor_cli.arithmetic.sums import mean
 from multicor_cli.kernels.jit import kernel
 from multicor_cli.kernels.neighbours import gap_to_shape, minimum_image
 from multicor_cli.packing.obstacles import Obstacles

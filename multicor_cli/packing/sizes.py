@@ -18,6 +18,7 @@ from typing import Literal, Protocol
 import numpy as np
 
 from multicor_cli import arithmetic
+from multicor_cli.arithmetic import sums
 from multicor_cli.kernels import elementwise
 from multicor_cli.packing.streams import Stream
 from multicor_cli.state.model import Floats
@@ -100,7 +101,7 @@ def list_sizes(radii: Floats, fractions: Floats | None, by: Basis, mass_power: i
     weights = np.ones(radii.size) if fractions is None else np.array(fractions, float)
     if by == "mass":
         weights = weights / _mass_factor(radii / radii.max(), mass_power)
-    return ListSizes(np.array(radii, float), weights / arithmetic.total(weights))
+    return ListSizes(np.array(radii, float), weights / sums.total(weights))
 
 
 def _mass_factor(ratio: Floats, mass_power: int) -> Floats:
@@ -168,18 +169,18 @@ def draw_to_total(sizes: Sizes, measure: Callable[[Floats], Floats], total: floa
     Returns:
         Radii [m]; at least one.
     """
-    mean = arithmetic.mean(measure(sizes.draw(_PROBES, restart())))
+    mean = sums.mean(measure(sizes.draw(_PROBES, restart())))
     count = max(1, round(total / mean))
     tried: dict[int, tuple[float, Floats]] = {}
     for _ in range(_FITS):
         if count in tried:
             break
         radii = sizes.draw(count, restart())
-        reached = arithmetic.total(measure(radii))
+        reached = sums.total(measure(radii))
         tried[count] = abs(reached - total), radii
         count = max(1, count + round((total - reached) / mean))
     for near in (count - 1, count + 1):
         if near > 0 and near not in tried:
             radii = sizes.draw(near, restart())
-            tried[near] = abs(arithmetic.total(measure(radii)) - total), radii
+            tried[near] = abs(sums.total(measure(radii)) - total), radii
     return min(tried.values(), key=lambda pair: pair[0])[1]

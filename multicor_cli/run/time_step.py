@@ -13,7 +13,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from decimal import ROUND_DOWN, Decimal
 
-from multicor_cli.arithmetic import hypot, total
+from multicor_cli.arithmetic import hypot
+from multicor_cli.arithmetic.sums import total
 from multicor_cli.physics.drives import DofDrive, WallDrive
 from multicor_cli.run.plan import RunPlan
 from multicor_cli.scenario.scenario import Scenario

@@ -6,7 +6,7 @@ import math
 
 import numpy as np
 
-from multicor_cli.arithmetic import total
+from multicor_cli.arithmetic.sums import total
 from multicor_cli.kernels import account
 from multicor_cli.solver.correction import Correction
 from multicor_cli.solver.solve import Outcome

@@ -16,7 +16,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.arithmetic import total
+from multicor_cli.arithmetic.sums import total
 from multicor_cli.kernels.contacts import Scene, pair_geometry
 from multicor_cli.kernels.jit import chunks_for
 from multicor_cli.kernels.neighbours import place_shapes

@@ -12,7 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from multicor_cli.arithmetic import hypot, total
+from multicor_cli.arithmetic import hypot
+from multicor_cli.arithmetic.sums import total
 from multicor_cli.kernels.jit import chunks_for
 from multicor_cli.kernels.motion import fit_affine, shape_bounds
 from multicor_cli.state.model import Floats, Ints

@@ -11,7 +11,8 @@ from dataclasses import replace
 import numba
 import numpy as np
 
-from multicor_cli.arithmetic import column_totals, hypot, total
+from multicor_cli.arithmetic import hypot
+from multicor_cli.arithmetic.sums import column_totals, total
 from multicor_cli.kernels import account
 from multicor_cli.kernels.contacts import (
     Contacts,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from multicor_cli.arithmetic import column_totals
+from multicor_cli.arithmetic.sums import column_totals
 from multicor_cli.kernels.contacts import (
     Contacts,
     Laws,

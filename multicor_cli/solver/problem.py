@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
-from multicor_cli.arithmetic import mean, total
+from multicor_cli.arithmetic.sums import mean, total
 from multicor_cli.kernels.contacts import Contacts, Scene
 from multicor_cli.kernels.sweep import System, add_impulses
 from multicor_cli.solver.pace import Pace

@@ -5,7 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.arithmetic import hypot, total
+from multicor_cli.arithmetic import hypot
+from multicor_cli.arithmetic.sums import total
 from multicor_cli.kernels.contacts import Scene
 from multicor_cli.kernels.motion import shape_velocities
 from multicor_cli.physics.drives import WallDrive

@@ -13,7 +13,7 @@ from enum import IntEnum
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.arithmetic import mean
+from multicor_cli.arithmetic.sums import mean
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]

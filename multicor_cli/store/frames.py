@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.arithmetic import total
+from multicor_cli.arithmetic.sums import total
 from multicor_cli.state import BOOK_NAMES, HEAT_BOOK_NAMES, TALLY_NAMES, WINDOW_NAMES, Model, State
 from multicor_cli.state.model import Floats, Ints, Thermal
 

@@ -9,6 +9,7 @@ import pytest
 
 from multicor_cli import arithmetic
 from multicor_cli import arithmetic as a
+from multicor_cli.arithmetic import sums
 from multicor_cli.arithmetic.sums import FEW
 from multicor_cli.kernels import elementwise
 
@@ -184,23 +185,21 @@ def test_sums(count):
     values = rng.standard_normal((count, 3)) * 10.0 ** rng.uniform(-8, 8, (count, 3))
     before = values.copy()
     allowed = 2e-16 * (FEW + max(1, count).bit_length())
-    assert arithmetic.total(values) == pytest.approx(
-        math.fsum(values.ravel().tolist()), rel=0, abs=2 * allowed * np.abs(values).sum()
-    )
-    for column, found in zip(values.T, arithmetic.column_totals(values), strict=True):
+    assert sums.total(values) == pytest.approx(math.fsum(values.ravel().tolist()), rel=0, abs=2 * allowed * np.abs(values).sum())
+    for column, found in zip(values.T, sums.column_totals(values), strict=True):
         assert found == pytest.approx(math.fsum(column.tolist()), rel=0, abs=allowed * np.abs(column).sum())
     assert (values == before).all()
     if count:
-        assert arithmetic.mean(values) == arithmetic.total(values) / values.size
+        assert sums.mean(values) == sums.total(values) / values.size
 
 
 def test_sums_have_the_stated_order():
-    assert arithmetic.total(np.array([1.0, 1e16, -1.0, -1e16, 3.0])) == (((1.0 + 1e16) - 1.0) - 1e16) + 3.0
+    assert sums.total(np.array([1.0, 1e16, -1.0, -1e16, 3.0])) == (((1.0 + 1e16) - 1.0) - 1e16) + 3.0
     values = np.zeros(2 * FEW + 1)
     values[0], values[FEW], values[-1], values[1] = 1e16, -1e16, 3.0, 1.0
-    assert arithmetic.total(values) == ((1e16 - 1e16) + 3.0) + 1.0
+    assert sums.total(values) == ((1e16 - 1e16) + 3.0) + 1.0
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf])
 def test_sums_of_what_is_not_finite_are_not(bad):
-    assert not math.isfinite(arithmetic.total(np.array([1.0, bad, 2.0])))
+    assert not math.isfinite(sums.total(np.array([1.0, bad, 2.0])))

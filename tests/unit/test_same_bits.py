@@ -102,7 +102,7 @@ def strange_calls(node: ast.AST, has_floats: bool) -> Iterator[str]:
     if has_floats and name in ("sum", "pow"):
         yield ast.unparse(node)
     method = node.func.attr if isinstance(node.func, ast.Attribute) else ""
-    if method in SUMS and name.split(".")[0] not in ("np", "math", "arithmetic"):
+    if method in SUMS and name.split(".")[0] not in ("np", "math", "sums"):
         yield ast.unparse(node)
     is_sorting = method == "argsort" and not any(k.arg == "kind" and ast.unparse(k.value) == "'stable'" for k in node.keywords)
     if is_sorting:
