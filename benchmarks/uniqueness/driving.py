@@ -92,12 +92,14 @@ class Driven:
         """Time step of the present stage [s]."""
         return self.plan.stages[self.state.stage].dt
 
-    def branch(self, method: Method) -> Driven:
-        """The same state, to be continued in the present stage by another method."""
+    def branch(self, method: Method, factor: float = 1.0) -> Driven:
+        """The same state, to be continued in the present stage by another method, with tolerances times a factor."""
         state = State.from_dict({name: np.array(value) for name, value in self.state.as_dict().items()})
         stage = self.plan.stages[state.stage]
         engine = make_engine(self.scenario, self.model, state, 1)
-        engine.settings = replace(stage.settings, method=method)
+        names = ("tolerance_rms", "tolerance_max", "tolerance_energy")
+        tolerances = {name: factor * getattr(stage.settings, name) for name in names}
+        engine.settings = replace(stage.settings, method=method, **tolerances)
         engine.resume_drives(stage.drives.started([0.0] * state.stage + [state.stage_start]))
         return Driven(self.scenario, self.model, engine, self.plan, method)
 

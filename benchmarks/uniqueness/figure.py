@@ -65,7 +65,7 @@ def _draw_forces(axis: Any, one: Any) -> None:
     ways = list(one.forces)
     first = one.forces[ways[0]]
     unit = np.mean([p for p, _ in first.values()])
-    for way, color in zip(ways[1:], ("#444444", "#d1495b", "#1f5fa8", "#2a9d6f"), strict=False):
+    for way, color in zip(ways[1:5], ("#444444", "#d1495b", "#1f5fa8", "#2a9d6f"), strict=True):
         keys = list(first.keys() | one.forces[way].keys())
         x, y = ([forces.get(key, (0.0, 0.0))[0] / unit for key in keys] for forces in (first, one.forces[way]))
         axis.plot(x, y, ".", markersize=4.0, color=color, label=way)

@@ -92,15 +92,16 @@ def _flow(one: Comparison) -> str:
 
 
 _REST_HEAD = [
-    "way", "missed", "sweeps", "moved [d]", "second half [d]", "weight carried − 1", "worst step", "height [d]", "contacts",
-    "force", "spread", "participation", "forces: last two steps", "against first way", "means over steps",
+    "way", "missed", "sweeps", "moved [d]", "rms [d]", "second half [d]", "weight carried − 1", "worst step", "height [d]",
+    "contacts", "force", "spread", "participation", "forces: last two steps", "against first way", "means over steps",
 ]  # fmt: skip
 
 
 def _rest(one: AtRest) -> str:
     rows = [
         [
-            row.way, f"{row.unconverged}", f"{row.sweeps:.0f}", f"{row.moved:.1e}", f"{row.moved_late:.1e}", f"{row.floor:+.1e}",
+            row.way, f"{row.unconverged}", f"{row.sweeps:.0f}", f"{row.moved:.1e}", f"{row.moved_rms:.1e}", f"{row.moved_late:.1e}",
+            f"{row.floor:+.1e}",
             f"{row.floor_worst:.1e}", f"{row.height:+.1e}", f"{row.contacts}", f"{row.force:.3f}", f"{row.spread:.3f}",
             f"{row.participation:.3f}", f"{row.changed:.1e}", f"{row.differ:.3f}", f"{row.differ_mean:.3f}",
         ]

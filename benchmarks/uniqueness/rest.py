@@ -11,14 +11,16 @@ from driving import Driven, begin
 from multicor_cli.solver.settings import Method
 from multicor_cli.state.model import Floats
 
-WAYS: dict[str, tuple[Method, str]] = {
-    "accelerated": ("accelerated", "last step"),
-    "plain": ("gauss-seidel", "last step"),
-    "accelerated, from zero": ("accelerated", "zero"),
-    "plain, from zero": ("gauss-seidel", "zero"),
-    "accelerated, from lots": ("accelerated", "lot"),
+WAYS: dict[str, tuple[Method, str, float]] = {
+    "accelerated": ("accelerated", "last step", 1.0),
+    "plain": ("gauss-seidel", "last step", 1.0),
+    "accelerated, from zero": ("accelerated", "zero", 1.0),
+    "plain, from zero": ("gauss-seidel", "zero", 1.0),
+    "accelerated, from lots": ("accelerated", "lot", 1.0),
+    "accelerated, from zero, 1/100": ("accelerated", "zero", 0.01),
+    "accelerated, from lots, 1/100": ("accelerated", "lot", 0.01),
 }
-"""Method, and what each step starts from. The first is how the program does it."""
+"""Method, what each step starts from, and by what the default tolerances are multiplied. The first is how the program does it."""
 
 Key = tuple[int, int]
 
@@ -33,7 +35,8 @@ class Kept:
         unconverged: Of these, how many missed the tolerances.
         sweeps: Sweep-equivalents per step.
         moved: Largest way of a grain over the mean diameter.
-        moved_late: The same in the second half of the steps only: whether it goes on.
+        moved_rms: rms over the grains of the same.
+        moved_late: Largest way in the second half of the steps only: whether it goes on.
         floor: Mean vertical force on floor and walls over the weight, minus 1.
         floor_worst: Largest deviation of it in a step.
         height: Change of the height of the highest grain over the mean diameter.
@@ -51,6 +54,7 @@ class Kept:
     unconverged: int
     sweeps: float
     moved: float
+    moved_rms: float
     moved_late: float
     floor: float
     floor_worst: float
@@ -114,9 +118,9 @@ def come_to_rest(text: str) -> Driven:
 def compare(scene: str, resting: Driven, steps: int, say: Callable[[str], None]) -> AtRest:
     """Continue a scene at rest in all ways."""
     ledgers: dict[str, _Ledger] = {}
-    for way, (method, start) in WAYS.items():
+    for way, (method, start, factor) in WAYS.items():
         say(f"{scene} at rest, {way}")
-        ledgers[way] = _continue(resting, method, start, steps)
+        ledgers[way] = _continue(resting.branch(method, factor), start, steps)
     first = next(iter(ledgers.values()))
     rows = [_kept(way, ledger, first) for way, ledger in ledgers.items()]
     forces = {way: {key: (float(p[0]), float(p[1])) for key, p in ledger.last.items()} for way, ledger in ledgers.items()}
@@ -124,8 +128,7 @@ def compare(scene: str, resting: Driven, steps: int, say: Callable[[str], None])
     return AtRest(scene, resting.model.grain_count, speed, rows, forces)
 
 
-def _continue(resting: Driven, method: Method, start: str, steps: int) -> _Ledger:
-    driven = resting.branch(method)
+def _continue(driven: Driven, start: str, steps: int) -> _Ledger:
     driven.state.window_wall_impulse[:] = 0.0
     ledger = _Ledger(driven)
     lot = np.random.Generator(np.random.Philox(7))
@@ -143,20 +146,21 @@ def _continue(resting: Driven, method: Method, start: str, steps: int) -> _Ledge
     return ledger
 
 
-def _longest(driven: Driven, since: Floats) -> float:
-    """Longest way of a grain over the mean diameter."""
-    return float(np.linalg.norm(driven.state.position[:, :2] - since, axis=1).max()) / driven.model.mean_diameter
+def _ways(driven: Driven, since: Floats) -> Floats:
+    """How far each grain has come over the mean diameter."""
+    return np.linalg.norm(driven.state.position[:, :2] - since, axis=1) / driven.model.mean_diameter
 
 
 def _kept(way: str, ledger: _Ledger, first: _Ledger) -> Kept:
     driven, model = ledger.driven, ledger.driven.model
-    moved, late = (_longest(driven, since) for since in (ledger.start, ledger.middle))
+    moved, late = (_ways(driven, since) for since in (ledger.start, ledger.middle))
     weight = 9.81 * float(model.grains.mass.sum()) * driven.dt
     carried = np.array(ledger.upward) / weight - 1.0
     normal = np.array([impulse[0] for impulse in ledger.last.values()])
     top = [float((p[:, 1] + model.grains.radius).max()) for p in (driven.state.position, ledger.start)]
     return Kept(
-        way, driven.steps, driven.unconverged, driven.sweeps / driven.steps, moved, late,
+        way, driven.steps, driven.unconverged, driven.sweeps / driven.steps,
+        float(moved.max()), float(np.sqrt((moved**2).mean())), float(late.max()),
         float(carried.mean()), float(np.abs(carried).max()), (top[0] - top[1]) / model.mean_diameter, normal.size,
         float(normal.mean() / (weight / model.grain_count)), float(normal.std() / normal.mean()),
         float(normal.sum() ** 2 / (normal.size * (normal**2).sum())), apart(ledger.last, ledger.before),

@@ -56,7 +56,7 @@ def full(seeds: int, siconos: bool) -> Plan:
         flows.shear_flow(160, 0.01, 0.7, 2.3, 1e-3),
         flows.collapse_flow(120, 0.12, 0.35, 1e-3),
     ]
-    times = {60: [0.03, 0.035, 0.04, 0.045, 0.05], 500: [0.045, 0.055]}
+    times = {60: [0.03, 0.035, 0.04, 0.045, 0.05], 500: [0.05]}
     return Plan(seeds, [60, 500], times, 40_000, 2, kinds, (500, 0.8), (200, 0.15, 0.7), 200, siconos)
 
 

@@ -186,3 +186,18 @@ def test_small_parts_of_every_kind(tmp_path):
     json.dumps(results.as_dict())
     assert "bed in a box: 30 grains" in as_text(results)
     assert draw(results, tmp_path / "out.png").stat().st_size > 10_000
+
+
+def test_a_recorded_solution_is_one_of_a_family(recorded):
+    """Impulses may change along a line, either way: every point of it is a solution, and velocities differ."""
+    from family import undetermined
+    from law import approach_velocity, contact_velocity, pushed, violations
+
+    problem, (_, (impulse, velocity)) = recorded
+    (change,) = undetermined(problem, impulse)
+    for step in (-0.005, 0.005):
+        moved = impulse + step * change
+        after = pushed(problem, moved)
+        assert violations(problem, moved, after).worst < EXACT
+        apart = contact_velocity(problem, after) - contact_velocity(problem, velocity)
+        assert np.abs(apart).max() == pytest.approx(0.005 * approach_velocity(problem), rel=1e-3)
