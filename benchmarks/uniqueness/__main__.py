@@ -21,6 +21,7 @@ def _parser() -> argparse.ArgumentParser:
         "and what that does to flows and to what is at rest.",
     )
     parser.add_argument("--seeds", type=int, metavar="N", help="packings of each scene [6; --quick: 2]")
+    parser.add_argument("--first", type=int, default=1, metavar="SEED", help="first seed of the flows [%(default)s]")
     parser.add_argument("--parts", nargs="+", choices=PARTS, default=list(PARTS), help="what to measure [all]")
     parser.add_argument("--quick", action="store_true", help="a small check of every part, within a minute")
     parser.add_argument("--siconos", action="store_true", help="also solve small problems with Siconos, where it is installed")
@@ -41,7 +42,7 @@ def main(arguments: list[str] | None = None) -> int:
     if seeds < 1:
         parser.error("--seeds must be at least 1")
     plan = (quick if options.quick else full)(seeds, options.siconos)
-    results = run_study(plan, options.parts, lambda text: print(text, file=sys.stderr, flush=True), options.record)
+    results = run_study(plan, options.parts, lambda text: print(text, file=sys.stderr, flush=True), options.record, options.first)
     print(as_text(results))
     if options.json is not None:
         options.json.write_text(json.dumps(results.as_dict()), encoding="utf-8")

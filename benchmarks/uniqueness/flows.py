@@ -126,10 +126,10 @@ def _measure_collapse(driven: Driven) -> dict[str, float]:
     }  # fmt: skip
 
 
-def compare(flow: Flow, seeds: int, say: Callable[[str], None]) -> Comparison:
-    """Run a flow in all ways with seeds 1 … n."""
+def compare(flow: Flow, seeds: int, say: Callable[[str], None], first: int = 1) -> Comparison:
+    """Run a flow in all ways with n seeds from the first on."""
     result = Comparison(flow.name, seeds)
-    for seed in range(1, seeds + 1):
+    for seed in range(first, first + seeds):
         for way, (method, is_nudged) in WAYS.items():
             say(f"{flow.name}, seed {seed}, {way}")
             driven = begin(flow.text(seed), method, nudge=1000 + seed if is_nudged else None)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 
 from flows import CONTRASTS, WAYS, Comparison
+from recorded import as_text as describe
 from rest import AtRest
 from study import Problem, Results
 
@@ -12,6 +13,8 @@ from study import Problem, Results
 def as_text(results: Results) -> str:
     """Everything that was measured."""
     blocks = []
+    if results.recorded is not None:
+        blocks.append(describe(results.recorded))
     if results.problems:
         blocks.append(_problems(results.problems))
     blocks += [_flow(one) for one in results.flows]

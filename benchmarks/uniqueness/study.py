@@ -11,6 +11,7 @@ import flows
 import rest
 import theirs
 from one_problem import Difference, Row, Solve, Taken, difference, record, study, take, without_friction
+from recorded import Recorded, examine
 from scenes import bed, collapse
 
 Say = Callable[[str], None]
@@ -91,6 +92,7 @@ class Results:
     """Everything that was measured."""
 
     plan: Plan
+    recorded: Recorded | None = None
     problems: list[Problem] = field(default_factory=list)
     flows: list[flows.Comparison] = field(default_factory=list)
     rests: list[rest.AtRest] = field(default_factory=list)
@@ -104,7 +106,14 @@ class Results:
             siconos = None if problem.siconos is None else asdict(problem.siconos)
             problems.append({"grains": problem.grains, **row, "control": asdict(problem.control), "siconos": siconos})
         rests = [{"scene": one.scene, "grains": one.grains, "rows": [asdict(kept) for kept in one.rows]} for one in self.rests]
-        return {"seeds": self.plan.seeds, "problems": problems, "flows": [asdict(one) for one in self.flows], "rests": rests}
+        recorded = None if self.recorded is None else asdict(self.recorded)
+        return {
+            "seeds": self.plan.seeds,
+            "recorded": recorded,
+            "problems": problems,
+            "flows": [asdict(one) for one in self.flows],
+            "rests": rests,
+        }
 
 
 def solve_problems(plan: Plan, say: Say, kept: Path | None = None) -> list[Problem]:
@@ -139,13 +148,14 @@ def _solve_problem(grains: int, taken: Taken, plan: Plan, python: str | None) ->
     return Problem(grains, row, control, difference(other, row.plain) if has_both else None)
 
 
-def run_study(plan: Plan, parts: list[str], say: Say, kept: Path | None = None) -> Results:
-    """Measure what is asked for, of "problems", "flows" and "rest"."""
+def run_study(plan: Plan, parts: list[str], say: Say, kept: Path | None = None, first: int = 1) -> Results:
+    """Measure what is asked for, of "problems", "flows" and "rest"; ``first`` is the first seed of the flows."""
     results = Results(plan)
     if "problems" in parts:
+        results.recorded = examine()
         results.problems = solve_problems(plan, say, kept)
     if "flows" in parts:
-        results.flows = [flows.compare(flow, plan.seeds, say) for flow in plan.flows]
+        results.flows = [flows.compare(flow, plan.seeds, say, first) for flow in plan.flows]
     if "rest" in parts:
         count, duration = plan.bed
         results.rests.append(rest.compare("bed in a box", rest.come_to_rest(bed(count, 1, duration)), plan.steps, say))
