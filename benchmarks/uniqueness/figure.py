@@ -24,6 +24,8 @@ def draw(results: Results, path: Path) -> Path:
     _draw_flows(axes[0, 1], results)
     for axis, one in zip(axes[1], results.rests, strict=False):
         _draw_forces(axis, one)
+    for axis, is_there in zip(axes.flat, (results.problems, results.flows, results.rests[:1], results.rests[1:]), strict=True):
+        axis.set_visible(bool(is_there))
     figure.savefig(path, dpi=100)
     return path
 
