@@ -1,8 +1,8 @@
 """Semi-smooth Newton on the law of Alart & Curnier with a sparse factorization, for high accuracy.
 
 The engine's sweeps come first and are the safeguard: a Newton step is kept only if it halves the residual, otherwise there are
-more sweeps before the next try. Contact forces of rigid grains are not unique: the matrix is singular without the small term that
-keeps the impulses near where they are (a proximal step).
+more sweeps before the next try. Contact forces of rigid grains are not unique, nor with friction are velocities: the matrix is
+singular without the small term that keeps the impulses near where they are (a proximal step).
 """
 
 from __future__ import annotations
