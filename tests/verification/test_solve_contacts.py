@@ -41,7 +41,10 @@ def test_plain_sweeps_need_what_theory_says():
 
 @pytest.mark.parametrize(("restitution", "friction"), [(0.0, 0.5), (0.0, 0.0), (0.4, 0.3)])
 def test_all_methods_agree(restitution, friction):
-    """Plain and accelerated, exact and bipotential, disc and general form: one velocity field, to the tolerance."""
+    """Plain and accelerated, exact and bipotential, disc and general form: one velocity field, to the tolerance.
+
+    These problems have one; with friction not every problem does (`benchmarks/uniqueness`).
+    """
     problem = heap_problem(friction=friction, restitution=restitution)
     assert len(problem.pair) > 30
     reference = solve_contacts(problem, Settings(method="gauss-seidel", **TIGHT))
@@ -110,7 +113,7 @@ def _siconos_python():
 @pytest.mark.siconos
 @pytest.mark.parametrize(("seed", "friction"), [(0, 0.5), (1, 0.3), (2, 0.05)])
 def test_siconos_finds_the_same_solution(tmp_path, seed, friction):
-    """The same problems by fc2d_nsgs: the same velocities (forces may differ where they are not unique)."""
+    """The same problems by fc2d_nsgs: the same velocities in these problems (with friction neither forces nor velocities need be unique)."""
     python = _siconos_python()
     if python is None:
         pytest.skip("Siconos is not installed (set SICONOS_PYTHON to an interpreter that has it)")
