@@ -47,12 +47,14 @@ class Round:
     Attributes:
         seconds: Time of each step [s].
         solves: That of the solve alone [s].
+        shares: Share of each step in which this program had a core; the rest it waited for others.
         stages: Seconds in each stage of the time step.
         reports: What the steps said.
     """
 
     seconds: list[float]
     solves: list[float]
+    shares: list[float]
     stages: dict[str, float]
     reports: list[StepReport]
 
@@ -81,16 +83,17 @@ class Prepared:
     def take(self, steps: int, between: Callable[[], None] | None = None) -> Round:
         """Take some steps; ``between`` is called after every fourth, and its time not counted."""
         before = dict(self.engine.timers)
-        seconds, solves, reports = [], [], []
+        seconds, solves, shares, reports = [], [], [], []
         for number in range(steps):
-            solved, start = self._solve_time(), time.perf_counter()
+            solved, busy, start = self._solve_time(), time.thread_time(), time.perf_counter()
             reports.append(self.engine.step(self.stage.dt, self.state.stage_step * self.stage.dt))
             seconds.append(time.perf_counter() - start)
+            shares.append(min(1.0, (time.thread_time() - busy) / seconds[-1]))
             solves.append(self._solve_time() - solved)
             if between is not None and number % 4 == 0:
                 between()
         after = self.engine.timers
-        return Round(seconds, solves, {name: after[name] - before[name] for name in after}, reports)
+        return Round(seconds, solves, shares, {name: after[name] - before[name] for name in after}, reports)
 
     def _solve_time(self) -> float:
         return dict(self.engine.timers).get("solve", 0.0)

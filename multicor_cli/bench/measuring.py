@@ -160,7 +160,6 @@ def _summarize(
     reports = [report for round_ in rounds for report in round_.reports]
     cold = [report.sweeps for round_ in measured.cold for report in round_.reports]
     step = statistics.median(seconds for round_ in rounds for seconds in round_.seconds)
-    others = [step - solve for round_ in rounds for step, solve in zip(round_.seconds, round_.solves, strict=True)]
     return Result(
         scene=task.scene,
         grains=prepared.model.grain_count,
@@ -179,17 +178,30 @@ def _summarize(
         grain_steps=prepared.model.grain_count / step,
         per_contact=None if prepared.scene.is_frozen else _per_contact(measured.cold or rounds),
         reference=_quartile(measured.references),
-        other_ratio=_quartile(others) / _quartile(measured.references),
+        other_ratio=_quartile(other_times(rounds)) / _quartile(measured.references),
         sweep=sweep,
         memory=memory,
         faults=faults,
     )
 
 
+def other_times(rounds: list[Round]) -> list[float]:
+    """Time of each step in everything but the solve; waiting for other programs is taken out in proportion [s]."""
+    return [
+        (step - solve) * share
+        for round_ in rounds
+        for step, solve, share in zip(round_.seconds, round_.solves, round_.shares, strict=True)
+    ]
+
+
 def _per_contact(rounds: list[Round]) -> float | None:
     """Time of the solve per contact and sweep-equivalent [s]; None where nothing moves."""
-    solves = [pair for round_ in rounds for pair in zip(round_.solves, round_.reports, strict=True)]
-    each = [seconds / (report.sweeps * report.candidates) for seconds, report in solves if report.sweeps * report.candidates > 0.0]
+    each = [
+        solve * share / (report.sweeps * report.candidates)
+        for round_ in rounds
+        for solve, share, report in zip(round_.solves, round_.shares, round_.reports, strict=True)
+        if report.sweeps * report.candidates > 0.0
+    ]
     return _quartile(each) if each else None
 
 

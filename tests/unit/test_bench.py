@@ -4,14 +4,17 @@ from __future__ import annotations
 
 import json
 import time
+from contextlib import nullcontext
 from dataclasses import replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 import pytest
+import typer
 from scene_parts import advance, shear_engine
 
-from multicor_cli.bench import calibration, measuring, scenes
+from multicor_cli.bench import calibration, measuring, scenes, session
 from multicor_cli.bench.calibration import SweepTimes, compile_sweep, time_sweep
 from multicor_cli.bench.checks import find_faults
 from multicor_cli.bench.driving import prepare
@@ -22,6 +25,8 @@ from multicor_cli.bench.rest import QUIET, Rest
 from multicor_cli.bench.scenes import SCENES
 from multicor_cli.bench.table import HEADINGS, notes, rows
 from multicor_cli.bench.tiling import repeat_scene
+from multicor_cli.cli.bench_command import bench
+from multicor_cli.cli.exit_codes import ExitCode
 from multicor_cli.physics.drives import Constant, DofDrive, WallDrive
 from multicor_cli.scenario import parse_scenario
 from multicor_cli.solver import Engine
@@ -228,6 +233,37 @@ def test_a_bed_that_does_not_come_to_rest_is_a_fault_with_a_name(monkeypatch: py
     assert notes(Found()) == [f"bed, 60 grains: {fault}"]  # type: ignore[arg-type]
 
 
+def test_the_command_ends_with_the_code_of_physics(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = session.Benchmark("some", {1: 1e9}, [result(faults=["the bed did not come to rest"])], None)
+    asked: list[Task] = []
+    monkeypatch.setattr(session, "run_benchmark", lambda tasks, **_: asked.extend(tasks) or found)
+    with pytest.raises(typer.Exit) as ended:
+        bench(["bed"], [100, 200], 1, 2, seed=7)
+    assert ended.value.exit_code == ExitCode.PHYSICS == 4
+    assert asked == [Task("bed", 100, 1, 2, 7), Task("bed", 200, 1, 2, 7)]
+
+
+def test_what_looks_slower_is_measured_again_with_another_seed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    path, asked = tmp_path / "record.json", []
+    write_record(path, [result(), result(scene="shear")])
+
+    def run(factor: float, tasks: list[Task], **_: object) -> session.Benchmark:
+        asked.extend(tasks)
+        slow = [
+            result(scene=task.scene, other_ratio=2.0 * (factor ** (task.seed - 1) * 3.0 if task.scene == "bed" else 1.0))
+            for task in tasks
+        ]
+        return session.Benchmark("some", {1: 1e9}, slow, None)
+
+    for factor, ends in ((0.1, False), (1.0, True)):
+        asked.clear()
+        monkeypatch.setattr(session, "run_benchmark", partial(run, factor))
+        with pytest.raises(typer.Exit) if ends else nullcontext() as ended:
+            bench(["bed", "shear"], [1000], 1, 2, compare=path)
+        assert [(task.scene, task.seed) for task in asked] == [("bed", 1), ("shear", 1), ("bed", 2)]
+        assert ended is None or ended.value.exit_code == ExitCode.BUG
+
+
 def test_moving_grains_begin_to_wait_anew() -> None:
     prepared = prepare(SCENES["collapse"], 100)
     state, rest = prepared.state, Rest(1.0, 3)
@@ -254,8 +290,7 @@ def test_a_stage_that_takes_twice_as_long_shows_in_the_ratio() -> None:
     def other() -> float:
         references: list[float] = []
         round_ = prepared.take(40, lambda: references.append(yardstick.seconds()))
-        own = [step - solve for step, solve in zip(round_.seconds, round_.solves, strict=True)]
-        return measuring._quartile(own) / measuring._quartile(references)
+        return measuring._quartile(measuring.other_times([round_])) / measuring._quartile(references)
 
     before = [other() for _ in range(3)]
     whole_step = prepared.engine.step
