@@ -290,7 +290,7 @@ def test_a_stage_that_takes_twice_as_long_shows_in_the_ratio() -> None:
     def other() -> float:
         references: list[float] = []
         round_ = prepared.take(40, lambda: references.append(yardstick.seconds()))
-        return measuring._quartile(measuring.other_times([round_])) / measuring._quartile(references)
+        return measuring.other_time([round_]) / measuring._quartile(references)
 
     before = [other() for _ in range(3)]
     whole_step = prepared.engine.step
