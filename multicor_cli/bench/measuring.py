@@ -186,7 +186,7 @@ def _summarize(
 
 
 def other_time(rounds: list[Round]) -> float:
-    """Time of a step in everything but the solve [s], of the steps that waited least for other programs: a quarter, or all calm ones.
+    """Time of a step in everything but the solve [s], of the steps that waited least for other programs: a quarter, or all calm.
 
     Where the waiting fell in a step is not known, and the solve is most of many steps.
     """
