@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from multicor_cli.bench.rest import Rest, Settling
 from multicor_cli.bench.scenes import BenchScene
 from multicor_cli.bench.tiling import repeat_scene
 from multicor_cli.heat.coupled import CoupledEngine
@@ -43,12 +45,16 @@ class Round:
     """Steps that were measured together.
 
     Attributes:
-        seconds: Time of each step, shape ``(steps,)``.
+        seconds: Time of each step [s].
+        solves: That of the solve alone [s].
+        shares: Share of each step in which this program had a core; the rest it waited for others.
         stages: Seconds in each stage of the time step.
         reports: What the steps said.
     """
 
     seconds: list[float]
+    solves: list[float]
+    shares: list[float]
     stages: dict[str, float]
     reports: list[StepReport]
 
@@ -74,16 +80,28 @@ class Prepared:
         """The state of the scene."""
         return self.engine.state
 
-    def take(self, steps: int) -> Round:
-        """Take some steps."""
+    def take(self, steps: int, between: Callable[[], None] | None = None) -> Round:
+        """Take some steps; ``between`` is called after every fourth, and its time not counted."""
         before = dict(self.engine.timers)
-        seconds, reports = [], []
-        for _ in range(steps):
-            start = time.perf_counter()
+        seconds, solves, shares, reports = [], [], [], []
+        for number in range(steps):
+            solved, busy, start = self._solve_time(), time.thread_time(), time.perf_counter()
             reports.append(self.engine.step(self.stage.dt, self.state.stage_step * self.stage.dt))
             seconds.append(time.perf_counter() - start)
+            shares.append(min(1.0, (time.thread_time() - busy) / seconds[-1]))
+            solves.append(self._solve_time() - solved)
+            if between is not None and number % 4 == 0:
+                between()
         after = self.engine.timers
-        return Round(seconds, {name: after[name] - before[name] for name in after}, reports)
+        return Round(seconds, solves, shares, {name: after[name] - before[name] for name in after}, reports)
+
+    def _solve_time(self) -> float:
+        return dict(self.engine.timers).get("solve", 0.0)
+
+    def take_cold(self) -> Round:
+        """Take one step whose solve knows nothing of the impulses of the last."""
+        self.state.contact_impulse[:] = 0.0
+        return self.take(1)
 
 
 def prepare(scene: BenchScene, grains: int, *, seed: int = 1, threads: int = 1) -> Prepared:
@@ -94,6 +112,10 @@ def prepare(scene: BenchScene, grains: int, *, seed: int = 1, threads: int = 1) 
         grains: Number of grains; of a tiled scene the nearest multiple of its tile is taken.
         seed: Seed of its sizes and places.
         threads: Number of threads of the part that is measured; preparation takes all.
+
+    Raises:
+        NoRestError: If the scene is measured at rest and does not come to rest.
+        PhysicsError: From a step.
     """
     count, copies = (scene.tile, max(1, round(grains / scene.tile))) if scene.tile else (grains, 1)
     model, state, plan = _begin(scene, count, seed, copies)
@@ -126,7 +148,13 @@ def _run_to_last(scene: BenchScene, count: int, seed: int, model: Model, state: 
     scenario = _scenario(scene, count, seed, 1)
     own = make_plan(scenario, model)
     engine = make_engine(scenario, model, state, threads=0)
-    Controller(replace(own, stages=own.stages[:-1]), engine, _NoRecorder()).run(is_new=True)
+    first, *others = own.stages[:-1]
+    rest = Rest.of(model, first.dt) if scene.rests else None
+    if rest is not None:
+        first = Settling(**vars(first), rest=rest)
+    Controller(replace(own, stages=[first, *others]), engine, _NoRecorder()).run(is_new=True)
+    if rest is not None:
+        rest.check(scene.name, state)
     return [0.0] * (len(own.stages) - 1) + [state.time]
 
 

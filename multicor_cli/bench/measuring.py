@@ -1,10 +1,10 @@
-"""Measures one scene: what a step costs, in seconds and in sweeps of the C yardstick. Runs in a process of its own."""
+"""Measures one scene: what a step costs, in seconds and beside the yardsticks. Runs in a process of its own."""
 
 from __future__ import annotations
 
 import resource
 import statistics
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from typing import Any
 
 import numpy as np
@@ -12,10 +12,15 @@ import numpy as np
 from multicor_cli.bench.calibration import SweepTimes, time_sweep
 from multicor_cli.bench.checks import find_faults
 from multicor_cli.bench.driving import Prepared, Round, prepare
+from multicor_cli.bench.reference import ReferenceStep
+from multicor_cli.bench.rest import NoRestError
 from multicor_cli.bench.scenes import SCENES
+from multicor_cli.solver.settings import PhysicsError
 
 BUDGET_SWEEPS = 30
 """Sweeps of the step of which everything else may take a quarter (design, budgets)."""
+
+_COLD = 2  # steps without a warm start after each round, where the grains rest
 
 
 @dataclass(frozen=True)
@@ -50,14 +55,19 @@ class Result:
         candidates: Contacts of a step, loaded or not, on average.
         loaded: Contacts that carry an impulse, on average.
         sweeps: Sweep-equivalents of a step, on average.
+        median_sweeps: The same, median over the steps: single hard steps, which come at random, do not change it.
+        cold_sweeps: Those of a step without a warm start, median; None where the grains do not rest.
+        missed: Steps that did not converge.
         residual: Largest rms residual of a step over its scale.
         step: Time of a step [s].
         stages: Time in each stage of a step [s].
         grain_steps: n × steps per second [1/s].
-        per_contact: Time of the solve per contact and sweep-equivalent, residual checks and momentum included; None where nothing
-            moves [s].
+        per_contact: Time of the solve per contact and sweep-equivalent, residual checks and momentum included: lower quartile over
+            the steps; where the grains rest, of those without a warm start. None where nothing moves [s].
+        reference: Time of a step of the yardstick for everything but the solve, lower quartile [s].
+        other_ratio: Everything but the solve of a step over that, lower quartiles over steps taken by turns.
         sweep: A single sweep beside that in C; None where nothing moves.
-        memory: Peak memory of the process over n, interpreter and libraries left out [B].
+        memory: Peak memory of the process over n before the yardsticks, interpreter and libraries left out [B].
         faults: What is wrong with the physics; times mean nothing if there is anything.
     """
 
@@ -66,17 +76,22 @@ class Result:
     threads: int
     steps: int
     rounds: int
-    candidates: float
-    loaded: float
-    sweeps: float
-    residual: float
-    step: float
-    stages: dict[str, float]
-    grain_steps: float
-    per_contact: float | None
-    sweep: SweepTimes | None
-    memory: float
-    faults: list[str]
+    candidates: float = 0.0
+    loaded: float = 0.0
+    sweeps: float = 0.0
+    median_sweeps: float = 0.0
+    cold_sweeps: float | None = None
+    missed: int = 0
+    residual: float = 0.0
+    step: float = 0.0
+    stages: dict[str, float] = field(default_factory=dict)
+    grain_steps: float = 0.0
+    per_contact: float | None = None
+    reference: float = 0.0
+    other_ratio: float = 0.0
+    sweep: SweepTimes | None = None
+    memory: float = 0.0
+    faults: list[str] = field(default_factory=list)
 
     @property
     def other(self) -> float:
@@ -99,17 +114,37 @@ class Result:
         return {**data, "other": self.other, "other_share": self.other_share}
 
 
+@dataclass(frozen=True)
+class _Measured:
+    """Rounds, times of the yardstick among their steps [s], and the steps without a warm start."""
+
+    rounds: list[Round]
+    references: list[float]
+    cold: list[Round]
+
+
 def measure(task: Task) -> Result:
-    """Prepare a scene and measure it."""
+    """Prepare a scene and measure it. If its physics fails on the way, that is the only fault of the result."""
     idle = _peak_memory()
     scene = SCENES[task.scene]
-    prepared = prepare(scene, task.grains, seed=task.seed, threads=task.threads)
-    rounds = [prepared.take(scene.warm_steps)]
-    rounds += [prepared.take(scene.steps) for _ in range(task.rounds)]
-    memory = (_peak_memory() - idle) / prepared.model.grain_count
-    faults = find_faults(prepared, rounds)
+    try:
+        prepared = prepare(scene, task.grains, seed=task.seed, threads=task.threads)
+        warm = prepared.take(scene.warm_steps)
+        memory = (_peak_memory() - idle) / prepared.model.grain_count
+        measured = _take_rounds(prepared, task)
+    except (NoRestError, PhysicsError) as error:
+        return Result(task.scene, task.grains, task.threads, scene.steps, task.rounds, faults=[str(error)])
+    faults = find_faults(prepared, [warm, *measured.rounds, *measured.cold])
     sweep = None if scene.is_frozen else _measure_sweep(prepared, task.threads)
-    return _summarize(prepared, task, rounds[1:], sweep, memory, faults)
+    return _summarize(prepared, task, measured, sweep, memory, faults)
+
+
+def _take_rounds(prepared: Prepared, task: Task) -> _Measured:
+    scene, yardstick = prepared.scene, ReferenceStep(prepared.model.grain_count)
+    references: list[float] = []
+    rounds = [prepared.take(scene.steps, lambda: references.append(yardstick.seconds())) for _ in range(task.rounds)]
+    is_cold = scene.rests and not scene.is_frozen
+    return _Measured(rounds, references, [prepared.take_cold() for _ in range(_COLD * task.rounds if is_cold else 0)])
 
 
 def _measure_sweep(prepared: Prepared, threads: int) -> SweepTimes:
@@ -119,14 +154,12 @@ def _measure_sweep(prepared: Prepared, threads: int) -> SweepTimes:
 
 
 def _summarize(
-    prepared: Prepared, task: Task, rounds: list[Round], sweep: SweepTimes | None, memory: float, faults: list[str]
+    prepared: Prepared, task: Task, measured: _Measured, sweep: SweepTimes | None, memory: float, faults: list[str]
 ) -> Result:
+    rounds, steps = measured.rounds, prepared.scene.steps
     reports = [report for round_ in rounds for report in round_.reports]
-    steps = prepared.scene.steps
+    cold = [report.sweeps for round_ in measured.cold for report in round_.reports]
     step = statistics.median(seconds for round_ in rounds for seconds in round_.seconds)
-    stages = {name: statistics.median(round_.stages[name] for round_ in rounds) / steps for name in rounds[0].stages}
-    relaxed = [sum(report.sweeps * report.candidates for report in round_.reports) for round_ in rounds]
-    moving = not prepared.scene.is_frozen and min(relaxed) > 0.0
     return Result(
         scene=task.scene,
         grains=prepared.model.grain_count,
@@ -136,15 +169,49 @@ def _summarize(
         candidates=float(np.mean([report.candidates for report in reports])),
         loaded=float(np.mean([report.contacts for report in reports])),
         sweeps=float(np.mean([report.sweeps for report in reports])),
+        median_sweeps=statistics.median(report.sweeps for report in reports),
+        cold_sweeps=statistics.median(cold) if cold else None,
+        missed=sum(not report.converged for report in reports),
         residual=max(report.rms for report in reports),
         step=step,
-        stages=stages,
+        stages={name: statistics.median(round_.stages[name] for round_ in rounds) / steps for name in rounds[0].stages},
         grain_steps=prepared.model.grain_count / step,
-        per_contact=statistics.median(r.stages["solve"] / n for r, n in zip(rounds, relaxed, strict=True)) if moving else None,
+        per_contact=None if prepared.scene.is_frozen else _per_contact(measured.cold or rounds),
+        reference=_quartile(measured.references),
+        other_ratio=other_time(rounds) / _quartile(measured.references),
         sweep=sweep,
         memory=memory,
         faults=faults,
     )
+
+
+def other_time(rounds: list[Round]) -> float:
+    """Time of a step in everything but the solve, without that of waiting for other programs [s].
+
+    When in a step it waited is not known. Where most of the step is not the solve the waiting is taken out in proportion; else only
+    steps count that waited least: a quarter, or all that did not.
+    """
+    steps = np.array([row for round_ in rounds for row in zip(round_.seconds, round_.solves, round_.shares, strict=True)])
+    seconds, solves, shares = steps.T
+    if 2.0 * float(np.median(solves / seconds)) < 1.0:
+        return _quartile(list((seconds - solves) * shares))
+    return _quartile(list((seconds - solves)[shares >= np.percentile(shares, 75.0) - 0.01]))
+
+
+def _per_contact(rounds: list[Round]) -> float | None:
+    """Time of the solve per contact and sweep-equivalent [s], its share of the waiting taken out; None where nothing moves."""
+    each = [
+        solve * share / (report.sweeps * report.candidates)
+        for round_ in rounds
+        for solve, share, report in zip(round_.solves, round_.shares, round_.reports, strict=True)
+        if report.sweeps * report.candidates > 0.0
+    ]
+    return _quartile(each) if each else None
+
+
+def _quartile(seconds: list[float]) -> float:
+    """Lower quartile: half of the steps may have waited for other programs, and it is what the work itself takes."""
+    return float(np.percentile(seconds, 25.0))
 
 
 def _peak_memory() -> float:

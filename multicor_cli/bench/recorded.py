@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import math
+import statistics
 from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
@@ -11,9 +12,15 @@ from typing import Any
 from multicor_cli.bench.measuring import Result
 from multicor_cli.store.atomic import commit_result
 
-MARGINS = {"sweeps": 1.25, "sweep_over_c": 1.4, "solve_over_c": 1.5, "other_over_c": 1.6}
-"""By how much a ratio may exceed the recorded one: sweeps depend on roundings, times on a shared machine
-scatter."""
+MARGINS = {"sweeps": 1.25, "cold_sweeps": 1.9, "sweep_over_c": 1.8, "solve_over_c": 1.8, "other_over_reference": 2.5}
+"""By how much a number may exceed the recorded one. For sweeps that is three times the scatter between seeds (cold
+ones: what is left below a factor of two), for times what processors may differ by; `benchmarks/README.md` has all."""
+
+LOOK = 3.0
+"""Sweep-equivalents between two looks at the residual: counts of sweeps that differ by no more are the same."""
+
+_ENOUGH = 30.0
+"""Sweeps of a step from which on the solve is mostly sweeps, and its time comparable with them."""
 
 
 class RecordError(Exception):
@@ -21,17 +28,21 @@ class RecordError(Exception):
 
 
 def ratios(result: Result) -> dict[str, float]:
-    """What of a result does not depend on how fast the machine is; only what could be measured.
+    """What of a result does not depend on how fast the machine is, nor on the bits of one trajectory; only what could be measured.
 
-    ``sweeps`` of a step; a sweep over that in C; the solve per contact and sweep-equivalent over the sweep in C; everything but the
-    solve per grain over the time of a contact in the sweep in C.
+    Median ``sweeps`` of a step, and ``cold_sweeps`` without a warm start; a sweep over that in C; the solve per contact and
+    sweep-equivalent over the sweep in C; everything but the solve over its yardstick.
     """
-    found = {"sweeps": result.sweeps}
-    sweep, each = result.sweep, result.per_contact
-    if sweep is not None and each is not None and math.isfinite(sweep.in_c):
+    found = {"other_over_reference": result.other_ratio}
+    sweep, each, cold = result.sweep, result.per_contact, result.cold_sweeps
+    if each is not None:
+        found["sweeps"] = result.median_sweeps
+    if cold is not None:
+        found["cold_sweeps"] = cold
+    if sweep is not None and math.isfinite(sweep.in_c):
         found["sweep_over_c"] = sweep.ratio
-        found["solve_over_c"] = each / sweep.in_c
-        found["other_over_c"] = result.other / (result.grains * sweep.in_c)
+        if each is not None and (cold or result.median_sweeps) >= _ENOUGH:
+            found["solve_over_c"] = each / sweep.in_c
     return found
 
 
@@ -41,14 +52,19 @@ def name_of(result: Result) -> str:
 
 
 def write_record(path: Path, results: Iterable[Result]) -> None:
-    """Record the ratios of results; those of others in the file are kept.
+    """Record the ratios of results: medians where a scene was measured with several seeds; those of others in the file are kept.
 
     Raises:
         RecordError: If the file holds something else.
         StorageError: If it cannot be written.
     """
     known = read_record(path) if path.exists() else {}
-    known.update({name_of(result): ratios(result) for result in results if not result.faults})
+    found: dict[str, list[dict[str, float]]] = {}
+    for result in results:
+        if not result.faults:
+            found.setdefault(name_of(result), []).append(ratios(result))
+    for name, several in found.items():
+        known[name] = {key: statistics.median(each[key] for each in several if key in each) for key in several[0]}
     commit_result(path, "record", (json.dumps(dict(sorted(known.items())), indent=2) + "\n").encode())
 
 
@@ -63,10 +79,24 @@ def read_record(path: Path) -> dict[str, dict[str, float]]:
 
 def find_slower(results: Iterable[Result], record: dict[str, dict[str, float]]) -> list[str]:
     """What exceeds the recorded ratios by more than its margin."""
-    worse = []
-    for result in results:
-        before = record.get(name_of(result), {})
-        for key, value in ratios(result).items():
-            if key in before and value > MARGINS[key] * before[key]:
-                worse.append(f"{name_of(result)}: {key.replace('_', ' ')} {value:.3g}, recorded {before[key]:.3g}")
-    return worse
+    return [line for result in results for line in _exceeding(result, record).values()]
+
+
+def slower_twice(results: Iterable[Result], again: Iterable[Result], record: dict[str, dict[str, float]]) -> list[str]:
+    """What exceeds the recorded ratios in both of two measurements of the same scene; the second one says by how much."""
+    first = {name_of(result): _exceeding(result, record) for result in results}
+    return [line for result in again for key, line in _exceeding(result, record).items() if key in first.get(name_of(result), {})]
+
+
+def _exceeding(result: Result, record: dict[str, dict[str, float]]) -> dict[str, str]:
+    name, before = name_of(result), record.get(name_of(result), {})
+    return {
+        key: f"{name}: {key.replace('_', ' ')} {value:.3g}, recorded {before[key]:.3g}"
+        for key, value in ratios(result).items()
+        if key in before and value > _limit(key, before[key])
+    }
+
+
+def _limit(key: str, before: float) -> float:
+    limit = MARGINS[key] * before
+    return max(limit, before + LOOK) if key.endswith("sweeps") else limit

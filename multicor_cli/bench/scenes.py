@@ -2,10 +2,14 @@
 
 Periodic scenes are prepared as one narrow tile of about a thousand grains, which is then repeated with its velocities, contacts and
 impulses (`multicor_cli.bench.tiling`): a bed of 10⁶ grains at rest, or in steady flow, costs no more preparation than one of 10³.
+
+Where a scene is measured is a criterion, not a number of steps: a bed when its kinetic energy says that it rests
+(`multicor_cli.bench.rest`), plane shear after a strain, a drum after an angle. Only the collapse has a time, that of its fall.
 """
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
 
@@ -47,6 +51,7 @@ geometry = { kind = "plane", point = [0.0, 0.0], normal = [0.0, 1.0] }
 _DIAMETER = 2e-3
 _COLUMNS, _ROWS = 28, 36  # of a tile
 _TILE = _COLUMNS * _ROWS
+_PATIENCE = 2.0  # longest time that a bed may take to come to rest [s]
 _PITCH = 1.25 * _DIAMETER  # of the lattice that grains start from; the largest grain has 1.2 diameters
 
 
@@ -63,6 +68,7 @@ class BenchScene:
         tile: Grains of the tile that is repeated; 0 if the scene itself grows.
         is_frozen: Whether nothing moves in the last stage and heat flows.
         is_weighed: Whether the floor carries the weight of all grains.
+        rests: Whether the first stage ends when the grains have come to rest; its duration is the longest time allowed.
     """
 
     name: str
@@ -73,6 +79,7 @@ class BenchScene:
     tile: int = 0
     is_frozen: bool = False
     is_weighed: bool = False
+    rests: bool = False
 
 
 def _head(name: str, seed: int, count: int, size: tuple[float, float], **other: object) -> str:
@@ -90,21 +97,21 @@ def _lattice(bottom: float = 0.0) -> dict[str, object]:
 
 
 def _bed(name: str, count: int, seed: int, copies: int, heat: str, stages: str) -> str:
-    """Grains that have fallen a tenth of their height and come to rest."""
+    """Grains laid down one by one, each on two others: forces are nearly unique, a solve costs the same in all such beds."""
     size = (_COLUMNS * _PITCH * copies, 1.5 * _ROWS * _PITCH)
     solver = "[solver]\ndt = 2e-4\n[output]\nframe_interval = 1.0\n"
-    return _head(name, seed, count * copies, size, **_lattice()) + _FLOOR + heat + stages + solver
+    return _head(name, seed, count * copies, size, packing='{ kind = "deposited" }') + _FLOOR + heat + stages + solver
 
 
 def _settled(count: int, seed: int, copies: int) -> str:
-    stages = '[[loading]]\nname = "fall"\nduration = 0.24\n[[loading]]\nname = "rest"\nduration = 9.0\n'
+    stages = f'[[loading]]\nname = "settle"\nduration = {_PATIENCE!r}\n[[loading]]\nname = "rest"\nduration = 9.0\n'
     return _bed("bed", count, seed, copies, "", stages)
 
 
 def _heated(count: int, seed: int, copies: int) -> str:
     heat = "thermal = { temperature = 350.0 }\n[heat]\ntemperature = 300.0\n"
     stages = (
-        '[[loading]]\nname = "fall"\nduration = 0.24\nheat = false\n'
+        f'[[loading]]\nname = "settle"\nduration = {_PATIENCE!r}\nheat = false\n'
         '[[loading]]\nname = "heat"\nfrozen = true\nduration = 1e5\ndt = 2.0\n'
     )
     return _bed("heated-bed", count, seed, copies, heat, stages)
@@ -142,30 +149,33 @@ def _start(count: int, seed: int, copies: int) -> str:
 
 def _collapse(count: int, seed: int, _copies: int) -> str:
     """A column of half the height of its base's square falls apart."""
-    width = round(count**0.5 / 1.6) * _PITCH
+    width = round(math.sqrt(count) / 1.6) * _PITCH
     height = (count / (width / _PITCH) + 2.0) * _PITCH
     return (
         _head("collapse", seed, count, (4.0 * width, height), periodic="false", right=width, **_lattice())
         + _FLOOR
         + '[[walls]]\nname = "left"\nmaterial = "stuff"\ngeometry = { kind = "plane", point = [0.0, 0.0], normal = [1.0, 0.0] }\n'
-        + f'[[loading]]\nname = "fall"\nduration = {(0.5 * height / 9.81) ** 0.5!r}\n'
+        + f'[[loading]]\nname = "fall"\nduration = {math.sqrt(0.5 * height / 9.81)!r}\n'
         + '[[loading]]\nname = "spread"\nduration = 99.0\n'
         + "[solver]\ndt = 2e-4\n[output]\nframe_interval = 1.0\n"
     )
 
 
+_ANGLE = 1.0  # that a drum has turned before it is measured: more than twice the angle of repose [rad]
+
+
 def _drum(count: int, seed: int, _copies: int) -> str:
-    """A rough drum, a third full, turns at a Froude number of 0.05."""
-    radius = (1.1 * count * _PITCH**2 / 1.05) ** 0.5
+    """A rough drum, a third full, turns at a Froude number of 0.05. Grains fall into it while it turns."""
+    radius = math.sqrt(1.1 * count * _PITCH * _PITCH / 1.05)
     low, high = 0.34 * radius, 1.66 * radius  # a square inside the circle
-    spin = (0.05 * 9.81 / radius) ** 0.5
+    spin = math.sqrt(0.05 * 9.81 / radius)
     geometry = f'{{ kind = "circle", center = [{radius!r}, {radius!r}], radius = {radius!r} }}'
+    drive = f"drives.drum = {{ spin = {{ velocity = {spin!r} }} }}\n"
     place = {"left": low, "right": high, "bottom": low, "top": high, **_lattice(low)}
     return (
         _head("drum", seed, count, (2.0 * radius, 2.0 * radius), periodic="false", **place)
         + f'[[walls]]\nname = "drum"\nmaterial = "stuff"\ngeometry = {geometry}\n'
-        + '[[loading]]\nname = "settle"\nduration = 0.2\n'
-        + f'[[loading]]\nname = "turn"\nduration = 99.0\ndrives.drum = {{ spin = {{ velocity = {spin!r} }} }}\n'
+        + f'[[loading]]\nname = "begin"\nduration = {_ANGLE / spin!r}\n{drive}[[loading]]\nname = "turn"\nduration = 99.0\n{drive}'
         + "[solver]\ndt = 2e-4\n[output]\nframe_interval = 1.0\n"
     )
 
@@ -176,17 +186,17 @@ START = BenchScene("start", "first steps of a sheared layer with heat", _start, 
 SCENES = {
     scene.name: scene
     for scene in (
-        BenchScene("bed", "settled bed under gravity", _settled, 20, 20, tile=_TILE, is_weighed=True),
+        BenchScene("bed", "settled bed under gravity", _settled, 20, 20, tile=_TILE, is_weighed=True, rests=True),
         BenchScene(
             "shear", "plane shear, quasi-static: I = 0.01",
-            lambda n, s, c: _shear("shear", 0.55, 2e-4, 0.5, n, s, c), 10, 20, tile=_TILE,
+            lambda n, s, c: _shear("shear", 0.55, 2e-4, 0.5, n, s, c), 10, 60, tile=_TILE,
         ),
         BenchScene(
             "shear-dynamic", "plane shear, dynamic: I = 0.1",
-            lambda n, s, c: _shear("shear-dynamic", 5.5, 1e-4, 4.0, n, s, c), 10, 20, tile=_TILE,
+            lambda n, s, c: _shear("shear-dynamic", 5.5, 1e-4, 4.0, n, s, c), 10, 60, tile=_TILE,
         ),
         BenchScene("collapse", "collapse of a column", _collapse, 10, 20),
-        BenchScene("heated-bed", "conduction through a bed at rest", _heated, 2, 20, tile=_TILE, is_frozen=True),
+        BenchScene("heated-bed", "conduction through a bed at rest", _heated, 2, 20, tile=_TILE, is_frozen=True, rests=True),
         BenchScene("drum", "rotating rough drum", _drum, 100, 20),
     )
 }  # fmt: skip

@@ -43,5 +43,10 @@ def notes(benchmark: Benchmark) -> list[str]:
             )
     if benchmark.compilation is not None:
         lines.append(f"first steps: {benchmark.compilation.cold:.1f} s cold, {benchmark.compilation.cached:.2f} s cached")
+    lines += [
+        f"{result.scene}, {result.grains} grains: {result.missed} of {result.steps * result.rounds} steps did not converge"
+        for result in benchmark.results
+        if result.missed and not result.faults
+    ]
     lines += [f"{result.scene}, {result.grains} grains: {fault}" for result in benchmark.results for fault in result.faults]
     return lines

@@ -2,12 +2,14 @@
 
 import json
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 from multicor_cli import run
+from multicor_cli.solver import ContactProblem, Settings, solve_contacts
 
 pytest.importorskip("scipy")
 
@@ -115,6 +117,29 @@ def test_the_folder_of_a_run_is_a_source(tmp_path):
     assert not (tmp_path / "kept").exists()
 
 
+# Problems on file, solved from a cold start: in a flow computed here their sweeps would be luck, fivefold from step to step. They
+# are Engine.next_problem of the `multicor bench` scenes of 1,008 grains where these are measured. Given are u_ref [m/s] (None:
+# default) and the sweeps, plain and accelerated; velocities moved by 10⁻⁶ of themselves change these by a thousandth.
+RECORDED = {"bed": (9.81 * 2e-4, 4004, 310), "shear": (None, 5810, 573)}
+
+
+@pytest.mark.parametrize("name", RECORDED)
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_the_accelerated_method_needs_far_fewer_sweeps(name, seed):
+    reference, plain, accelerated = RECORDED[name]
+    problem = ContactProblem.load(Path(__file__).parents[1] / "data" / f"{name}-1008.npz")
+    move = 1e-9 * np.random.default_rng(seed).uniform(-1.0, 1.0, problem.velocity.shape) if seed else 0.0
+    problem = replace(problem, velocity=problem.velocity * (1.0 + move))
+    found = {}
+    for method in ("gauss-seidel", "accelerated"):
+        solution = solve_contacts(problem, Settings(method=method), reference_velocity=reference)
+        assert solution.converged
+        found[method] = solution.sweeps
+    assert found["accelerated"] < 0.2 * found["gauss-seidel"]  # measured: 0.08 and 0.10
+    assert found["accelerated"] == pytest.approx(accelerated, rel=0.3)
+    assert found["gauss-seidel"] == pytest.approx(plain, rel=0.3)
+
+
 def test_quick_run(tmp_path, capsys):
     pytest.importorskip("matplotlib")
     from runpy import run_path
@@ -130,8 +155,7 @@ def test_quick_run(tmp_path, capsys):
     assert column["methods"]["engine"]["reached"]["0.0001"] is not None
     assert column["exact_error"]["engine"] < 1e-2
     assert cold["apart"] == warm["apart"]
-    sweeps = [warm["methods"][name]["reached"]["0.001"][0] for name in ("gs", "engine")]
-    assert sweeps[1] < 0.5 * sweeps[0]
+    assert all(warm["methods"][name]["reached"]["0.001"][0] > 0 for name in ("gs", "engine"))
     distances = np.array(warm["methods"]["engine"]["distance"])
     assert distances[-1] < distances[0]
     assert [cost["method"] for cost in found["sequences"][0]["costs"]] == ["program", "gs", "engine"]

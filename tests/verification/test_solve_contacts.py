@@ -113,7 +113,7 @@ def _siconos_python():
 @pytest.mark.siconos
 @pytest.mark.parametrize(("seed", "friction"), [(0, 0.5), (1, 0.3), (2, 0.05)])
 def test_siconos_finds_the_same_solution(tmp_path, seed, friction):
-    """The same problems by fc2d_nsgs: the same velocities in these problems (with friction neither forces nor velocities need be unique)."""
+    """The same velocities by fc2d_nsgs in these problems (with friction neither forces nor velocities need be unique)."""
     python = _siconos_python()
     if python is None:
         pytest.skip("Siconos is not installed (set SICONOS_PYTHON to an interpreter that has it)")
