@@ -94,25 +94,3 @@ def test_drum_power_becomes_heat(tmp_path):
         rows = np.flatnonzero(steady)[1:]  # rows whose whole window turned at full speed
         power = -series["wall_force"][rows, 0, 2] * 3.0 * series["window_duration"][rows]
         assert power.sum() == pytest.approx(np.diff(series["wall_work"])[rows - 1].sum(), rel=1e-10)
-
-
-def test_threads_do_not_change_a_bit(tmp_path):
-    """5,000 grains, so that kernels do run in parallel."""
-    changes = [
-        "particles.0.count=5000",
-        "domain.size=[0.3,0.35]",
-        "walls.2.geometry.point=[0.3,0.0]",
-        "particles.0.packing={kind='deposited'}",
-        "loading.0.duration=0.004",
-        "loading.0.heat=true",
-        "loading.1.duration=0.004",
-        "loading.1.solver={max_sweeps=200}",
-        "heat.impact=true",
-        "heat.gas={conductivity=0.026}",
-    ]
-    digests = []
-    for threads in (1, 2):
-        scenario = multicor.load_scenario(CONFIGS / "heated-bed.toml", overrides=changes)
-        multicor.run(scenario, tmp_path / str(threads), threads=threads)
-        digests.append(run_info(tmp_path / str(threads))["state_digest"])
-    assert digests[0] == digests[1]
