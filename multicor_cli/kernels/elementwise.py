@@ -1,8 +1,4 @@
-"""The functions of `multicor_cli.arithmetic` applied to arrays.
-
-Each function is compiled when it is first called. All take and give float64 arrays (or numbers) of any shape; `power` and `atan2`
-take two.
-"""
+"""The functions of `multicor_cli.arithmetic` applied to float64 arrays of any shape; each is compiled when it is first called."""
 
 from __future__ import annotations
 
@@ -16,10 +12,8 @@ acos = elementwise(arithmetic.acos)
 asin = elementwise(arithmetic.asin)
 cos = elementwise(arithmetic.cos)
 exp = elementwise(arithmetic.exp)
-expm1 = elementwise(arithmetic.expm1)
 log1p = elementwise(arithmetic.log1p)
 normal_quantile = elementwise(arithmetic.normal_quantile)
-power = elementwise(arithmetic.power)
 sin = elementwise(arithmetic.sin)
 
 

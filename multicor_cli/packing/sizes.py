@@ -114,6 +114,8 @@ def power_sizes(exponent: float, smallest: float, largest: float, by: Basis, mas
     span = arithmetic.log(largest / smallest)
 
     def quantile(level: Floats) -> Floats:
+        if slope == 1.0:
+            return smallest + level * (largest - smallest)
         if abs(slope * span) < 1e-12:
             return smallest * elementwise.exp(level * span)
         # (r/r_min)^slope grows linearly with the level; expm1 and log1p keep it exact for slopes near 0.
