@@ -133,12 +133,16 @@ def test_after_the_last_frame_the_last_stage_goes_on(run: Run) -> None:
 
 
 def test_exported_and_read_again_the_solution_is_the_same(run: Run, small: tuple[Path, Solved], tmp_path: Path) -> None:
-    number = len(run.frames) // 2
+    """Of the first frame from the middle on whose problem sweeps can solve so closely: with friction not every one can be."""
+    for number in range(len(run.frames) // 2, len(run.frames) - 1):
+        ours, our_start = small[1][run.frames[number].step]
+        expected = solve_contacts(ours, TIGHT, start=our_start)
+        if expected.converged:
+            break
+    assert expected.converged
     export_fclib(run, tmp_path / "a.hdf5", number)
     problem, start = read_fclib(tmp_path / "a.hdf5")
-    ours, our_start = small[1][run.frames[number].step]
     theirs = solve_contacts(problem, TIGHT, start=start)
-    expected = solve_contacts(ours, TIGHT, start=our_start)
     assert theirs.converged
     scale = np.abs(expected.velocity).max()
     assert np.abs(theirs.velocity - expected.velocity).max() <= 1e-7 * scale

@@ -101,7 +101,7 @@ def test_periodic_lattice_on_a_floor_touches_it():
     _, _, gap = pair_gaps(state.position, model.grains.radius, 1e-9, 0.06)
     assert gap.size == 600 + 2 * 570
     assert np.abs(gap).max() < 1e-16
-    assert state.position[:30, 1].tolist() == [1e-3] * 30
+    assert state.position[:30, 1] == pytest.approx([1e-3] * 30, rel=3e-16, abs=0.0)
 
 
 def test_lattice_without_count_fills_the_region():
@@ -151,7 +151,7 @@ def test_overlap_across_the_period(tmp_path):
         return build(loaded)
 
     _, state = attempt()
-    assert state.position[2, 0] == -0.03
+    assert state.position[2, 0] == pytest.approx(-0.03, rel=3e-16, abs=0.0)
     with pytest.raises(ScenarioError, match=r"grains 0 and 1 by 0\.0013 m"):
         attempt("domain.periodic=true")
     (tmp_path / "g.csv").write_text("x,y,radius\n-0.03,0.02,1e-3\n")

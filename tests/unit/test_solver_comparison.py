@@ -43,7 +43,11 @@ def test_these_are_all_methods():
     assert list(THEIRS) == METHODS
 
 
-@pytest.mark.parametrize("name", METHODS)
+QUICK = ("gs", "engine", "newton")
+
+
+# The others take a minute of compilation.
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[] if name in QUICK else pytest.mark.validation) for name in METHODS])
 def test_every_method_finds_the_weights_in_a_column(name):
     from methods import METHODS as THEIRS
     from problems import column

@@ -66,7 +66,7 @@ def _rebound_height(restitution, dt):
 @pytest.mark.parametrize("restitution", [0.5, 0.9])
 def test_bouncing_ball_is_first_order(restitution):
     """h₁ = e² h₀; the impact is found at the end of a step, so the error is at most of the order of Δt·v."""
-    steps = np.array([3.2e-3, 1.6e-3, 8e-4, 4e-4, 2e-4])
+    steps = np.array([6.4e-3, 3.2e-3, 1.6e-3, 8e-4, 4e-4])
     impact_speed = np.sqrt(2.0 * G)
     errors = np.array([_rebound_height(restitution, dt)[0] - restitution**2 for dt in steps])
     # First order with a constant that depends on where in its step the impact falls: bounded by one step of free fall.
@@ -76,7 +76,7 @@ def test_bouncing_ball_is_first_order(restitution):
 
 def test_ball_without_restitution_stays_down_and_dissipates_its_fall():
     """e = 0: no rebound at any Δt; the impact takes m g h."""
-    for dt in (3e-3, 1e-3, 3e-4, 1e-4):
+    for dt in (3e-3, 1e-3, 3e-4):
         height, state = _rebound_height(0.0, dt)
         assert height <= 1e-12
         assert abs(state.position[0, 1] - 0.05) < 1e-12
