@@ -15,7 +15,7 @@ _FARTHEST = 2.0**51
 
 
 def sin(x: float) -> float:
-    """Sin x, to 1 ulp up to |x| = 10⁶; beyond, as if x were off by two of its ulps. nan from 2⁵¹ turns on."""
+    """Sin x, to 1 ulp up to |x| = 10⁶; beyond, as if x were off by two of its ulps. nan from 2⁵¹ quarter turns on."""
     quarter, r, lost = _reduced(x)
     value = _sin_near(r, lost) if quarter % 2 == 0 else _cos_near(r, lost)
     return value if quarter < 2 else -value

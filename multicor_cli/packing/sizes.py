@@ -114,7 +114,7 @@ def power_sizes(exponent: float, smallest: float, largest: float, by: Basis, mas
     span = arithmetic.log(largest / smallest)
 
     def quantile(level: Floats) -> Floats:
-        if slope == 1.0:
+        if slope == 1.0:  # uniform by number
             return smallest + level * (largest - smallest)
         if abs(slope * span) < 1e-12:
             return smallest * elementwise.exp(level * span)

@@ -59,6 +59,7 @@ def group_thermal(scenario: Scenario, index: int, brought: Brought, center: Floa
         message = "a material of grains without heat capacity"  # loading a scenario excludes it
         raise ValueError(message)
     mass = masses(radius, material.density, group.shape, group.thickness)
+    # 4π a² of a sphere, 2π a h of a disc.
     around = 2.0 * radius if group.shape == "sphere" else np.full(radius.size, group.thickness or math.nan)
     return Thermal(
         capacity=mass * material.heat_capacity,
