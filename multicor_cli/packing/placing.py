@@ -1,7 +1,7 @@
 """Kernels that place one grain after another among discs already there: at random free places, or dropped and rolled down.
 
-Everything that these kernels call lies in this file or in packages that the name of the cache covers, so that no compiled copy of it
-can be stale.
+Everything that these kernels call lies in this file or in packages that the name of the cache covers, so that no compiled copy of
+it can be stale.
 """
 
 from __future__ import annotations
