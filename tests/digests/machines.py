@@ -24,7 +24,7 @@ ROOT = HERE.parents[1]
 
 # Names of one feature differ between versions of the C library: those it does not know it passes over.
 GLIBC = "glibc.cpu.hwcaps=-AVX512F,-AVX512DQ,-AVX512BW,-AVX512VL,-AVX2,-FMA,-FMA4,-AVX2_Usable,-FMA_Usable"
-BLAS = ("Prescott", "Haswell")
+BLAS = ("Prescott", "Haswell") if platform.machine() == "x86_64" else ("ARMV8", "NEOVERSEN1")  # kernels of OpenBLAS
 
 
 def optional_features() -> str:
