@@ -7,6 +7,13 @@ from pathlib import Path
 import pytest
 from small_run import call, write_small
 
+LATER = ("unit", "verification")
+"""Directories of many short tests: long ones come first, so that no process is left with one at the end."""
+
+
+def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
+    items.sort(key=lambda item: LATER.index(item.path.parent.name) + 1 if item.path.parent.name in LATER else 0)
+
 
 @pytest.fixture(scope="session")
 def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:

@@ -15,6 +15,7 @@ from multicor_cli.post.fields import FIELD_GROUPS, FIELDS, Field
 from multicor_cli.post.flow import RelativeFrame, mean_flow
 from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Selection
 from multicor_cli.post.sums import (
+    NOTHING,
     Bins,
     Sums,
     Values,
@@ -342,7 +343,7 @@ def make_bins(
     edge = exclude_walls * diameter
     bottom = edge if extent.lower is not None else 0.0
     height = extent.height - bottom - (edge if extent.upper is not None else 0.0)
-    if not height > 0.0:
+    if not height > NOTHING * extent.height:
         raise PostError(
             f"nothing is left between the walls: they are {extent.height / diameter:.3g} mean diameters apart and "
             f"{exclude_walls:g} are to be left out at each"

@@ -27,6 +27,9 @@ Values = Callable[[GrainFrame], Floats]
 ContactValues = Callable[[LoadedContacts], Floats]
 """Values of the contacts of a frame, shape ``(c,)``."""
 
+NOTHING = 1e-9
+"""A height below this share of the distance of the walls is the rounding of nothing: bins in it would be without number."""
+
 
 class Place(NamedTuple):
     """Where the bins are in a frame.
@@ -67,7 +70,7 @@ class Bins:
     def place(self, frame: GrainFrame) -> Place:
         """Where the bins are in a frame; raises `PostError` if the walls come too near to each other."""
         width = self.width + (self.extent.span(frame) - self.extent.height) / self.count
-        if not width > 0.0:
+        if not width * self.count > NOTHING * self.extent.height:
             raise PostError(
                 f"nothing is left between the walls where they come nearest, {self.extent.span(frame):.4g} m: "
                 "leave out less at the walls, or choose other frames"

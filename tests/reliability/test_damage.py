@@ -114,7 +114,7 @@ def is_thorough(kind: str, name: str) -> bool:
 
 
 @pytest.mark.parametrize("kind", KINDS)
-@trials(short=2, long=200)
+@trials(short=1, long=200)
 def test_damaged_files(runs: Path, tmp_path: Path, kind: str, count: int) -> None:
     """``count`` bits flipped in a file, a quarter as many cuts, pages zeroed and bytes inserted, and whole files replaced."""
     cases: list[Case] = []

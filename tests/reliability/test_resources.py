@@ -49,7 +49,7 @@ def peak_memory(*arguments: object, cwd: Path) -> int:
     return int(done.stdout) * 1024
 
 
-@trials(short=2, long=len(CASES))
+@trials(short=1, long=len(CASES))
 def test_memory_is_as_predicted(tmp_path: Path, count: int) -> None:
     wrong = []
     for name, (config, changes) in list(CASES.items())[:count]:
