@@ -64,13 +64,14 @@ def test_fields_are_all_that_have_a_fraction() -> None:
 
 @trials(short=1, long=5)
 def test_spoiled_states_stop_the_run(tmp_path: Path, count: int) -> None:
-    """Every field of the state, spoiled in a moving step, in a frozen one, and after it."""
+    """Every field of the state (in CI every other one), spoiled in a moving step, in a frozen one, and after it."""
     rng = np.random.default_rng(9)
     steps = (7, 13, 19, 23, 27)
     cases = [
         (name, int(rng.integers(0, 450)) % ROWS.get(name, 450), value, steps[(k + index) % 5])
         for k in range(count)
         for index, name in enumerate(FLOATS)
+        if count > 1 or index % 2 == 0
         for value in (VALUES if count > 1 else VALUES[index % 2 : index % 2 + 1])
     ]
     wrong = []

@@ -15,6 +15,7 @@ import h5py
 import numpy as np
 import pytest
 from small_run import call, command, environment
+from trials import thinned
 
 from multicor_cli.cli.console import printable
 from multicor_cli.store import DamagedRun, StoreError, open_run, run_info, verify
@@ -47,7 +48,7 @@ def test_links_are_not_followed_where_something_is_written(copy: Path, tmp_path:
     assert precious.read_text() == "precious"
 
 
-@pytest.mark.parametrize("name", ["run.json", "scenario.toml", "scenario.resolved.toml", "results.h5", "lock"])
+@pytest.mark.parametrize("name", thinned(["run.json", "scenario.toml", "scenario.resolved.toml", "results.h5", "lock"], 3))
 def test_pipes_are_not_waited_for(copy: Path, tmp_path: Path, name: str) -> None:
     (copy / name).unlink()
     os.mkfifo(copy / name)
@@ -86,7 +87,7 @@ SPOILED: dict[str, Callable[[h5py.File], None]] = {
 }
 
 
-@pytest.mark.parametrize("what", SPOILED)
+@pytest.mark.parametrize("what", thinned(list(SPOILED), 2))
 def test_results_that_lie_are_refused_or_read_as_they_are(copy: Path, tmp_path: Path, what: str) -> None:
     with h5py.File(copy / "results.h5", "r+") as file:
         SPOILED[what](file)

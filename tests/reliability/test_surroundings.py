@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from small_run import ROOT, SMALL, call, environment, read_info, start, write_small
-from trials import trials
+from trials import thinned, trials
 from warm_run import WARM
 
 from multicor_cli.store import open_run
@@ -90,21 +90,16 @@ def test_reading_while_it_runs(tmp_path: Path, count: int) -> None:
 
 
 NAMES = {
-    "spaces": "with spaces",
     "unicode": "ünïcödé–漢字",
-    "long": "x" * 200,
+    "spaces": "with spaces",
     "dash": "-dash",
-    "quotes": "semi;colon'quote\"",
+    "long": "x" * 200,
     "no UTF-8": os.fsdecode(b"\xe9t\xe9"),
+    "quotes": "semi;colon'quote\"",
 }
-USUAL = ("unicode", "dash", "no UTF-8")
-"""Names that CI tries."""
 
 
-@pytest.mark.parametrize(
-    "name",
-    [pytest.param(name, id=kind, marks=[] if kind in USUAL else pytest.mark.reliability) for kind, name in NAMES.items()],
-)
+@pytest.mark.parametrize("name", thinned(NAMES, 2))
 def test_directories_of_any_name(name: str, finished: Path, tmp_path: Path) -> None:
     write_small(tmp_path)
     done = call("run", "small.toml", "-o", tmp_path / name, cwd=tmp_path)
@@ -112,6 +107,7 @@ def test_directories_of_any_name(name: str, finished: Path, tmp_path: Path) -> N
     assert digests(tmp_path / name) == digests(finished)
 
 
+@pytest.mark.reliability
 def test_results_may_be_written_under_any_name(finished: Path, tmp_path: Path) -> None:
     name = NAMES["no UTF-8"]
     run = tmp_path / name
@@ -201,6 +197,7 @@ def test_stale_machine_code_is_never_used(tmp_path: Path) -> None:
     assert seen == [(1.0, 0.0), (1.0, 1.0), (2.0, 0.0), (1.0, 1.0)]  # the first sources come back, and with them their cache
 
 
+@pytest.mark.reliability
 def test_heat_and_stages_too(tmp_path: Path) -> None:
     """The scenario that uses every field of the state, on both threading layers and in pieces of a second."""
     (tmp_path / "warm.toml").write_text(WARM)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping, Sequence
+from typing import Any
+
 import pytest
 
 
@@ -14,3 +17,10 @@ def trials(short: int, long: int) -> pytest.MarkDecorator:
             pytest.param(long, id="long", marks=[pytest.mark.reliability, pytest.mark.timeout(3600)]),
         ],
     )
+
+
+def thinned(values: Sequence[Any] | Mapping[str, Any], every: int) -> list[Any]:
+    """Parameters of which CI takes every third, say, and ``-m reliability`` the others; the keys of a mapping are their names."""
+    named = values.items() if isinstance(values, Mapping) else [(str(value), value) for value in values]
+    others = pytest.mark.reliability
+    return [pytest.param(value, id=name, marks=[] if k % every == 0 else others) for k, (name, value) in enumerate(named)]

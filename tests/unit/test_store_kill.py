@@ -8,6 +8,7 @@ from pathlib import Path
 import pytest
 from kill_points import POINTS
 from store_support import continue_run, drive, killed_at, make_model, make_run
+from trials import thinned
 
 from multicor_cli.store import RunDirectory, SeriesRow, open_run, run_info, verify
 from multicor_cli.store.manifest import read_manifest
@@ -37,9 +38,7 @@ def assert_nothing_lost(path: Path) -> None:
                 assert frame.position.shape == (5, 2)
 
 
-@pytest.mark.parametrize(
-    "point", [pytest.param(point, marks=[] if k % 3 == 0 else pytest.mark.reliability) for k, point in enumerate(POINTS)]
-)
+@pytest.mark.parametrize("point", thinned(POINTS, 3))
 def test_killed_once(tmp_path: Path, expected: dict[str, str], point: str) -> None:
     path = tmp_path / "run"
     assert killed_at(path, point), f"the run never came to {point}"
