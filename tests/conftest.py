@@ -7,12 +7,24 @@ from pathlib import Path
 import pytest
 from small_run import call, write_small
 
-LATER = ("unit", "verification")
-"""Directories of many short tests: long ones come first, so that no process is left with one at the end."""
+FIRST = ("test_digests", "test_store", "test_vtkhdf")
+"""Beginnings of the names of files to begin with: one process compiles the kernels with the first, for all, while another does
+without kernels what comes next."""
+
+LAST = ("unit", "verification")
+"""Directories of many short tests: long ones come before, so that no process is left with one at the end."""
+
+
+def _place(item: pytest.Item) -> int:
+    for place, beginning in enumerate(FIRST):
+        if item.path.name.startswith(beginning):
+            return place
+    folder = item.path.parent.name
+    return len(FIRST) + (LAST.index(folder) + 1 if folder in LAST else 0)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    items.sort(key=lambda item: LATER.index(item.path.parent.name) + 1 if item.path.parent.name in LATER else 0)
+    items.sort(key=_place)
 
 
 @pytest.fixture(scope="session")

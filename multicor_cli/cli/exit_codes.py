@@ -26,6 +26,7 @@ _BY_CLASS = {
     ("multicor_cli.post.source", "PostError"): ExitCode.USAGE,
     ("multicor_cli.plots.style", "PlotError"): ExitCode.ENVIRONMENT,
     ("multicor_cli.kernels.layer", "NoThreadingLayer"): ExitCode.ENVIRONMENT,
+    ("multicor_cli.state.nudge", "NudgeError"): ExitCode.ENVIRONMENT,
     ("multicor_cli.bench.recorded", "RecordError"): ExitCode.USAGE,
 }
 

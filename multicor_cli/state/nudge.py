@@ -16,11 +16,27 @@ from multicor_cli.state.model import Floats
 
 VARIABLE = "MULTICOR_NUDGE"
 
+_DIGITS = 18
+"""Of the longest seed: below 2⁶³."""
+
+
+class NudgeError(ValueError):
+    """The switch is set to something that is no seed: one message for the user."""
+
 
 def nudge_seed() -> int | None:
-    """The seed in the environment; None if positions stay as they are."""
+    """The seed in the environment; None if positions stay as they are.
+
+    Raises:
+        NudgeError: If the variable is neither empty nor a whole number of at most 18 digits.
+    """
     value = os.environ.get(VARIABLE, "")
-    return int(value) if value.isdigit() else None
+    if not value:
+        return None
+    if not (value.isascii() and value.isdigit() and len(value) <= _DIGITS):
+        message = f"{VARIABLE}={value}: no seed; unset it, or give a whole number of at most {_DIGITS} digits (for tests only)"
+        raise NudgeError(message)
+    return int(value)
 
 
 def nudge(position: Floats, period: float, seed: int) -> Floats:

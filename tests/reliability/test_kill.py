@@ -131,7 +131,7 @@ def test_killed_at_any_moment(tmp_path: Path, reference: Reference, count: int) 
     assert killed >= count // 2
 
 
-@trials(short=2, long=len(FIRST_TIMES))
+@trials(short=1, long=len(FIRST_TIMES))
 def test_killed_at_named_points(tmp_path: Path, reference: Reference, count: int) -> None:
     """Every window of the commit protocol, in the program as a whole."""
     for index in range(count):

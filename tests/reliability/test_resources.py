@@ -102,7 +102,7 @@ def test_too_little_memory(tmp_path: Path, count: int) -> None:
 SOAK = WARM.replace("count = 150", "count = 12").replace('"deposited"', '"random"')
 
 
-@trials(short=3_000, long=1_000_000)
+@trials(short=1_000, long=1_000_000)
 @pytest.mark.timeout(7200)
 def test_soak(tmp_path: Path, count: int) -> None:
     """A million steps of a shaken, heated layer: memory and open files as after a tenth of them, books closed to rounding."""

@@ -3,12 +3,13 @@
 import json
 
 import numpy as np
-from small_run import SMALL, write_small
+import pytest
+from small_run import SMALL, call, write_small
 
 from multicor_cli import run
 from multicor_cli.packing import build
 from multicor_cli.scenario import parse_scenario
-from multicor_cli.state.nudge import VARIABLE, nudge
+from multicor_cli.state.nudge import VARIABLE, NudgeError, nudge, nudge_seed
 
 
 def test_coordinates_move_by_one_number_at_most():
@@ -36,3 +37,19 @@ def test_the_variable_moves_what_is_built_and_is_recorded(tmp_path, monkeypatch)
     write_small(tmp_path)
     run(tmp_path / "small.toml", tmp_path / "out")
     assert json.loads((tmp_path / "out" / "run.json").read_text())["provenance"]["nudge"] == 3
+
+
+@pytest.mark.parametrize("value", ["yes", "-1", "1.0", "²", " 3", "9" * 19])
+def test_what_is_no_seed_is_refused(monkeypatch, value):
+    monkeypatch.setenv(VARIABLE, value)
+    with pytest.raises(NudgeError, match="no seed"):
+        nudge_seed()
+
+
+def test_the_command_says_so(tmp_path, monkeypatch):
+    monkeypatch.setenv(VARIABLE, "yes")
+    write_small(tmp_path)
+    done = call("run", "small.toml", cwd=tmp_path)
+    assert done.returncode == 5
+    assert "multicor: MULTICOR_NUDGE=yes: no seed" in done.stderr
+    assert not (tmp_path / "runs").exists()

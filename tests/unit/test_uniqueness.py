@@ -164,10 +164,12 @@ def test_small_parts_of_every_kind(tmp_path):
     import flows
     from figure import draw
     from report import as_text
+    from scenes import DIAMETER
     from study import Plan, run_study
 
     kinds = [flows.shear_flow(60, 0.1, 0.3, 0.3, 1e-3)]
-    plan = Plan(1, [30], {30: [0.03]}, 3_000, 1, kinds, (30, 0.15), (30, 0.08, 0.2), 6, siconos=False)
+    steps = 6
+    plan = Plan(1, [30], {30: [0.03]}, 3_000, 1, kinds, (30, 0.15), (30, 0.08, 0.2), steps, siconos=False)
     results = run_study(plan, ["problems", "flows", "rest"], lambda _: None)
     (problem,) = results.problems
     assert problem.row.solves == 8
@@ -179,9 +181,10 @@ def test_small_parts_of_every_kind(tmp_path):
     assert 0.1 < flow.sample("μ*", "plain").mean < 1.0
     assert [one.scene for one in results.rests] == ["bed in a box", "pile"]
     for one in results.rests:
-        for row in one.rows:
-            assert abs(row.floor) < 0.2
-            assert row.moved < 0.5  # the few grains may still be on their way to rest
+        duration = steps * 2e-4
+        for row in one.rows:  # the fastest grain may still be on its way: it goes on, or comes to a stop on the floor
+            assert abs(row.floor) < 0.02 + 2.0 * one.speed / (9.81 * duration)
+            assert row.moved < 0.02 + 2.0 * one.speed * duration / DIAMETER
             assert 1.0 / row.contacts <= row.participation <= 1.0
     json.dumps(results.as_dict())
     assert "bed in a box: 30 grains" in as_text(results)
