@@ -18,7 +18,7 @@ from pathlib import Path
 
 import numpy as np
 
-from multicor_cli.state import HEAT_BOOK_NAMES, ContactLaws, Grains, Model, ShapeKind, State, Thermal, Walls, WallShapes
+from multicor_cli.model import HEAT_BOOK_NAMES, ContactLaws, Grains, Model, ShapeKind, State, Thermal, Walls, WallShapes
 from multicor_cli.store import ContactRows, FrameData, RunDirectory, SeriesRow
 
 ROOT = Path(__file__).parents[1]

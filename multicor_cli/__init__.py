@@ -10,29 +10,8 @@ For Python users::
         print(run.frames[-1].velocity.mean(axis=0))
 """
 
-from __future__ import annotations
-
-import importlib
-from typing import TYPE_CHECKING, Any
-
-if TYPE_CHECKING:
-    from multicor_cli.run import run_scenario as run
-    from multicor_cli.scenario.load import load_scenario
-    from multicor_cli.store.reader import open_run
+import lazy_loader
 
 __version__ = "0.1.0"
 
-_HOMES = {
-    "load_scenario": "multicor_cli.scenario.load",
-    "open_run": "multicor_cli.store.reader",
-}
-
-__all__ = ["__version__", "load_scenario", "open_run", "run"]
-
-
-def __getattr__(name: str) -> Any:
-    if name == "run":
-        return importlib.import_module("multicor_cli.run")
-    if name not in _HOMES:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(importlib.import_module(_HOMES[name]), name)
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

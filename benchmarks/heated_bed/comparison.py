@@ -11,8 +11,8 @@ from deposited import AIR_CONDUCTIVITY, Bed
 from lattice_bed import Floats, Profile, heat_lattice
 from numpy.typing import NDArray
 
+from multicor_cli.model import Model
 from multicor_cli.post import ThetaTable, theta_eta
-from multicor_cli.state import Model
 
 ETA = (0.01, 0.02, 0.03, 0.05, 0.075, 0.1, 0.15, 0.2)
 

@@ -12,12 +12,12 @@ import numpy as np
 from lattice_bed import Floats, Sphere
 
 from multicor_cli import load_scenario, open_run
-from multicor_cli.heat.settings import HeatSettings, WallHeat
+from multicor_cli import run as run_scenario
+from multicor_cli.engine.heat.settings import HeatSettings, WallHeat
+from multicor_cli.model import Model, State
 from multicor_cli.post import force_network
-from multicor_cli.run import run_scenario
-from multicor_cli.run.heat_plan import heat_settings, wall_heat
+from multicor_cli.running.heat_plan import heat_settings, wall_heat
 from multicor_cli.scenario.scenario import Scenario
-from multicor_cli.state import Model, State
 from multicor_cli.store import Run
 
 CONFIG = Path(__file__).parents[2] / "configs" / "heated-bed.toml"

@@ -10,9 +10,9 @@ import numpy as np
 from deposited import Bed
 from lattice_bed import Floats
 
-from multicor_cli.heat.engine import HeatEngine
-from multicor_cli.heat.settings import HeatSettings
-from multicor_cli.state import HEAT_BOOK_NAMES, State
+from multicor_cli.engine.heat.settings import HeatSettings
+from multicor_cli.engine.heat.step import HeatEngine
+from multicor_cli.model import HEAT_BOOK_NAMES, State
 
 REPEATS = 5
 REFERENCE = 1e-8

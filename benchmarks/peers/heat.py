@@ -17,10 +17,10 @@ from peers import GranPeer
 from table import draw, spread
 
 from multicor_cli.bench.scenes import SCENES
-from multicor_cli.heat.engine import HeatEngine
-from multicor_cli.heat.settings import HeatSettings, WallHeat
-from multicor_cli.physics.drives import Constant
-from multicor_cli.state import HEAT_BOOK_NAMES, Model, State
+from multicor_cli.engine.heat.settings import HeatSettings, WallHeat
+from multicor_cli.engine.heat.step import HeatEngine
+from multicor_cli.engine.motion.drives import Constant
+from multicor_cli.model import HEAT_BOOK_NAMES, Model, State
 
 GROWTH = 1e-3
 """All radii grow by this share, so that soft and rigid grains have the same contacts: those that overlap then."""

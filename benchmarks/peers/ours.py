@@ -13,10 +13,10 @@ from scene import DENSITY, FRICTION
 
 from multicor_cli.bench.driving import Prepared, prepare
 from multicor_cli.bench.scenes import BenchScene
-from multicor_cli.heat.coupled import CoupledEngine
-from multicor_cli.heat.settings import HeatSettings
-from multicor_cli.solver import Settings
-from multicor_cli.state import Model, ShapeKind, State
+from multicor_cli.engine import Settings
+from multicor_cli.engine.coupled import CoupledEngine
+from multicor_cli.engine.heat.settings import HeatSettings
+from multicor_cli.model import Model, ShapeKind, State
 
 _BOTTOM, _TOP = 0, 1  # walls of the sheared layer
 

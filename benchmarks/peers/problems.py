@@ -18,8 +18,8 @@ from table import draw, median, spread
 
 from multicor_cli.bench.driving import prepare
 from multicor_cli.bench.scenes import SCENES
-from multicor_cli.solver import ContactProblem, solve_contacts
-from multicor_cli.solver.problem import free_velocity
+from multicor_cli.engine import ContactProblem, solve_contacts
+from multicor_cli.engine.contact.problem import free_velocity
 
 TARGETS = (1e-1, 1e-2, 1e-3)
 """Errors, over the closing velocity, at which solvers are compared."""

@@ -13,8 +13,8 @@ from methods.operators import DISTANCE, ENERGY, MAXIMUM, RMS, TIME, WORK, record
 from problems import Problem
 from reference import Reference
 
-from multicor_cli.solver.settings import Settings
-from multicor_cli.state.model import Floats
+from multicor_cli.engine.contact.settings import Settings
+from multicor_cli.model.model import Floats
 
 _ENOUGH = 0.5
 """Seconds that one timed run takes at most: beyond, fewer iterations are timed."""

@@ -17,15 +17,15 @@ import numpy as np
 from multicor_cli import open_run
 from multicor_cli.bench.driving import prepare
 from multicor_cli.bench.scenes import SCENES
-from multicor_cli.kernels.cache import cache_name
-from multicor_cli.kernels.sweep import System, add_impulses
+from multicor_cli.engine import Engine
+from multicor_cli.engine import step as engine_module
+from multicor_cli.engine.contact.settings import Settings
+from multicor_cli.engine.contact.solve import Scale
+from multicor_cli.engine.contact.sweep import System, add_impulses
+from multicor_cli.engine.jit.cache import cache_name
+from multicor_cli.model.model import Floats, Ints
 from multicor_cli.packing import build
 from multicor_cli.scenario import parse_scenario
-from multicor_cli.solver import Engine
-from multicor_cli.solver import engine as engine_module
-from multicor_cli.solver.settings import Settings
-from multicor_cli.solver.solve import Scale
-from multicor_cli.state.model import Floats, Ints
 
 _FORMAT = 3
 _CHANGING = ("velocity", "impulse", "general_impulse")

@@ -8,12 +8,12 @@ import numpy as np
 from methods.operators import COLUMNS, Log, distance
 from problems import Problem
 
-from multicor_cli.kernels.accelerate import start_momentum
-from multicor_cli.kernels.sweep import System
-from multicor_cli.solver.pace import Pace
-from multicor_cli.solver.settings import Settings
-from multicor_cli.solver.solve import solve_system
-from multicor_cli.state.model import Floats
+from multicor_cli.engine.contact.acceleration import start_momentum
+from multicor_cli.engine.contact.settings import Settings
+from multicor_cli.engine.contact.solve import solve_system
+from multicor_cli.engine.contact.sweep import System
+from multicor_cli.engine.pace import Pace
+from multicor_cli.model.model import Floats
 
 RMS = 1e-6
 """rms over u_ref to which references are solved."""

@@ -13,10 +13,10 @@ from methods.operators import DISTANCE, TIME, WORK, distance
 from problems import Problem
 from reference import Reference
 
-from multicor_cli.solver.pace import Pace
-from multicor_cli.solver.settings import Settings
-from multicor_cli.solver.solve import Outcome, solve_system
-from multicor_cli.state.model import Floats
+from multicor_cli.engine.contact.settings import Settings
+from multicor_cli.engine.contact.solve import Outcome, solve_system
+from multicor_cli.engine.pace import Pace
+from multicor_cli.model.model import Floats
 
 _TIMED = 5
 """Problems of a sequence on which iterations are timed, evenly spread."""

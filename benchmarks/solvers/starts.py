@@ -11,8 +11,8 @@ from problems import Problem
 from reference import Reference
 from sequences import Cost, measure_sequence
 
-from multicor_cli.kernels.sweep import System, add_impulses
-from multicor_cli.state.model import Floats
+from multicor_cli.engine.contact.sweep import System, add_impulses
+from multicor_cli.model.model import Floats
 
 Start = Callable[[Problem, Problem | None], Floats]
 """Impulses of the light contacts to start from, given a problem with its warm start, and that of the step before."""

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from multicor_cli import load_scenario, open_run
-from multicor_cli.run import run_scenario
+from multicor_cli import run as run_scenario
 
 CONFIG = Path(__file__).parents[2] / "configs" / "shear-gravity-free.toml"
 

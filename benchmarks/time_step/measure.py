@@ -9,8 +9,8 @@ import numpy as np
 from cases import LOAD, SPEEDS, TAU, TRANSIENT, Case
 
 from multicor_cli import open_run
+from multicor_cli.model.model import Floats
 from multicor_cli.post import Selection, profile, rheology
-from multicor_cli.state.model import Floats
 from multicor_cli.store import Run
 from multicor_cli.store.info import run_info
 

@@ -11,7 +11,7 @@ import numpy as np
 from cases import STEP, STEPS, TOLERANCE, Case
 from measure import Measured
 
-from multicor_cli.state.model import Floats
+from multicor_cli.model.model import Floats
 
 FRICTION, SOLID = 0.01, 0.003
 """The accuracy that the table marks: changes of μ* and ν from the smallest time step."""

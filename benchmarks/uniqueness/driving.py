@@ -10,15 +10,15 @@ from pathlib import Path
 
 import numpy as np
 
-from multicor_cli.heat.coupled import CoupledEngine
+from multicor_cli.engine.contact.settings import Method
+from multicor_cli.engine.coupled import CoupledEngine
+from multicor_cli.model import Model, State
+from multicor_cli.model.nudge import VARIABLE
 from multicor_cli.packing import build
-from multicor_cli.run.plan import RunPlan
-from multicor_cli.run.planning import make_plan
-from multicor_cli.run.session import make_engine
+from multicor_cli.running.plan import RunPlan
+from multicor_cli.running.planning import make_plan
+from multicor_cli.running.session import make_engine
 from multicor_cli.scenario import Scenario, parse_scenario
-from multicor_cli.solver.settings import Method
-from multicor_cli.state import Model, State
-from multicor_cli.state.nudge import VARIABLE
 
 
 @contextmanager

@@ -11,8 +11,8 @@ import numpy as np
 from law import approach_velocity, contact_velocity, pushed
 from theirs import matrix_of
 
-from multicor_cli.solver import ContactProblem
-from multicor_cli.state.model import Floats
+from multicor_cli.engine import ContactProblem
+from multicor_cli.model.model import Floats
 
 _LOADED = 1e-8  # of the largest approach velocity, or of the largest impulse
 _SINGULAR = 1e-12  # of the largest singular value

@@ -9,8 +9,8 @@ from dataclasses import asdict, dataclass
 
 import numpy as np
 
-from multicor_cli.solver import ContactProblem
-from multicor_cli.state.model import Floats
+from multicor_cli.engine import ContactProblem
+from multicor_cli.model.model import Floats
 
 
 @dataclass(frozen=True)

@@ -11,9 +11,9 @@ from driving import begin
 from law import approach_velocity, contact_velocity, violations
 from scenes import bed
 
-from multicor_cli.solver import ContactProblem, Settings, solve_contacts
-from multicor_cli.solver.settings import Method
-from multicor_cli.state.model import Floats, Ints
+from multicor_cli.engine import ContactProblem, Settings, solve_contacts
+from multicor_cli.engine.contact.settings import Method
+from multicor_cli.model.model import Floats, Ints
 
 METHODS: tuple[Method, ...] = ("gauss-seidel", "accelerated")
 WORST = 1e-8

@@ -10,8 +10,8 @@ from family import undetermined
 from law import approach_velocity, contact_velocity, pushed, violations
 from one_problem import CHANGED, WORST
 
-from multicor_cli.solver import ContactProblem
-from multicor_cli.state.model import Floats
+from multicor_cli.engine import ContactProblem
+from multicor_cli.model.model import Floats
 
 FILE = Path(__file__).parents[2] / "tests" / "data" / "two-solutions.npz"
 _STEPS = 1000

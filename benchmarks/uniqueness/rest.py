@@ -8,8 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 from driving import Driven, begin
 
-from multicor_cli.solver.settings import Method
-from multicor_cli.state.model import Floats
+from multicor_cli.engine.contact.settings import Method
+from multicor_cli.model.model import Floats
 
 WAYS: dict[str, tuple[Method, str, float]] = {
     "accelerated": ("accelerated", "last step", 1.0),

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from multicor_cli.state.model import Floats
+from multicor_cli.model.model import Floats
 
 _MOST = 16  # signs are all tried up to this many differences, drawn by lot beyond
 

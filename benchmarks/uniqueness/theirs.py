@@ -13,8 +13,8 @@ import numpy as np
 from law import contact_velocity, pushed
 from one_problem import Solve, as_solve
 
-from multicor_cli.solver import ContactProblem
-from multicor_cli.state.model import Floats
+from multicor_cli.engine import ContactProblem
+from multicor_cli.model.model import Floats
 
 
 def find_python() -> str | None:

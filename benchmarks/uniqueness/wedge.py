@@ -12,7 +12,7 @@ from fractions import Fraction
 
 import numpy as np
 
-from multicor_cli.solver import ContactProblem
+from multicor_cli.engine import ContactProblem
 
 S, C = Fraction(7, 25), Fraction(24, 25)
 FRICTION = Fraction(1, 2)

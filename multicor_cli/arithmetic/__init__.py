@@ -7,7 +7,7 @@ trajectory. So whatever reaches a `Model` or a `State` calls the functions of th
 every other call.
 
 The functions are plain Python over floats; `arithmetic.sums` is about arrays. Kernels compile these very functions
-(`multicor_cli.kernels.jit` registers them) and `multicor_cli.kernels.elementwise` applies them to arrays, so interpreted and
+(`multicor_cli.engine.jit.compile` registers them) and `multicor_cli.engine.jit.elementwise` applies them to arrays, so interpreted and
 compiled results are equal to the bit. Their accuracy is tested against many digits.
 """
 

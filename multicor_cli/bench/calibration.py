@@ -16,8 +16,8 @@ from pathlib import Path
 import numba
 import numpy as np
 
-from multicor_cli.kernels.sweep import System
-from multicor_cli.kernels.yardsticks import copy_blocks, sweep_repeatedly
+from multicor_cli.bench.yardsticks import copy_blocks, sweep_repeatedly
+from multicor_cli.engine.contact.sweep import System
 
 _COPIED = 1 << 25  # numbers: 256 MB, more than any cache
 _ROUNDS = 7

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from multicor_cli.bench.driving import Prepared, Round
-from multicor_cli.state import BOOK_NAMES, HEAT_BOOK_NAMES, TALLY_NAMES
+from multicor_cli.model import BOOK_NAMES, HEAT_BOOK_NAMES, TALLY_NAMES
 
 CLOSURE = 1e-10
 OVERLAP = 1e-3

@@ -13,15 +13,15 @@ import numpy as np
 from multicor_cli.bench.rest import Rest, Settling
 from multicor_cli.bench.scenes import BenchScene
 from multicor_cli.bench.tiling import repeat_scene
-from multicor_cli.heat.coupled import CoupledEngine
+from multicor_cli.engine.contact.settings import StepReport
+from multicor_cli.engine.coupled import CoupledEngine
+from multicor_cli.model import Model, State
 from multicor_cli.packing import build
-from multicor_cli.run.controller import Controller
-from multicor_cli.run.plan import RunPlan, StagePlan
-from multicor_cli.run.planning import make_plan
-from multicor_cli.run.session import make_engine
+from multicor_cli.running.controller import Controller
+from multicor_cli.running.plan import RunPlan, StagePlan
+from multicor_cli.running.planning import make_plan
+from multicor_cli.running.session import make_engine
 from multicor_cli.scenario import Scenario, parse_scenario
-from multicor_cli.solver.settings import StepReport
-from multicor_cli.state import Model, State
 
 
 class _NoRecorder:

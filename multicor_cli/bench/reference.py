@@ -13,8 +13,8 @@ import time
 
 import numpy as np
 
-from multicor_cli.kernels.jit import kernel
-from multicor_cli.state.model import Floats, Ints
+from multicor_cli.engine.jit.compile import kernel
+from multicor_cli.model.model import Floats, Ints
 
 _CALLS = 120  # in one step, whatever the number of grains
 _FEW = 64  # grains of a call

@@ -7,9 +7,9 @@ from dataclasses import dataclass, field
 
 from multicor_cli.arithmetic import hypot
 from multicor_cli.arithmetic.sums import total
-from multicor_cli.run.conditions import KINETIC
-from multicor_cli.run.plan import StagePlan
-from multicor_cli.state import Model, State
+from multicor_cli.model import Model, State
+from multicor_cli.running.conditions import KINETIC
+from multicor_cli.running.plan import StagePlan
 
 QUIET = 1e-7
 """Kinetic energy at rest over Σ m g d: what would lift every grain by 10⁻⁷ diameters. The tolerance of the solver leaves 10⁻⁸."""

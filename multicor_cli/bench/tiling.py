@@ -7,8 +7,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.state import Grains, Model, ShapeKind, State, Thermal, WallShapes
-from multicor_cli.state.model import Floats, Ints
+from multicor_cli.model import Grains, Model, ShapeKind, State, Thermal, WallShapes
+from multicor_cli.model.model import Floats, Ints
 
 
 def repeat_scene(model: Model, state: State, copies: int) -> tuple[Model, State]:

@@ -52,13 +52,13 @@ def _hdf5_version() -> str:
 
 
 def _cores() -> str:
-    from multicor_cli.run.threads import available_cores
+    from multicor_cli.running.threads import available_cores
 
     return f"{available_cores()} of {os.cpu_count()}"
 
 
 def _cache() -> str:
-    from multicor_cli.kernels.cache import configure_cache, is_compiled
+    from multicor_cli.engine.jit.cache import configure_cache, is_compiled
 
     path = configure_cache()
     if path is None:

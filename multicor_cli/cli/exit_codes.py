@@ -18,15 +18,15 @@ from __future__ import annotations
 
 import sys
 
-from multicor_cli.run.outcome import ExitCode as ExitCode
+from multicor_cli.running.outcome import ExitCode as ExitCode
 
 _BY_CLASS = {
     ("multicor_cli.scenario.problems", "ScenarioError"): ExitCode.SCENARIO,
-    ("multicor_cli.solver.settings", "PhysicsError"): ExitCode.PHYSICS,
+    ("multicor_cli.engine.contact.settings", "PhysicsError"): ExitCode.PHYSICS,
     ("multicor_cli.post.source", "PostError"): ExitCode.USAGE,
     ("multicor_cli.plots.style", "PlotError"): ExitCode.ENVIRONMENT,
-    ("multicor_cli.kernels.layer", "NoThreadingLayer"): ExitCode.ENVIRONMENT,
-    ("multicor_cli.state.nudge", "NudgeError"): ExitCode.ENVIRONMENT,
+    ("multicor_cli.engine.jit.layer", "NoThreadingLayer"): ExitCode.ENVIRONMENT,
+    ("multicor_cli.model.nudge", "NudgeError"): ExitCode.ENVIRONMENT,
     ("multicor_cli.bench.recorded", "RecordError"): ExitCode.USAGE,
 }
 

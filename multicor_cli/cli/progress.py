@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from multicor_cli.cli.console import format_seconds, say
 
 if TYPE_CHECKING:
-    from multicor_cli.run.observer import Observer, Status
+    from multicor_cli.running.observer import Observer, Status
 
 LINE_INTERVAL = 30.0
 """Wall-clock time between two lines in a log [s]."""

@@ -28,7 +28,7 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON."
 
 def info(directory: RunPath, is_json: AsJson = False) -> None:
     """Say what a run holds, how far it is, and how good it is."""
-    from multicor_cli.heat.watch import biot_warning, undelivered_warning
+    from multicor_cli.engine.heat.watch import biot_warning, undelivered_warning
     from multicor_cli.store import run_info
 
     found = run_info(directory)

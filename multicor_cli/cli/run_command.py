@@ -15,8 +15,8 @@ from multicor_cli.cli.guard import set_crash_directory
 from multicor_cli.cli.options import Overrides, ScenarioFile, count_noun
 
 if TYPE_CHECKING:
-    from multicor_cli.run.outcome import RunOutcome
-    from multicor_cli.run.signals import Switchboard
+    from multicor_cli.running.outcome import RunOutcome
+    from multicor_cli.running.signals import Switchboard
     from multicor_cli.scenario.scenario import Scenario
 
 Directory = Annotated[
@@ -51,7 +51,7 @@ def run(
 
     Ctrl-C, SIGTERM and SIGHUP stop after a checkpoint (a second one at once), SIGUSR1 writes a checkpoint and goes on.
     """
-    from multicor_cli.run.signals import Switchboard
+    from multicor_cli.running.signals import Switchboard
 
     with Switchboard(may_exit=True).installed() as switchboard:
         with switchboard.impatient():
@@ -72,12 +72,12 @@ class _Job(NamedTuple):
 
 def _prepare(path: Path, overrides: Sequence[str], threads: int) -> _Job:
     """Load the scenario, and the engine with room for the threads: most of the time before a run can begin."""
-    from multicor_cli.run.threads import reserve_threads
+    from multicor_cli.running.threads import reserve_threads
     from multicor_cli.scenario.load import load_scenario
 
     scenario = load_scenario(path, overrides)
     count = reserve_threads(threads or scenario.solver.threads)
-    importlib.import_module("multicor_cli.run.session")
+    importlib.import_module("multicor_cli.running.session")
     return _Job(scenario, count)
 
 
@@ -85,7 +85,7 @@ def _run(
     job: _Job, output: Path | None, max_hours: float | None, switchboard: Switchboard, *, overwrite: bool, is_quiet: bool
 ) -> RunOutcome:
     from multicor_cli.cli.progress import make_observer
-    from multicor_cli.run.session import Session
+    from multicor_cli.running.session import Session
 
     path = output if output is not None else Path("runs") / job.scenario.name
     set_crash_directory(path)
@@ -111,7 +111,7 @@ def _conclude(outcome: RunOutcome, *, is_quiet: bool) -> None:
 
 def _dry_run(job: _Job) -> None:
     from multicor_cli.packing import build
-    from multicor_cli.run.dry_run import try_step
+    from multicor_cli.running.dry_run import try_step
 
     say("placing the grains")
     model, state = build(job.scenario)

@@ -15,11 +15,11 @@ from multicor_cli.cli.exit_codes import ExitCode
 from multicor_cli.cli.options import Overrides, ScenarioFile, count_noun
 
 if TYPE_CHECKING:
-    from multicor_cli.run.estimate import Estimate
-    from multicor_cli.run.plan import RunPlan
-    from multicor_cli.run.time_step import StepReview
+    from multicor_cli.model import Model
+    from multicor_cli.running.estimate import Estimate
+    from multicor_cli.running.plan import RunPlan
+    from multicor_cli.running.time_step import StepReview
     from multicor_cli.scenario.scenario import Scenario
-    from multicor_cli.state import Model
 
 NAME_HELP = "Name of the scenario; the file is NAME.toml."
 TEMPLATE_HELP = "What to start from: shear, column, hopper or drum."
@@ -53,16 +53,16 @@ def validate(
     is_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
 ) -> None:
     """Check a scenario, place its grains, and estimate what a run will cost. Nothing is written."""
-    from multicor_cli.run.threads import reserve_threads
+    from multicor_cli.running.threads import reserve_threads
     from multicor_cli.scenario.load import load_scenario
 
     loaded = load_scenario(scenario, overrides or ())
     cores = reserve_threads(threads or loaded.solver.threads)
 
     from multicor_cli.packing import build
-    from multicor_cli.run.estimate import estimate
-    from multicor_cli.run.planning import make_plan
-    from multicor_cli.run.time_step import review_steps
+    from multicor_cli.running.estimate import estimate
+    from multicor_cli.running.planning import make_plan
+    from multicor_cli.running.time_step import review_steps
 
     model, state = build(loaded)
     plan = make_plan(loaded, model)

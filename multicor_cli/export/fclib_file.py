@@ -15,10 +15,10 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from multicor_cli.engine.contact.problem import ContactProblem, free_velocity
 from multicor_cli.export.errors import ExportError
 from multicor_cli.export.target import check_file
-from multicor_cli.solver.problem import ContactProblem, free_velocity
-from multicor_cli.state.model import Floats, Ints
+from multicor_cli.model.model import Floats, Ints
 from multicor_cli.store.atomic import GuardedFile, commit_file, storage_errors, temporary_beside
 from multicor_cli.store.checked import reading
 from multicor_cli.store.errors import StorageError

@@ -7,18 +7,18 @@ from pathlib import Path
 
 import numpy as np
 
+from multicor_cli.engine.contact.problem import ContactProblem
 from multicor_cli.export.errors import ExportError
 from multicor_cli.export.fclib_file import write_fclib
 from multicor_cli.export.selection import choose_frame
 from multicor_cli.export.target import check_file
-from multicor_cli.run.plan import RunPlan
-from multicor_cli.run.planning import make_plan
-from multicor_cli.run.session import make_engine
+from multicor_cli.model import Model, State
+from multicor_cli.model.model import Floats
+from multicor_cli.running.plan import RunPlan
+from multicor_cli.running.planning import make_plan
+from multicor_cli.running.session import make_engine
 from multicor_cli.scenario.load import parse_scenario
 from multicor_cli.scenario.scenario import Scenario
-from multicor_cli.solver.problem import ContactProblem
-from multicor_cli.state import Model, State
-from multicor_cli.state.model import Floats
 from multicor_cli.store import Frame, Run
 from multicor_cli.store.errors import DamagedRun
 

@@ -18,8 +18,8 @@ from numpy.typing import NDArray
 from multicor_cli.export.errors import ExportRefused, MissingLibrary
 from multicor_cli.export.selection import Progress, choose_frames, no_progress
 from multicor_cli.export.target import check_file, new_file
-from multicor_cli.state import Model
-from multicor_cli.state.model import Floats
+from multicor_cli.model import Model
+from multicor_cli.model.model import Floats
 from multicor_cli.store import Frame, Run, StorageError
 
 _DEPTH = 1.0

@@ -7,7 +7,7 @@ from typing import Literal
 
 import numpy as np
 
-from multicor_cli.state.model import Floats
+from multicor_cli.model.model import Floats
 
 Shape = Literal["disc", "sphere"]
 

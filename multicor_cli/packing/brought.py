@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from multicor_cli.state.model import Floats
+from multicor_cli.model.model import Floats
 
 MAX_GRAINS = 50_000_000
 """More grains than any machine of today can hold; a file that claims more is refused before memory is taken."""

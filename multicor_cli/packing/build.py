@@ -6,6 +6,9 @@ from dataclasses import replace
 
 import numpy as np
 
+from multicor_cli.model import Grains, Model, State, Thermal
+from multicor_cli.model.model import Floats, Ints
+from multicor_cli.model.nudge import nudge, nudge_seed
 from multicor_cli.packing.bodies import SHAPE_FACTOR, Shape, inertias, masses
 from multicor_cli.packing.brought import Brought
 from multicor_cli.packing.errors import PackingError
@@ -19,9 +22,6 @@ from multicor_cli.packing.wall_tables import BuiltWalls, build_walls
 from multicor_cli.packing.walls import in_world
 from multicor_cli.scenario import Scenario, ScenarioError
 from multicor_cli.scenario.models import FrictionTable
-from multicor_cli.state import Grains, Model, State, Thermal
-from multicor_cli.state.model import Floats, Ints
-from multicor_cli.state.nudge import nudge, nudge_seed
 
 _LEAST_DIAMETERS = 4.0
 """Shortest period over the largest diameter: the engine finds each neighbor once only if it is not its own neighbor's image."""

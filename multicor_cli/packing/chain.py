@@ -9,11 +9,11 @@ import numpy as np
 
 from multicor_cli.arithmetic import hypot
 from multicor_cli.arithmetic.sums import total
-from multicor_cli.kernels import elementwise
+from multicor_cli.engine.jit import elementwise
+from multicor_cli.model.model import Floats
 from multicor_cli.packing.errors import PackingError
 from multicor_cli.packing.sizes import Sizes, diameter, draw_to_total
 from multicor_cli.packing.streams import Stream
-from multicor_cli.state.model import Floats
 
 _ROUNDS = 20
 _BISECTIONS = 200

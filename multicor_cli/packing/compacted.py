@@ -17,13 +17,13 @@ from dataclasses import replace
 import numpy as np
 
 from multicor_cli.arithmetic.sums import mean, total
+from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
+from multicor_cli.model import ContactLaws, Grains, Model, State
+from multicor_cli.model.model import Floats
 from multicor_cli.packing.bodies import SHAPE_FACTOR, Shape, inertias, masses
 from multicor_cli.packing.errors import PackingError
 from multicor_cli.packing.region import Region
 from multicor_cli.packing.walls import box, join_shapes, join_walls, plane
-from multicor_cli.physics.drives import Constant, DofDrive, WallDrive
-from multicor_cli.state import ContactLaws, Grains, Model, State
-from multicor_cli.state.model import Floats
 
 _STEP = 0.1  # of √(m/P), the time in which the load moves a grain by its size
 _APPROACH = 0.03  # speed of the unhindered lid over H/√(m/P)
@@ -64,7 +64,7 @@ def compact(
     Raises:
         PackingError: The packing does not come to rest, or the engine fails.
     """
-    from multicor_cli.solver import PhysicsError
+    from multicor_cli.engine import PhysicsError
 
     mass = masses(radius, density, shape, thickness)
     model, state = _press(position, radius, mass, region, shape, friction)
@@ -100,7 +100,7 @@ class _Press:
         self._start(model)
 
     def _start(self, model: Model) -> None:
-        from multicor_cli.solver import Engine, Settings
+        from multicor_cli.engine import Engine, Settings
 
         # The result is a place to start from, not a measurement: a step that needs very many sweeps may stay inexact.
         settings = Settings(tolerance_rms=3e-4, tolerance_max=5e-3, max_sweeps=300)

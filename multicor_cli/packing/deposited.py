@@ -13,12 +13,12 @@ from __future__ import annotations
 import numpy as np
 
 from multicor_cli.arithmetic.sums import total
+from multicor_cli.model.model import Floats
 from multicor_cli.packing.errors import PackingError
 from multicor_cli.packing.obstacles import Obstacles
 from multicor_cli.packing.placing import drop_and_roll, make_field
 from multicor_cli.packing.region import Region
 from multicor_cli.packing.streams import Stream
-from multicor_cli.state.model import Floats
 
 _ATTEMPTS = 200
 _BATCH = 4096

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from multicor_cli.model.model import Floats
 from multicor_cli.packing.bodies import Shape
 from multicor_cli.packing.brought import Brought
 from multicor_cli.packing.compacted import compact
@@ -33,7 +34,6 @@ from multicor_cli.scenario.models import (
     RunPacking,
     TilePacking,
 )
-from multicor_cli.state.model import Floats
 
 Source = LatticePacking | RandomPacking | DepositedPacking | CompactedPacking
 

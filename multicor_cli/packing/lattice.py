@@ -13,11 +13,11 @@ from typing import Literal, NamedTuple
 
 import numpy as np
 
-from multicor_cli.kernels import elementwise
+from multicor_cli.engine.jit import elementwise
+from multicor_cli.model.model import Floats
 from multicor_cli.packing.errors import PackingError
 from multicor_cli.packing.region import Region
 from multicor_cli.packing.streams import Stream
-from multicor_cli.state.model import Floats
 
 LatticeKind = Literal["triangular", "square"]
 

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from multicor_cli.state.model import ContactLaws, Floats
-from multicor_cli.state.model import Softening as SofteningLaws
+from multicor_cli.model.model import ContactLaws, Floats
+from multicor_cli.model.model import Softening as SofteningLaws
 
 Points = tuple[tuple[float, ...], tuple[float, ...]]
 """Sliding speeds [m/s], ascending, and the coefficients of friction at them."""

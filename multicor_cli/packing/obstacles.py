@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from multicor_cli.model.model import Floats, Ints, ShapeKind
 from multicor_cli.packing.region import Region
-from multicor_cli.state.model import Floats, Ints, ShapeKind
 
 
 @dataclass(frozen=True)
@@ -16,7 +16,7 @@ class Obstacles:
 
     Attributes:
         kind: `ShapeKind` of each shape, shape ``(m,)``.
-        world: Geometry [m], as in `multicor_cli.state.WallShapes` but in the world, shape ``(m, 4)``.
+        world: Geometry [m], as in `multicor_cli.model.WallShapes` but in the world, shape ``(m, 4)``.
     """
 
     kind: Ints

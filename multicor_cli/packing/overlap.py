@@ -8,13 +8,13 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.kernels.jit import kernel
-from multicor_cli.kernels.neighbours import gap_to_shape
+from multicor_cli.engine.geometry.neighbors import gap_to_shape
+from multicor_cli.engine.jit.compile import kernel
+from multicor_cli.model.model import Floats, Ints, ShapeKind
 from multicor_cli.packing.errors import PackingError
 from multicor_cli.packing.obstacles import Obstacles
 from multicor_cli.packing.pairs import find_pairs, size_class
 from multicor_cli.packing.walls import Front
-from multicor_cli.state.model import Floats, Ints, ShapeKind
 
 LARGEST = 1e-3
 """Largest overlap that is accepted, over the smaller radius."""

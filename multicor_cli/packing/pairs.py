@@ -8,9 +8,9 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.kernels.neighbours import bin_discs, list_pairs
+from multicor_cli.engine.geometry.neighbors import bin_discs, list_pairs
+from multicor_cli.model.model import Floats, Ints
 from multicor_cli.packing.obstacles import Obstacles
-from multicor_cli.state.model import Floats, Ints
 
 MAX_LEVELS = 10
 

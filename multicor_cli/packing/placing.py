@@ -11,12 +11,12 @@ from typing import NamedTuple
 import numpy as np
 
 from multicor_cli.arithmetic import acos, asin, atan2, cos, sin
-from multicor_cli.kernels.jit import kernel
-from multicor_cli.kernels.neighbours import gap_to_shape, minimum_image
+from multicor_cli.engine.geometry.neighbors import gap_to_shape, minimum_image
+from multicor_cli.engine.jit.compile import kernel
+from multicor_cli.model.model import Floats, Ints, ShapeKind
 from multicor_cli.packing.obstacles import Obstacles
 from multicor_cli.packing.pairs import Grids, make_grids, wrap
 from multicor_cli.packing.region import Region
-from multicor_cli.state.model import Floats, Ints, ShapeKind
 
 _DISC = int(ShapeKind.DISC)
 _FALLS = -1

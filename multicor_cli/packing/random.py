@@ -12,6 +12,7 @@ import math
 import numpy as np
 
 from multicor_cli.arithmetic.sums import mean, total
+from multicor_cli.model.model import Floats, ShapeKind
 from multicor_cli.packing.errors import PackingError
 from multicor_cli.packing.obstacles import Obstacles
 from multicor_cli.packing.pairs import find_pairs
@@ -19,7 +20,6 @@ from multicor_cli.packing.placing import insert_at_random, make_field
 from multicor_cli.packing.region import Region
 from multicor_cli.packing.relaxation import relax
 from multicor_cli.packing.streams import Stream
-from multicor_cli.state.model import Floats, ShapeKind
 
 DEFAULT_ATTEMPTS = 1000
 

@@ -13,12 +13,12 @@ from typing import NamedTuple
 import numpy as np
 
 from multicor_cli.arithmetic.sums import mean
-from multicor_cli.kernels.jit import kernel
-from multicor_cli.kernels.neighbours import gap_to_shape, minimum_image
+from multicor_cli.engine.geometry.neighbors import gap_to_shape, minimum_image
+from multicor_cli.engine.jit.compile import kernel
+from multicor_cli.model.model import Floats, Ints
 from multicor_cli.packing.obstacles import Obstacles
 from multicor_cli.packing.pairs import Pairs, find_pairs, wrap
 from multicor_cli.packing.region import Region
-from multicor_cli.state.model import Floats, Ints
 
 INFLATION = 5e-4
 """Radii are enlarged by this share while relaxing, so that what is left over at the end is a small gap and no overlap."""

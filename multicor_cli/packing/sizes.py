@@ -19,9 +19,9 @@ import numpy as np
 
 from multicor_cli import arithmetic
 from multicor_cli.arithmetic import sums
-from multicor_cli.kernels import elementwise
+from multicor_cli.engine.jit import elementwise
+from multicor_cli.model.model import Floats
 from multicor_cli.packing.streams import Stream
-from multicor_cli.state.model import Floats
 
 MASS_POWER = {"disc": 2, "sphere": 3}
 """p in ``mass ∝ radius^p`` by shape."""

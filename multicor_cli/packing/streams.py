@@ -13,7 +13,7 @@ from enum import IntEnum
 
 import numpy as np
 
-from multicor_cli.state.model import Floats
+from multicor_cli.model.model import Floats
 
 
 class Table(IntEnum):

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
+from multicor_cli.model.model import Floats
 from multicor_cli.packing.brought import MAX_GRAINS
 from multicor_cli.packing.errors import PackingError
 from multicor_cli.scenario.base import KELVIN_BOUNDS
-from multicor_cli.state.model import Floats
 
 MAX_BYTES = 2**31
 """Largest file: more than 40 characters for each of the most grains there can be."""

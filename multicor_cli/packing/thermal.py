@@ -7,6 +7,8 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from multicor_cli.model import Thermal
+from multicor_cli.model.model import Floats
 from multicor_cli.packing.bodies import masses
 from multicor_cli.packing.brought import Brought
 from multicor_cli.packing.errors import PackingError
@@ -23,8 +25,6 @@ from multicor_cli.scenario.models import (
     RegionsTemperature,
     ValuesTemperature,
 )
-from multicor_cli.state import Thermal
-from multicor_cli.state.model import Floats
 
 _KEY = ("temperature",)
 _EQUAL = 1.1

@@ -8,8 +8,8 @@ from collections.abc import Iterator, Mapping
 import numpy as np
 from numpy.typing import NDArray
 
+from multicor_cli.model.model import Floats
 from multicor_cli.scenario.base import KELVIN_BOUNDS
-from multicor_cli.state.model import Floats
 
 MAX_COORDINATE = 1e6
 """Bound on coordinates and radii [m], as in the scenario file."""

@@ -7,6 +7,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from multicor_cli.model.model import Floats, Walls, WallShapes
 from multicor_cli.packing.bodies import Shape
 from multicor_cli.packing.chain import chain_in_circle, chain_on_line
 from multicor_cli.packing.errors import PackingError
@@ -34,7 +35,6 @@ from multicor_cli.scenario.models import (
     RoughGeometry,
     Wall,
 )
-from multicor_cli.state.model import Floats, Walls, WallShapes
 
 
 class BuiltWalls(NamedTuple):

@@ -13,9 +13,9 @@ import numpy as np
 
 from multicor_cli.arithmetic import hypot
 from multicor_cli.arithmetic.sums import column_totals, mean, total
-from multicor_cli.kernels import elementwise
+from multicor_cli.engine.jit import elementwise
+from multicor_cli.model.model import Floats, Ints, ShapeKind, Walls, WallShapes
 from multicor_cli.packing.bodies import Shape, inertias, masses
-from multicor_cli.state.model import Floats, Ints, ShapeKind, Walls, WallShapes
 
 
 @dataclass(frozen=True)

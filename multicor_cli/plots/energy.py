@@ -8,9 +8,9 @@ from typing import Any
 
 import numpy as np
 
+from multicor_cli.model.model import Floats
 from multicor_cli.plots.style import COLORS, COLUMN, PAGE, figure_file, show_decades
 from multicor_cli.post.energy import HEAT, MECHANICAL, EnergyTable, Entry
-from multicor_cli.state.model import Floats
 
 _GAIN = Entry("kinetic_gain", "kinetic energy", -1)
 _STORED = Entry("heat_stored", "stored in the grains", -1)

@@ -7,11 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from multicor_cli.model.model import Floats
 from multicor_cli.plots.scene import draw_discs, draw_walls, place_scene
 from multicor_cli.plots.style import COLORS, COLUMN, figure_file
 from multicor_cli.post.forces import ForceNetwork
 from multicor_cli.post.scene import images
-from multicor_cli.state.model import Floats
 
 _POINTS = 72.0  # points per inch
 _WIDTH = 0.2  # width of the line of a mean force over the mean diameter

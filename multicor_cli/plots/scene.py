@@ -6,9 +6,9 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from multicor_cli.model.model import Floats
 from multicor_cli.plots.style import COLUMN, PAGE
 from multicor_cli.post.scene import Scene, images
-from multicor_cli.state.model import Floats
 
 WALL = "0.35"
 """Color of walls."""

@@ -6,8 +6,8 @@ from typing import Any
 
 import numpy as np
 
+from multicor_cli.model.model import Floats
 from multicor_cli.post.grain_map import GrainMap
-from multicor_cli.state.model import Floats
 
 _CELL = 1.0  # cell of the grid over the mean diameter, for few grains
 _FINEST = 250  # cells along the longer side at most

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from multicor_cli.state.model import Floats
+from multicor_cli.model.model import Floats
 from multicor_cli.store.atomic import commit_result
 
 COLUMN = 3.35

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.state.model import Floats
+from multicor_cli.model.model import Floats
 
 WIDTH, HEIGHT = 72, 20
 """Columns and rows of the area of a chart."""

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.state.model import Floats
+from multicor_cli.model.model import Floats
 
 
 class Shares(NamedTuple):

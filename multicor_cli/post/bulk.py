@@ -7,14 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from multicor_cli.model import Model, ShapeKind
+from multicor_cli.model.model import Floats
 from multicor_cli.post.binning import area_below, part_between
 from multicor_cli.post.contacts import LoadedContacts, has_forces, loaded_contacts
 from multicor_cli.post.extent import Extent
 from multicor_cli.post.flow import MeanFlow
 from multicor_cli.post.source import FrameSource, GrainFrame, PostError
 from multicor_cli.post.sums import heights
-from multicor_cli.state import Model, ShapeKind
-from multicor_cli.state.model import Floats
 
 MARGIN = 8.0
 """Mean diameters next to a wall that do not count as bulk: a rough wall disturbs the spins that far."""

@@ -8,11 +8,11 @@ from typing import Any, Protocol
 
 import numpy as np
 
+from multicor_cli.model.model import Floats
 from multicor_cli.post.energy import Entry, energy
 from multicor_cli.post.profile import ProfileTable, profile
 from multicor_cli.post.rheology import QUANTITIES, Rheology, SeriesSource, rheology
 from multicor_cli.post.source import PostError, Selection
-from multicor_cli.state.model import Floats
 
 
 class ScenarioSource(SeriesSource, Protocol):
@@ -180,7 +180,7 @@ def compare(
         PostError: If a profile cannot be made of one of the runs.
         StoreError: If a run cannot be read.
     """
-    from multicor_cli.run.differences import find_differences
+    from multicor_cli.running.differences import find_differences
     from multicor_cli.scenario.problems import format_key
 
     found = find_differences(first.scenario_resolved, second.scenario_resolved)

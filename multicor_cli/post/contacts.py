@@ -9,8 +9,8 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
+from multicor_cli.model.model import Floats, Model, ShapeKind
 from multicor_cli.post.source import FrameSource, GrainFrame, PostError
-from multicor_cli.state.model import Floats, Model, ShapeKind
 
 
 class ContactRows(Protocol):

@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from multicor_cli.model import Model, ShapeKind
+from multicor_cli.model.model import Floats
 from multicor_cli.post.source import FrameSource, GrainFrame
-from multicor_cli.state import Model, ShapeKind
-from multicor_cli.state.model import Floats
 
 _LEVEL = 0.7  # a plane bounds the grains in y if its normal points within 45 degrees up or down
 _STRAY = 0.1  # part of the grains that may have got through a wall without its ceasing to bound them

@@ -8,9 +8,9 @@ from typing import Literal
 
 import numpy as np
 
+from multicor_cli.model.model import Floats, Model
 from multicor_cli.post.contacts import LoadedContacts, loaded_contacts
 from multicor_cli.post.source import GrainFrame, need_heat
-from multicor_cli.state.model import Floats, Model
 
 Kind = Literal["mean", "number", "rate", "share", "contact"]
 """How grains or contacts add up to the value of a bin.

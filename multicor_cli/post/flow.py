@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from multicor_cli.model.model import Floats
 from multicor_cli.post.extent import Extent
 from multicor_cli.post.source import FrameSource, GrainFrame
 from multicor_cli.post.sums import Bins, heights
-from multicor_cli.state.model import Floats
 
 _CELL_LIMIT = 1000
 _SMOOTHING = 1e-12  # weight of the slopes beside that of the grains: it decides only what no grain does

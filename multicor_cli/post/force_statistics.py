@@ -9,9 +9,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from multicor_cli.model.model import Floats
 from multicor_cli.post.contacts import LoadedContacts, loaded_contacts, with_forces
 from multicor_cli.post.source import FrameSource, PostError, Selection
-from multicor_cli.state.model import Floats
 
 FORCE_BINS = 40
 """Logarithmic bins of the force distribution."""

@@ -8,10 +8,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from multicor_cli.model.model import Floats
 from multicor_cli.post.contacts import loaded_contacts, with_forces
 from multicor_cli.post.scene import Scene, make_scene
 from multicor_cli.post.source import FrameSource, frame_index
-from multicor_cli.state.model import Floats
 
 
 @dataclass(frozen=True)

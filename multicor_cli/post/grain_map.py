@@ -8,12 +8,12 @@ from typing import Any, Literal
 
 import numpy as np
 
+from multicor_cli.model.model import Floats
 from multicor_cli.post.contacts import loaded_contacts, with_forces
 from multicor_cli.post.flow import mean_flow
 from multicor_cli.post.profile import make_bins
 from multicor_cli.post.scene import Scene, make_scene
 from multicor_cli.post.source import FrameSource, GrainFrame, PostError, frame_index, need_heat
-from multicor_cli.state.model import Floats
 
 Scale = Literal["linear", "centered", "logarithmic"]
 """How values become colors: ``centered`` scales are symmetric about zero."""

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from multicor_cli.model.model import Floats
 from multicor_cli.post.contacts import with_forces
 from multicor_cli.post.extent import find_extent
 from multicor_cli.post.fields import FIELD_GROUPS, FIELDS, Field
@@ -27,7 +28,6 @@ from multicor_cli.post.sums import (
     sum_rates,
     sum_shares,
 )
-from multicor_cli.state.model import Floats
 
 BIN_LIMIT = 100_000
 

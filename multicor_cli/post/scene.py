@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from multicor_cli.model import Model, ShapeKind
+from multicor_cli.model.model import Floats
 from multicor_cli.post.source import FrameSource, GrainFrame
-from multicor_cli.state import Model, ShapeKind
-from multicor_cli.state.model import Floats
 
 _NEAR = 0.25  # walls count for the frame of a picture if they begin within this part of the grains' extent
 _MARGIN = 0.02

@@ -8,7 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.state.model import Floats, Model
+from multicor_cli.model.model import Floats, Model
 
 
 class PostError(Exception):

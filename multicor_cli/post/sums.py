@@ -10,11 +10,11 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from multicor_cli.model.model import Floats
 from multicor_cli.post.binning import Shares, share_discs, share_lines
 from multicor_cli.post.contacts import LoadedContacts, loaded_contacts
 from multicor_cli.post.extent import Extent
 from multicor_cli.post.source import FrameSource, GrainFrame, PostError
-from multicor_cli.state.model import Floats
 
 BLOCKS = 10
 """Number of blocks of consecutive rows whose scatter gives the standard error (fewer if there are fewer rows)."""

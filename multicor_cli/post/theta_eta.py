@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from multicor_cli.model.model import Floats
 from multicor_cli.post.extent import wall_spans
 from multicor_cli.post.source import FrameSource, GrainFrame, PostError, frame_index, need_heat
-from multicor_cli.state.model import Floats
 
 BIN_LIMIT = 100_000
 

@@ -8,9 +8,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from multicor_cli.model.model import Floats
 from multicor_cli.post.scene import make_scene
 from multicor_cli.report.fields import VIEW_FIELDS, ViewField
-from multicor_cli.state.model import Floats
 from multicor_cli.store import Run
 
 Singles = NDArray[np.float32]

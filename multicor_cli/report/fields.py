@@ -8,9 +8,9 @@ from typing import Literal
 
 import numpy as np
 
+from multicor_cli.model.model import Floats
 from multicor_cli.post import MAP_FIELDS
 from multicor_cli.report.quantize import Spacing
-from multicor_cli.state.model import Floats
 from multicor_cli.store import Run
 
 Scale = Literal["linear", "centered", "logarithmic"]

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from multicor_cli.model.model import Floats
 from multicor_cli.report.collect import ContactsView, FrameView, choose_frames, fields_of, read_frame
 from multicor_cli.report.fields import ViewField
 from multicor_cli.report.quantize import Code, compress
-from multicor_cli.state.model import Floats
 from multicor_cli.store import Run
 
 _CONTACT_SHARE = 0.25  # of the bytes of a frame may belong to contacts if not everything fits

@@ -9,7 +9,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.state.model import Floats
+from multicor_cli.model.model import Floats
 
 Spacing = Literal["even", "square", "signed"]
 """``even``: all steps are equal. ``square``: steps grow from the low end on, ``signed``: from the middle on, to both sides, for

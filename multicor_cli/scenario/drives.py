@@ -11,8 +11,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from multicor_cli.physics.drives import Constant, DofDrive, Ramp, Shifted, Sine, Table, WallDrive
-from multicor_cli.physics.drives import Signal as EngineSignal
+from multicor_cli.engine.motion.drives import Constant, DofDrive, Ramp, Shifted, Sine, Table, WallDrive
+from multicor_cli.engine.motion.drives import Signal as EngineSignal
 from multicor_cli.scenario.loading import AnyDof, FixedDof, ForceDof, Stage
 from multicor_cli.scenario.signals import AnySignal, RampSignal, SineSignal, TableSignal
 

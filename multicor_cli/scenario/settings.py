@@ -19,7 +19,7 @@ TimeStep = Annotated[
     Annotated[Time, Tag("<plain>")] | Annotated[Literal["auto"], Tag("<word>")],
     Discriminator(tag_word),
 ]
-"""A time step [s], or ``"auto"``: see `multicor_cli.run.time_step`."""
+"""A time step [s], or ``"auto"``: see `multicor_cli.running.time_step`."""
 
 
 class Header(Table):

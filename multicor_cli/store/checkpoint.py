@@ -10,8 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.state import Model, State
-from multicor_cli.state.faults import find_misfit
+from multicor_cli.model import Model, State
+from multicor_cli.model.faults import find_misfit
 from multicor_cli.store import schema
 from multicor_cli.store.atomic import file_digest, kill_point, storage_errors
 from multicor_cli.store.checked import CheckedFile

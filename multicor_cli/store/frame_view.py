@@ -9,7 +9,7 @@ from typing import Any, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.state import Model
+from multicor_cli.model import Model
 from multicor_cli.store import schema
 from multicor_cli.store.errors import DamagedRun
 from multicor_cli.store.parts import Parts

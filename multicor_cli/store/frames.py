@@ -9,8 +9,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.arithmetic.sums import total
-from multicor_cli.state import BOOK_NAMES, HEAT_BOOK_NAMES, TALLY_NAMES, WINDOW_NAMES, Model, State
-from multicor_cli.state.model import Floats, Ints, Thermal
+from multicor_cli.model import BOOK_NAMES, HEAT_BOOK_NAMES, TALLY_NAMES, WINDOW_NAMES, Model, State
+from multicor_cli.model.model import Floats, Ints, Thermal
 
 Columns = dict[str, NDArray[Any]]
 """Arrays by path of the schema."""

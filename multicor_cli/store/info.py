@@ -7,7 +7,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from multicor_cli.physics.hertz import hertz_flattening
+from multicor_cli.engine.contact.hertz import hertz_flattening
 from multicor_cli.store.errors import DamagedRun, StoreError
 from multicor_cli.store.reader import Run, open_run
 from multicor_cli.store.summary import empty_summary

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.state import ContactLaws, Grains, Model, ShapeKind, Softening, Thermal, Walls, WallShapes
-from multicor_cli.state.faults import LARGEST
+from multicor_cli.model import ContactLaws, Grains, Model, ShapeKind, Softening, Thermal, Walls, WallShapes
+from multicor_cli.model.faults import LARGEST
 from multicor_cli.store import schema
 from multicor_cli.store.checked import CheckedFile
 from multicor_cli.store.errors import DamagedRun

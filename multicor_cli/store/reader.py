@@ -11,7 +11,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from multicor_cli.state import Model, State
+from multicor_cli.model import Model, State
 from multicor_cli.store import layout, schema
 from multicor_cli.store.checked import CheckedFile
 from multicor_cli.store.checkpoint import Identity, load_newest

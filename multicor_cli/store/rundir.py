@@ -9,7 +9,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Literal
 
-from multicor_cli.state import Model, State
+from multicor_cli.model import Model, State
 from multicor_cli.store import layout
 from multicor_cli.store.atomic import file_digest, kill_point, make_directory, storage_errors
 from multicor_cli.store.checkpoint import Checkpoint, Identity, load_newest, prune, write_checkpoint

@@ -10,7 +10,7 @@ from collections.abc import Set
 from dataclasses import dataclass
 from typing import Literal
 
-from multicor_cli.state import BOOK_NAMES, TALLY_NAMES, WINDOW_NAMES, Model
+from multicor_cli.model import BOOK_NAMES, TALLY_NAMES, WINDOW_NAMES, Model
 
 FORMAT_VERSION = (1, 2)
 """Major and minor version of the file format. A reader refuses another major version and ignores unknown datasets."""

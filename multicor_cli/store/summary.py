@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from multicor_cli.state import BOOK_NAMES, HEAT_BOOK_NAMES, TALLY_NAMES, Model, State
-from multicor_cli.state.model import Thermal
+from multicor_cli.model import BOOK_NAMES, HEAT_BOOK_NAMES, TALLY_NAMES, Model, State
+from multicor_cli.model.model import Thermal
 from multicor_cli.store.frames import mean_temperature
 
 Summary = dict[str, Any]

@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.state import Model
+from multicor_cli.model import Model
 from multicor_cli.store import layout, schema
 from multicor_cli.store.atomic import file_digest
 from multicor_cli.store.checked import CheckedFile

@@ -10,7 +10,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.state import Model
+from multicor_cli.model import Model
 
 CHUNK_ROWS = 1 << 14
 """Rows of a chunk."""

@@ -24,7 +24,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.state import Model
+from multicor_cli.model import Model
 from multicor_cli.store import layout
 from multicor_cli.store.checked import reading
 from multicor_cli.store.errors import DamagedRun

@@ -5,7 +5,7 @@ from digest_cases import CONFIGS, SHIPPED
 from digest_run import digests_of, frozen
 
 import multicor_cli as multicor
-from multicor_cli.state.nudge import nudge_seed
+from multicor_cli.model.nudge import nudge_seed
 from multicor_cli.store import run_info
 
 

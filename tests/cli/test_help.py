@@ -42,7 +42,9 @@ def test_help_imports_nothing_heavy(arguments: list[str]) -> None:
 
 
 def test_importing_the_package_imports_nothing_heavy() -> None:
-    modules = loaded_after("import multicor_cli, multicor_cli.run, multicor_cli.cli.app, multicor_cli.store; multicor_cli.run")
+    modules = loaded_after(
+        "import multicor_cli, multicor_cli.running, multicor_cli.engine, multicor_cli.cli.app, multicor_cli.store; multicor_cli.run"
+    )
     assert not modules & HEAVY
 
 

@@ -90,7 +90,7 @@ def test_second_signal_ends_at_once(tmp_path: Path) -> None:
     write_small(tmp_path)
     slow = (
         "import sys, time; sys.argv = ['multicor', 'run', 'small.toml', '-o', 'slow']\n"
-        "import multicor_cli.run.session as s\n"
+        "import multicor_cli.running.session as s\n"
         "step = s.Engine.step\n"
         "def crawl(self, *a, **k):\n"
         "    report = step(self, *a, **k)\n"
@@ -120,7 +120,7 @@ def run_that_hangs(directory: Path, name: str) -> subprocess.Popen[str]:
     """A run in whose session the function ``name`` says so and never ends: a slow placement, or kernels that compile."""
     hanging = (
         "import sys, time; sys.argv = ['multicor', 'run', 'small.toml', '-o', 'early']\n"
-        "import multicor_cli.run.session as s\n"
+        "import multicor_cli.running.session as s\n"
         "def hang(*a, **k):\n"
         "    print('hanging', flush=True)\n"
         "    while True: time.sleep(0.05)\n"
@@ -265,7 +265,7 @@ def test_full_disk_is_code_5_and_can_be_continued(finished: Path, tmp_path: Path
     write_small(tmp_path)
     limited = (
         "import resource, signal, sys; sys.argv = ['multicor', 'run', 'small.toml', '-o', 'full']\n"
-        "import multicor_cli.run.session\n"
+        "import multicor_cli.running.session\n"
         "signal.signal(signal.SIGXFSZ, signal.SIG_IGN)\n"
         "resource.setrlimit(resource.RLIMIT_FSIZE, (100_000, 100_000))\n"
         "from multicor_cli.cli.app import main; main()"
@@ -284,7 +284,7 @@ def test_bug_leaves_a_crash_file_and_one_line(tmp_path: Path) -> None:
     write_small(tmp_path)
     broken = (
         "import sys; sys.argv = ['multicor', 'run', 'small.toml', '-o', 'broken']\n"
-        "import multicor_cli.run.session as s\n"
+        "import multicor_cli.running.session as s\n"
         "def step(self, *a, **k): raise ZeroDivisionError('of all things')\n"
         "s.Engine.step = step\n"
         "from multicor_cli.cli.app import main; main()"

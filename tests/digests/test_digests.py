@@ -13,7 +13,7 @@ from digest_cases import CASES, SHIPPED
 from digest_run import differences, frozen, run_cases
 from machines import another_machine
 
-from multicor_cli.state.nudge import VARIABLE, nudge_seed
+from multicor_cli.model.nudge import VARIABLE, nudge_seed
 
 HERE = Path(__file__).parent
 PYTHONPATH = str(HERE.parents[1])

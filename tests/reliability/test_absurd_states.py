@@ -15,7 +15,7 @@ from small_run import environment
 from trials import trials
 from warm_run import WARM
 
-from multicor_cli.state import State
+from multicor_cli.model import State
 
 WORKER = Path(__file__).parents[1] / "support" / "poison_worker.py"
 VALUES = ("nan", "inf", "-inf", "1e308", "-1e308")

@@ -21,14 +21,14 @@ from small_run import ROOT, SMALL, call
 from trials import trials
 from warm_run import WARM
 
+from multicor_cli.engine import PhysicsError
 from multicor_cli.packing import build
-from multicor_cli.run.estimate import estimate
-from multicor_cli.run.planning import make_plan
-from multicor_cli.run.session import make_engine
+from multicor_cli.running.estimate import estimate
+from multicor_cli.running.planning import make_plan
+from multicor_cli.running.session import make_engine
 from multicor_cli.scenario.load import parse_scenario
 from multicor_cli.scenario.problems import ScenarioError
 from multicor_cli.scenario.schema import scenario_schema
-from multicor_cli.solver import PhysicsError
 
 SOON = 1.0
 """Time in which a scenario is checked [s]."""

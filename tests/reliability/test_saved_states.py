@@ -14,10 +14,10 @@ from store_support import advance, make_model, make_run, start
 from trials import trials
 from warm_run import WARM
 
-from multicor_cli.run import run_scenario
-from multicor_cli.run.observer import SilentObserver, Status
-from multicor_cli.run.session import Session
-from multicor_cli.state import State
+from multicor_cli import run as run_scenario
+from multicor_cli.model import State
+from multicor_cli.running.observer import SilentObserver, Status
+from multicor_cli.running.session import Session
 from multicor_cli.store import DamagedRun, RunDirectory, SeriesRow, run_info
 
 STOPS = {"small": (SMALL, (45, 90)), "warm": (WARM, (7, 22, 30))}

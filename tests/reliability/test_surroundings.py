@@ -175,17 +175,17 @@ def test_directories_that_may_not_be_written(nobodys: Path) -> None:
 def test_stale_machine_code_is_never_used(tmp_path: Path) -> None:
     """Numba does not notice that a function called by a cached one has changed: a copy of the program, edited between two runs."""
     shutil.copytree(ROOT / "multicor_cli", tmp_path / "multicor_cli", ignore=shutil.ignore_patterns("__pycache__"))
-    kernel = tmp_path / "multicor_cli" / "kernels" / "probe.py"
-    formula = tmp_path / "multicor_cli" / "physics" / "probe.py"
+    kernel = tmp_path / "multicor_cli" / "packing" / "probe.py"
+    formula = tmp_path / "multicor_cli" / "scenario" / "probe.py"
     kernel.write_text(
-        "from multicor_cli.kernels.jit import kernel, scalar\n"
-        "from multicor_cli.physics import probe\n"
+        "from multicor_cli.engine.jit.compile import kernel, scalar\n"
+        "from multicor_cli.scenario import probe\n"
         "answer = scalar(probe.answer)\n"
         "@kernel\n"
         "def ask(x):\n"
         "    return answer(x)\n"
     )
-    script = "from multicor_cli.kernels.probe import ask; print(ask(1.0)); print(sum(ask.stats.cache_hits.values()))"
+    script = "from multicor_cli.packing.probe import ask; print(ask(1.0)); print(sum(ask.stats.cache_hits.values()))"
     seen = []
     for value in (1.0, 1.0, 2.0, 1.0):
         formula.write_text(f"def answer(x):\n    return {value} * x\n")

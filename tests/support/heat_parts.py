@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 from scene_parts import make_model
 
-from multicor_cli.heat.engine import HeatEngine
-from multicor_cli.heat.settings import ContactForce, HeatLaws, HeatSettings, WallHeat
-from multicor_cli.physics.drives import Constant
-from multicor_cli.physics.thermal.conduction import contact_modulus, harmonic_conductivity
-from multicor_cli.state import HEAT_BOOK_NAMES, State, Thermal
+from multicor_cli.engine.heat.conduction import contact_modulus, harmonic_conductivity
+from multicor_cli.engine.heat.settings import ContactForce, HeatLaws, HeatSettings, WallHeat
+from multicor_cli.engine.heat.step import HeatEngine
+from multicor_cli.engine.motion.drives import Constant
+from multicor_cli.model import HEAT_BOOK_NAMES, State, Thermal
 
 STEEL = {"conductivity": 15.0, "density": 7500.0, "capacity": 500.0, "young": 193e9, "poisson": 0.29}
 

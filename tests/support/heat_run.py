@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 from run_fakes import make_model
 
-from multicor_cli.state import HEAT_BOOK_NAMES, Model, State, Thermal
+from multicor_cli.model import HEAT_BOOK_NAMES, Model, State, Thermal
 from multicor_cli.store import ContactRows, FrameData, RunDirectory, SeriesRow
 
 GRAINS = 10

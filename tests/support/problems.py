@@ -3,8 +3,8 @@
 import numpy as np
 from scene_parts import advance, make_engine, make_model
 
-from multicor_cli.solver import ContactProblem, Settings
-from multicor_cli.state import ShapeKind
+from multicor_cli.engine import ContactProblem, Settings
+from multicor_cli.model import ShapeKind
 
 
 def column_problem(count, weight=9.81e-3):

@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 from heat_run import GRAINS, RADIUS, contact_rows, heated_model
 
-from multicor_cli.state import Model, State
+from multicor_cli.model import Model, State
 from multicor_cli.store import FrameData, RunDirectory, SeriesRow
 
 EVIL = "</script><script>window.broken = 1</script><img src=x onerror='window.broken = 2'>&amp;"

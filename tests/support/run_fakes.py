@@ -8,13 +8,13 @@ from typing import Any
 
 import numpy as np
 
-from multicor_cli.physics.drives import Constant, DofDrive, WallDrive
-from multicor_cli.run.conditions import RestReached, ShearGauge, StrainReached
-from multicor_cli.run.plan import RunPlan, StagePlan
-from multicor_cli.solver.contact_table import ContactTable
-from multicor_cli.solver.settings import Settings, StepReport
-from multicor_cli.solver.solve import Interrupted
-from multicor_cli.state import BOOK_NAMES, ContactLaws, Grains, Model, State, Walls, WallShapes
+from multicor_cli.engine.contact.settings import Settings, StepReport
+from multicor_cli.engine.contact.solve import Interrupted
+from multicor_cli.engine.contact.table import ContactTable
+from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
+from multicor_cli.model import BOOK_NAMES, ContactLaws, Grains, Model, State, Walls, WallShapes
+from multicor_cli.running.conditions import RestReached, ShearGauge, StrainReached
+from multicor_cli.running.plan import RunPlan, StagePlan
 
 KINETIC = BOOK_NAMES.index("kinetic")
 

@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from multicor_cli.physics.drives import Constant, DofDrive, WallDrive
-from multicor_cli.solver import Engine, Settings
-from multicor_cli.state import ContactLaws, Grains, Model, ShapeKind, State, Walls, WallShapes
+from multicor_cli.engine import Engine, Settings
+from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
+from multicor_cli.model import ContactLaws, Grains, Model, ShapeKind, State, Walls, WallShapes
 
 G = 9.81
 FLOOR = [(ShapeKind.PLANE, 0, (0.0, 0.0, 0.0, 1.0))]
@@ -75,13 +75,13 @@ def advance(engine, dt, steps):
 
 
 def book(state, name):
-    from multicor_cli.state import BOOK_NAMES
+    from multicor_cli.model import BOOK_NAMES
 
     return state.books[BOOK_NAMES.index(name)]
 
 
 def tally(state, name):
-    from multicor_cli.state.state import TALLY_NAMES
+    from multicor_cli.model.state import TALLY_NAMES
 
     return state.tallies[TALLY_NAMES.index(name)]
 

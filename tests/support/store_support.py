@@ -11,7 +11,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 
-from multicor_cli.state import (
+from multicor_cli.model import (
     BOOK_NAMES,
     HEAT_BOOK_NAMES,
     TALLY_NAMES,

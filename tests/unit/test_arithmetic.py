@@ -11,7 +11,7 @@ from multicor_cli import arithmetic
 from multicor_cli import arithmetic as a
 from multicor_cli.arithmetic import sums
 from multicor_cli.arithmetic.sums import FEW
-from multicor_cli.kernels import elementwise
+from multicor_cli.engine.jit import elementwise
 
 mpmath = pytest.importorskip("mpmath")
 

@@ -4,7 +4,7 @@ import itertools
 
 import pytest
 
-from multicor_cli.physics import contact_law as law
+from multicor_cli.engine.contact import law as law
 
 
 @pytest.mark.parametrize(

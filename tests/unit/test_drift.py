@@ -5,9 +5,9 @@ import pytest
 from scene_parts import make_model
 from scipy.spatial import cKDTree
 
-from multicor_cli.solver.drift import bound_closing, fit_drift
-from multicor_cli.solver.neighbour_list import NeighbourList
-from multicor_cli.state.model import ShapeKind
+from multicor_cli.engine.geometry.drift import bound_closing, fit_drift
+from multicor_cli.engine.geometry.neighbor_list import NeighborList
+from multicor_cli.model.model import ShapeKind
 
 
 def sheared(height, rng, rate=3.0, rest=0.01):
@@ -77,7 +77,7 @@ def test_a_list_stays_complete_while_a_layer_is_sheared():
     position = np.zeros((1600, 3))
     position[:, 0], position[:, 1] = x.ravel(), y.ravel()
     model = make_model(np.full(1600, 0.49), walls=(), period=period, gravity=(0.0, 0.0))
-    lists = NeighbourList(model)
+    lists = NeighborList(model)
     world, reach = np.empty((0, 4)), 0.05
     for _ in range(40):
         position[:, 0] = (position[:, 0] + 0.01 * position[:, 1]) % period

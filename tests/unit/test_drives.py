@@ -2,7 +2,7 @@
 
 import pytest
 
-from multicor_cli.physics.drives import Constant, Ramp, Sine, Table
+from multicor_cli.engine.motion.drives import Constant, Ramp, Sine, Table
 
 
 def test_signals():

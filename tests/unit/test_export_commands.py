@@ -8,8 +8,8 @@ import pytest
 from small_run import call, write_small
 from store_support import make_model, run_whole
 
+from multicor_cli.engine import solve_contacts
 from multicor_cli.export import read_fclib
-from multicor_cli.solver import solve_contacts
 
 
 @pytest.fixture(scope="module")

@@ -16,9 +16,9 @@ from small_run import SMALL, write_small
 
 from multicor_cli import load_scenario
 from multicor_cli import run as run_scenario
+from multicor_cli.engine import ContactProblem, Engine, Settings, solve_contacts
 from multicor_cli.export import ExportError, ExportRefused, export_fclib, frame_problem, read_fclib, write_fclib
 from multicor_cli.export.fclib_file import local_form, read_local_form
-from multicor_cli.solver import ContactProblem, Engine, Settings, solve_contacts
 from multicor_cli.store import DamagedRun, Run, StoreError, open_run
 
 TIGHT = Settings(tolerance_rms=1e-11, tolerance_max=1e-9, tolerance_energy=1e-9, max_sweeps=100_000)

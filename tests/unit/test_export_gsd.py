@@ -16,7 +16,7 @@ from heat_run import GRAINS, contact_rows, heated_model
 from store_support import make_model, run_whole
 
 from multicor_cli.export import ExportError, ExportRefused, MissingLibrary, export_gsd
-from multicor_cli.state import State
+from multicor_cli.model import State
 from multicor_cli.store import FrameData, Run, RunDirectory, SeriesRow, StorageError, open_run
 
 hoomd = pytest.importorskip("gsd.hoomd")

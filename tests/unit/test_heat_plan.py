@@ -8,11 +8,11 @@ from packing_support import scenario as cold_scenario
 from scenario_text import HEATED, SHEAR
 from warm_run import WARM
 
-from multicor_cli.heat.settings import ContactForce, Gas, Radiation, WallHeat
+from multicor_cli.engine.heat.settings import ContactForce, Gas, Radiation, WallHeat
+from multicor_cli.engine.motion.drives import Constant, Ramp, Shifted, Sine
 from multicor_cli.packing import build
-from multicor_cli.physics.drives import Constant, Ramp, Shifted, Sine
-from multicor_cli.run.heat_plan import heat_laws, heat_settings, wall_heat
-from multicor_cli.run.planning import make_plan
+from multicor_cli.running.heat_plan import heat_laws, heat_settings, wall_heat
+from multicor_cli.running.planning import make_plan
 from multicor_cli.scenario import ScenarioError, parse_scenario
 
 GLASS, STEEL, SPARE = range(3)

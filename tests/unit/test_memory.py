@@ -8,7 +8,7 @@ import pytest
 CODE = """
 import resource, sys
 import numpy as np
-from multicor_cli.run.memory import keep_freed_memory
+from multicor_cli.running.memory import keep_freed_memory
 if sys.argv[1] == "keep" and not keep_freed_memory():
     print("unknown")
     sys.exit()

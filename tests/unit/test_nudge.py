@@ -7,9 +7,9 @@ import pytest
 from small_run import SMALL, call, write_small
 
 from multicor_cli import run
+from multicor_cli.model.nudge import VARIABLE, NudgeError, nudge, nudge_seed
 from multicor_cli.packing import build
 from multicor_cli.scenario import parse_scenario
-from multicor_cli.state.nudge import VARIABLE, NudgeError, nudge, nudge_seed
 
 
 def test_coordinates_move_by_one_number_at_most():

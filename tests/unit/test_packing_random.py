@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 from packing_support import generator, smallest_gap
 
+from multicor_cli.model import ShapeKind
 from multicor_cli.packing.errors import PackingError
 from multicor_cli.packing.obstacles import Obstacles
 from multicor_cli.packing.random import random_packing
 from multicor_cli.packing.region import Region
 from multicor_cli.packing.sizes import disc_area, draw_to_total, uniform_sizes
-from multicor_cli.state import ShapeKind
 
 WIDTH = 0.05
 

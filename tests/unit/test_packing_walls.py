@@ -6,12 +6,12 @@ import numpy as np
 import pytest
 from packing_support import generator, scenario, wall
 
+from multicor_cli.model import ShapeKind
 from multicor_cli.packing.chain import chain_in_circle, chain_on_line
 from multicor_cli.packing.errors import PackingError
 from multicor_cli.packing.sizes import list_sizes, uniform_sizes
 from multicor_cli.packing.wall_tables import build_walls
 from multicor_cli.packing.walls import box, circle, in_world, join_shapes, plane, polyline
-from multicor_cli.state import ShapeKind
 
 SIZES = {
     "equal": list_sizes(np.array([1e-3]), None, "number", 2),

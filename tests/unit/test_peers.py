@@ -171,7 +171,7 @@ def test_the_best_of_each_choice_is_taken():
 def _small_problem():
     from problems import as_matrix
 
-    from multicor_cli.solver import ContactProblem
+    from multicor_cli.engine import ContactProblem
 
     # Two discs on a floor (body 2): both fall and the upper one slides.
     lever = np.array([[[0.0, -1.0], [0.0, 0.0]], [[0.0, -1.0], [0.0, 1.0]]])
@@ -200,7 +200,7 @@ def test_the_matrix_is_that_of_the_problem():
 def test_the_common_error_vanishes_for_the_solution_alone():
     from residual import natural_error
 
-    from multicor_cli.solver import Settings, solve_contacts
+    from multicor_cli.engine import Settings, solve_contacts
 
     problem, matrix = _small_problem()
     tight = Settings(tolerance_rms=1e-12, tolerance_max=1e-11, tolerance_energy=1e-12)

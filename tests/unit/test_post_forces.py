@@ -11,9 +11,9 @@ import pytest
 from heat_run import GRAINS, RADIUS, write_heated_run
 from run_fakes import make_model
 
+from multicor_cli.model import ShapeKind, WallShapes
 from multicor_cli.post import PostError, force_network, make_scene
 from multicor_cli.post.scene import images
-from multicor_cli.state import ShapeKind, WallShapes
 from multicor_cli.store import Run, open_run
 
 

@@ -10,11 +10,11 @@ import numpy as np
 import pytest
 from heat_run import GRADIENT, GRAINS, INTERVAL, RADIUS, RATES, SHEAR, write_heated_run
 
+from multicor_cli.model import Model
 from multicor_cli.post import PostError, Selection, grain_map, profile, theta_eta
 from multicor_cli.post.extent import find_extent
 from multicor_cli.post.flow import mean_flow
 from multicor_cli.post.sums import Bins
-from multicor_cli.state import Model
 from multicor_cli.store import Frame, Run, open_run
 
 HEIGHTS = RADIUS + 2.0 * RADIUS * np.arange(GRAINS)

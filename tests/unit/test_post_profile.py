@@ -11,10 +11,10 @@ from hypothesis import strategies as st
 from numpy.typing import NDArray
 from run_fakes import make_model
 
+from multicor_cli.model import Model, ShapeKind, WallShapes
 from multicor_cli.post import PostError, Selection, profile
 from multicor_cli.post.binning import area_below, share_discs
 from multicor_cli.post.profile import ProfileTable
-from multicor_cli.state import Model, ShapeKind, WallShapes
 
 
 @dataclass

@@ -11,9 +11,9 @@ import pytest
 from heat_run import write_heated_run
 from run_fakes import make_model
 
+from multicor_cli.model import ShapeKind, WallShapes
 from multicor_cli.post import PostError, Selection, rheology
 from multicor_cli.post.rheology import QUANTITIES
-from multicor_cli.state import ShapeKind, WallShapes
 from multicor_cli.store import open_run
 
 N, RADIUS, PERIOD, RATE, LAPSE = 400, 0.01, 4.0, 3.0, 0.25

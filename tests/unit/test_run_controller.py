@@ -10,15 +10,15 @@ import numpy as np
 import pytest
 from run_fakes import FakeEngine, MemoryRecorder, make_model, make_plan, shear
 
-from multicor_cli.run.conditions import RestReached, ShearGauge, StrainReached, update_peak, wall_heights
-from multicor_cli.run.controller import Controller
-from multicor_cli.run.observer import SilentObserver, Status
-from multicor_cli.run.outcome import StopReason
-from multicor_cli.run.pace import WARM_UP_STEPS, Pace
-from multicor_cli.run.plan import RunPlan, StagePlan, count_steps
-from multicor_cli.run.signals import STOP_SIGNALS, Switchboard
-from multicor_cli.solver.settings import PhysicsError, Settings
-from multicor_cli.state import BOOK_NAMES, State
+from multicor_cli.engine.contact.settings import PhysicsError, Settings
+from multicor_cli.model import BOOK_NAMES, State
+from multicor_cli.running.conditions import RestReached, ShearGauge, StrainReached, update_peak, wall_heights
+from multicor_cli.running.controller import Controller
+from multicor_cli.running.observer import SilentObserver, Status
+from multicor_cli.running.outcome import StopReason
+from multicor_cli.running.pace import WARM_UP_STEPS, Pace
+from multicor_cli.running.plan import RunPlan, StagePlan, count_steps
+from multicor_cli.running.signals import STOP_SIGNALS, Switchboard
 
 
 class Clock:

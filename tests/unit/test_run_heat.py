@@ -8,7 +8,7 @@ import pytest
 from warm_run import WARM
 
 import multicor_cli as multicor
-from multicor_cli.run.observer import SilentObserver
+from multicor_cli.running.observer import SilentObserver
 from multicor_cli.store import run_info
 
 CONFIGS = Path(__file__).parents[2] / "configs"

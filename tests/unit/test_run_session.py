@@ -12,17 +12,17 @@ from typing import Any
 import pytest
 from small_run import SMALL, write_small
 
+from multicor_cli import run as run_scenario
+from multicor_cli.engine import PhysicsError
+from multicor_cli.model import Model, State
 from multicor_cli.packing import build
-from multicor_cli.run import run_scenario
-from multicor_cli.run import session as session_module
-from multicor_cli.run.observer import SilentObserver, Status
-from multicor_cli.run.outcome import ExitCode, RunOutcome, StopReason
-from multicor_cli.run.session import failure_code, stage_starts
+from multicor_cli.running import session as session_module
+from multicor_cli.running.observer import SilentObserver, Status
+from multicor_cli.running.outcome import ExitCode, RunOutcome, StopReason
+from multicor_cli.running.session import failure_code, stage_starts
 from multicor_cli.scenario.load import load_scenario, parse_scenario
 from multicor_cli.scenario.problems import ScenarioError
 from multicor_cli.scenario.scenario import Scenario
-from multicor_cli.solver import PhysicsError
-from multicor_cli.state import Model, State
 from multicor_cli.store import DirectoryRefused, StorageFull, open_run, run_info
 
 KEPT = """

@@ -12,21 +12,21 @@ import pytest
 from run_fakes import FakeDrives, make_model, make_plan
 from small_run import SMALL, environment, write_small
 
-from multicor_cli.physics.drives import Constant, DofDrive, Ramp, Sine, WallDrive
-from multicor_cli.physics.hertz import hertz_flattening
-from multicor_cli.run.conditions import ShearGauge, StrainReached
-from multicor_cli.run.differences import find_differences
-from multicor_cli.run.estimate import estimate, estimate_steps
-from multicor_cli.run.plan import RunPlan, StagePlan
-from multicor_cli.run.planning import make_plan as plan_of
-from multicor_cli.run.threads import available_cores, reserve_threads
+from multicor_cli.engine.contact.hertz import hertz_flattening
+from multicor_cli.engine.contact.settings import Settings
+from multicor_cli.engine.motion.drives import Constant, DofDrive, Ramp, Sine, WallDrive
+from multicor_cli.model import State
+from multicor_cli.running.conditions import ShearGauge, StrainReached
+from multicor_cli.running.differences import find_differences
+from multicor_cli.running.estimate import estimate, estimate_steps
+from multicor_cli.running.plan import RunPlan, StagePlan
+from multicor_cli.running.planning import make_plan as plan_of
+from multicor_cli.running.threads import available_cores, reserve_threads
 from multicor_cli.scenario.load import load_scenario, parse_scenario
-from multicor_cli.solver.settings import Settings
-from multicor_cli.state import State
 
 
 def reserved(code: str, **extra: str) -> str:
-    script = f"from multicor_cli.run.threads import reserve_threads\nimport os\n{code}"
+    script = f"from multicor_cli.running.threads import reserve_threads\nimport os\n{code}"
     done = subprocess.run(
         [sys.executable, "-c", script], env=environment(**extra), capture_output=True, text=True, check=True, timeout=60
     )

@@ -14,7 +14,7 @@ from pathlib import Path
 import pytest
 
 PACKAGE = Path(__file__).parents[2] / "multicor_cli"
-WALKED = ("arithmetic", "heat", "kernels", "packing", "physics", "run", "scenario", "solver", "state", "store")
+WALKED = ("arithmetic", "engine", "model", "packing", "running", "scenario", "store")
 """Packages that make a `Model`, a `State` or what is written of them."""
 
 

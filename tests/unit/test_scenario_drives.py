@@ -3,7 +3,7 @@
 import pytest
 from scenario_text import SHEAR
 
-from multicor_cli.physics.drives import Constant, DofDrive, Ramp, Shifted, Sine, Table, WallDrive
+from multicor_cli.engine.motion.drives import Constant, DofDrive, Ramp, Shifted, Sine, Table, WallDrive
 from multicor_cli.scenario import parse_scenario
 from multicor_cli.scenario.drives import NEVER
 

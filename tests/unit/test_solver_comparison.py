@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from multicor_cli import run
-from multicor_cli.solver import ContactProblem, Settings, solve_contacts
+from multicor_cli.engine import ContactProblem, Settings, solve_contacts
 
 pytest.importorskip("scipy")
 

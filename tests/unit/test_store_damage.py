@@ -14,7 +14,7 @@ import pytest
 import store_support
 from store_support import continue_run, drive, make_model, make_run, replace, run_whole, set_text
 
-from multicor_cli.state import State
+from multicor_cli.model import State
 from multicor_cli.store import DamagedRun, RunDirectory, StoreError, UnsupportedVersion, open_run, run_info, schema, verify
 from multicor_cli.store.atomic import file_digest
 from multicor_cli.store.documents import document_line, parse_document, read_document, write_document

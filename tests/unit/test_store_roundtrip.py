@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from store_support import RESOLVED, SOURCE, advance, contact_rows, drive, make_model, make_run, run_whole, start
 
-from multicor_cli.state import BOOK_NAMES, HEAT_BOOK_NAMES, Model, State
+from multicor_cli.model import BOOK_NAMES, HEAT_BOOK_NAMES, Model, State
 from multicor_cli.store import FrameData, RunDirectory, SeriesRow, open_run, run_info, schema, summarize, verify
 from multicor_cli.store.frames import series_name
 from multicor_cli.store.model_file import model_digest

@@ -6,7 +6,7 @@ from math import inf, pi, sqrt
 import pytest
 from scipy import integrate
 
-from multicor_cli.physics.hertz import hertz_flattening
+from multicor_cli.engine.contact.hertz import hertz_flattening
 from multicor_cli.physics.thermal import (
     collision,
     conduction,

@@ -8,8 +8,8 @@ from math import log, pi
 
 import pytest
 
+from multicor_cli.engine.heat import collision, conduction, convection, friction, gap, partition, radiation, rough, wear
 from multicor_cli.physics import thermal
-from multicor_cli.physics.thermal import collision, conduction, convection, friction, gap, partition, radiation, rough, wear
 
 AIR, STEEL, A = 0.026, 15.0, 1.5e-3
 

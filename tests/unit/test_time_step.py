@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scenario_text import SHEAR
 
+from multicor_cli.engine.motion.drives import Constant, DofDrive, Ramp, Sine, WallDrive
 from multicor_cli.packing import build
-from multicor_cli.physics.drives import Constant, DofDrive, Ramp, Sine, WallDrive
-from multicor_cli.run.planning import make_plan
-from multicor_cli.run.time_step import FALL, PRESSURE, STRAIN, Scales, automatic_step, find_scales, review_steps
+from multicor_cli.running.planning import make_plan
+from multicor_cli.running.time_step import FALL, PRESSURE, STRAIN, Scales, automatic_step, find_scales, review_steps
 from multicor_cli.scenario import ScenarioError, parse_scenario
 from multicor_cli.scenario.settings import Output
 

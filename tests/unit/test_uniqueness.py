@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from multicor_cli.solver import ContactProblem, Settings, solve_contacts
+from multicor_cli.engine import ContactProblem, Settings, solve_contacts
 
 FOLDER = Path(__file__).parents[2] / "benchmarks" / "uniqueness"
 RECORDED = Path(__file__).parents[1] / "data" / "two-solutions.npz"

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from store_support import make_model, make_run, run_whole, start
 
-from multicor_cli.state import State
+from multicor_cli.model import State
 from multicor_cli.store import ContactRows, Frame, FrameData, SeriesRow, open_run, verify
 from multicor_cli.store.vtkhdf import NO_CONTACT
 

@@ -10,12 +10,12 @@ import pytest
 from heat_parts import at_temperature, heat_book, make_heat_laws, with_heat
 from scene_parts import book, shear_scene
 
-from multicor_cli.heat.coupled import CoupledEngine
-from multicor_cli.heat.engine import HeatEngine
-from multicor_cli.heat.settings import HeatSettings, WallHeat
-from multicor_cli.physics.thermal.shear import parabola, peak
-from multicor_cli.solver import Engine, Settings
-from multicor_cli.state import State
+from multicor_cli.engine import Engine, Settings
+from multicor_cli.engine.coupled import CoupledEngine
+from multicor_cli.engine.heat.settings import HeatSettings, WallHeat
+from multicor_cli.engine.heat.shear import parabola, peak
+from multicor_cli.engine.heat.step import HeatEngine
+from multicor_cli.model import State
 
 pytestmark = [pytest.mark.validation, pytest.mark.timeout(1200)]
 

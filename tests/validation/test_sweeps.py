@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 import multicor_cli as multicor
+from multicor_cli.engine import Engine, Settings
+from multicor_cli.model import State
 from multicor_cli.packing.build import build
-from multicor_cli.solver import Engine, Settings
-from multicor_cli.state import State
 
 CONFIGS = Path(__file__).parents[2] / "configs"
 

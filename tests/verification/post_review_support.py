@@ -15,7 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 from run_fakes import make_model
 
-from multicor_cli.state import Model, ShapeKind, State, Thermal, Walls, WallShapes
+from multicor_cli.model import Model, ShapeKind, State, Thermal, Walls, WallShapes
 from multicor_cli.store import ContactRows, Frame, FrameData, Run, RunDirectory, SeriesRow, open_run
 
 Floats = NDArray[np.float64]

@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from scene_parts import FIXED, FLOOR, TIGHT, G, advance, book, make_engine, make_model, tally
 
-from multicor_cli.physics.drives import Constant, DofDrive, WallDrive
-from multicor_cli.solver import Settings
-from multicor_cli.state import ShapeKind
+from multicor_cli.engine import Settings
+from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
+from multicor_cli.model import ShapeKind
 
 
 @pytest.mark.parametrize("shape", ["disc", "sphere"])

@@ -5,9 +5,9 @@ import pytest
 from heat_parts import at_temperature, chain, exact_temperatures, heat_book, rows, touching_engine
 from scene_parts import FLOOR
 
-from multicor_cli.heat import implicit
-from multicor_cli.heat.settings import WallHeat
-from multicor_cli.physics.drives import Ramp
+from multicor_cli.engine.heat import implicit
+from multicor_cli.engine.heat.settings import WallHeat
+from multicor_cli.engine.motion.drives import Ramp
 
 ONE_STEP = {"integrator": "implicit", "tolerance": 1e9}
 """Every call of `advance` is one sub-step of the implicit rule."""

@@ -7,12 +7,12 @@ import pytest
 from heat_parts import at_temperature, heat_book, make_heat_laws, with_heat
 from scene_parts import FLOOR, TIGHT, G, book, make_model, shear_scene
 
-from multicor_cli.heat.coupled import CoupledEngine
-from multicor_cli.heat.engine import HeatEngine
-from multicor_cli.heat.settings import Ambient, ContactForce, Gas, HeatSettings, Radiation, WallHeat
-from multicor_cli.physics.drives import Constant, Sine, WallDrive
-from multicor_cli.solver import Engine, Settings
-from multicor_cli.state import Softening, State
+from multicor_cli.engine import Engine, Settings
+from multicor_cli.engine.coupled import CoupledEngine
+from multicor_cli.engine.heat.settings import Ambient, ContactForce, Gas, HeatSettings, Radiation, WallHeat
+from multicor_cli.engine.heat.step import HeatEngine
+from multicor_cli.engine.motion.drives import Constant, Sine, WallDrive
+from multicor_cli.model import Softening, State
 
 MU = 0.3
 
@@ -118,7 +118,7 @@ def test_impacts_heat_where_asked():
 
 def test_a_collision_conducts_by_its_own_law():
     """Sun & Chen: heat per kelvin of one impact, independent of Δt; the mass, radius and speed of this one."""
-    from multicor_cli.physics.thermal.collision import impact_exchange
+    from multicor_cli.engine.heat.collision import impact_exchange
 
     engine = impact(is_collisional=True)
     mass = engine.heat.model.grains.mass[0]

@@ -7,15 +7,15 @@ import pytest
 from heat_parts import at_temperature, chain, heat_book, make_heat_laws, touching_engine, with_heat
 from scene_parts import FLOOR, TIGHT, book, make_model
 
-from multicor_cli.heat import implicit
-from multicor_cli.heat.coupled import CoupledEngine
-from multicor_cli.heat.engine import HeatEngine
-from multicor_cli.heat.settings import Ambient, ContactForce, Gas, HeatSettings, Radiation, WallHeat
-from multicor_cli.physics.drives import Constant, DofDrive, Sine, Table, WallDrive
-from multicor_cli.physics.thermal.gap import batchelor_conductance, parallel_conductance_wall
-from multicor_cli.physics.thermal.radiation import STEFAN_BOLTZMANN
-from multicor_cli.solver import Engine, PhysicsError
-from multicor_cli.state import Softening, State
+from multicor_cli.engine import Engine, PhysicsError
+from multicor_cli.engine.coupled import CoupledEngine
+from multicor_cli.engine.heat import implicit
+from multicor_cli.engine.heat.gap import batchelor_conductance, parallel_conductance_wall
+from multicor_cli.engine.heat.radiation import STEFAN_BOLTZMANN
+from multicor_cli.engine.heat.settings import Ambient, ContactForce, Gas, HeatSettings, Radiation, WallHeat
+from multicor_cli.engine.heat.step import HeatEngine
+from multicor_cli.engine.motion.drives import Constant, DofDrive, Sine, Table, WallDrive
+from multicor_cli.model import Softening, State
 
 RADIUS = 1e-4
 FLOW_TABLE = Table((0.0, 20.0, 21.0, 26.0, 27.0, 1e4), (0.0, 0.0, 10.0, 10.0, 0.0, 0.0))

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from scene_parts import TIGHT, advance, book, make_engine, make_model, shear_engine, shear_scene, tally
 
-from multicor_cli.physics.drives import Constant, DofDrive, WallDrive
-from multicor_cli.solver import Engine, PhysicsError, Settings
-from multicor_cli.state import ShapeKind, State
+from multicor_cli.engine import Engine, PhysicsError, Settings
+from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
+from multicor_cli.model import ShapeKind, State
 
 
 def _cluster(restitution):
@@ -113,8 +113,8 @@ def test_reflection_gives_the_mirror_image():
 
 def test_thread_count_does_not_change_a_bit(monkeypatch):
     """Tiled sweeps, chunked sums: one digest for 1, 2 and more threads, and for the parallel and the serial sweep."""
-    from multicor_cli.solver import engine as engine_module
-    from multicor_cli.solver import pace
+    from multicor_cli.engine import pace
+    from multicor_cli.engine import step as engine_module
 
     monkeypatch.setattr(engine_module, "PARALLEL_GRAINS", 1)
     digests = set()
@@ -125,7 +125,7 @@ def test_thread_count_does_not_change_a_bit(monkeypatch):
     assert len(digests) == 1
 
 
-def test_age_of_the_neighbour_list_does_not_matter():
+def test_age_of_the_neighbor_list_does_not_matter():
     """A new engine on a copied state (a resume) goes on bit for bit."""
     engine = shear_engine(restitution=0.3)
     advance(engine, 0.1, 57)
@@ -172,7 +172,7 @@ def test_solver_failure_is_an_error_only_on_request():
 
 
 def test_interrupted_step_leaves_the_state_alone():
-    from multicor_cli.solver import Interrupted
+    from multicor_cli.engine import Interrupted
 
     engine = shear_engine()
     advance(engine, 0.1, 30)

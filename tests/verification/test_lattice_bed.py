@@ -5,12 +5,12 @@ import pytest
 from heat_parts import at_temperature, heat_book, make_heat_laws, with_heat
 from scene_parts import FLOOR, make_model
 
-from multicor_cli.heat.coupled import CoupledEngine
-from multicor_cli.heat.engine import HeatEngine
-from multicor_cli.heat.settings import Gas, HeatSettings, WallHeat
-from multicor_cli.physics.drives import WallDrive
-from multicor_cli.solver import Engine, Settings
-from multicor_cli.state import State
+from multicor_cli.engine import Engine, Settings
+from multicor_cli.engine.coupled import CoupledEngine
+from multicor_cli.engine.heat.settings import Gas, HeatSettings, WallHeat
+from multicor_cli.engine.heat.step import HeatEngine
+from multicor_cli.engine.motion.drives import WallDrive
+from multicor_cli.model import State
 
 RADIUS, ROWS, COLUMNS, HEIGHT = 1.5e-3, 116, 4, 0.304
 ETA = [0.01, 0.03, 0.05, 0.1]

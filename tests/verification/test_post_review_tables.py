@@ -16,6 +16,7 @@ from run_fakes import make_model
 from typer.testing import CliRunner
 
 from multicor_cli.cli.app import app
+from multicor_cli.model import ShapeKind, WallShapes
 from multicor_cli.post import (
     FIELD_GROUPS,
     FIELDS,
@@ -33,7 +34,6 @@ from multicor_cli.post import (
     theta_eta,
 )
 from multicor_cli.post.extent import find_extent
-from multicor_cli.state import ShapeKind, WallShapes
 from multicor_cli.store import Run, open_run
 
 ALL = Selection(frames=slice(None))

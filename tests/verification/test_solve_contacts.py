@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from problems import column_problem, dense_delassus, heap_problem, tilted
 
-from multicor_cli.solver import ContactProblem, Settings, solve_contacts
+from multicor_cli.engine import ContactProblem, Settings, solve_contacts
 
 TIGHT = {"tolerance_rms": 1e-11, "tolerance_max": 1e-9, "tolerance_energy": 1e-9, "max_sweeps": 100_000}
 METHODS = [(m, local) for m in ("gauss-seidel", "accelerated") for local in ("exact", "bipotential")]

@@ -16,8 +16,8 @@ from methods.momentum import run_momentum
 from methods.multilevel import run_multilevel
 from methods.newton import run_newton
 from methods.operators import Log
-from multicor_cli.kernels.sweep import System
-from multicor_cli.state.model import Floats
+from multicor_cli.engine.contact.sweep import System
+from multicor_cli.model.model import Floats
 
 Run = Callable[[System, int, Floats, Log], int]
 """``run(system, iterations, parameters, log)``, see `methods.operators`."""

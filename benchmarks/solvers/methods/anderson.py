@@ -5,9 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from methods.operators import Log, all_impulses, kernel, record, set_impulses
-from multicor_cli.kernels.accelerate import start_momentum
-from multicor_cli.kernels.sweep import EXACT, Relaxation, System, sweep
-from multicor_cli.state.model import Floats
+from multicor_cli.engine.contact.acceleration import start_momentum
+from multicor_cli.engine.contact.sweep import EXACT, Relaxation, System, sweep
+from multicor_cli.model.model import Floats
 
 _REGULARIZATION = 1e-8
 _GROWTH = 2.0

@@ -8,8 +8,8 @@ import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
 
-from multicor_cli.kernels.sweep import System
-from multicor_cli.state.model import Floats
+from multicor_cli.engine.contact.sweep import System
+from multicor_cli.model.model import Floats
 
 
 class Assembly(NamedTuple):

@@ -7,9 +7,9 @@ import time
 import numpy as np
 
 from methods.operators import TIME, Log, record
-from multicor_cli.kernels.accelerate import SWEEPS, iterate, start_memory, start_momentum
-from multicor_cli.kernels.sweep import EXACT, System
-from multicor_cli.state.model import Floats
+from multicor_cli.engine.contact.acceleration import SWEEPS, iterate, start_memory, start_momentum
+from multicor_cli.engine.contact.sweep import EXACT, System
+from multicor_cli.model.model import Floats
 
 
 class Loop:

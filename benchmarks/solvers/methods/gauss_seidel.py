@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from methods.operators import Log, kernel, record, sweep_backward
-from multicor_cli.kernels.sweep import EXACT, Relaxation, System, sweep
-from multicor_cli.state.model import Floats
+from multicor_cli.engine.contact.sweep import EXACT, Relaxation, System, sweep
+from multicor_cli.model.model import Floats
 
 
 @kernel

@@ -20,8 +20,8 @@ from methods.operators import (
     set_impulses,
     spread_impulses,
 )
-from multicor_cli.kernels.sweep import System
-from multicor_cli.state.model import Floats
+from multicor_cli.engine.contact.sweep import System
+from multicor_cli.model.model import Floats
 
 _TRIES = 20
 

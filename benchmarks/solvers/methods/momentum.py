@@ -13,7 +13,7 @@ from __future__ import annotations
 import numpy as np
 
 from methods.operators import Log, kernel, record, relax_general, relax_light, sweep_backward
-from multicor_cli.kernels.accelerate import (
+from multicor_cli.engine.contact.acceleration import (
     FACTOR,
     Momentum,
     choose_factor,
@@ -23,8 +23,8 @@ from multicor_cli.kernels.accelerate import (
     start_memory,
     start_momentum,
 )
-from multicor_cli.kernels.sweep import EXACT, Relaxation, System, sweep
-from multicor_cli.state.model import Floats, Ints
+from multicor_cli.engine.contact.sweep import EXACT, Relaxation, System, sweep
+from multicor_cli.model.model import Floats, Ints
 
 
 @kernel

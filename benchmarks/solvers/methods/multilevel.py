@@ -19,8 +19,8 @@ from scipy.sparse.linalg import spsolve
 from methods.assembly import Assembly, assemble
 from methods.engine import Loop
 from methods.operators import Log
-from multicor_cli.kernels.sweep import System
-from multicor_cli.state.model import Floats
+from multicor_cli.engine.contact.sweep import System
+from multicor_cli.model.model import Floats
 
 _HALVINGS = 3
 _SMALL = 1e-6

@@ -16,9 +16,9 @@ from scipy.sparse.linalg import splu
 from methods.assembly import Assembly, assemble
 from methods.engine import Loop
 from methods.operators import Log, all_impulses
-from multicor_cli.kernels.residual import measure_residual
-from multicor_cli.kernels.sweep import System
-from multicor_cli.state.model import Floats
+from multicor_cli.engine.contact.residual import measure_residual
+from multicor_cli.engine.contact.sweep import System
+from multicor_cli.model.model import Floats
 
 _PROXIMAL = 1e-7  # of the diagonal
 _FIRST_SWEEPS = 100

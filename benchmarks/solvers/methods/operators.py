@@ -12,10 +12,10 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from multicor_cli.kernels.jit import F, scalar
-from multicor_cli.kernels.residual import measure_residual
-from multicor_cli.kernels.sweep import EXACT, Relaxation, System, general_velocity, relax_general, relax_light
-from multicor_cli.state.model import Floats
+from multicor_cli.engine.contact.residual import measure_residual
+from multicor_cli.engine.contact.sweep import EXACT, Relaxation, System, general_velocity, relax_general, relax_light
+from multicor_cli.engine.jit.compile import F, scalar
+from multicor_cli.model.model import Floats
 
 
 def kernel(function: F) -> F:
@@ -68,7 +68,7 @@ def record(s: System, log: Log, row: int, work: float) -> bool:
 
 @kernel
 def sweep_backward(s: System) -> float:
-    """As `multicor_cli.kernels.sweep.sweep`, in the opposite order; returns the sum of the squared velocity corrections [m²/s²]."""
+    """As `multicor_cli.engine.contact.sweep.sweep`, in the opposite order; returns the sum of the squared velocity corrections [m²/s²]."""
     velocity, pair, frame, impulse = s.velocity.reshape(-1), s.pair.reshape(-1), s.frame.reshape(-1), s.impulse.reshape(-1)
     total, count, generals = 0.0, s.pair.shape[0], s.general_pair.shape[0]
     way = Relaxation(1.0, 1.0)

@@ -1,0 +1,332 @@
+"""From the neighbor list to the contacts of one step: gaps, frames, relative velocities, laws and warm start.
+
+Bodies are rows of one velocity array: grains ``0 … n-1`` hold (v_x, v_y, s = a ω, 1/m); walls ``n … n+w-1`` hold (V_x, V_y, Ω, 0).
+With the surface speed s instead of the spin, a contact of discs needs no radius: u_t = (v_i − v_j)·t − s_i − s_j.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from multicor_cli.engine.contact.law import bias
+from multicor_cli.engine.geometry.neighbors import disc_disc, gap_to_shape, minimum_image, nearest_image
+from multicor_cli.engine.heat.friction import softened_friction
+from multicor_cli.engine.jit.chunks import CHUNK
+from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
+from multicor_cli.engine.jit.formulas import formula
+from multicor_cli.model.model import ContactLaws, Floats, Ints
+
+
+class Scene(NamedTuple):
+    """Positions and shapes at the middle of a step, as the kernels see them.
+
+    Attributes:
+        position: Grains at q_m: x, y [m], angle, shape ``(n, 3)``.
+        radius: Radii [m], shape ``(n,)``.
+        material: Materials of all shapes, grains first, shape ``(n + m,)``.
+        kind: `ShapeKind` of the wall shapes, shape ``(m,)``.
+        wall: Wall of each wall shape, shape ``(m,)``.
+        world: Wall shapes at q_m [m], shape ``(m, 4)``.
+        wall_position: Wall frames at q_m, shape ``(w, 3)``.
+        period: Period in x [m] or 0.
+    """
+
+    position: Floats
+    radius: Floats
+    material: Ints
+    kind: Ints
+    wall: Ints
+    world: Floats
+    wall_position: Floats
+    period: float
+
+
+class Laws(NamedTuple):
+    """`multicor_cli.model.ContactLaws` as the kernels see it; the last five are empty unless friction depends on temperature."""
+
+    friction: Floats
+    restitution: Floats
+    table: Ints
+    table_start: Ints
+    table_speed: Floats
+    table_friction: Floats
+    softening: Floats
+    softening_start: Floats
+    lowest: Floats
+    highest: Floats
+    temperature: Floats
+
+
+def kernel_laws(laws: ContactLaws, temperature: Floats) -> Laws:
+    """The laws as the kernels see them; ``temperature`` [K] of all shapes counts only where friction depends on it."""
+    softening = laws.softening
+    none = np.empty((0, 0))
+    parts = (none,) * 4 if softening is None else (softening.rate, softening.start, softening.lowest, softening.highest)
+    return Laws(
+        laws.friction, laws.restitution, laws.table, laws.table_start, laws.table_speed, laws.table_friction, *parts,
+        np.empty(0) if softening is None else temperature,
+    )  # fmt: skip
+
+
+class Contacts(NamedTuple):
+    """Contacts of one step, sorted by (i, j); ``c`` rows.
+
+    Attributes:
+        i: Grain, shape ``(c,)``.
+        j: Grain or wall shape, shape ``(c,)``.
+        frame: Normal n_x, n_y (from j to i), gap at q_m [m], bias b [m/s], friction μ, shape ``(c, 5)``.
+        before: u_n⁻, u_t⁻ [m/s], shape ``(c, 2)``.
+        impulse: p_n, p_t [N s], shape ``(c, 2)``.
+        lever: From the wall's reference point to the contact [m]; 0 for grains, shape ``(c, 2)``.
+    """
+
+    i: Ints
+    j: Ints
+    frame: Floats
+    before: Floats
+    impulse: Floats
+    lever: Floats
+
+
+class WarmStart(NamedTuple):
+    """Impulses of the step before, by grain: those of grain i are ``row[i]:row[i+1]``."""
+
+    row: NDArray[np.int64]
+    j: Ints
+    impulse: Floats
+
+
+@formula
+def pair_geometry(scene: Scene, i: int, j: int) -> tuple[float, float, float]:
+    """Gap and normal (from j to i) of a pair."""
+    count = scene.radius.size
+    x, y = scene.position[i, 0], scene.position[i, 1]
+    if j < count:
+        dx = minimum_image(x - scene.position[j, 0], scene.period)
+        return disc_disc(dx, y - scene.position[j, 1], scene.radius[i] + scene.radius[j])
+    return gap_to_shape(x, y, scene.radius[i], j - count, scene.kind, scene.world, scene.period)
+
+
+@formula
+def _wall_lever(scene: Scene, i: int, wall: int, nx: float, ny: float, gap: float) -> tuple[float, float]:
+    """From the reference point of a wall to the point of the wall that is closest to grain i."""
+    reach = scene.radius[i] + gap
+    dx = nearest_image(scene.position[i, 0] - scene.wall_position[wall, 0], scene.period)
+    return dx - reach * nx, scene.position[i, 1] - scene.wall_position[wall, 1] - reach * ny
+
+
+@formula
+def relative_velocity(
+    velocity: Floats, i: int, body_j: int, nx: float, ny: float, is_wall: bool, lx: float, ly: float
+) -> tuple[float, float]:
+    """u_n, u_t of grain i relative to grain ``body_j``, or to the point (lx, ly) of the wall in row ``body_j`` [m/s]."""
+    # Number by number: a row taken out of an array would count as a reference to it, and threads count one after the other.
+    if is_wall:
+        dx = velocity[i, 0] - (velocity[body_j, 0] - velocity[body_j, 2] * ly)
+        dy = velocity[i, 1] - (velocity[body_j, 1] + velocity[body_j, 2] * lx)
+        return dx * nx + dy * ny, dy * nx - dx * ny - velocity[i, 2]
+    dx, dy = velocity[i, 0] - velocity[body_j, 0], velocity[i, 1] - velocity[body_j, 1]
+    return dx * nx + dy * ny, dy * nx - dx * ny - velocity[i, 2] - velocity[body_j, 2]
+
+
+@formula
+def _normal_velocity(scene: Scene, velocity: Floats, i: int, j: int, nx: float, ny: float, gap: float) -> float:
+    count = scene.radius.size
+    if j < count:
+        return relative_velocity(velocity, i, j, nx, ny, False, 0.0, 0.0)[0]
+    wall = scene.wall[j - count]
+    lx, ly = _wall_lever(scene, i, wall, nx, ny, gap)
+    return relative_velocity(velocity, i, count + wall, nx, ny, True, lx, ly)[0]
+
+
+@parallel_kernel
+def measure_pairs(
+    scene: Scene, row: NDArray[np.int64], partner: Ints, start: Floats, free: Floats, reach: float, gap: Floats, fastest: Floats
+) -> None:
+    """Gaps of all listed pairs at q_m, and the largest approach speed among those nearer than ``reach``.
+
+    Args:
+        scene: Shapes at q_m.
+        row: Start of each grain's row, shape ``(n + 1,)``.
+        partner: Partners, shape ``(pairs,)``.
+        start: Body velocities at the start of the step, shape ``(bodies, 4)``.
+        free: Free velocities, shape ``(bodies, 4)``.
+        reach: No pair farther apart can touch in this step [m].
+        gap: Gaps [m], shape ``(pairs,)``. **Modified.**
+        fastest: Largest approach speed in each chunk of grains, at the start or free [m/s]; 0 if nothing approaches, shape
+            ``(chunks, 1)``. **Modified.**
+    """
+    count = scene.radius.size
+    for chunk in prange(fastest.shape[0]):
+        best = 0.0
+        for i in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
+            for p in range(row[i], row[i + 1]):
+                j = partner[p]
+                g, nx, ny = pair_geometry(scene, i, j)
+                gap[p] = g
+                if g < reach:
+                    best = max(best, -_normal_velocity(scene, start, i, j, nx, ny, g))
+                    best = max(best, -_normal_velocity(scene, free, i, j, nx, ny, g))
+        fastest[chunk, 0] = best
+
+
+@kernel
+def count_contacts(row: NDArray[np.int64], gap: Floats, margin: float) -> NDArray[np.int64]:
+    """Row pointers ``(n + 1,)`` of the pairs whose gap does not exceed ``margin`` [m]."""
+    kept = np.zeros(row.size, np.int64)
+    found = 0
+    for i in range(row.size - 1):
+        for p in range(row[i], row[i + 1]):
+            if gap[p] <= margin:
+                found += 1
+        kept[i + 1] = found
+    return kept
+
+
+@formula
+def friction_of(laws: Laws, a: int, b: int, speed: float) -> float:
+    """μ of a pair of materials at a sliding speed [m/s]: the table of the pair, linear between its points, or a constant."""
+    table = laws.table[a, b]
+    if table < 0:
+        return laws.friction[a, b]
+    first, last = laws.table_start[table], laws.table_start[table + 1] - 1
+    if speed <= laws.table_speed[first]:
+        return laws.table_friction[first]
+    for k in range(first, last):
+        if speed < laws.table_speed[k + 1]:
+            share = (speed - laws.table_speed[k]) / (laws.table_speed[k + 1] - laws.table_speed[k])
+            return laws.table_friction[k] + share * (laws.table_friction[k + 1] - laws.table_friction[k])
+    return laws.table_friction[last]
+
+
+@kernel
+def _softened(laws: Laws, a: int, b: int, mu: float, first: float, second: float) -> float:
+    """μ at the mean of two temperatures [K]; the second may be nan (a wall without temperature), then the first counts."""
+    if laws.softening[a, b] == 0.0:
+        return mu
+    mean = first if np.isnan(second) else 0.5 * (first + second)
+    return softened_friction(mu, laws.softening[a, b], mean, laws.softening_start[a, b], laws.lowest[a, b], laws.highest[a, b])
+
+
+@formula
+def _fill_contact(
+    c: int, i: int, j: int, scene: Scene, laws: Laws, start: Floats, dt: float, warm: WarmStart, scale: float, out: Contacts
+) -> float:
+    """Fill row ``c`` of ``out``; returns min(u_n⁻, 0) if the contact closes within the step, else 0."""
+    count = scene.radius.size
+    gap, nx, ny = pair_geometry(scene, i, j)
+    lx, ly = 0.0, 0.0
+    if j < count:
+        u_n, u_t = relative_velocity(start, i, j, nx, ny, False, lx, ly)
+    else:
+        wall = scene.wall[j - count]
+        lx, ly = _wall_lever(scene, i, wall, nx, ny, gap)
+        u_n, u_t = relative_velocity(start, i, count + wall, nx, ny, True, lx, ly)
+    a, b = scene.material[i], scene.material[j]
+    out.i[c], out.j[c] = i, j
+    out.frame[c, 0], out.frame[c, 1], out.frame[c, 2] = nx, ny, gap
+    out.frame[c, 3] = bias(gap, u_n, laws.restitution[a, b], dt)
+    mu = friction_of(laws, a, b, abs(u_t))
+    if laws.temperature.size:
+        mu = _softened(laws, a, b, mu, laws.temperature[i], laws.temperature[j])
+    out.frame[c, 4] = mu
+    out.before[c, 0], out.before[c, 1] = u_n, u_t
+    out.lever[c, 0], out.lever[c, 1] = lx, ly
+    out.impulse[c, 0], out.impulse[c, 1] = 0.0, 0.0
+    for k in range(warm.row[i], warm.row[i + 1]):
+        if warm.j[k] == j:
+            out.impulse[c, 0] = scale * warm.impulse[k, 0]
+            out.impulse[c, 1] = scale * warm.impulse[k, 1]
+    return min(u_n, 0.0) if gap + dt * u_n <= 0.0 else 0.0
+
+
+@parallel_kernel
+def fill_contacts(
+    scene: Scene,
+    laws: Laws,
+    row: NDArray[np.int64],
+    partner: Ints,
+    gap: Floats,
+    margin: float,
+    kept: NDArray[np.int64],
+    start: Floats,
+    dt: float,
+    warm: WarmStart,
+    scale: float,
+    out: Contacts,
+    closing: Floats,
+) -> None:
+    """Fill the contacts of a step, sorted by (i, j).
+
+    Args:
+        scene: Shapes at q_m.
+        laws: Contact laws.
+        row: Rows of the neighbor list, shape ``(n + 1,)``.
+        partner: Partners in the list.
+        gap: Gaps of the listed pairs [m].
+        margin: Pairs with a larger gap are left out [m].
+        kept: Row pointers from `count_contacts`.
+        start: Body velocities at the start of the step, shape ``(bodies, 4)``.
+        dt: Time step [s].
+        warm: Impulses of the step before.
+        scale: Ratio of this time step to that of the warm start.
+        out: The contacts. **Modified.**
+        closing: For each chunk of grains the sum of min(u_n⁻, 0)² over the contacts that close within the step [m²/s²], and
+            their number, shape ``(chunks, 2)``. **Modified.**
+    """
+    count = row.size - 1
+    for chunk in prange(closing.shape[0]):
+        for i in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
+            c = kept[i]
+            for p in range(row[i], row[i + 1]):
+                if gap[p] <= margin:
+                    u = _fill_contact(c, i, partner[p], scene, laws, start, dt, warm, scale, out)
+                    if u < 0.0:
+                        closing[chunk, 0] += u * u
+                        closing[chunk, 1] += 1.0
+                    c += 1
+
+
+@kernel
+def warm_rows(count: int, contact_i: Ints) -> NDArray[np.int64]:
+    """Row pointers ``(count + 1,)`` of contacts sorted by grain."""
+    row = np.zeros(count + 1, np.int64)
+    for c in range(contact_i.size):
+        row[contact_i[c] + 1] += 1
+    for i in range(count):
+        row[i + 1] += row[i]
+    return row
+
+
+@parallel_kernel
+def find_missed(
+    scene: Scene,
+    row: NDArray[np.int64],
+    partner: Ints,
+    gap: Floats,
+    margin: float,
+    reach: float,
+    after: Floats,
+    dt: float,
+    worst: Floats,
+) -> None:
+    """Largest approach speed of a pair that was left out although it closes within the step; 0 if there is none.
+
+    Args as `fill_contacts`; ``after`` are the velocities v⁺, ``reach`` the distance that no pair can close [m] and ``worst`` the
+    result per chunk of grains [m/s], shape ``(chunks, 1)``, **modified**.
+    """
+    count = row.size - 1
+    for chunk in prange(worst.shape[0]):
+        best = 0.0
+        for i in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
+            for p in range(row[i], row[i + 1]):
+                g = gap[p]
+                if g > margin and g < reach:
+                    _, nx, ny = pair_geometry(scene, i, partner[p])
+                    u_n = _normal_velocity(scene, after, i, partner[p], nx, ny, g)
+                    if g + dt * u_n < 0.0:
+                        best = max(best, -u_n)
+        worst[chunk, 0] = best

@@ -1,0 +1,44 @@
+"""Contacts out of the neighbor list."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from multicor_cli.arithmetic.sums import column_totals
+from multicor_cli.engine.contact.detection import (
+    Contacts,
+    Laws,
+    Scene,
+    WarmStart,
+    count_contacts,
+    fill_contacts,
+)
+from multicor_cli.engine.geometry.neighbor_list import NeighborList
+from multicor_cli.engine.jit.chunks import chunks_for
+from multicor_cli.model.model import Floats
+
+
+def gather_contacts(
+    scene: Scene,
+    lists: NeighborList,
+    gap: Floats,
+    margin: float,
+    laws: Laws,
+    start: Floats,
+    dt: float,
+    warm: WarmStart,
+    ratio: float,
+) -> tuple[Contacts, Floats]:
+    """Contacts with a gap up to ``margin`` [m], sorted by key; arguments as `multicor_cli.engine.contact.detection.fill_contacts`.
+
+    Also returns the sum of min(u_n⁻, 0)² over closing contacts [m²/s²] and their number, shape ``(2,)``.
+    """
+    kept = count_contacts(lists.row, gap, margin)
+    count = int(kept[-1])
+    contacts = Contacts(
+        np.empty(count, np.int32), np.empty(count, np.int32), np.empty((count, 5)), np.empty((count, 2)),
+        np.empty((count, 2)), np.empty((count, 2)),
+    )  # fmt: skip
+    closing = chunks_for(lists.row.size - 1, 2)
+    fill_contacts(scene, laws, lists.row, lists.partner, gap, margin, kept, start, dt, warm, ratio, contacts, closing)
+    return contacts, column_totals(closing)

@@ -1,0 +1,99 @@
+"""How far impulses are from satisfying the contact law: the only stopping criterion of the solver (design §2)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from multicor_cli.engine.contact.sweep import EXACT, System, general_solution, general_velocity, solve_exact
+from multicor_cli.engine.jit.chunks import CHUNK
+from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
+from multicor_cli.engine.jit.formulas import formula
+
+
+@formula
+def _light_residual(k: int, s: System) -> tuple[float, float]:
+    """Square of e_c, or -1 if the contact is open and satisfied; and its share of the energy residual."""
+    i, j = s.pair[k, 0], s.pair[k, 1]
+    nx, ny, w_inverse, mu = s.frame[k, 0], s.frame[k, 1], s.frame[k, 2], s.frame[k, 4]
+    dx = s.velocity[i, 0] - s.velocity[j, 0]
+    dy = s.velocity[i, 1] - s.velocity[j, 1]
+    u_n = dx * nx + dy * ny + s.frame[k, 3]
+    u_t = dy * nx - dx * ny - s.velocity[i, 2] - s.velocity[j, 2]
+    p_n, p_t = s.impulse[k, 0], s.impulse[k, 1]
+    spread = 1.0 + s.spin_factor
+    new_n, new_t = solve_exact(p_n, p_t, u_n, u_t, w_inverse, w_inverse / spread, mu)
+    c_n, c_t = (new_n - p_n) / w_inverse, (new_t - p_t) * spread / w_inverse
+    square = c_n * c_n + c_t * c_t
+    if p_n <= 0.0 and square == 0.0:
+        square = -1.0
+    return square, abs(p_n * u_n) + abs(p_t * u_t + mu * p_n * abs(u_t))
+
+
+@kernel
+def _general_residual(g: int, s: System) -> tuple[float, float]:
+    """As `_light_residual`, for a general contact."""
+    u_n, u_t = general_velocity(g, s)
+    new_n, new_t = general_solution(g, s, u_n, u_t, EXACT)
+    f = s.general_frame[g]
+    p_n, p_t = s.general_impulse[g, 0], s.general_impulse[g, 1]
+    d_n, d_t = new_n - p_n, new_t - p_t
+    c_n, c_t = f[4] * d_n + f[5] * d_t, f[5] * d_n + f[6] * d_t
+    square = c_n * c_n + c_t * c_t
+    if p_n <= 0.0 and square == 0.0:
+        square = -1.0
+    return square, abs(p_n * u_n) + abs(p_t * u_t + f[3] * p_n * abs(u_t))
+
+
+@kernel
+def _residual_of_chunk(chunk: int, s: System) -> tuple[float, float, float, float]:
+    squares, energy, largest, active = 0.0, 0.0, 0.0, 0.0
+    for k in range(chunk * CHUNK, min(s.pair.shape[0], (chunk + 1) * CHUNK)):
+        square, share = _light_residual(k, s)
+        if square >= 0.0:
+            squares += square
+            active += 1.0
+            largest = max(largest, square)
+        energy += share
+    return squares, energy, largest, active
+
+
+@parallel_kernel
+def _residuals_of_chunks(s: System, partial: np.ndarray) -> None:
+    for chunk in prange(partial.shape[0]):
+        partial[chunk, 0], partial[chunk, 1], partial[chunk, 2], partial[chunk, 3] = _residual_of_chunk(chunk, s)
+
+
+@kernel
+def measure_residual(s: System, parallel: bool) -> tuple[float, float, float, float]:
+    """Residuals of the present impulses and velocities.
+
+    Args:
+        s: The problem; read only.
+        parallel: Use several threads; the result is the same.
+
+    Returns:
+        rms and maximum of e_c, the velocity correction that an exact local solve of contact c would make with the others held
+        (natural map in velocity units), over contacts with p_n > 0 or e_c > 0 [m/s]; Σ(|p_n ũ_n| + |p_t u_t + μ p_n |u_t||) [J];
+        and the number of these contacts.
+    """
+    chunks = max(1, -(-s.pair.shape[0] // CHUNK))
+    partial = np.empty((chunks, 4))
+    if parallel:
+        _residuals_of_chunks(s, partial)
+    else:
+        for chunk in range(chunks):
+            partial[chunk, 0], partial[chunk, 1], partial[chunk, 2], partial[chunk, 3] = _residual_of_chunk(chunk, s)
+    squares, energy, largest, active = 0.0, 0.0, 0.0, 0.0
+    for chunk in range(chunks):
+        squares += partial[chunk, 0]
+        energy += partial[chunk, 1]
+        largest = max(largest, partial[chunk, 2])
+        active += partial[chunk, 3]
+    for g in range(s.general_pair.shape[0]):
+        square, share = _general_residual(g, s)
+        if square >= 0.0:
+            squares += square
+            active += 1.0
+            largest = max(largest, square)
+        energy += share
+    return np.sqrt(squares / max(active, 1.0)), np.sqrt(largest), energy, active

@@ -1,0 +1,98 @@
+"""The global solve of one contact problem, in slices short enough to be interrupted."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numba
+import numpy as np
+
+from multicor_cli.engine.contact import acceleration as loop
+from multicor_cli.engine.contact.settings import Settings
+from multicor_cli.engine.contact.sweep import BIPOTENTIAL, EXACT, System
+from multicor_cli.engine.pace import SLICE, Pace
+
+
+@dataclass(frozen=True)
+class Scale:
+    """What residuals are measured against: u_ref [m/s], and ½ M u_ref² [J]."""
+
+    velocity: float
+    energy: float
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """Result of a solve; residuals over their scale, ``sweeps`` in sweep-equivalents."""
+
+    sweeps: float
+    converged: bool
+    rms: float
+    maximum: float
+    energy: float
+
+
+class Interrupted(Exception):
+    """The solve was abandoned because a signal asked for it; nothing has been changed."""
+
+
+def solve_system(
+    system: System,
+    scale: Scale,
+    settings: Settings,
+    pace: Pace,
+    should_stop: Callable[[], bool] | None = None,
+) -> Outcome:
+    """Sweep until the three tolerances are met or the cap is reached.
+
+    Args:
+        system: The problem, with velocities that match its impulses. **Impulses and velocities modified.**
+        scale: Scale of the residuals.
+        settings: Method, tolerances, cap.
+        pace: Decides between one thread and several, and takes note of what they cost.
+        should_stop: Asked between slices.
+
+    Raises:
+        Interrupted: If ``should_stop`` says so.
+    """
+    count = system.pair.shape[0] + system.general_pair.shape[0]
+    if count == 0 or scale.velocity == 0.0:
+        return Outcome(0.0, True, 0.0, 0.0, 0.0)
+    tolerance = np.array(
+        [
+            settings.tolerance_rms * scale.velocity,
+            settings.tolerance_max * scale.velocity,
+            settings.tolerance_energy * scale.energy,
+        ]
+    )
+    memory = loop.start_memory(count)
+    momentum = loop.start_momentum(system)
+    partial = np.empty(system.tile_start.size - 1)
+    local = EXACT if settings.local == "exact" else BIPOTENTIAL
+    slice_ = max(1, SLICE // count)
+    limit = 0
+    outside = numba.get_num_threads()
+    try:
+        while memory[loop.CONVERGED] == 0.0 and limit < settings.max_sweeps:
+            limit = min(limit + slice_, settings.max_sweeps)
+            is_last = limit == settings.max_sweeps
+            parallel = pace.choose(count)
+            numba.set_num_threads(pace.threads if parallel else 1)
+            done, started = float(memory[loop.SWEEPS]), time.perf_counter()
+            loop.iterate(
+                system, momentum, local, settings.method == "accelerated", parallel, limit, is_last, tolerance, memory, partial
+            )
+            pace.note(count, parallel, (float(memory[loop.SWEEPS]) - done) * count, time.perf_counter() - started)
+            if should_stop is not None and should_stop():
+                raise Interrupted
+    finally:
+        numba.set_num_threads(outside)  # whoever calls may have chosen it
+    return Outcome(
+        float(memory[loop.SWEEPS] + memory[loop.CHECKS]),
+        bool(memory[loop.CONVERGED]),
+        float(memory[loop.RMS] / scale.velocity),
+        float(memory[loop.MAXIMUM] / scale.velocity),
+        float(memory[loop.ENERGY] / scale.energy),
+    )

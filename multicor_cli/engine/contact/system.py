@@ -1,0 +1,109 @@
+"""Puts the contacts of a step into the order and the arrays of the sweep."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from multicor_cli.engine.contact.detection import Contacts, Scene
+from multicor_cli.engine.contact.ordering import (
+    classify_contacts,
+    number_grains,
+    number_wall_contacts,
+    order_contacts,
+    pack_contacts,
+    pack_general,
+    unpack,
+)
+from multicor_cli.engine.contact.sweep import System, add_impulses
+from multicor_cli.model.model import Floats, Ints
+
+TILE = 16.0  # width of a tile in mean diameters: a few hundred contacts
+
+
+@dataclass(frozen=True)
+class OrderedSystem:
+    """A `System`, and where its contacts come from.
+
+    Attributes:
+        system: What the sweep works on.
+        order: Contact (by key) behind each light contact.
+        general: Contact behind each general one.
+        place: Row of each grain in the velocities of the system; walls follow the grains.
+    """
+
+    system: System
+    order: Ints
+    general: Ints
+    place: Ints
+
+    def collect(self, contacts: Contacts) -> Floats:
+        """Write the impulses back into ``contacts``; returns the velocities of grains and walls, shape ``(n + w, 4)``."""
+        after = np.empty((self.system.inverse.shape[0], 4))
+        unpack(self.order, self.system.impulse, self.place, self.system.velocity, contacts.impulse, after)
+        contacts.impulse[self.general] = self.system.general_impulse
+        return after
+
+
+def assemble(
+    scene: Scene,
+    contacts: Contacts,
+    free: Floats,
+    wall_inverse: Floats,
+    wall_is_free: NDArray[np.bool_],
+    mean_diameter: float,
+    spin_factor: float,
+) -> OrderedSystem:
+    """Order the contacts and build the arrays of the sweep.
+
+    Args:
+        scene: Shapes at q_m.
+        contacts: Contacts sorted by key, with the warm start in ``impulse``.
+        free: Free velocities of grains and walls, shape ``(n + w, 4)``.
+        wall_inverse: Inverse mass per degree of freedom of the walls, shape ``(w, 3)``.
+        wall_is_free: Walls with a driven degree of freedom, shape ``(w,)``.
+        mean_diameter: d̄ [m].
+        spin_factor: β = m a²/I.
+    """
+    classes, span, sizes = classify_contacts(scene, contacts, wall_is_free)
+    columns, rows, corner, width, height = _tiles(scene, max(TILE * mean_diameter, 2.2 * span))
+    order, general, tile_start, color_start = order_contacts(scene, contacts, classes, sizes, columns, rows, corner, width, height)
+    number = number_wall_contacts(scene, contacts, order)
+    bodies = free.shape[0]
+    velocity = np.empty((bodies + int(number.max(initial=-1)) + 1, 4))
+    place = number_grains(contacts, order, general, scene.radius.size)
+    pair = np.empty((order.size, 2), np.int32)
+    frame = np.empty((order.size, 5))
+    impulse = np.empty((order.size, 2))
+    pack_contacts(scene, contacts, free, place, order, number, bodies, velocity, pair, frame, impulse)
+    inverse = np.zeros((bodies, 3))
+    if general.size:
+        n = scene.radius.size
+        inverse[:n, 0] = inverse[:n, 1] = velocity[:n, 3]
+        inverse[:n, 2] = spin_factor * velocity[:n, 3]
+        inverse[n:] = wall_inverse
+    system = System(
+        velocity, inverse, pair, frame, impulse, tile_start, color_start,
+        *pack_general(scene, contacts, place, general, inverse), spin_factor,
+    )  # fmt: skip
+    add_impulses(system)
+    return OrderedSystem(system, order, general, place)
+
+
+def _tiles(scene: Scene, width: float) -> tuple[int, int, Floats, float, float]:
+    """Numbers of columns and rows, the corner and the size of the tiles; at least ``width`` wide and high."""
+    x, y = scene.position[:, 0], scene.position[:, 1]  # one by one: numpy is slow along the short axis
+    low = np.array([x.min(), y.min()])
+    size = np.array([x.max(), y.max()]) - low
+    if scene.period > 0.0:
+        low[0], size[0] = 0.0, scene.period
+    limit = max(4, scene.radius.size)  # grains that fly far away must not make the grid large
+    rows = min(max(1, int(size[1] / width)), limit)
+    columns = min(max(1, int(size[0] / width)), limit)
+    while rows * columns > limit:
+        rows, columns = max(1, rows // 2), max(1, columns // 2)
+    if scene.period > 0.0 and columns > 1:
+        columns -= columns % 2
+    return columns, rows, low, max(size[0], width) / columns, max(size[1], width) / rows

@@ -1,0 +1,1 @@
+"""The energy books: what contacts and walls do to the energy in a step, and whether that closes."""

@@ -1,0 +1,333 @@
+"""Neighbor list: all pairs of shapes whose gap is below a cutoff, in O(N) time and memory for any mixture of sizes.
+
+Discs are binned on several grids, one per class of radii (factor two), so that a few large grains do not make the cells of the
+small ones large. Each grain owns the row of its partners with a higher shape number.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from multicor_cli.arithmetic import cos, sin
+from multicor_cli.engine.geometry.gaps import disc_circle, disc_disc, disc_plane, minimum_image, nearest_image, segment_parameter
+from multicor_cli.engine.jit.chunks import CHUNK
+from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
+from multicor_cli.engine.jit.formulas import formula
+from multicor_cli.model.model import Floats, Ints, ShapeKind
+
+_DISC = int(ShapeKind.DISC)
+_PLANE = int(ShapeKind.PLANE)
+_SEGMENT = int(ShapeKind.SEGMENT)
+_VERTEX = int(ShapeKind.VERTEX)
+_CIRCLE = int(ShapeKind.CIRCLE)
+
+CROWDED = 100  # discs side by side in cells, above which those near a grain are counted one by one
+
+
+@kernel
+def place_shapes(kind: Ints, wall: Ints, local: Floats, wall_position: Floats, world: Floats) -> None:
+    """Move the wall shapes from the frame of their wall to the world.
+
+    Args:
+        kind: `ShapeKind` of each shape, shape ``(m,)``.
+        wall: Wall of each shape, shape ``(m,)``.
+        local: Geometry in the wall's frame [m], shape ``(m, 4)``.
+        wall_position: Frames: origin [m] and angle [rad], shape ``(w, 3)``.
+        world: Geometry in the world [m], shape ``(m, 4)``. **Modified.**
+    """
+    for k in range(kind.size):
+        frame = wall_position[wall[k]]
+        c, s = cos(frame[2]), sin(frame[2])
+        x, y = local[k, 0], local[k, 1]
+        world[k, 0] = frame[0] + c * x - s * y
+        world[k, 1] = frame[1] + s * x + c * y
+        u, v = local[k, 2], local[k, 3]
+        if kind[k] == _PLANE:
+            world[k, 2] = c * u - s * v
+            world[k, 3] = s * u + c * v
+        elif kind[k] == _SEGMENT:
+            world[k, 2] = frame[0] + c * u - s * v
+            world[k, 3] = frame[1] + s * u + c * v
+        else:
+            world[k, 2] = u
+            world[k, 3] = v
+
+
+@kernel
+def _past_end(x: float, y: float, world: Floats, segment: int, is_start: bool) -> bool:
+    """Whether the point of the segment closest to (x, y) is that end."""
+    s = world[segment]
+    foot = segment_parameter(x, y, s[0], s[1], s[2], s[3])
+    return foot <= 0.0 if is_start else foot >= 1.0
+
+
+@kernel
+def gap_to_shape(
+    x: float, y: float, radius: float, shape: int, kind: Ints, world: Floats, period: float
+) -> tuple[float, float, float]:
+    """Gap [m] and unit normal of a grain at (x, y) against a wall shape; ``inf`` where another shape of the wall is closer."""
+    what = kind[shape]
+    g0, g1, g2, g3 = world[shape, 0], world[shape, 1], world[shape, 2], world[shape, 3]
+    dx = nearest_image(x - g0, period)
+    dy = y - g1
+    if what == _DISC:
+        return disc_disc(dx, dy, radius + g2)
+    if what == _PLANE:
+        return disc_plane(dx, dy, g2, g3, radius)
+    if what == _CIRCLE:
+        return disc_circle(dx, dy, g2, radius)
+    px, py = g0 + dx, g1 + dy
+    if what == _SEGMENT:
+        foot = segment_parameter(px, py, g0, g1, g2, g3)
+        if foot <= 0.0 or foot >= 1.0:
+            return np.inf, 0.0, 1.0
+        return disc_disc(px - g0 - foot * (g2 - g0), py - g1 - foot * (g3 - g1), radius)
+    if g2 >= 0.0 and not _past_end(px, py, world, int(g2), False):
+        return np.inf, 0.0, 1.0
+    if g3 >= 0.0 and not _past_end(px, py, world, int(g3), True):
+        return np.inf, 0.0, 1.0
+    return disc_disc(dx, dy, radius)
+
+
+@kernel
+def bin_discs(
+    center: Floats, level: Ints, level_cells: Floats, origin: Floats, level_start: Ints, level_shape: Ints
+) -> tuple[Ints, Ints]:
+    """Sort discs into the cells of their level.
+
+    Args:
+        center: Centers [m], shape ``(d, 2)``.
+        level: Grid of each disc, shape ``(d,)``.
+        level_cells: Cell width and height of each level [m], shape ``(levels, 2)``.
+        origin: Lower left corner of all grids [m], shape ``(2,)``.
+        level_start: Number of the first cell of each level, shape ``(levels + 1,)``.
+        level_shape: Number of cells in x and y of each level, shape ``(levels, 2)``.
+
+    Returns:
+        Start of each cell in the sorted list, shape ``(cells + 1,)``, and the discs sorted by cell (ascending within a cell).
+    """
+    cell = np.empty(level.size, np.int32)
+    start = np.zeros(level_start[-1] + 1, np.int32)
+    for d in range(level.size):
+        k = level[d]
+        cx = min(max(int((center[d, 0] - origin[0]) / level_cells[k, 0]), 0), level_shape[k, 0] - 1)
+        cy = min(max(int((center[d, 1] - origin[1]) / level_cells[k, 1]), 0), level_shape[k, 1] - 1)
+        cell[d] = level_start[k] + cy * level_shape[k, 0] + cx
+        start[cell[d] + 1] += 1
+    for c in range(start.size - 1):
+        start[c + 1] += start[c]
+    fill = start[:-1].copy()
+    order = np.empty(level.size, np.int32)
+    for d in range(level.size):
+        order[fill[cell[d]]] = d
+        fill[cell[d]] += 1
+    return start, order
+
+
+@formula
+def _scan_row(
+    i: int,
+    grain_count: int,
+    center: Floats,
+    radius: Floats,
+    shape_of: Ints,
+    cutoff: float,
+    period: float,
+    level_cells: Floats,
+    level_radius: Floats,
+    origin: Floats,
+    level_start: Ints,
+    level_shape: Ints,
+    cell_start: Ints,
+    sorted_x: Floats,
+    sorted_y: Floats,
+    sorted_radius: Floats,
+    cell_disc: Ints,
+    out: Ints,
+    offset: int,
+) -> int:
+    """Partners of grain ``i`` with a higher number go to ``out[offset:]``; returns how many.
+
+    With a negative ``offset`` only a bound of their number is returned: all discs in the cells around, unless these are crowded
+    (one grain that has flown far away makes all cells large).
+    """
+    found = 0
+    x, y, r = center[i, 0], center[i, 1], radius[i]
+    for k in range(level_radius.size):
+        reach = r + level_radius[k] + cutoff
+        columns, rows = level_shape[k, 0], level_shape[k, 1]
+        first_y = max(int(np.floor((y - reach - origin[1]) / level_cells[k, 1])), 0)
+        last_y = min(int(np.floor((y + reach - origin[1]) / level_cells[k, 1])), rows - 1)
+        # Cells beyond the last row or column are merged into it, so a disc outside the grid is still found there.
+        first_y = min(first_y, rows - 1)
+        last_y = max(last_y, 0)
+        first_x = int(np.floor((x - reach - origin[0]) / level_cells[k, 0]))
+        last_x = int(np.floor((x + reach - origin[0]) / level_cells[k, 0]))
+        if period > 0.0:
+            last_x = min(last_x, first_x + columns - 1)
+        else:
+            first_x = min(max(first_x, 0), columns - 1)
+            last_x = max(min(last_x, columns - 1), 0)
+        for cy in range(first_y, last_y + 1):
+            base = level_start[k] + cy * columns
+            column = first_x
+            while column <= last_x:  # cells side by side are one run of discs, except across the period
+                cx = column % columns if period > 0.0 else column
+                run = min(last_x + 1 - column, columns - cx)
+                column += run
+                first, last = cell_start[base + cx], cell_start[base + cx + run]
+                if offset < 0 and last - first <= CROWDED:
+                    found += last - first
+                    continue
+                for place in range(first, last):
+                    other = cell_disc[place]
+                    dx = minimum_image(x - sorted_x[place], period)
+                    dy = y - sorted_y[place]
+                    near = r + sorted_radius[place] + cutoff
+                    if other > i and dx * dx + dy * dy < near * near:
+                        if offset >= 0:
+                            out[offset + found] = other if other < grain_count else shape_of[other - grain_count]
+                        found += 1
+    return found
+
+
+@kernel
+def _scan_shapes(
+    i: int,
+    grain_count: int,
+    center: Floats,
+    radius: Floats,
+    others: Ints,
+    kind: Ints,
+    world: Floats,
+    cutoff: float,
+    period: float,
+    out: Ints,
+    offset: int,
+) -> int:
+    """As `_scan_row`, for the wall shapes that are not discs: ``others``, ascending."""
+    found = 0
+    for k in range(others.size):
+        shape = others[k]
+        near = False
+        if kind[shape] == _SEGMENT:
+            g0, g1, g2, g3 = world[shape, 0], world[shape, 1], world[shape, 2], world[shape, 3]
+            px = g0 + nearest_image(center[i, 0] - g0, period)
+            py = center[i, 1]
+            foot = min(max(segment_parameter(px, py, g0, g1, g2, g3), 0.0), 1.0)
+            dx, dy = px - g0 - foot * (g2 - g0), py - g1 - foot * (g3 - g1)
+            reach = radius[i] + cutoff
+            near = dx * dx + dy * dy < reach * reach
+        elif kind[shape] == _VERTEX:
+            dx = nearest_image(center[i, 0] - world[shape, 0], period)
+            dy = center[i, 1] - world[shape, 1]
+            reach = radius[i] + cutoff
+            near = dx * dx + dy * dy < reach * reach
+        else:
+            near = gap_to_shape(center[i, 0], center[i, 1], radius[i], shape, kind, world, period)[0] < cutoff
+        if near:
+            if offset >= 0:
+                out[offset + found] = grain_count + shape
+            found += 1
+    return found
+
+
+@formula
+def _sort(values: Ints, first: int, last: int) -> None:
+    """Insertion sort of ``values[first:last]``: rows are short."""
+    for k in range(first + 1, last):
+        value = values[k]
+        m = k - 1
+        while m >= first and values[m] > value:
+            values[m + 1] = values[m]
+            m -= 1
+        values[m + 1] = value
+
+
+@parallel_kernel
+def list_pairs(
+    grain_count: int,
+    center: Floats,
+    radius: Floats,
+    shape_of: Ints,
+    others: Ints,
+    kind: Ints,
+    world: Floats,
+    cutoff: float,
+    period: float,
+    level_cells: Floats,
+    level_radius: Floats,
+    origin: Floats,
+    level_start: Ints,
+    level_shape: Ints,
+    cell_start: Ints,
+    cell_disc: Ints,
+) -> tuple[Ints, Ints]:
+    """All pairs with a gap below ``cutoff`` [m]; see `bin_discs` for the grids.
+
+    Args:
+        grain_count: Number of grains; they are the first discs.
+        center: Centers of all discs, grains first, then the discs of walls [m], shape ``(d, 2)``.
+        radius: Radii of all discs [m], shape ``(d,)``.
+        shape_of: Shape number of each wall disc, ascending, shape ``(d - n,)``.
+        others: Wall shapes that are no discs, ascending.
+        kind: `ShapeKind` of the wall shapes, shape ``(m,)``.
+        world: Their geometry in the world [m], shape ``(m, 4)``.
+        cutoff: Largest gap of interest [m].
+        period: Period in x [m] or 0.
+        level_cells: Cell sizes [m], shape ``(levels, 2)``.
+        level_radius: Largest radius of each level [m], shape ``(levels,)``.
+        origin: Corner of the grids [m], shape ``(2,)``.
+        level_start: First cell of each level, shape ``(levels + 1,)``.
+        level_shape: Cells in x and y, shape ``(levels, 2)``.
+        cell_start: Start of each cell in ``cell_disc``.
+        cell_disc: Discs sorted by cell.
+
+    Returns:
+        ``row`` of shape ``(n + 1,)`` and ``partner``: the shapes near grain i, ascending, are ``partner[row[i]:row[i+1]]``.
+    """
+    discs = cell_disc.size
+    sorted_x = np.empty(discs)
+    sorted_y = np.empty(discs)
+    sorted_radius = np.empty(discs)
+    for place in prange(discs):
+        d = cell_disc[place]
+        sorted_x[place] = center[d, 0]
+        sorted_y[place] = center[d, 1]
+        sorted_radius[place] = radius[d]
+    row = np.zeros(grain_count + 1, np.int64)
+    chunks = max(1, -(-grain_count // CHUNK))
+    begin = np.zeros(chunks + 1, np.int64)
+    found_pairs = np.empty(0, np.int32)
+    # The same loop first finds how much room each chunk of grains needs at most, then fills its part from the start on.
+    for is_writing in range(2):
+        for number in prange(chunks):
+            chunk: int = np.int64(number)  # type: ignore[assignment]  # unsigned, the functions below would be compiled once more
+            at = int(begin[chunk]) if is_writing else -1
+            room = 0
+            for grain in range(chunk * CHUNK, min(grain_count, (chunk + 1) * CHUNK)):
+                found = _scan_row(
+                    grain, grain_count, center, radius, shape_of, cutoff, period, level_cells, level_radius, origin, level_start,
+                    level_shape, cell_start, sorted_x, sorted_y, sorted_radius, cell_disc, found_pairs, at,
+                )  # fmt: skip
+                beyond = at + found if is_writing else -1
+                found += _scan_shapes(grain, grain_count, center, radius, others, kind, world, cutoff, period, found_pairs, beyond)
+                if is_writing:
+                    _sort(found_pairs, at, at + found)
+                    row[grain + 1] = found
+                    at += found
+                room += found
+            if not is_writing:
+                begin[chunk + 1] = room
+        if not is_writing:
+            for chunk in range(chunks):
+                begin[chunk + 1] += begin[chunk]
+            found_pairs = np.empty(begin[chunks], np.int32)
+    for grain in range(grain_count):
+        row[grain + 1] += row[grain]
+    partner = np.empty(row[grain_count], np.int32)
+    for chunk in prange(chunks):  # type: ignore[assignment]
+        begin_row = row[chunk * CHUNK]
+        for p in range(row[min(grain_count, (chunk + 1) * CHUNK)] - begin_row):
+            partner[begin_row + p] = found_pairs[begin[chunk] + p]
+    return row, partner

@@ -1,0 +1,69 @@
+"""Heat books: stored = friction + impact − to walls + from walls + from the fluid + from the surroundings."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from multicor_cli.arithmetic.sums import total
+from multicor_cli.engine.heat.flow import Flow
+from multicor_cli.engine.heat.rates import AMBIENT, SURROUNDINGS
+from multicor_cli.model.model import Floats
+from multicor_cli.model.state import HEAT_BOOK_NAMES, State
+
+_BOOK = {name: k for k, name in enumerate(HEAT_BOOK_NAMES)}
+
+
+def book_generated(state: State, friction: float, impact: float, to_walls: Floats) -> None:
+    """Enter the heat generated in one step [J]; ``to_walls`` of shape ``(w,)`` is what of it went into the walls."""
+    _enter(state, {"friction": friction, "impact": impact, "to_walls": total(to_walls)})
+    state.wall_heat[:, 1] += to_walls
+
+
+def book_flow(state: State, flow: Flow, undelivered: float) -> None:
+    """Enter the heat that has flowed; ``undelivered`` [J] is what walls of prescribed flow found nobody to give to."""
+    outside = flow.outside
+    _enter(
+        state,
+        {
+            "from_walls": total(flow.walls),
+            "from_ambient": float(outside[AMBIENT]),
+            "from_surroundings": float(outside[SURROUNDINGS]),
+        },
+        total(np.abs(flow.walls)),
+    )
+    state.wall_heat[:, 0] += flow.walls
+    state.heat_books[_BOOK["undelivered"]] += undelivered
+    state.heat_books[_BOOK["sub_steps"]] += flow.sub_steps
+
+
+def _enter(state: State, entries: dict[str, float], walls: float | None = None) -> None:
+    books = state.heat_books
+    for name, value in entries.items():
+        books[_BOOK[name]] += value
+    exchanged = {name: abs(value) for name, value in entries.items()}
+    if walls is not None:
+        exchanged["from_walls"] = walls
+    books[_BOOK["exchanged"]] += math.fsum(exchanged.values())
+
+
+def note_contacts(state: State, biot: float, gas_ratio: tuple[float, float]) -> None:
+    """Keep the largest Biot number of a contact, and the range of λ_s s/(λ_f a) of the last step."""
+    books = state.heat_books
+    books[_BOOK["max_biot"]] = max(books[_BOOK["max_biot"]], biot)
+    books[_BOOK["solid_gas_min"]], books[_BOOK["solid_gas_max"]] = gas_ratio
+
+
+def strike_balance(state: State) -> None:
+    """Compare the heat content of the grains with what has come in."""
+    books = state.heat_books
+    stored = total(state.heat)
+    books[_BOOK["stored"]] = stored
+    received = books[_BOOK["friction"]] + books[_BOOK["impact"]] - books[_BOOK["to_walls"]]
+    received += books[_BOOK["from_walls"]] + books[_BOOK["from_ambient"]] + books[_BOOK["from_surroundings"]]
+    books[_BOOK["imbalance"]] = stored - received
+    # Σ C_i |T_i − T_i0| = Σ |Q_i|.
+    scale = books[_BOOK["exchanged"]] + total(np.abs(state.heat))
+    if scale > 0.0:
+        books[_BOOK["closure"]] = max(books[_BOOK["closure"]], abs(books[_BOOK["imbalance"]]) / scale)

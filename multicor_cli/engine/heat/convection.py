@@ -1,0 +1,83 @@
+"""Convection between a grain and the fluid around it: Nusselt numbers as functions of Reynolds and Prandtl number.
+
+Formula: ``Q = h A (T_f − T)``, ``h = Nu λ_f/d``, ``Re = |v − v_f| d/ν_f``.
+
+Sources: W. E. Ranz & W. R. Marshall, Chem. Eng. Prog. 48 (1952) 141; S. Whitaker, AIChE J. 18 (1972) 361; D. J. Gunn, Int. J.
+Heat Mass Transf. 21 (1978) 467; J. Li & D. J. Mason, Powder Technol. 112 (2000) 273.
+
+Validity: *Ranz & Marshall* one sphere, measured for Re < 200, used up to 5·10⁴, 0.6 < Pr < 380; *Whitaker* one sphere, 3.5 < Re
+< 7.6·10⁴, 0.7 < Pr < 380, here without the ratio of viscosities at fluid and surface temperature (valid for gases and small
+differences); *Gunn* beds of porosity 0.35 to 1, Re < 10⁵; *Li & Mason* dilute (exponent 3.5) and dense (4.75) suspensions. The
+fluid has one temperature and one velocity: what the grains do to it is not computed. Nu = 2 at Re = 0 is diffusion into an
+infinite fluid, which grains in a bed do not have around them.
+"""
+
+from __future__ import annotations
+
+from math import sqrt
+
+from multicor_cli.arithmetic import cbrt, power
+from multicor_cli.engine.jit.formulas import formula
+
+
+@formula
+def reynolds(speed: float, diameter: float, viscosity: float) -> float:
+    """Reynolds number ``Re = |v| d/ν_f``.
+
+    Args:
+        speed: Speed of the grain relative to the fluid [m/s].
+        diameter: Diameter d [m].
+        viscosity: Kinematic viscosity ν_f [m²/s].
+    """
+    return abs(speed) * diameter / viscosity
+
+
+@formula
+def ranz_marshall(re: float, pr: float) -> float:
+    """Nusselt number ``2 + 0.6 Re^½ Pr^⅓`` (Ranz & Marshall 1952)."""
+    return 2.0 + 0.6 * sqrt(re) * cbrt(pr)
+
+
+@formula
+def whitaker(re: float, pr: float) -> float:
+    """Nusselt number ``2 + (0.4 Re^½ + 0.06 Re^⅔) Pr^0.4`` (Whitaker 1972), fluid at one temperature."""
+    root = cbrt(re)
+    return 2.0 + (0.4 * sqrt(re) + 0.06 * root * root) * power(pr, 0.4)
+
+
+@formula
+def gunn(re: float, pr: float, porosity: float) -> float:
+    """Nusselt number ``(7 − 10ε + 5ε²)(1 + 0.7 Re^0.2 Pr^⅓) + (1.33 − 2.4ε + 1.2ε²) Re^0.7 Pr^⅓``, porosity ε (Gunn 1978)."""
+    p = porosity
+    root = cbrt(pr)
+    low = (7.0 - 10.0 * p + 5.0 * p * p) * (1.0 + 0.7 * power(re, 0.2) * root)
+    high = (1.33 - 2.4 * p + 1.2 * p * p) * power(re, 0.7) * root
+    return low + high
+
+
+@formula
+def li_mason(re: float, pr: float, porosity: float, exponent: float) -> float:
+    """Nusselt number in suspensions (Li & Mason 2000), porosity ε and exponent n.
+
+    ``2 + 0.6 ε^n Re^½ Pr^⅓`` for Re < 200; ``2 + ε^n (0.5 Re^½ + 0.02 Re^0.8) Pr^⅓`` for 200 ≤ Re < 1500;
+    ``2 + 4.5·10⁻⁵ ε^n Re^1.8`` above. The branches do not join: Nu − 2 falls by 0.33 % at Re = 200, and at Re = 1500 it changes
+    by the factor 0.891 Pr^−⅓, as the last branch does not depend on Pr (+0.4 % for Pr = 0.7, −11 % for Pr = 1).
+
+    Args:
+        re: Reynolds number.
+        pr: Prandtl number.
+        porosity: Volume fraction of the fluid ε.
+        exponent: n: 3.5 for dilute, 4.75 for dense suspensions.
+    """
+    screen = power(porosity, exponent)
+    if re < 200.0:
+        return 2.0 + 0.6 * screen * sqrt(re) * cbrt(pr)
+    if re < 1500.0:
+        return 2.0 + screen * (0.5 * sqrt(re) + 0.02 * power(re, 0.8)) * cbrt(pr)
+    return 2.0 + 4.5e-5 * screen * power(re, 1.8)
+
+
+@formula
+def coefficient(nusselt: float, conductivity: float, diameter: float) -> float:
+    """Coefficient of heat transfer ``h = Nu λ_f/d`` [W/(m² K)]; λ_f of the fluid [W/(m K)], diameter d of the grain [m]."""
+    return nusselt * conductivity / diameter

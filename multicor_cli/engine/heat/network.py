@@ -1,0 +1,171 @@
+"""The network through which heat flows: from contacts, gaps, walls and surroundings to links between nodes."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from multicor_cli.engine.contact.detection import Scene, warm_rows
+from multicor_cli.engine.heat import contact_loops as contact_heat
+from multicor_cli.engine.heat import gap_loops as gap_heat
+from multicor_cli.engine.heat.contact_loops import Thermals
+from multicor_cli.engine.heat.rates import Network
+from multicor_cli.engine.heat.settings import Ambient, HeatSettings, WallHeat
+from multicor_cli.engine.heat.spots import Spots
+from multicor_cli.engine.jit.elementwise import hypot
+from multicor_cli.model.model import Floats, Ints, Model
+
+_INSULATED, _KNOWN, _FLOW = 0, 1, 2
+_KINDS = {"insulated": _INSULATED, "temperature": _KNOWN, "flow": _FLOW}
+_GAS_MODELS = {"parallel": gap_heat.PARALLEL, "batchelor": gap_heat.BATCHELOR, "vargas": gap_heat.VARGAS}
+
+SPHERE = 2.5
+"""m a²/I of spheres."""
+
+Pairs = tuple[Ints, Ints, Floats]
+"""First and second shapes of pairs, sorted, and their gaps [m]."""
+
+
+@dataclass(frozen=True)
+class Links:
+    """Pairs of bodies between which heat flows; ``e`` of them.
+
+    Attributes:
+        i: Grain, shape ``(e,)``.
+        j: Grain or wall shape, shape ``(e,)``.
+        conductance: H [W/K], shape ``(e,)``.
+        area: Area factor of radiation [m²], shape ``(e,)`` or of size 0.
+        biot: Largest Biot number H/(λ a), contact and gas together.
+        gas_ratio: Smallest and largest λ_s s/(λ_f a) of a contact in a gas; 0 without.
+    """
+
+    i: Ints
+    j: Ints
+    conductance: Floats
+    area: Floats
+    biot: float
+    gas_ratio: tuple[float, float]
+
+
+def links_of(scene: Scene, spots: Spots, near: Pairs | None, laws: Thermals, settings: HeatSettings, model: Model) -> Links:
+    """Contacts, and gaps where gas or radiation crosses them.
+
+    Args:
+        scene: Shapes.
+        spots: Contacts that conduct.
+        near: Pairs within the reach of gas and radiation; None if neither is on.
+        laws: Properties of materials.
+        settings: Choices about heat.
+        model: The model.
+    """
+    none = np.empty(0)
+    if near is None:
+        loaded = spots.conductance > 0.0
+        i, j, conductance = spots.i[loaded], spots.j[loaded], spots.conductance[loaded]
+        return Links(i, j, conductance, none, contact_heat.largest_biot(scene, i, j, conductance, laws), (0.0, 0.0))
+    i, j, gap = _with_contacts(scene, near, spots)
+    row = warm_rows(model.grain_count, spots.i)
+    conductance, spot = np.empty(i.size), np.empty(i.size)
+    contact_heat.look_up(row, spots.j, spots.conductance, i, j, conductance)
+    contact_heat.look_up(row, spots.j, spots.radius, i, j, spot)
+    ratio, area = (0.0, 0.0), none
+    if settings.gas is not None:
+        gas = settings.gas
+        smaller = _is_within(scene, laws, i, j, gap, gas.reach)
+        added = np.zeros(i.size)
+        ratio = gap_heat.gas_conductances(scene, laws, _GAS_MODELS[gas.model], gas.conductivity, i, j, gap, spot, added)
+        conductance += np.where(smaller, added, 0.0)
+    if settings.radiation is not None and settings.radiation.neighbors:
+        assert model.thermal is not None
+        area = gap_heat.radiating_areas(scene, laws, model.thermal.surface, model.shape_factor == SPHERE, i, j, gap)
+        area[~_is_within(scene, laws, i, j, gap, settings.radiation.reach)] = 0.0
+    return Links(i, j, conductance, area, contact_heat.largest_biot(scene, i, j, conductance, laws), ratio)
+
+
+def _with_contacts(scene: Scene, near: Pairs, spots: Spots) -> Pairs:
+    """Near pairs and all contacts that conduct: at q_m a grain that lands within the step may be farther than the reach."""
+    shapes = scene.radius.size + scene.kind.size
+    key_near = near[0].astype(np.int64) * shapes + near[1]
+    key_spot = spots.i.astype(np.int64) * shapes + spots.j
+    far = (spots.conductance > 0.0) & ~np.isin(key_spot, key_near)
+    if not far.any():
+        return near
+    i, j = spots.i[far], spots.j[far]
+    gap = np.empty(i.size)
+    gap_heat.resting_contacts(scene, i, j, gap, np.empty((i.size, 2)))
+    order = np.argsort(np.concatenate([key_near, key_spot[far]]), kind="stable")
+    return (
+        np.concatenate([near[0], i])[order],
+        np.concatenate([near[1], j])[order],
+        np.concatenate([near[2], gap])[order],
+    )
+
+
+def _is_within(scene: Scene, laws: Thermals, i: Ints, j: Ints, gap: Floats, reach: float) -> NDArray[np.bool_]:
+    """Whether the gaps of pairs are at most ``reach`` times the smaller radius, shape ``(e,)``."""
+    radius = np.concatenate([scene.radius, np.where(laws.shape_radius > 0.0, laws.shape_radius, np.inf)])
+    return np.asarray(gap <= reach * np.minimum(radius[i], radius[j]))
+
+
+def convective_conductance(ambient: Ambient, velocity: Floats, model: Model) -> Floats:
+    """Coefficient of convection times surface of each grain [W/K], shape ``(n,)``; ``velocity`` of shape ``(n, 2)`` [m/s]."""
+    assert model.thermal is not None
+    surface = model.thermal.surface
+    if ambient.correlation == "constant":
+        return np.asarray(ambient.coefficient * surface)
+    coefficient = np.empty(surface.size)
+    slip = velocity - np.array(ambient.velocity)
+    number = {"ranz-marshall": 0, "whitaker": 1, "gunn": 2, "li-mason": 3}[ambient.correlation]
+    gap_heat.convection_coefficients(
+        number, hypot(slip[:, 0], slip[:, 1]), model.grains.radius, ambient.conductivity, ambient.viscosity, ambient.prandtl,
+        ambient.porosity, coefficient,
+    )  # fmt: skip
+    return np.asarray(coefficient * surface)
+
+
+def network_of(
+    links: Links, scene: Scene, conditions: list[WallHeat], velocity: Floats, model: Model, settings: HeatSettings
+) -> Network:
+    """The network of a step. Links to insulated walls are left out; a prescribed flow is shared by conductance.
+
+    Args:
+        links: Pairs between which heat flows.
+        scene: Shapes.
+        conditions: Thermal conditions of the walls.
+        velocity: Velocities of the grains [m/s], shape ``(n, 2)``.
+        model: The model.
+        settings: Choices about heat.
+    """
+    n = model.grain_count
+    kind = np.array([*(_KINDS[c.kind] for c in conditions), _INSULATED], np.int8)  # the last stands for "no wall"
+    wall = np.full(links.j.size, len(conditions))
+    is_wall = links.j >= n
+    wall[is_wall] = scene.wall[links.j[is_wall] - n]
+    grains, known, flowing = ~is_wall, kind[wall] == _KNOWN, kind[wall] == _FLOW
+    has_area = links.area.size > 0
+    none = np.empty(0)
+    total = np.bincount(wall[flowing], weights=links.conductance[flowing], minlength=len(conditions))
+    flowing &= links.conductance > 0.0
+    share = links.conductance[flowing] / total[wall[flowing]]
+    radiation, ambient = settings.radiation, settings.ambient
+    to_surroundings = radiation is not None and radiation.surroundings is not None
+    assert model.thermal is not None
+    return Network(
+        i=links.i[grains],
+        j=links.j[grains],
+        conductance=links.conductance[grains],
+        area=links.area[grains] if has_area else none,
+        wall_i=links.i[known],
+        wall=wall[known].astype(np.int32),
+        wall_conductance=links.conductance[known],
+        wall_area=links.area[known] if has_area else none,
+        flow_i=links.i[flowing],
+        flow_wall=wall[flowing].astype(np.int32),
+        flow_share=share,
+        ambient=none if ambient is None else convective_conductance(ambient, velocity, model),
+        ambient_temperature=0.0 if ambient is None else ambient.temperature,
+        black=settings.laws.emissivity[model.grains.material] * model.thermal.surface if to_surroundings else none,
+        surroundings=radiation.surroundings if radiation is not None and radiation.surroundings is not None else 0.0,
+    )

@@ -1,0 +1,201 @@
+"""Heat flow in a network of grains and walls: the rates, and the linear systems of the implicit integrator.
+
+Nodes are grains; walls of known temperature and the ambient fluid are what the network exchanges heat with. Every rate is
+applied with opposite signs to the two ends, so heat is conserved to round-off whatever the temperatures are.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from multicor_cli.engine.heat.radiation import linear_coefficient
+from multicor_cli.engine.jit.compile import kernel
+from multicor_cli.model.model import Floats, Ints
+
+AMBIENT, SURROUNDINGS = 0, 1
+"""Entries of the exchange with the fluid and with the surroundings."""
+
+
+class Network(NamedTuple):
+    """What conducts between ``n`` grains and ``w`` walls.
+
+    Attributes:
+        i: First grain of each link between grains, shape ``(e,)``.
+        j: Second grain, shape ``(e,)``.
+        conductance: H [W/K], shape ``(e,)``.
+        area: Area factor of radiation along the link [m²], shape ``(e,)``; of size 0 without radiation between neighbors.
+        wall_i: Grain of each link to a wall of known temperature, shape ``(b,)``.
+        wall: The wall, shape ``(b,)``.
+        wall_conductance: H [W/K], shape ``(b,)``.
+        wall_area: Area factor [m²], shape ``(b,)`` or of size 0.
+        flow_i: Grain of each link to a wall of known heat flow, shape ``(f,)``.
+        flow_wall: The wall, shape ``(f,)``.
+        flow_share: Share of the flow of that wall, shape ``(f,)``.
+        ambient: Coefficient times surface of each grain [W/K], shape ``(n,)``; of size 0 without convection.
+        ambient_temperature: T_f [K].
+        black: Emissivity times surface of each grain [m²], shape ``(n,)``; of size 0 without radiation to the surroundings.
+        surroundings: Their temperature [K].
+    """
+
+    i: Ints
+    j: Ints
+    conductance: Floats
+    area: Floats
+    wall_i: Ints
+    wall: Ints
+    wall_conductance: Floats
+    wall_area: Floats
+    flow_i: Ints
+    flow_wall: Ints
+    flow_share: Floats
+    ambient: Floats
+    ambient_temperature: float
+    black: Floats
+    surroundings: float
+
+    @property
+    def radiates(self) -> bool:
+        """Whether any of the flows depends on T⁴."""
+        return bool(self.area.size or self.wall_area.size or self.black.size)
+
+
+@kernel
+def _link(conductance: float, area: Floats, k: int, a: float, b: float) -> float:
+    """H of a link, with the linear coefficient of its radiation between the temperatures ``a`` and ``b`` [W/K]."""
+    return conductance + linear_coefficient(area[k], a, b) if area.size else conductance
+
+
+@kernel
+def heat_rates(net: Network, temperature: Floats, wall_value: Floats, rate: Floats, wall_rate: Floats, outside: Floats) -> None:
+    """Heat flow into every grain [W], and what walls, fluid and surroundings give.
+
+    Args:
+        net: The network.
+        temperature: T of the grains [K], shape ``(n,)``.
+        wall_value: Temperature [K] or heat flow [W] of each wall, shape ``(w,)``.
+        rate: Into each grain [W], shape ``(n,)``. **Modified.**
+        wall_rate: Out of each wall [W], shape ``(w,)``. **Modified.**
+        outside: Out of the fluid and out of the surroundings [W], shape ``(2,)``. **Modified.**
+    """
+    rate[:] = 0.0
+    wall_rate[:] = 0.0
+    outside[:] = 0.0
+    for k in range(net.i.size):
+        a, b = temperature[net.i[k]], temperature[net.j[k]]
+        flow = _link(net.conductance[k], net.area, k, a, b) * (b - a)
+        rate[net.i[k]] += flow
+        rate[net.j[k]] -= flow
+    for k in range(net.wall_i.size):
+        a, b = temperature[net.wall_i[k]], wall_value[net.wall[k]]
+        flow = _link(net.wall_conductance[k], net.wall_area, k, a, b) * (b - a)
+        rate[net.wall_i[k]] += flow
+        wall_rate[net.wall[k]] += flow
+    for k in range(net.flow_i.size):
+        flow = net.flow_share[k] * wall_value[net.flow_wall[k]]
+        rate[net.flow_i[k]] += flow
+        wall_rate[net.flow_wall[k]] += flow
+    for k in range(net.ambient.size):
+        flow = net.ambient[k] * (net.ambient_temperature - temperature[k])
+        rate[k] += flow
+        outside[AMBIENT] += flow
+    for k in range(net.black.size):
+        coefficient = linear_coefficient(net.black[k], temperature[k], net.surroundings)
+        flow = coefficient * (net.surroundings - temperature[k])
+        rate[k] += flow
+        outside[SURROUNDINGS] += flow
+
+
+@kernel
+def _steepest(conductance: float, area: Floats, k: int, a: float, b: float) -> float:
+    """Largest derivative of the flow of a link by the temperature of one end: that of T⁴ at the hotter end [W/K]."""
+    hotter = max(a, b)
+    return conductance + linear_coefficient(area[k], hotter, hotter) if area.size else conductance
+
+
+@kernel
+def total_conductance(net: Network, temperature: Floats, wall_value: Floats, total: Floats) -> None:
+    """ΣH of every grain [W/K], radiation at its steepest, shape ``(n,)``; ``total`` is **modified**. Arguments as `heat_rates`.
+
+    This bounds the stable step of the explicit integrator, and lets Newton's method approach the solution from one side.
+    """
+    total[:] = 0.0
+    for k in range(net.i.size):
+        h = _steepest(net.conductance[k], net.area, k, temperature[net.i[k]], temperature[net.j[k]])
+        total[net.i[k]] += h
+        total[net.j[k]] += h
+    for k in range(net.wall_i.size):
+        total[net.wall_i[k]] += _steepest(
+            net.wall_conductance[k], net.wall_area, k, temperature[net.wall_i[k]], wall_value[net.wall[k]]
+        )
+    for k in range(net.ambient.size):
+        total[k] += net.ambient[k]
+    for k in range(net.black.size):
+        total[k] += _steepest(0.0, net.black, k, temperature[k], net.surroundings)
+
+
+@kernel
+def _apply(net: Network, diagonal: Floats, step: float, temperature: Floats, x: Floats, y: Floats) -> None:
+    """``y = diagonal·x − step·(links between grains)·x``: the matrix C + step K of the implicit stages."""
+    for k in range(x.size):
+        y[k] = diagonal[k] * x[k]
+    for k in range(net.i.size):
+        i, j = net.i[k], net.j[k]
+        h = step * _steepest(net.conductance[k], net.area, k, temperature[i], temperature[j])
+        y[i] -= h * x[j]
+        y[j] -= h * x[i]
+
+
+@kernel
+def solve_linear(
+    net: Network, diagonal: Floats, step: float, temperature: Floats, rhs: Floats, scale: Floats, target: float, x: Floats
+) -> int:
+    """Solve (C + step K) x = rhs by conjugate gradients, preconditioned by the diagonal.
+
+    The loop ends when the largest |residual|/scale falls to ``target``, or when rounding lets it fall no further (1,000
+    iterations at most): what is left only adds to the error of a stage, never to the heat balance.
+
+    Args:
+        net: The network; walls, fluid and surroundings enter through ``diagonal``.
+        diagonal: C + step ΣH [J/K], shape ``(n,)``.
+        step: Length of the implicit step [s].
+        temperature: Where radiation is linearized [K], shape ``(n,)``.
+        rhs: Right-hand side [J], shape ``(n,)``.
+        scale: What residuals are measured against: heat capacities [J/K], shape ``(n,)``.
+        target: Largest residual over scale [K].
+        x: Solution [K], shape ``(n,)``. **Modified.**
+
+    Returns:
+        Number of iterations.
+    """
+    n = rhs.size
+    r, z, p, q = rhs.copy(), np.empty(n), np.empty(n), np.empty(n)
+    x[:] = 0.0
+    rho = 0.0
+    for k in range(n):
+        z[k] = r[k] / diagonal[k]
+        p[k] = z[k]
+        rho += r[k] * z[k]
+    for iteration in range(1000):
+        worst = 0.0
+        for k in range(n):
+            worst = max(worst, abs(r[k]) / scale[k])
+        if worst <= target or rho == 0.0:
+            return iteration
+        _apply(net, diagonal, step, temperature, p, q)
+        curvature = 0.0
+        for k in range(n):
+            curvature += p[k] * q[k]
+        alpha = rho / curvature
+        rho_next = 0.0
+        for k in range(n):
+            x[k] += alpha * p[k]
+            r[k] -= alpha * q[k]
+            z[k] = r[k] / diagonal[k]
+            rho_next += r[k] * z[k]
+        beta = rho_next / rho
+        rho = rho_next
+        for k in range(n):
+            p[k] = z[k] + beta * p[k]
+    return 1000

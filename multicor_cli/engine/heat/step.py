@@ -1,0 +1,318 @@
+"""Heat of one time step: what the contacts generate, and how it flows through the grains."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+
+import numpy as np
+
+from multicor_cli.arithmetic.sums import column_totals, total
+from multicor_cli.engine.contact.detection import Contacts, Scene, warm_rows
+from multicor_cli.engine.contact.settings import PhysicsError
+from multicor_cli.engine.geometry.neighbor_list import NeighborList
+from multicor_cli.engine.geometry.neighbors import place_shapes
+from multicor_cli.engine.heat import contact_loops as contact_heat
+from multicor_cli.engine.heat.books import book_flow, book_generated, note_contacts, strike_balance
+from multicor_cli.engine.heat.explicit import advance_explicit
+from multicor_cli.engine.heat.flow import Flow, WallValues
+from multicor_cli.engine.heat.gap_loops import near_pairs
+from multicor_cli.engine.heat.implicit import advance_implicit
+from multicor_cli.engine.heat.network import Links, Pairs, links_of, network_of
+from multicor_cli.engine.heat.rates import Network
+from multicor_cli.engine.heat.settings import HeatSettings, WallHeat
+from multicor_cli.engine.heat.spots import (
+    TOUCHING,
+    Spots,
+    conducting_spots,
+    forces_of_step,
+    loaded_pairs,
+    thermals_of,
+    touching_pairs,
+)
+from multicor_cli.model.faults import LARGEST, find_absurd_value
+from multicor_cli.model.model import Floats, Ints, Model
+from multicor_cli.model.state import State
+
+_RULES = {"none": contact_heat.NO_FRICTION, "energy": contact_heat.ENERGY, "sliding": contact_heat.SLIDING}
+
+
+@dataclass(frozen=True)
+class MovedContacts:
+    """The contacts of a step of the mechanics.
+
+    Attributes:
+        scene: Shapes at q_m.
+        contacts: Contacts with their impulses.
+        after: Body velocities v⁺, shape ``(bodies, 4)``.
+        loaded_i: Contacts that carried an impulse in the step before: first shapes, ascending.
+        loaded_j: Second shapes.
+    """
+
+    scene: Scene
+    contacts: Contacts
+    after: Floats
+    loaded_i: Ints
+    loaded_j: Ints
+
+
+@dataclass(frozen=True)
+class StepHeat:
+    """Heat of the contacts of the last step, for frames; ``c`` contacts.
+
+    Attributes:
+        generated: Heat generated [J], shape ``(c,)``.
+        conductance: H_c [W/K], shape ``(c,)``.
+    """
+
+    generated: Floats
+    conductance: Floats
+
+
+class HeatEngine:
+    """Advances the heat content of the grains. Knows nothing of files, scenarios or terminals.
+
+    Attributes:
+        model: What does not change.
+        state: What does.
+        settings: Choices about heat.
+        seconds: Time spent since the start.
+        last: Heat of the contacts of the last step, or None.
+    """
+
+    def __init__(self, model: Model, state: State, settings: HeatSettings) -> None:
+        """Set up.
+
+        Raises:
+            ValueError: If the model has no heat capacities.
+        """
+        if model.thermal is None:
+            message = "the model has no heat capacities"
+            raise ValueError(message)
+        self.model, self.state, self.settings = model, state, settings
+        self.seconds = 0.0
+        self.last: StepHeat | None = None
+        self._thermal = model.thermal
+        self._laws = thermals_of(model, settings)
+        self._conditions = [WallHeat()] * model.wall_count
+        self._list = NeighborList(model)
+        self._reach = _reach(settings)
+        self._frozen: tuple[Links, Spots] | None = None
+
+    def set_conditions(self, conditions: list[WallHeat]) -> None:
+        """Choose the thermal conditions of the walls, one per wall; their signals count from the start of the stage."""
+        self._conditions = conditions
+        self._frozen = None
+
+    def shape_temperatures(self, t: float) -> Floats:
+        """Temperatures of grains and wall shapes [K]; nan for walls that have none, shape ``(n + m,)``.
+
+        Args:
+            t: Time since the start of the stage [s].
+        """
+        walls = self._wall_temperatures(WallValues(self._conditions, t), 0.0)
+        return np.concatenate([self.state.temperature(self._thermal), walls[self.model.shapes.wall]])
+
+    def step(self, moved: MovedContacts, dt: float, t: float) -> None:
+        """Heat of a step of the mechanics, which has been taken already.
+
+        Args:
+            moved: Its contacts.
+            dt: Time step [s].
+            t: Time since the start of the stage at the beginning of the step [s].
+
+        Raises:
+            PhysicsError: If a temperature is not finite.
+        """
+        with self._timed():
+            self._frozen = None
+            source, generated = self._generate(moved)
+            spots = self._spots(moved, dt)
+            links = links_of(moved.scene, spots, self._near(moved.scene), self._laws, self.settings, self.model)
+            self.last = StepHeat(generated, spots.conductance)
+            self._flow(links, moved.scene, source, dt, t, is_frozen=False)
+
+    def advance(self, dt: float, t: float, should_stop: Callable[[], bool] | None = None) -> None:
+        """Let heat flow for ``dt`` [s] while nothing moves; arguments and errors as `step`.
+
+        Raises:
+            Interrupted: If ``should_stop``, asked now and then, says so; the state is that before.
+        """
+        with self._timed():
+            scene = self.resting_scene()
+            links, spots = self._rest(scene)
+            self.last = StepHeat(np.zeros(spots.i.size), spots.conductance)
+            source = np.zeros(self.model.grain_count)
+            self._flow(links, scene, source, dt, t, is_frozen=True, should_stop=should_stop)
+
+    def forget_averages(self) -> None:
+        """Drop the running averages of forces: grains move on without anybody keeping them."""
+        state = self.state
+        if state.mean_age > 0.0:
+            none = np.zeros(0, np.int32)
+            state.mean_i, state.mean_j, state.mean_force, state.mean_age = none, none, np.zeros(0), 0.0
+
+    def note_walls(self, dt: float, t: float) -> None:
+        """Let the state know the walls' temperatures after a step in which heat is off; arguments as `step`."""
+        self.state.wall_temperature = self._wall_temperatures(WallValues(self._conditions, t), dt)
+
+    def resting_contacts(self) -> tuple[Ints, Ints]:
+        """The contacts that conduct while nothing moves: first and second shapes, sorted."""
+        spots = self._rest(self.resting_scene())[1]
+        return spots.i, spots.j
+
+    def _rest(self, scene: Scene) -> tuple[Links, Spots]:
+        """Links and contacts of a frozen stage, found once."""
+        if self._frozen is None:
+            near = self._near(scene)
+            if self.state.last_dt > 0.0:
+                pairs = loaded_pairs(self.state, self.settings)
+            else:  # no step has said which contacts carry a force
+                pairs = touching_pairs(self._pairs(scene, TOUCHING), self.settings)
+            spots = conducting_spots(scene, *pairs, self._laws, self.settings)
+            self._frozen = links_of(scene, spots, near, self._laws, self.settings, self.model), spots
+        return self._frozen
+
+    def resting_scene(self) -> Scene:
+        """Shapes where the state has them."""
+        model, state = self.model, self.state
+        world = np.empty((model.shape_count, 4))
+        place_shapes(model.shapes.kind, model.shapes.wall, model.shapes.geometry, state.wall_position, world)
+        material = np.concatenate([model.grains.material, model.shapes.material]).astype(np.int32)
+        return Scene(
+            state.position, model.grains.radius, material, model.shapes.kind, model.shapes.wall, world, state.wall_position,
+            model.period,
+        )  # fmt: skip
+
+    def _generate(self, moved: MovedContacts) -> tuple[Floats, Floats]:
+        """Heat generated: by grain, and by contact [J]; enters the books, and wears."""
+        state, contacts, model = self.state, moved.contacts, self.model
+        count = contacts.i.size
+        heat, rubbing = np.empty((count, 2)), np.empty(count)
+        settings = self.settings
+        contact_heat.generated_heat(
+            moved.scene, contacts, moved.after, _RULES[settings.friction], settings.has_impact, heat, rubbing
+        )
+        source, to_walls = np.zeros(model.grain_count), np.zeros(model.wall_count)
+        takes_heat = np.array([c.kind == "temperature" for c in self._conditions], np.bool_)
+        contact_heat.share_out(
+            moved.scene, contacts.i, contacts.j, heat, rubbing, self._laws, takes_heat, source, to_walls, state.wear,
+            state.wall_wear,
+        )  # fmt: skip
+        state.generated += source
+        friction, impact = column_totals(heat).tolist()
+        book_generated(state, friction, impact, to_walls)
+        return source, heat[:, 0] + heat[:, 1]
+
+    def _spots(self, moved: MovedContacts, dt: float) -> Spots:
+        contacts, settings = moved.contacts, self.settings
+        force = forces_of_step(self.state, contacts, settings, dt)
+        spots = conducting_spots(moved.scene, contacts.i, contacts.j, force, self._laws, settings)
+        if settings.is_collisional:
+            known = np.empty(contacts.i.size)
+            row = warm_rows(self.model.grain_count, moved.loaded_i)
+            contact_heat.look_up(row, moved.loaded_j, np.ones(moved.loaded_j.size), contacts.i, contacts.j, known)
+            mass = self.model.grains.mass
+            contact_heat.collide(moved.scene, mass, contacts, known > 0.0, self._laws, dt, spots.conductance)
+        return spots
+
+    def _near(self, scene: Scene) -> Pairs | None:
+        """Pairs within the reach of gas and radiation; None if neither is on."""
+        if self._reach <= 0.0:
+            return None
+        return self._pairs(scene, self._reach)
+
+    def _pairs(self, scene: Scene, reach: float) -> Pairs:
+        """Pairs whose gap is at most ``reach`` times the smaller radius."""
+        self._list.update(scene.position, scene.world, reach * float(self.model.grains.radius.max()))
+        return near_pairs(scene, self._laws, self._list.row, self._list.partner, reach)
+
+    def _flow(
+        self,
+        links: Links,
+        scene: Scene,
+        source: Floats,
+        dt: float,
+        t: float,
+        *,
+        is_frozen: bool,
+        should_stop: Callable[[], bool] | None = None,
+    ) -> None:
+        """Advance the temperatures and close the books."""
+        state, settings = self.state, self.settings
+        if not float(np.abs(state.heat).max()) <= LARGEST:
+            raise PhysicsError(state.step, find_absurd_value(state, self.model) or "a temperature is not finite")
+        velocity = np.zeros((len(state.velocity), 2)) if is_frozen else state.velocity[:, :2]
+        net = network_of(links, scene, self._conditions, velocity, self.model, settings)
+        walls = WallValues(self._conditions, t)
+        is_implicit = settings.integrator == "implicit" or (settings.integrator == "auto" and is_frozen)
+        try:
+            flow = self._integrate(net, walls, source, dt, should_stop, is_implicit=is_implicit)
+        except ArithmeticError as error:
+            raise PhysicsError(state.step, find_absurd_value(state, self.model) or str(error)) from error
+        self._check(flow)
+        state.heat += flow.received
+        state.heat_dt = flow.next_step
+        state.wall_temperature = self._wall_temperatures(walls, dt)
+        book_flow(state, flow, self._undelivered(net.flow_wall, walls, dt))
+        note_contacts(state, links.biot, links.gas_ratio)
+        strike_balance(state)
+
+    def _integrate(
+        self,
+        net: Network,
+        walls: WallValues,
+        source: Floats,
+        dt: float,
+        should_stop: Callable[[], bool] | None,
+        *,
+        is_implicit: bool,
+    ) -> Flow:
+        """What flows within ``dt``, piece by piece where signals of walls bend."""
+        temperature, capacity, settings = self.state.temperature(self._thermal), self._thermal.capacity, self.settings
+        total = Flow.empty(capacity.size, walls.count)
+        total.next_step = self.state.heat_dt
+        for values, length in walls.pieces(dt):
+            common = (net, capacity, temperature, values, source * (length / dt), length)
+            if is_implicit:
+                total.join(advance_implicit(*common, settings.tolerance, total.next_step, should_stop))
+            else:
+                total.join(advance_explicit(*common, settings.sub_step, should_stop))
+        return total
+
+    def _check(self, flow: Flow) -> None:
+        """Raise `PhysicsError` if a temperature is not finite, or below absolute zero by more than rounding."""
+        after = self._thermal.start + (self.state.heat + flow.received) / self._thermal.capacity
+        if not np.isfinite(after).all():
+            worst = int(np.argmin(np.isfinite(after)))
+            raise PhysicsError(self.state.step, f"the temperature of grain {worst} is not finite")
+        coldest = int(np.argmin(after))
+        if after[coldest] < -1e-9 * max(1.0, float(after.max())):
+            message = f"grain {coldest} would fall below absolute zero: a wall draws more heat than there is"
+            raise PhysicsError(self.state.step, message)
+
+    def _wall_temperatures(self, walls: WallValues, dt: float) -> Floats:
+        known = np.array([c.kind == "temperature" for c in self._conditions], np.bool_)
+        return np.where(known, walls(dt), np.nan)
+
+    def _undelivered(self, reached: Ints, walls: WallValues, dt: float) -> float:
+        """Heat that walls of prescribed flow that touch nothing could not pass on within ``dt`` [J]."""
+        idle = np.array([c.kind == "flow" for c in self._conditions], np.bool_)
+        idle[reached] = False
+        return total(np.abs(walls(0.5 * dt)[idle])) * dt
+
+    @contextmanager
+    def _timed(self) -> Iterator[None]:
+        started = time.perf_counter()
+        yield
+        self.seconds += time.perf_counter() - started
+
+
+def _reach(settings: HeatSettings) -> float:
+    """Largest gap that gas or radiation crosses, over the smaller radius; 0 without them."""
+    reach = settings.gas.reach if settings.gas is not None else 0.0
+    if settings.radiation is not None and settings.radiation.neighbors:
+        reach = max(reach, settings.radiation.reach)
+    return reach

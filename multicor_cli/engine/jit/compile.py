@@ -1,0 +1,81 @@
+"""The decorators of all kernels, in one place: cached, IEEE arithmetic (no fastmath), division by zero gives inf."""
+
+from __future__ import annotations
+
+import inspect
+from collections.abc import Callable
+from types import ModuleType
+from typing import Any, TypeVar
+
+from multicor_cli.arithmetic import exponential, normal, trigonometric
+from multicor_cli.engine.jit.cache import configure_cache
+from multicor_cli.engine.jit.formulas import compile_with
+from multicor_cli.engine.jit.layer import prefer_openmp, require_layer
+
+configure_cache()
+prefer_openmp()
+
+import numba  # noqa: E402  (the cache directory and the threading layer must be set first)
+import numpy as np  # noqa: E402
+from numba.extending import register_jitable  # noqa: E402
+
+from multicor_cli.model.model import Floats  # noqa: E402
+
+require_layer()
+
+F = TypeVar("F", bound=Callable[..., Any])
+
+_WITHOUT_COUNTING: dict[str, Any] = {"_nrt": False}  # known to Numba, not to its stubs
+
+prange = numba.prange
+
+
+def _inlined(function: Callable[..., Any]) -> None:
+    """Let kernels call a formula.
+
+    Inlining is forced: LLVM otherwise leaves a call with some thirty arguments in the innermost loop, at three times its cost.
+    It must not allocate: Numba then need not count references to the arrays of its arguments (an atomic addition for each array
+    that is taken out of a tuple, which made the kernels over pairs 2 to 7 times slower).
+    """
+    register_jitable(error_model="numpy", forceinline=True, **_WITHOUT_COUNTING)(function)
+
+
+def _called(*modules: ModuleType) -> None:
+    """Let kernels call the functions of modules that know nothing of kernels; they are too long to be inlined everywhere."""
+    for module in modules:
+        for function in vars(module).values():
+            if inspect.isfunction(function) and function.__module__ == module.__name__:
+                register_jitable(error_model="numpy")(function)
+
+
+_called(exponential, normal, trigonometric)
+compile_with(_inlined)
+
+
+def kernel(function: F) -> F:
+    """Compile a serial kernel."""
+    return numba.njit(cache=True, error_model="numpy")(function)  # type: ignore[return-value]
+
+
+def parallel_kernel(function: F) -> F:
+    """Compile a kernel whose ``prange`` loops run on several threads."""
+    return numba.njit(cache=True, error_model="numpy", parallel=True)(function)  # type: ignore[return-value]
+
+
+def elementwise(function: Callable[[float], float]) -> Callable[[Floats], Floats]:
+    """A function of arrays of any shape from one of numbers, compiled when it is first called.
+
+    (A loop is there ten times as soon as what ``numba.vectorize`` makes, also from the cache.)
+    """
+
+    @kernel
+    def loop(values: Floats, out: Floats) -> None:
+        for k in range(values.size):
+            out[k] = function(values[k])
+
+    def apply(values: Floats) -> Floats:
+        out = np.empty(values.size)
+        loop(np.ascontiguousarray(values).reshape(-1), out)
+        return out.reshape(values.shape)
+
+    return apply

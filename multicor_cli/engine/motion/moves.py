@@ -1,0 +1,273 @@
+"""Prediction and motion of the grains: q_m = q + ½Δt v, free velocities, and q⁺ = q_m + ½Δt v⁺ (Moreau–Jean, θ = ½)."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from multicor_cli.engine.jit.chunks import CHUNK
+from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
+from multicor_cli.engine.jit.formulas import formula
+from multicor_cli.model.faults import LARGEST
+from multicor_cli.model.model import Floats, Ints, ShapeKind
+
+_DISC = int(ShapeKind.DISC)
+_PLANE = int(ShapeKind.PLANE)
+
+
+@parallel_kernel
+def predict(
+    position: Floats,
+    velocity: Floats,
+    radius: Floats,
+    mass: Floats,
+    gravity: Floats,
+    dt: float,
+    middle: Floats,
+    start: Floats,
+    free: Floats,
+    fastest: Floats,
+) -> None:
+    """Positions at mid-step and free velocities of the grains.
+
+    Args:
+        position: x, y [m], angle [rad], shape ``(n, 3)``.
+        velocity: v_x, v_y [m/s], ω [rad/s], shape ``(n, 3)``.
+        radius: Radii [m], shape ``(n,)``.
+        mass: Masses [kg], shape ``(n,)``.
+        gravity: Acceleration of gravity [m/s²], shape ``(2,)``.
+        dt: Time step [s].
+        middle: q_m, shape ``(n, 3)``. **Modified.**
+        start: Bodies (v_x, v_y, a ω, 1/m) at the start of the step, shape ``(bodies, 4)``. **Grains modified.**
+        free: The same with the free velocities. **Grains modified.**
+        fastest: Largest speed in each chunk of grains, at the start or free [m/s]; ``nan`` if a number is not finite or absurd,
+            shape ``(chunks, 1)``. **Modified.**
+    """
+    count = radius.size
+    half = 0.5 * dt
+    for chunk in prange(fastest.shape[0]):
+        best = 0.0
+        bad = False
+        for i in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
+            for d in range(3):
+                middle[i, d] = position[i, d] + half * velocity[i, d]
+            vx, vy = velocity[i, 0], velocity[i, 1]
+            start[i, 0], start[i, 1] = vx, vy
+            start[i, 2], start[i, 3] = radius[i] * velocity[i, 2], 1.0 / mass[i]
+            fx, fy = vx + dt * gravity[0], vy + dt * gravity[1]
+            free[i, 0], free[i, 1], free[i, 2], free[i, 3] = fx, fy, start[i, 2], start[i, 3]
+            square = max(vx * vx + vy * vy, fx * fx + fy * fy)
+            size = np.sqrt(square) + abs(start[i, 2]) + abs(middle[i, 0]) + abs(middle[i, 1]) + abs(middle[i, 2])
+            if not size <= LARGEST:  # or nan
+                bad = True
+            best = max(best, square)
+        fastest[chunk, 0] = np.nan if bad else np.sqrt(best)
+
+
+@parallel_kernel
+def move(
+    middle: Floats,
+    start: Floats,
+    after: Floats,
+    radius: Floats,
+    mass: Floats,
+    gravity: Floats,
+    spin_factor: float,
+    dt: float,
+    position: Floats,
+    velocity: Floats,
+    sums: Floats,
+) -> None:
+    """End of the step for the grains.
+
+    Args:
+        middle: q_m, shape ``(n, 3)``.
+        start: Bodies (v_x, v_y, a ω, 1/m) at the start of the step.
+        after: The same with the velocities v⁺.
+        radius: Radii [m], shape ``(n,)``.
+        mass: Masses [kg], shape ``(n,)``.
+        gravity: Acceleration of gravity [m/s²], shape ``(2,)``.
+        spin_factor: β = m a²/I.
+        dt: Time step [s].
+        position: Positions at the end of the step (x not yet wrapped), shape ``(n, 3)``. **Modified.**
+        velocity: Velocities and spins v⁺, shape ``(n, 3)``. **Modified.**
+        sums: For each chunk of grains the kinetic energy at the end [J] and the work of gravity ΣF·½Δt(v⁻+v⁺) [J], shape
+            ``(chunks, 2)``. **Modified.**
+    """
+    count = radius.size
+    half = 0.5 * dt
+    for chunk in prange(sums.shape[0]):
+        for i in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
+            vx, vy, s = after[i, 0], after[i, 1], after[i, 2]
+            velocity[i, 0], velocity[i, 1] = vx, vy
+            if s != start[i, 2]:  # an untouched spin keeps its bits
+                velocity[i, 2] = s / radius[i]
+            for d in range(3):
+                position[i, d] = middle[i, d] + half * velocity[i, d]
+            square = vx * vx + vy * vy
+            sums[chunk, 0] += 0.5 * mass[i] * (square + s * s / spin_factor)
+            work = gravity[0] * (start[i, 0] + vx) + gravity[1] * (start[i, 1] + vy)
+            sums[chunk, 1] += mass[i] * half * work
+
+
+@kernel
+def wrap(position: Floats, image: np.ndarray, period: float) -> None:
+    """Bring x back into [0, period) and count how often. **Modifies** ``position`` ``(n, 3)`` and ``image`` ``(n,)``."""
+    for i in range(position.shape[0]):
+        if position[i, 0] >= period:
+            position[i, 0] -= period
+            image[i] += 1
+        elif position[i, 0] < 0.0:
+            position[i, 0] += period
+            image[i] -= 1
+
+
+@formula
+def _vector(i: int, vectors: Floats, origin: Floats, period: float) -> tuple[float, float]:
+    """A vector itself, or its difference from ``origin``, nearest image in x."""
+    if origin.shape[0] == 0:
+        return vectors[i, 0], vectors[i, 1]
+    dx = vectors[i, 0] - origin[i, 0]
+    if period > 0.0:
+        dx -= period * np.floor(dx / period + 0.5)
+    return dx, vectors[i, 1] - origin[i, 1]
+
+
+@formula
+def _add_to_sums(x: float, y: float, u: float, v: float, row: int, sums: Floats) -> None:
+    sums[row, 0] += x
+    sums[row, 1] += y
+    sums[row, 2] += x * x
+    sums[row, 3] += x * y
+    sums[row, 4] += y * y
+    sums[row, 5] += u
+    sums[row, 6] += v
+    sums[row, 7] += x * u
+    sums[row, 8] += x * v
+    sums[row, 9] += y * u
+    sums[row, 10] += y * v
+
+
+@formula
+def _compare_with_fit(x: float, y: float, u: float, v: float, fit: Floats, row: int, farthest: Floats) -> None:
+    du = u - fit[0, 0] - x * fit[1, 0] - y * fit[2, 0]
+    dv = v - fit[0, 1] - x * fit[1, 1] - y * fit[2, 1]
+    farthest[row, 0] = max(farthest[row, 0], du * du + dv * dv)
+    farthest[row, 1] = max(farthest[row, 1], abs(u))
+    farthest[row, 2] = max(farthest[row, 2], abs(v))
+
+
+@formula
+def _least_squares(count: int, sums: Floats, is_periodic: bool, fit: Floats) -> None:
+    """The fit out of the first row of the sums."""
+    mean_x, mean_y = sums[0, 0] / count, sums[0, 1] / count
+    # A little more on the diagonal: places may lie on one line. Any fit is good, only the bound grows.
+    more = 1e-9 * (sums[0, 2] + sums[0, 4])
+    more = more if more > 0.0 else 1.0
+    xx, yy = sums[0, 2] - count * mean_x * mean_x + more, sums[0, 4] - count * mean_y * mean_y + more
+    xy = 0.0 if is_periodic else sums[0, 3] - count * mean_x * mean_y
+    for d in range(2):
+        total = sums[0, 5 + d]
+        x = 0.0 if is_periodic else sums[0, 7 + d] - mean_x * total
+        y = sums[0, 9 + d] - mean_y * total
+        fit[1, d] = (x * yy - y * xy) / (xx * yy - xy * xy)
+        fit[2, d] = (y * xx - x * xy) / (xx * yy - xy * xy)
+        fit[0, d] = total / count - mean_x * fit[1, d] - mean_y * fit[2, d]
+
+
+@formula
+def _fold(rows: Floats, is_maximum: bool) -> None:
+    """Sum or maximum of each column into the first row, in order."""
+    for r in range(1, rows.shape[0]):
+        for k in range(rows.shape[1]):
+            rows[0, k] = max(rows[0, k], rows[r, k]) if is_maximum else rows[0, k] + rows[r, k]
+
+
+@parallel_kernel
+def fit_affine(vectors: Floats, origin: Floats, position: Floats, period: float, fit: Floats, out: Floats) -> None:
+    """Split vectors into an affine field, fitted by least squares, and a rest.
+
+    Args:
+        vectors: Vectors in the first two columns, shape ``(≥ n, ≥ 2)``.
+        origin: What is taken from them, nearest image, shape ``(n, 2)``; nothing if empty.
+        position: Grains, shape ``(n, ≥ 2)``.
+        period: Period in x [m] or 0; the field does not depend on x if there is one.
+        fit: The field: its value at the first grain, its changes per length in x and in y, shape ``(3, 2)``. **Modified.**
+        out: One row per chunk of grains, zero, shape ``(chunks, 11)``. **Modified**: the first row begins with the largest square
+            of a deviation from the field, and the largest components in x and in y.
+    """
+    count = position.shape[0]
+    for has_fit in range(2):  # one loop for both passes compiles faster than two
+        for chunk in prange(out.shape[0]):
+            for i in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
+                x, y = position[i, 0] - position[0, 0], position[i, 1] - position[0, 1]
+                u, v = _vector(i, vectors, origin, period)
+                if has_fit:
+                    _compare_with_fit(x, y, u, v, fit, chunk, out)
+                else:
+                    _add_to_sums(x, y, u, v, chunk, out)
+        _fold(out, has_fit == 1)
+        if not has_fit:
+            _least_squares(count, out, period > 0.0, fit)
+            for chunk in range(out.shape[0]):
+                for k in range(out.shape[1]):
+                    out[chunk, k] = 0.0
+
+
+@kernel
+def shape_bounds(
+    kind: Ints, world: Floats, vectors: Floats, turn: Floats, center: Floats, fit: Floats, largest: Floats
+) -> tuple[float, float, float]:
+    """How far the motion of wall shapes is from that of the grains.
+
+    Args:
+        kind: `ShapeKind` of the wall shapes, shape ``(m,)``.
+        world: Their geometry in the world, shape ``(m, 4)``.
+        vectors: Displacements or velocities of their reference points, shape ``(m, 2)``.
+        turn: What turning adds to the motion of any of their points that a grain may meet, shape ``(m,)``; discs do without.
+        center: Where x and y of the fit are counted from, shape ``(2,)``.
+        fit: As in `fit_affine`.
+        largest: Largest components of the grains' vectors, shape ``(2,)``.
+
+    Returns:
+        Of the discs the largest deviation from the affine field and the largest vector; of all other shapes the largest bound on
+        how a grain and the shape come closer. Of planes only what is along their normal counts.
+    """
+    square, fastest, wall = 0.0, 0.0, 0.0
+    for k in range(kind.size):
+        u, v = vectors[k, 0], vectors[k, 1]
+        if kind[k] == _DISC:
+            x, y = world[k, 0] - center[0], world[k, 1] - center[1]
+            du = u - fit[0, 0] - x * fit[1, 0] - y * fit[2, 0]
+            dv = v - fit[0, 1] - x * fit[1, 1] - y * fit[2, 1]
+            square, fastest = max(square, du * du + dv * dv), max(fastest, u * u + v * v)
+        elif kind[k] == _PLANE:
+            nx, ny = world[k, 2], world[k, 3]
+            wall = max(wall, abs(nx) * largest[0] + abs(ny) * largest[1] + abs(nx * u + ny * v) + turn[k])
+        else:
+            wall = max(wall, np.sqrt(largest[0] * largest[0] + largest[1] * largest[1]) + np.sqrt(u * u + v * v) + turn[k])
+    return np.sqrt(square), np.sqrt(fastest), wall
+
+
+@kernel
+def shape_velocities(
+    kind: Ints, wall: Ints, world: Floats, wall_position: Floats, velocity: Floats, extent: Floats, vectors: Floats, turn: Floats
+) -> None:
+    """Velocities of the reference points of wall shapes: of the centers of discs, of the walls' own points otherwise.
+
+    Args:
+        kind: `ShapeKind` of the wall shapes, shape ``(m,)``.
+        wall: Wall of each shape, shape ``(m,)``.
+        world: Geometry in the world, shape ``(m, 4)``.
+        wall_position: Wall frames, shape ``(w, 3)``.
+        velocity: Velocities of the walls, shape ``(w, 3)``.
+        extent: How far the shapes of each wall reach from its reference point [m], shape ``(w,)``.
+        vectors: Velocities, shape ``(m, 2)``. **Modified.**
+        turn: What the wall's spin adds [m/s], shape ``(m,)``. **Modified.**
+    """
+    for k in range(kind.size):
+        w = wall[k]
+        vectors[k, 0], vectors[k, 1] = velocity[w, 0], velocity[w, 1]
+        turn[k] = abs(velocity[w, 2]) * extent[w]
+        if kind[k] == _DISC:
+            vectors[k, 0] -= velocity[w, 2] * (world[k, 1] - wall_position[w, 1])
+            vectors[k, 1] += velocity[w, 2] * (world[k, 0] - wall_position[w, 0])

@@ -1,0 +1,218 @@
+"""Pushes the grains around overlaps apart, with all others held where they are; or all grains."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from multicor_cli.engine.contact.acceleration import (
+    FACTOR,
+    choose_factor,
+    extrapolate_impulse,
+    extrapolate_velocity,
+    inner_products,
+    start_memory,
+)
+from multicor_cli.engine.contact.detection import Scene, pair_geometry
+from multicor_cli.engine.jit.compile import kernel
+from multicor_cli.engine.jit.formulas import formula
+from multicor_cli.model.model import Floats, Ints
+
+GROWTH = 1.5  # of the change per sweep, at which the momentum restarts
+
+
+@kernel
+def near_pairs(row: NDArray[np.int64], partner: Ints, gap: Floats, near: float) -> tuple[Ints, Ints]:
+    """Pairs of the neighbor list with a ``gap`` up to ``near`` [m]: grains i, and grains or wall shapes j."""
+    found = 0
+    for p in range(partner.size):
+        if gap[p] <= near:
+            found += 1
+    first, second = np.empty(found, np.int32), np.empty(found, np.int32)
+    found = 0
+    for i in range(row.size - 1):
+        for p in range(row[i], row[i + 1]):
+            if gap[p] <= near:
+                first[found], second[found] = i, partner[p]
+                found += 1
+    return first, second
+
+
+@kernel
+def surround(i: Ints, j: Ints, rings: int, marked: NDArray[np.bool_]) -> int:
+    """Mark the neighbors of the marked grains too, ring by ring.
+
+    Args:
+        i: Grain of each pair of neighbors.
+        j: The other grain, or a wall shape (a number beyond those of the grains), which is never marked.
+        rings: Number of rings, fewer than 100.
+        marked: Shape ``(n,)``. **Modified.**
+
+    Returns:
+        Number of marked grains.
+    """
+    ring_of = np.full(marked.size, -1, np.int8)
+    found = 0
+    for k in range(marked.size):
+        if marked[k]:
+            ring_of[k] = 0
+            found += 1
+    for ring in range(rings):
+        for c in range(i.size):
+            a, b = i[c], j[c]
+            if b < marked.size and ring_of[a] != ring_of[b]:
+                if ring_of[a] == ring and ring_of[b] < 0:
+                    ring_of[b] = ring + 1
+                    found += 1
+                elif ring_of[b] == ring and ring_of[a] < 0:
+                    ring_of[a] = ring + 1
+                    found += 1
+    for k in range(marked.size):
+        marked[k] = ring_of[k] >= 0
+    return found
+
+
+class _Bodies(NamedTuple):
+    """Movable bodies, numbered anew; the last row stands for all that are held.
+
+    Attributes:
+        number: Row of each grain and wall, shape ``(n + w,)``.
+        mobility: Inverse masses in x and y [1/kg], two unused columns, shape ``(b + 1, 4)``.
+        weight: Their reciprocals, 0 where held [kg], shape ``(b + 1, 4)``.
+    """
+
+    number: Ints
+    mobility: Floats
+    weight: Floats
+
+
+@kernel
+def _bodies(marked: NDArray[np.bool_], mass: Floats, wall_inverse: Floats) -> _Bodies:
+    n, w = marked.size, wall_inverse.shape[0]
+    count = 0
+    number = np.full(n + w, -1, np.int32)
+    for k in range(n + w):
+        if marked[k] if k < n else wall_inverse[k - n, 0] > 0.0 or wall_inverse[k - n, 1] > 0.0:
+            number[k] = count
+            count += 1
+    mobility, weight = np.zeros((count + 1, 4)), np.zeros((count + 1, 4))
+    for k in range(n + w):
+        if number[k] < 0:
+            number[k] = count
+            continue
+        for d in range(2):
+            inverse = 1.0 / mass[k] if k < n else wall_inverse[k - n, d]
+            mobility[number[k], d] = inverse
+            weight[number[k], d] = 1.0 / inverse if inverse > 0.0 else 0.0
+    return _Bodies(number, mobility, weight)
+
+
+@kernel
+def _measure(scene: Scene, bodies: _Bodies, i: Ints, j: Ints, target: float, allowed: float) -> tuple[Ints, Floats]:
+    """Pairs that can be moved: their bodies; their normal, how far they may still close [m] and 1/W [kg].
+
+    A pair with a held body keeps an overlap between ``target`` and ``allowed``: a grain between two held ones could not be freed
+    of both.
+    """
+    n, held = scene.radius.size, bodies.mobility.shape[0] - 1
+    pair, frame = np.empty((i.size, 2), np.int32), np.empty((i.size, 4))
+    found = 0
+    for c in range(i.size):
+        a = bodies.number[i[c]]
+        b = bodies.number[j[c] if j[c] < n else n + scene.wall[j[c] - n]]
+        gap, nx, ny = pair_geometry(scene, i[c], j[c])
+        give = (bodies.mobility[a, 0] + bodies.mobility[b, 0]) * nx * nx + (bodies.mobility[a, 1] + bodies.mobility[b, 1]) * ny * ny
+        if give > 0.0:
+            smaller = min(scene.radius[i[c]], scene.radius[j[c]]) if j[c] < n else scene.radius[i[c]]
+            left = target * smaller
+            if (a == held or b == held) and left < -gap <= allowed * smaller:
+                left = -gap
+            pair[found, 0], pair[found, 1] = a, b
+            frame[found, 0], frame[found, 1], frame[found, 2], frame[found, 3] = nx, ny, gap + left, 1.0 / give
+            found += 1
+    return pair[:found], frame[:found]
+
+
+@formula
+def _push_apart(c: int, pair: Ints, frame: Floats, push: Floats, mobility: Floats, shift: Floats) -> float:
+    """Relax a pair; returns by how much it opens or closes [m]."""
+    a, b = pair[c, 0], pair[c, 1]
+    nx, ny = frame[c, 0], frame[c, 1]
+    gap = frame[c, 2] + nx * (shift[a, 0] - shift[b, 0]) + ny * (shift[a, 1] - shift[b, 1])
+    change = max(-gap * frame[c, 3], -push[c])
+    if change == 0.0:
+        return 0.0
+    push[c] += change
+    shift[a, 0] += mobility[a, 0] * change * nx
+    shift[a, 1] += mobility[a, 1] * change * ny
+    shift[b, 0] -= mobility[b, 0] * change * nx
+    shift[b, 1] -= mobility[b, 1] * change * ny
+    return abs(change) / frame[c, 3]
+
+
+@kernel
+def _solve(pair: Ints, frame: Floats, bodies: _Bodies, enough: float, sweeps: int) -> Floats:
+    """Displacements of the bodies [m], shape ``(b + 1, 4)``: accelerated sweeps, as in the solver of the contacts."""
+    shift, push = np.zeros_like(bodies.mobility), np.zeros(frame.shape[0])
+    before, change, last_push = np.zeros_like(shift), np.zeros_like(shift), np.zeros_like(push)
+    now, then, last = shift.reshape(-1), before.reshape(-1), change.reshape(-1)
+    memory = start_memory(push.size)
+    for _ in range(sweeps):
+        largest, squares = 0.0, 0.0
+        for c in range(push.size):
+            moved = _push_apart(c, pair, frame, push, bodies.mobility, shift)
+            largest = max(largest, moved)
+            squares += moved * moved
+        if largest <= enough:
+            break
+        cross, square = inner_products(0, shift.shape[0], now, then, last, bodies.weight.reshape(-1))
+        factor = choose_factor(cross, square, np.sqrt(squares), GROWTH, memory)
+        memory[FACTOR] = factor
+        extrapolate_velocity(0, now.size, now, then, last, factor)
+        extrapolate_impulse(0, push.size, push, last_push, factor)
+    return shift
+
+
+@kernel
+def separate(
+    scene: Scene,
+    i: Ints,
+    j: Ints,
+    marked: NDArray[np.bool_],
+    mass: Floats,
+    wall_inverse: Floats,
+    target: float,
+    allowed: float,
+    enough: float,
+    sweeps: int,
+) -> Floats:
+    """Move the marked grains by the smallest mass-weighted displacements that leave no more than a target of overlap.
+
+    Solves min ½ Σ m δq² with gap + n·δq ≥ −target for all pairs that can be moved, linearized at the present positions.
+
+    Args:
+        scene: Shapes. **Positions modified.**
+        i: Grain of each near pair.
+        j: Grain or wall shape of each near pair.
+        marked: Grains that may be moved, shape ``(n,)``.
+        mass: Masses of the grains [kg], shape ``(n,)``.
+        wall_inverse: Inverse masses of the walls in x and y, 0 for those that are held [1/kg], shape ``(w, 2)``.
+        target: Overlap over the smaller radius that is left.
+        allowed: Overlap over the smaller radius up to which a pair with a held body is left alone.
+        enough: Largest displacement of a sweep with which it ends [m].
+        sweeps: Cap on the number of sweeps.
+
+    Returns:
+        Displacements of the walls [m], shape ``(w, 2)``: theirs is to follow.
+    """
+    bodies = _bodies(marked, mass, wall_inverse)
+    pair, frame = _measure(scene, bodies, i, j, target, allowed)
+    shift = _solve(pair, frame, bodies, enough, sweeps)
+    n = marked.size
+    for k in range(n):
+        if marked[k]:
+            scene.position[k, 0] += shift[bodies.number[k], 0]
+            scene.position[k, 1] += shift[bodies.number[k], 1]
+    return shift[bodies.number[n:], :2]

@@ -1,0 +1,113 @@
+"""Motion of the walls in a step: prescribed velocities, and degrees of freedom driven by a force."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from multicor_cli.arithmetic import hypot
+from multicor_cli.arithmetic.sums import total
+from multicor_cli.engine.contact.detection import Scene
+from multicor_cli.engine.geometry.drift import Closing, Drift, bound_closing
+from multicor_cli.engine.motion.drives import WallDrive
+from multicor_cli.engine.motion.moves import shape_velocities
+from multicor_cli.model.model import Floats, Model, ShapeKind
+
+
+class WallMotion:
+    """The drives of one stage, evaluated step by step.
+
+    Conventions (design §2): V⁻ is the wall's velocity at the end of the previous step, V⁺ = V(t + Δt); loads act at
+    t + ½Δt; damping acts at the mid-step velocity, so that the effective mass is M + ½cΔt.
+
+    Attributes:
+        driven: Which degrees of freedom a force drives, shape ``(w, 3)``.
+        is_free: Which walls have at least one such degree of freedom, shape ``(w,)``.
+        mass: Mass or inertia of the driven degrees of freedom, 0 elsewhere, shape ``(w, 3)``.
+        damping: Damping coefficients of driven degrees of freedom, shape ``(w, 3)``.
+        load: Applied forces and torques at mid-step, gravity left out, shape ``(w, 3)``; set by `predict`.
+        weight: Weights of the driven degrees of freedom, shape ``(w, 3)``.
+        inverse: Inverse effective masses of the step, 0 where not driven, shape ``(w, 3)``; set by `predict`.
+    """
+
+    def __init__(self, model: Model, drives: list[WallDrive]) -> None:
+        if len(drives) != model.wall_count:
+            message = f"{model.wall_count} walls need as many drives, not {len(drives)}"
+            raise ValueError(message)
+        w = model.wall_count
+        self._drives = [drive.dofs() for drive in drives]
+        self.driven: NDArray[np.bool_] = np.array([[d.force is not None for d in dofs] for dofs in self._drives], bool).reshape(
+            w, 3
+        )
+        self.is_free: NDArray[np.bool_] = np.asarray(self.driven.any(axis=1))
+        masses = np.column_stack([model.walls.mass, model.walls.mass, model.walls.inertia]).reshape(w, 3)
+        if np.isnan(masses[self.driven]).any():
+            message = "a wall driven by a force needs a mass, and one driven by a torque an inertia"
+            raise ValueError(message)
+        self.mass: Floats = np.where(self.driven, masses, 0.0)
+        self.damping: Floats = np.array([[d.damping for d in dofs] for dofs in self._drives]).reshape(w, 3)
+        pull = np.append(model.gravity, 0.0)
+        self.weight: Floats = np.where(self.driven & model.walls.has_gravity[:, None], self.mass * pull, 0.0)
+        self.load: Floats = np.zeros((w, 3))
+        self.inverse: Floats = np.zeros((w, 3))
+        self._length = model.walls.length
+        self._extent = _extents(model)
+
+    def predict(self, velocity: Floats, t: float, dt: float) -> Floats:
+        """Velocities V⁺ of the prescribed degrees of freedom and free velocities of the driven ones, shape ``(w, 3)``.
+
+        Args:
+            velocity: V⁻, shape ``(w, 3)``.
+            t: Time since the start of the stage at the beginning of the step [s].
+            dt: Time step [s].
+        """
+        after = np.zeros_like(velocity)
+        self.load[:] = 0.0
+        for w, dofs in enumerate(self._drives):
+            for d, drive in enumerate(dofs):
+                if drive.force is not None:
+                    self.load[w, d] = drive.force.value(t + 0.5 * dt)
+                elif drive.velocity is not None:
+                    after[w, d] = drive.velocity.value(t + dt)
+        half = 0.5 * dt * self.damping
+        driven = self.driven
+        with np.errstate(divide="ignore"):
+            self.inverse = np.where(driven, 1.0 / (self.mass + half), 0.0)
+        free = ((self.mass - half) * velocity + dt * (self.load + self.weight)) * self.inverse
+        after[driven] = free[driven]
+        return after
+
+    def pressure(self) -> float:
+        """Largest load per length of a wall [N/m]."""
+        if not self.is_free.any():
+            return 0.0
+        force = np.abs(np.where(self.driven, self.load + self.weight, 0.0))[:, :2].max(axis=1)
+        return float((force / self._length)[self.is_free].max())
+
+    def kinetic(self, velocity: Floats) -> float:
+        """Kinetic energy of the driven degrees of freedom [J]."""
+        return total(0.5 * self.mass * velocity * velocity)
+
+    def closing(self, drift: Drift, scene: Scene, *velocities: Floats) -> Closing:
+        """Bounds on how fast shapes come closer [m/s], given velocities of the grains and one or more of the walls ``(w, 3)``."""
+        vectors, turn = np.empty((len(scene.world), 2)), np.empty(len(scene.world))
+        bounds = []
+        for velocity in velocities:
+            shape_velocities(scene.kind, scene.wall, scene.world, scene.wall_position, velocity, self._extent, vectors, turn)
+            bounds.append(bound_closing(scene.kind, drift, scene.world, vectors, turn))
+        return Closing(*(max(getattr(bound, name) for bound in bounds) for name in ("rest", "gradient", "disc", "wall")))
+
+
+def _extents(model: Model) -> Floats:
+    """How far the shapes of each wall reach from its reference point; planes reach across all grains and are given 1 m."""
+    extent = np.zeros(model.wall_count)
+    for kind, wall, g in zip(model.shapes.kind, model.shapes.wall, model.shapes.geometry, strict=True):
+        reach = hypot(float(g[0]), float(g[1]))
+        if kind == ShapeKind.SEGMENT:
+            reach = max(reach, hypot(float(g[2]), float(g[3])))
+        elif kind == ShapeKind.PLANE:
+            reach += 1.0
+        elif kind == ShapeKind.DISC:
+            reach += float(g[2])
+        extent[wall] = max(extent[wall], reach)
+    return extent

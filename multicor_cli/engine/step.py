@@ -1,0 +1,319 @@
+"""One time step of rigid grains with Coulomb friction: the stages of Moreau–Jean time stepping, in order."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
+from dataclasses import replace
+
+import numba
+import numpy as np
+
+from multicor_cli.arithmetic import hypot
+from multicor_cli.arithmetic.sums import column_totals, total
+from multicor_cli.engine.contact.detection import (
+    Contacts,
+    Scene,
+    WarmStart,
+    find_missed,
+    kernel_laws,
+    measure_pairs,
+    warm_rows,
+)
+from multicor_cli.engine.contact.gathering import gather_contacts
+from multicor_cli.engine.contact.problem import ContactProblem, problem_of_step
+from multicor_cli.engine.contact.settings import PhysicsError, Settings, StepReport
+from multicor_cli.engine.contact.solve import Outcome, Scale, solve_system
+from multicor_cli.engine.contact.system import OrderedSystem, assemble
+from multicor_cli.engine.contact.table import ContactTable, tabulate_contacts
+from multicor_cli.engine.energy import account
+from multicor_cli.engine.energy.books import book_step, start_books, switch_wall_kinetic
+from multicor_cli.engine.geometry.drift import fit_drift
+from multicor_cli.engine.geometry.neighbor_list import NeighborList
+from multicor_cli.engine.geometry.neighbors import place_shapes
+from multicor_cli.engine.jit.chunks import chunks_for
+from multicor_cli.engine.motion.correction import correct_positions
+from multicor_cli.engine.motion.drives import WallDrive
+from multicor_cli.engine.motion.moves import move, predict, wrap
+from multicor_cli.engine.motion.walls import WallMotion
+from multicor_cli.engine.pace import Pace
+from multicor_cli.model.faults import LARGEST, find_absurd_value
+from multicor_cli.model.model import Floats, Model
+from multicor_cli.model.state import State
+
+PARALLEL_GRAINS = 4_000  # below this, starting threads costs more than they save; results are the same
+STAGES = ("predict", "detect", "prepare", "solve", "account", "move", "correct")
+
+
+class Engine:
+    """Advances a `State` step by step. Knows nothing of files, scenarios or terminals.
+
+    Attributes:
+        model: What does not change.
+        state: What does; updated in place by `step`, untouched by a step that is interrupted.
+        settings: Choices of the contact solver; may be replaced between steps.
+        timers: Seconds spent in each stage since the start.
+        shape_temperature: Temperatures of all shapes [K], for friction that depends on them; nan where a wall has none.
+    """
+
+    def __init__(self, model: Model, state: State, settings: Settings | None = None, threads: int = 0) -> None:
+        """Set up the engine.
+
+        Args:
+            model: The model.
+            state: The state to advance.
+            settings: Choices of the contact solver.
+            threads: Number of threads; 0 takes all that are available.
+
+        Raises:
+            ValueError: If the period is too short for the grains.
+        """
+        self.model = model
+        self.state = state
+        self.settings = settings or Settings()
+        self.timers = dict.fromkeys(STAGES, 0.0)
+        available = int(numba.config.NUMBA_NUM_THREADS)  # type: ignore[attr-defined]
+        wanted = min(threads, available) if threads > 0 else available
+        self.threads = wanted if model.grain_count >= PARALLEL_GRAINS else 1
+        largest = float(model.grains.radius.max())
+        if 0.0 < model.period < 8.0 * largest:
+            message = f"the period {model.period:g} m is less than four times the largest diameter {2.0 * largest:g} m"
+            raise ValueError(message)
+        n, w = model.grain_count, model.wall_count
+        self._list = NeighborList(model)
+        self._motion = WallMotion(model, [WallDrive()] * w)
+        self._middle = np.empty((n, 3))
+        self._start = np.zeros((n + w, 4))
+        self._free = np.zeros((n + w, 4))
+        self._flagged = np.zeros(n, np.bool_)
+        self._mass = total(model.grains.mass)
+        self._material = np.concatenate([model.grains.material, model.shapes.material]).astype(np.int32)
+        self.shape_temperature: Floats = np.empty(0)
+        self._pace = Pace(self.threads)
+        self._contacts: Contacts | None = None
+        self._after: Floats = np.empty((0, 4))
+        self._last_scene: Scene | None = None
+
+    def set_drives(self, drives: list[WallDrive]) -> None:
+        """Choose what the walls do from now on, one `WallDrive` per wall (at the start of a stage, and after a resume)."""
+        before = self._motion.kinetic(self.state.wall_velocity)
+        self._motion = WallMotion(self.model, drives)
+        if self.state.step > 0:
+            switch_wall_kinetic(self.state, self._motion.kinetic(self.state.wall_velocity) - before)
+
+    def resume_drives(self, drives: list[WallDrive]) -> None:
+        """As `set_drives` in the middle of a stage: the books already know the kinetic energy of the walls."""
+        self._motion = WallMotion(self.model, drives)
+
+    def step(self, dt: float, t: float, should_stop: Callable[[], bool] | None = None) -> StepReport:
+        """Advance by one time step.
+
+        Args:
+            dt: Time step [s].
+            t: Time since the start of the stage at the beginning of the step [s].
+            should_stop: Asked now and then during a long solve.
+
+        Raises:
+            Interrupted: If ``should_stop`` says so; the state is that before the step.
+            PhysicsError: If the state is not finite, the solver fails and ``on_failure`` is "error", or no admissible positions
+                exist.
+        """
+        numba.set_num_threads(self._pace.favorite)
+        self._contacts = self._last_scene = None  # free the contacts of the last step before there are new ones
+        state, model, motion = self.state, self.model, self._motion
+        if state.step == 0:
+            start_books(state, model, motion)
+        with self._timed("predict"):
+            scene, reach = self._predict(dt, t)
+        margin = -1.0
+        while True:
+            with self._timed("detect"):
+                self._list.update(self._middle, scene.world, reach)
+                lists = self._list
+                if margin < 0.0:
+                    margin = dt * self._measure_pairs(scene, reach)
+            contacts, after, outcome = self._solve(scene, margin, dt, should_stop)
+            with self._timed("detect"):
+                reach = max(reach, self._reach_after(scene, after, dt))
+                if reach > lists.complete:
+                    lists.update(self._middle, scene.world, reach)
+                    self._measure_pairs(scene, reach)
+                worst = chunks_for(model.grain_count)
+                find_missed(scene, lists.row, lists.partner, lists.gap, margin, reach, after, dt, worst)
+                missed = float(worst.max())
+            if missed == 0.0:
+                break
+            margin = max(2.0 * margin, 1.5 * dt * missed)
+        if not outcome.converged and self.settings.on_failure == "error":
+            message = (
+                f"the contact solver did not converge in {self.settings.max_sweeps} sweeps: "
+                f"rms {outcome.rms:.2e}, max {outcome.maximum:.2e}, energy {outcome.energy:.2e} of their scale"
+            )
+            raise PhysicsError(state.step, message)
+        return self._finish(scene, contacts, after, outcome, reach, dt)
+
+    @property
+    def moved(self) -> tuple[Scene, Contacts, Floats] | None:
+        """Shapes at q_m, contacts and velocities v⁺ of the last step, valid until the next; None if there is none."""
+        if self._last_scene is None or self._contacts is None:
+            return None
+        return self._last_scene, self._contacts, self._after
+
+    def contacts(self) -> ContactTable:
+        """Contacts of the last step, sorted by (i, j): those within reach, loaded or not.
+
+        Empty before the first step and after an interrupted one.
+        """
+        return tabulate_contacts(self._last_scene, self._contacts, self._after)
+
+    def next_problem(self, dt: float, t: float) -> ContactProblem:
+        """The contact problem of the next step, without taking it: to save, compare and study. Arguments as `step`."""
+        return self.next_start(dt, t)[0]
+
+    def next_start(self, dt: float, t: float) -> tuple[ContactProblem, Floats]:
+        """As `next_problem`, with the impulses from which the solver would start [N s], shape ``(c, 2)``."""
+        scene, contacts = self._next_contacts(dt, t)
+        problem = problem_of_step(scene, contacts, self._free, self._motion.inverse, self.model.shape_factor)
+        return problem, contacts.impulse
+
+    def next_system(self, dt: float, t: float) -> OrderedSystem:
+        """The contact problem of the next step as the sweep sees it, without taking the step. Arguments as `step`."""
+        return self._assemble(*self._next_contacts(dt, t))
+
+    def _next_contacts(self, dt: float, t: float) -> tuple[Scene, Contacts]:
+        """Shapes and contacts of the next step, as `step` finds them at first."""
+        scene, reach = self._predict(dt, t)
+        self._list.update(self._middle, scene.world, reach)
+        contacts, _ = self._gather(scene, dt * self._measure_pairs(scene, reach), dt)
+        return scene, contacts
+
+    def _predict(self, dt: float, t: float) -> tuple[Scene, float]:
+        """Fill mid-step positions and free velocities; returns the shapes at q_m, and a gap that no pair closes in the step [m]."""
+        state, model = self.state, self.model
+        n = model.grain_count
+        speeds = chunks_for(n)
+        predict(
+            state.position, state.velocity, model.grains.radius, model.grains.mass, model.gravity, dt,
+            self._middle, self._start, self._free, speeds,
+        )  # fmt: skip
+        walls = self._motion.predict(state.wall_velocity, t, dt)
+        self._start[n:, :3] = state.wall_velocity
+        self._free[n:, :3] = walls
+        of_walls = np.concatenate([walls, state.wall_velocity, state.wall_position])
+        if not np.isfinite(speeds).all() or not (np.abs(of_walls) <= LARGEST).all():
+            raise PhysicsError(state.step, _name_absurd(state, model))
+        scene = self._scene(self._middle, state.wall_position + 0.5 * dt * state.wall_velocity)
+        drift = fit_drift(self._free, self._middle, model.period)
+        fall = dt * np.abs(model.gravity)  # between the velocities at the start and the free ones
+        drift = replace(drift, rest=drift.rest + hypot(*fall.tolist()), largest=drift.largest + fall)
+        return scene, self._motion.closing(drift, scene, state.wall_velocity, walls).reach(dt, self._list.largest)
+
+    def _measure_pairs(self, scene: Scene, reach: float) -> float:
+        """Gaps of the listed pairs into the list; returns the largest approach speed of a pair nearer than ``reach`` [m/s]."""
+        lists, fastest = self._list, chunks_for(self.model.grain_count)
+        measure_pairs(scene, lists.row, lists.partner, self._start, self._free, reach, lists.gap, fastest)
+        return float(fastest.max())
+
+    def _reach_after(self, scene: Scene, after: Floats, dt: float) -> float:
+        """A gap that no pair closes in the step with the velocities v⁺ [m]."""
+        drift = fit_drift(after, self._middle, self.model.period)
+        return self._motion.closing(drift, scene, after[self.model.grain_count :, :3].copy()).reach(dt, self._list.largest)
+
+    def _scene(self, position: Floats, wall_position: Floats) -> Scene:
+        model = self.model
+        world = np.empty((model.shape_count, 4))  # of its own: heat still looks at that of q_m when positions are corrected
+        place_shapes(model.shapes.kind, model.shapes.wall, model.shapes.geometry, wall_position, world)
+        return Scene(
+            position, model.grains.radius, self._material, model.shapes.kind, model.shapes.wall, world, wall_position,
+            model.period,
+        )  # fmt: skip
+
+    def _solve(
+        self, scene: Scene, margin: float, dt: float, should_stop: Callable[[], bool] | None
+    ) -> tuple[Contacts, Floats, Outcome]:
+        """Contacts with a gap up to ``margin``, their impulses and the velocities v⁺."""
+        with self._timed("prepare"):
+            contacts, scale = self._gather(scene, margin, dt)
+            ordered = self._assemble(scene, contacts)
+        with self._timed("solve"):
+            outcome = solve_system(ordered.system, scale, self.settings, self._pace, should_stop)
+        return contacts, ordered.collect(contacts), outcome
+
+    def _assemble(self, scene: Scene, contacts: Contacts) -> OrderedSystem:
+        model, motion = self.model, self._motion
+        return assemble(scene, contacts, self._free, motion.inverse, motion.is_free, model.mean_diameter, model.shape_factor)
+
+    def _gather(self, scene: Scene, margin: float, dt: float) -> tuple[Contacts, Scale]:
+        """Contacts with a gap up to ``margin``, with their warm start, and the scale of the residuals."""
+        state, model, lists = self.state, self.model, self._list
+        warm = WarmStart(warm_rows(model.grain_count, state.contact_i), state.contact_j, state.contact_impulse)
+        ratio = dt / state.last_dt if state.last_dt > 0.0 else 0.0
+        laws = kernel_laws(model.laws, self.shape_temperature)
+        contacts, closing = gather_contacts(scene, lists, lists.gap, margin, laws, self._start, dt, warm, ratio)
+        scale = self._scale(dt, *closing)
+        if scale.velocity == 0.0:
+            # Nothing closes and nothing pushes: the impulses of the step before must not act once more.
+            contacts.impulse[:] = 0.0
+        return contacts, scale
+
+    def _scale(self, dt: float, squares: float, closing: float) -> Scale:
+        """u_ref = max(rms Δt|F|/m, Δt P d̄/m̄, rms of the closing velocities), and ½ M u_ref² (design §2)."""
+        model = self.model
+        mean_mass = self._mass / model.grain_count
+        reference = max(
+            dt * hypot(*model.gravity.tolist()),
+            dt * self._motion.pressure() * model.mean_diameter / mean_mass,
+            math.sqrt(squares / closing) if closing else 0.0,
+        )
+        return Scale(reference, 0.5 * self._mass * (reference * reference))
+
+    def _finish(self, scene: Scene, contacts: Contacts, after: Floats, outcome: Outcome, reach: float, dt: float) -> StepReport:
+        """Books, motion and position correction; from here on the state changes."""
+        state, model = self.state, self.model
+        n = model.grain_count
+        with self._timed("account"):
+            sums = account.account_contacts(scene, contacts, after)
+        with self._timed("move"):
+            wall_after = np.where(self._motion.driven, after[n:, :3], self._free[n:, :3])
+            grain_sums = chunks_for(n, 2)
+            move(
+                self._middle, self._start, after, model.grains.radius, model.grains.mass, model.gravity,
+                model.shape_factor, dt, state.position, state.velocity, grain_sums,
+            )  # fmt: skip
+            kinetic, gravity_work = column_totals(grain_sums).tolist()
+            if not np.isfinite(kinetic):
+                raise PhysicsError(state.step, _name_absurd(state, model))
+            wall_before = state.wall_velocity
+            state.wall_velocity = wall_after
+            state.wall_position = scene.wall_position + 0.5 * dt * wall_after
+        with self._timed("correct"):
+            end = self._scene(state.position, state.wall_position)
+            correction = correct_positions(end, model, self._motion, self._list, reach, self._flagged, state.step)
+            if model.period > 0.0:
+                wrap(state.position, state.image, model.period)
+        with self._timed("account"):
+            book_step(state, self._motion, sums, kinetic, gravity_work, wall_before, correction, outcome, dt)
+            state.contact_i, state.contact_j, state.contact_impulse = account.loaded_contacts(contacts)
+            state.last_dt = dt
+            state.step += 1
+            state.stage_step += 1
+            state.time = state.stage_start + state.stage_step * dt
+        # A copy of the mid-step scene: frames are those of q_m.
+        self._last_scene = scene._replace(position=self._middle)
+        self._contacts, self._after = contacts, after
+        return StepReport(
+            outcome.sweeps, outcome.converged, outcome.rms, outcome.maximum, outcome.energy, int(state.contact_i.size),
+            int(contacts.i.size), correction.overlap,
+        )  # fmt: skip
+
+    @contextmanager
+    def _timed(self, stage: str) -> Iterator[None]:
+        started = time.perf_counter()
+        yield
+        self.timers[stage] += time.perf_counter() - started
+
+
+def _name_absurd(state: State, model: Model) -> str:
+    return find_absurd_value(state, model) or "a velocity is not finite"

@@ -1,0 +1,85 @@
+"""What cannot be in a state: values that are not finite or absurd, shapes and indices that do not fit the model."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from multicor_cli.model.model import Model
+from multicor_cli.model.state import BOOK_NAMES, HEAT_BOOK_NAMES, TALLY_NAMES, WINDOW_NAMES, State
+
+LARGEST = 1e50
+"""Larger magnitudes are absurd in SI units, and their squares may not be finite."""
+
+_CONTACTS = {"contact_impulse": ("contact_i", "contact_j"), "mean_force": ("mean_i", "mean_j")}
+_ENTRIES = {"books": BOOK_NAMES, "tallies": TALLY_NAMES, "window": WINDOW_NAMES, "heat_books": HEAT_BOOK_NAMES}
+_OF_GRAINS = ("heat", "generated", "wear", "position", "velocity")
+_OF_WALLS = ("wall_position", "wall_velocity", "window_wall_impulse", "wall_heat", "wall_wear", "wall_temperature")
+_NUMBERS = ("stage_start", "stage_peak", "stage_strain", "time", "last_dt", "mean_age", "heat_dt")
+_COUNTS = ("step", "frozen_steps", "stage", "stage_step")
+
+
+def find_absurd_value(state: State, model: Model) -> str | None:
+    """Name the first value that is not finite or above `LARGEST`, and what it belongs to; ``None`` if there is none.
+
+    Impulses and heat, which friction may depend on, come first: where one is wrong, velocities follow within a step.
+    """
+    for name in (*_CONTACTS, *_OF_GRAINS, *_OF_WALLS, *_ENTRIES, *_NUMBERS):
+        values = np.atleast_1d(getattr(state, name))
+        size = np.abs(values).max(initial=0.0) if name != "wall_temperature" else np.nanmax(np.abs(values), initial=0.0)
+        if not size <= LARGEST:
+            wrong = ~(np.abs(values) <= LARGEST)
+            if name == "wall_temperature":
+                wrong &= ~np.isnan(values)
+            row = int(np.argwhere(wrong)[0][0])
+            value = float(values[wrong][0])
+            return f"{_owner(state, model, name, row)} is {'not finite' if not np.isfinite(value) else f'absurd ({value:.3g})'}"
+    return None
+
+
+def find_misfit(state: State, model: Model) -> str | None:
+    """Say what of a state that was read from a file does not fit the model; ``None`` if all does."""
+    n, w, shapes = model.grain_count, model.wall_count, model.shape_count
+    heated = (n, w) if model.thermal is not None else (0, 0)
+    expected: dict[str, tuple[int, ...]] = {
+        "position": (n, 3), "image": (n,), "velocity": (n, 3),
+        "wall_position": (w, 3), "wall_velocity": (w, 3), "window_wall_impulse": (w, 3),
+        "heat": heated[:1], "generated": heated[:1], "wear": heated[:1],
+        "wall_heat": (heated[1], 2), "wall_wear": heated[1:], "wall_temperature": heated[1:],
+    }  # fmt: skip
+    for name, shape in expected.items():
+        if getattr(state, name).shape != shape:
+            return f"{name} has shape {getattr(state, name).shape} instead of {shape}"
+    for name, (i, j) in _CONTACTS.items():
+        first, second = getattr(state, i), getattr(state, j)
+        if not (first.shape == second.shape == getattr(state, name).shape[:1]):
+            return f"{i}, {j} and {name} have different lengths"
+        if not _are_pairs(first, second, n, n + shapes):
+            return f"{i} and {j} are not pairs of shapes in ascending order"
+    for name in _COUNTS:
+        if getattr(state, name) < 0:
+            return f"{name} is negative"
+    return find_absurd_value(state, model)
+
+
+def _are_pairs(first: NDArray[Any], second: NDArray[Any], grains: int, shapes: int) -> bool:
+    key = first.astype(np.int64) * shapes + second
+    return bool(((first >= 0) & (first < grains) & (second > first) & (second < shapes)).all() and (np.diff(key) > 0).all())
+
+
+def _owner(state: State, model: Model, name: str, row: int) -> str:
+    plain = "the heat generated" if name == "generated" else f"the {name.replace('_', ' ')}"
+    if name in _OF_GRAINS:
+        return f"{plain} of grain {row}"
+    if name in _OF_WALLS:
+        return f"{plain} of wall {model.walls.names[row]}"
+    if name in _CONTACTS:
+        i, j = (int(getattr(state, index)[row]) for index in _CONTACTS[name])
+        n = model.grain_count
+        other = f"grain {j}" if j < n else f"wall {model.walls.names[model.shapes.wall[j - n]]}"
+        return f"{plain} between grain {i} and {other}"
+    if name in _ENTRIES:
+        return f"{_ENTRIES[name][row]} in the {plain.removeprefix('the ')}"
+    return plain

@@ -1,0 +1,58 @@
+"""A switch for tests: every initial position moved by an ulp, to show what depends on the last bits of one trajectory.
+
+``MULTICOR_NUDGE=SEED`` moves each coordinate of each grain to the next number up or down, or not at all, by lot. Flows are chaotic:
+after some hundred collisions such a run has nothing in common with the one it was, but for what physics makes of both. A test that
+passes for several seeds therefore asserts physics; one that does not asserts the luck of one trajectory. Never set it for a run
+that is to be kept: run.json says ``nudge`` among its provenance if it was.
+"""
+
+from __future__ import annotations
+
+import os
+
+import numpy as np
+
+from multicor_cli.model.model import Floats
+
+VARIABLE = "MULTICOR_NUDGE"
+
+_DIGITS = 18
+"""Of the longest seed: below 2⁶³."""
+
+
+class NudgeError(ValueError):
+    """The switch is set to something that is no seed: one message for the user."""
+
+
+def nudge_seed() -> int | None:
+    """The seed in the environment; None if positions stay as they are.
+
+    Raises:
+        NudgeError: If the variable is neither empty nor a whole number of at most 18 digits.
+    """
+    value = os.environ.get(VARIABLE, "")
+    if not value:
+        return None
+    if not (value.isascii() and value.isdigit() and len(value) <= _DIGITS):
+        message = f"{VARIABLE}={value}: no seed; unset it, or give a whole number of at most {_DIGITS} digits (for tests only)"
+        raise NudgeError(message)
+    return int(value)
+
+
+def nudge(position: Floats, period: float, seed: int) -> Floats:
+    """Move x and y to a neighboring number or not at all.
+
+    Args:
+        position: x, y [m] and angle [rad], shape ``(n, 3)``; x in [0, period) if there is a period.
+        period: Period of x [m]; 0: none.
+        seed: Decides which way each coordinate goes.
+
+    Returns:
+        New positions. Zeros stay: the next number is 10⁻³²⁴ away, which no arithmetic would notice.
+    """
+    center = position[:, :2]
+    lot = (np.random.Philox(seed).random_raw(center.size) % np.uint64(3)).astype(np.int64).reshape(center.shape) - 1
+    moved = np.where((lot == 0) | (center == 0.0), center, np.nextafter(center, np.where(lot > 0, np.inf, -np.inf)))
+    if period > 0.0:
+        moved[:, 0] = np.where(moved[:, 0] < period, moved[:, 0], center[:, 0])
+    return np.column_stack([moved, position[:, 2]])

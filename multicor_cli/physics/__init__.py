@@ -1,1 +1,0 @@
-"""Scalar formulas, undecorated, so that they can be tested without compilation."""

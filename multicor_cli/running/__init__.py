@@ -1,0 +1,56 @@
+"""Running a scenario: loading stages, cadences, checkpoints, signals. Importing this package loads nothing heavy."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from multicor_cli.running.observer import Observer
+    from multicor_cli.running.outcome import RunOutcome
+    from multicor_cli.scenario.scenario import Scenario
+
+
+def run(
+    scenario: Scenario | str | Path,
+    directory: str | Path | None = None,
+    *,
+    overrides: Sequence[str] = (),
+    threads: int = 0,
+    max_hours: float | None = None,
+    overwrite: bool = False,
+    observer: Observer | None = None,
+) -> RunOutcome:
+    """Run a scenario, or continue a run that was stopped: the same call does both.
+
+    SIGINT (Ctrl-C), SIGTERM and SIGHUP stop the run after a checkpoint; the outcome then says so.
+
+    Args:
+        scenario: A scenario, or the path of a scenario file.
+        directory: Run directory; default: ``runs/NAME``.
+        overrides: Values that replace those of the file, each ``key=value``; only with a path.
+        threads: Number of threads; 0 takes what the scenario says, or all cores. Results do not depend on it.
+        max_hours: Wall-clock time after which to stop with a checkpoint [h].
+        overwrite: Whether a run that is in the directory may be removed.
+        observer: Who is told how it goes; default: nobody.
+
+    Raises:
+        ScenarioError: If the scenario is wrong, or not the one with which the run in the directory began.
+        PhysicsError: If the run cannot go on; its last checkpoint is kept.
+        StoreError: If the directory cannot be used, or a file cannot be written or is damaged.
+        ValueError: If there cannot be so many threads, or ``overrides`` come with a loaded scenario.
+    """
+    from multicor_cli.running.threads import reserve_threads
+    from multicor_cli.scenario.load import load_scenario
+
+    if isinstance(scenario, str | Path):
+        scenario = load_scenario(scenario, overrides)
+    elif overrides:
+        raise ValueError("overrides need the path of a scenario file: give them to load_scenario")
+    count = reserve_threads(threads or scenario.solver.threads)
+    from multicor_cli.running.session import Session
+
+    path = Path(directory) if directory is not None else Path("runs") / scenario.name
+    seconds = None if max_hours is None else 3600.0 * max_hours
+    return Session(scenario, path, threads=count, max_seconds=seconds, overwrite=overwrite, observer=observer).run()

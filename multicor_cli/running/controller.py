@@ -1,0 +1,278 @@
+"""The loop over steps and loading stages, and what happens between two steps."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from typing import Any, Protocol
+
+from multicor_cli.engine.contact.settings import Settings, StepReport
+from multicor_cli.engine.contact.solve import Interrupted
+from multicor_cli.engine.contact.table import ContactTable
+from multicor_cli.engine.heat.settings import WallHeat
+from multicor_cli.engine.motion.drives import WallDrive
+from multicor_cli.model import State
+from multicor_cli.running.conditions import KINETIC, update_peak
+from multicor_cli.running.observer import Observer, SilentObserver, Status
+from multicor_cli.running.outcome import StopReason
+from multicor_cli.running.pace import Pace
+from multicor_cli.running.plan import RunPlan, StagePlan
+from multicor_cli.running.signals import Switchboard
+
+HEARTBEAT = 2.0
+"""Wall-clock time between two heartbeats [s]."""
+
+
+CHECKPOINT_SHARE = 20.0
+"""Checkpoints are at least this many times as far apart as the last one took: they never cost more than a twentieth of a run."""
+
+
+class Stepper(Protocol):
+    """What the controller needs of `multicor_cli.engine.coupled.CoupledEngine`."""
+
+    settings: Settings
+
+    @property
+    def state(self) -> State:
+        """What is advanced."""
+
+    def set_drives(self, drives: list[WallDrive]) -> None:
+        """Choose what the walls do, at the start of a stage."""
+
+    def resume_drives(self, drives: list[WallDrive]) -> None:
+        """Choose what the walls do, in the middle of a stage."""
+
+    def set_heat(self, conditions: list[WallHeat], *, is_on: bool, is_frozen: bool) -> None:
+        """Choose what heat does, at the start of a stage or in its middle."""
+
+    def step(self, dt: float, t: float, should_stop: Callable[[], bool] | None = None) -> StepReport:
+        """Advance the state by one step."""
+
+    def contacts(self) -> ContactTable:
+        """Contacts of the last step."""
+
+
+class Recorder(Protocol):
+    """Where the controller's results go: the files of a run."""
+
+    def frame(self, state: State, contacts: ContactTable | None) -> None:
+        """Write a frame; without contacts if they are not recorded."""
+
+    def series(self, state: State) -> None:
+        """Write the row of the time series that ends the window of ``state``."""
+
+    def checkpoint(self, state: State) -> None:
+        """Save the state, and everything written so far, for good."""
+
+    def heartbeat(self, data: dict[str, Any]) -> None:
+        """Say that the run is alive."""
+
+
+class Controller:
+    """Carries out a plan, from wherever the state is.
+
+    The order, which decides what a frame and a checkpoint hold:
+
+    1. At the very start of a run: frame 0 and series row 0, then a checkpoint.
+    2. Before every step: stop if a signal or the time limit says so (after a checkpoint); a checkpoint if one is due.
+    3. Before the first step of a stage: its drives.
+    4. A step; then peak energy and strain of the stage.
+    5. If due or the stage is over: series row (the window starts anew), frame.
+    6. If the stage is over: the state moves on to the next stage. After the last one: a checkpoint.
+
+    A checkpoint is thus taken only where everything due has been written, and what is due depends on the state alone. That
+    makes a resumed run equal to one that was never stopped.
+    """
+
+    def __init__(
+        self,
+        plan: RunPlan,
+        engine: Stepper,
+        recorder: Recorder,
+        *,
+        observer: Observer | None = None,
+        switchboard: Switchboard | None = None,
+        deadline: float | None = None,
+        stage_starts: Sequence[float] = (0.0,),
+        clock: Callable[[], float] = time.monotonic,
+    ) -> None:
+        """Set up; nothing is written yet.
+
+        Args:
+            plan: What to do.
+            engine: What advances the state.
+            recorder: Where results go.
+            observer: Who is told.
+            switchboard: Where signals arrive.
+            deadline: Reading of ``clock`` at which to stop.
+            stage_starts: Times at which the stages up to that of the state have begun [s].
+            clock: Monotonic clock [s].
+        """
+        self._plan = plan
+        self._engine = engine
+        self._recorder = recorder
+        self._observer = observer or SilentObserver()
+        self._signals = switchboard or Switchboard()
+        self._deadline = deadline
+        self._starts = list(stage_starts)
+        self._clock = clock
+        self._pace = Pace()
+        self._steps = 0
+        self._last_checkpoint = clock()
+        self._checkpoint_took = 0.0
+        self._last_heartbeat = float("-inf")
+
+    def run(self, *, is_new: bool) -> StopReason:
+        """Go on to the end of the last stage, or to the first reason to stop.
+
+        Args:
+            is_new: Whether the run starts here, so that its initial state is still to be written.
+
+        Raises:
+            PhysicsError: From a step; nothing after the last checkpoint is lost that a repetition would not bring back.
+            StoreError: If something cannot be written.
+        """
+        if is_new:
+            self._write_series()
+            self._write_frame()
+            self._checkpoint()
+        state = self._engine.state
+        while state.stage < len(self._plan.stages):
+            reason = self._run_stage(self._plan.stages[state.stage])
+            if reason is not None:
+                return reason
+        if self._steps:
+            self._checkpoint()
+        self._beat()
+        return StopReason.FINISHED
+
+    def _run_stage(self, stage: StagePlan) -> StopReason | None:
+        """Carry out the rest of a stage; None if it came to its end."""
+        state = self._engine.state
+        self._engine.settings = stage.settings
+        if stage.heat is not None:
+            conditions = stage.heat.conditions.started(self._starts)
+            self._engine.set_heat(conditions, is_on=stage.heat.is_on, is_frozen=stage.heat.is_frozen)
+        if state.stage_step > 0:
+            self._engine.resume_drives(stage.drives.started(self._starts))
+        while True:
+            reason = self._reason_to_stop()
+            if reason is not None:
+                self._checkpoint()
+                return reason
+            self._checkpoint_if_due()
+            report = self._first_step(stage) if state.stage_step == 0 else self._step(stage)
+            if report is not None and self._after_step(stage, report):
+                return None
+
+    def _first_step(self, stage: StagePlan) -> StepReport | None:
+        """The first step of a stage. If it is interrupted the state is what it was before the drives were set."""
+        state = self._engine.state
+        books = state.books.copy()
+        self._engine.set_drives(stage.drives.started(self._starts))
+        state.stage_peak = float(state.books[KINETIC]) if state.step > 0 else 0.0
+        report = self._step(stage)
+        if report is None:
+            state.books[:] = books
+            state.stage_peak = 0.0
+        return report
+
+    def _step(self, stage: StagePlan) -> StepReport | None:
+        """One step with its gauges; None if a signal interrupted it, which leaves the state as it was."""
+        state, gauge = self._engine.state, stage.gauge
+        before = gauge.offset(state) if gauge is not None else 0.0
+        try:
+            report = self._advance(stage)
+        except Interrupted:
+            return None
+        self._steps += 1
+        update_peak(state)
+        if gauge is not None:
+            state.stage_strain += gauge.increment(state, before)
+        return report
+
+    def _advance(self, stage: StagePlan) -> StepReport:
+        dt, t = stage.dt, self._engine.state.stage_step * stage.dt
+        if self._steps:
+            return self._engine.step(dt, t, self._signals.should_stop)
+        with self._signals.impatient():  # kernels may compile now, and the last checkpoint is the state before this step
+            return self._engine.step(dt, t, self._signals.should_stop)
+
+    def _after_step(self, stage: StagePlan, report: StepReport) -> bool:
+        """Write what is due, tell the observer, move on to the next stage; True if the stage is over."""
+        state = self._engine.state
+        has_ended = stage.has_ended(state)
+        if has_ended or stage.is_series_due(state):
+            self._write_series()
+        if has_ended or stage.is_frame_due(state):
+            self._write_frame()
+        if has_ended:
+            state.stage += 1
+            state.stage_step = 0
+            state.stage_start = state.time
+            self._starts.append(state.time)
+            state.stage_peak = state.stage_strain = 0.0
+        self._tell(stage, report)
+        return has_ended
+
+    def _write_series(self) -> None:
+        state = self._engine.state
+        self._recorder.series(state)
+        state.window[:] = 0.0
+        state.window_wall_impulse[:] = 0.0
+
+    def _write_frame(self) -> None:
+        contacts = self._engine.contacts() if self._plan.has_contacts else None
+        self._recorder.frame(self._engine.state, contacts)
+
+    def _checkpoint(self) -> None:
+        before = self._clock()
+        self._recorder.checkpoint(self._engine.state)
+        self._last_checkpoint = self._clock()
+        self._checkpoint_took = self._last_checkpoint - before
+        self._signals.is_checkpoint_wanted = False
+
+    def _checkpoint_if_due(self) -> None:
+        if self._signals.is_checkpoint_wanted:
+            self._checkpoint()
+            self._observer.message(f"checkpoint written at step {self._engine.state.step}")
+        elif self._clock() - self._last_checkpoint >= max(self._plan.checkpoint_interval, CHECKPOINT_SHARE * self._checkpoint_took):
+            self._checkpoint()
+
+    def _reason_to_stop(self) -> StopReason | None:
+        if self._signals.stop_signal is not None:
+            return StopReason.of_signal(self._signals.stop_signal)
+        if self._deadline is not None and self._clock() >= self._deadline:
+            return StopReason.TIME_LIMIT
+        return None
+
+    def _tell(self, stage: StagePlan, report: StepReport) -> None:
+        state, now = self._engine.state, self._clock()
+        progress = self._plan.progress(state)
+        self._pace.note(now, self._steps, progress)
+        status = Status(state, stage.name, len(self._plan.stages), report, progress, self._pace.speed(), self._pace.remaining())
+        self._observer.stepped(status)
+        if now - self._last_heartbeat >= HEARTBEAT:
+            self._last_heartbeat = now
+            self._recorder.heartbeat(heartbeat(status))
+
+    def _beat(self) -> None:
+        state = self._engine.state
+        self._recorder.heartbeat({"step": state.step, "time": state.time, "progress": 1.0})
+
+
+def heartbeat(status: Status) -> dict[str, Any]:
+    """What ``progress.json`` holds."""
+    report = status.report
+    return {
+        "step": status.state.step,
+        "time": status.state.time,
+        "stage": status.stage,
+        "stage_count": status.stage_count,
+        "progress": status.progress,
+        "steps_per_second": status.speed,
+        "remaining_seconds": status.remaining,
+        "contacts": report.contacts,
+        "sweeps": report.sweeps,
+        "residual_rms": report.rms,
+    }

@@ -1,0 +1,210 @@
+"""What a run will cost, before it is started: steps, memory, disk, time. Rough, and it says how it was reckoned."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from multicor_cli.engine.contact.hertz import hertz_flattening
+from multicor_cli.engine.motion.drives import Constant, Signal, WallDrive
+from multicor_cli.model import Model, State
+from multicor_cli.running.conditions import StrainReached
+from multicor_cli.running.plan import RunPlan, StagePlan
+from multicor_cli.running.time_step import largest_pressure
+from multicor_cli.scenario.scenario import Scenario
+from multicor_cli.store import schema
+from multicor_cli.store.schema import Dataset
+
+CONTACTS_PER_GRAIN = 2.0
+"""Contacts within reach, loaded or not, per grain of a dense packing."""
+
+SWEEPS = 300.0
+"""Sweeps of a step of a dense flow under gravity at the default tolerances: 150 to 500 in the shipped scenarios."""
+
+SECONDS_PER_CONTACT = 15e-9
+"""One sweep over one contact on one core [s]."""
+
+SECONDS_PER_GRAIN = 2.5e-6
+"""Everything but the sweeps, per grain and step, on one core [s]."""
+
+SECONDS_PER_LOOK = 0.5e-6
+"""Heat flow between two looks of a frozen stage, per grain, on one core [s]."""
+
+SECONDS_PER_STEP = 0.6e-3
+"""What a step costs however few grains there are [s]."""
+
+BYTES_AT_REST = 220e6
+"""Memory of the interpreter with its libraries and kernels [bytes]."""
+
+BYTES_PER_GRAIN = 1000.0
+"""Memory per grain: state, contacts, neighbor list, solver [bytes]."""
+
+BUFFER = 64e6
+"""Frames that wait to be written take up to this much, or one frame [bytes]."""
+
+PARALLEL_FROM = 5000
+"""Number of grains from which several threads pay."""
+
+_SHORTEST_MARCH = 20_000  # evaluations of a signal before the interval is doubled
+_DOUBLINGS = 30
+_WIDTH = {"f8": 8, "i8": 8, "i4": 4, "u1": 1}
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """What a run will cost.
+
+    Attributes:
+        steps: Steps at most; None if a stage has no known end.
+        frames: Frames at most; None likewise.
+        memory: Memory in use [bytes].
+        frame_bytes: Size of one frame [bytes].
+        disk: Size of the finished run directory [bytes]; None if the number of steps is not known.
+        disk_peak: Largest size of the run directory [bytes], while ``results.h5`` is made; None likewise.
+        seconds: Wall-clock time, compilation left out [s]; None likewise.
+        flattening: Elastic deflection that rigid grains neglect, over the diameter; None without elastic materials or load.
+        basis: How time and memory were reckoned.
+    """
+
+    steps: int | None
+    frames: int | None
+    memory: float
+    frame_bytes: float
+    disk: float | None
+    disk_peak: float | None
+    seconds: float | None
+    flattening: float | None
+    basis: str
+
+
+def estimate(scenario: Scenario, plan: RunPlan, model: Model, state: State, threads: int) -> Estimate:
+    """Estimate the cost of a run that starts in ``state``."""
+    n = model.grain_count
+    steps = estimate_steps(plan, model, state)
+    known = None if None in steps else [count for count in steps if count is not None]
+    single = scenario.output.precision == "single"
+    frame = _frame_bytes(model, plan.has_contacts, is_single=single)
+    frames = rows = disk = peak = seconds = None
+    if known is not None:
+        frames = 1 + sum(-(-count // stage.frame_every) for count, stage in zip(known, plan.stages, strict=True))
+        rows = 1 + sum(-(-count // stage.series_every) for count, stage in zip(known, plan.stages, strict=True))
+        series = rows * _row_bytes(schema.SERIES, model, is_single=False)
+        results = frames * frame + series + n * 32.0
+        disk = results + 2.0 * _checkpoint_bytes(model)
+        peak = disk + results
+        seconds = math.fsum(
+            count * (seconds_per_look(n) if stage.is_frozen else seconds_per_step(n, threads))
+            for count, stage in zip(known, plan.stages, strict=True)
+        )
+    return Estimate(
+        steps=None if known is None else sum(known),
+        frames=frames,
+        memory=BYTES_AT_REST + n * BYTES_PER_GRAIN + min(max(BUFFER, frame), 64.0 * frame),
+        frame_bytes=frame,
+        disk=disk,
+        disk_peak=peak,
+        seconds=seconds,
+        flattening=_flattening(scenario, plan, model),
+        basis=_basis(n, threads),
+    )
+
+
+def seconds_per_step(grains: int, threads: int) -> float:
+    """Rough wall-clock time of a step [s]; small problems do not profit from threads."""
+    work = grains * (CONTACTS_PER_GRAIN * SWEEPS * SECONDS_PER_CONTACT + SECONDS_PER_GRAIN)
+    return SECONDS_PER_STEP + (work / (0.8 * threads) if threads > 1 and grains >= PARALLEL_FROM else work)
+
+
+def seconds_per_look(grains: int) -> float:
+    """Rough wall-clock time of a step in which only heat flows [s]."""
+    return SECONDS_PER_STEP + grains * SECONDS_PER_LOOK
+
+
+def _basis(grains: int, threads: int) -> str:
+    return (
+        f"rough, to a factor of two or three: {1e3 * seconds_per_step(grains, threads):.3g} ms per step from "
+        f"{CONTACTS_PER_GRAIN:g} contacts per grain, {SWEEPS:g} sweeps per step and {1e9 * SECONDS_PER_CONTACT:g} ns per "
+        f"contact and sweep; dilute flows need fewer sweeps, cold starts more. Memory: {BYTES_PER_GRAIN:g} B per grain"
+    )
+
+
+def estimate_steps(plan: RunPlan, model: Model, state: State) -> list[int | None]:
+    """Steps of each stage at most; None where only a condition ends the stage and it cannot be foreseen."""
+    starts, counts = [0.0], []
+    for stage in plan.stages:
+        needed = _steps_to_strain(stage, starts, state) if isinstance(stage.until, StrainReached) else None
+        bounds = [count for count in (stage.step_limit, needed) if count is not None]
+        count = min(bounds, default=None)
+        counts.append(count)
+        starts.append(starts[-1] + (count or 0) * stage.dt)
+    return counts
+
+
+def _steps_to_strain(stage: StagePlan, starts: Sequence[float], state: State) -> int | None:
+    """Steps until two walls with prescribed velocities have reached the strain of the stage."""
+    assert isinstance(stage.until, StrainReached)
+    gauge = stage.until.gauge
+    drives = stage.drives.started(starts)
+    signals = [_velocity(drives[w]) for w in (gauge.lower, gauge.upper)]
+    if any(drives[w].x.force is not None for w in (gauge.lower, gauge.upper)):
+        return None
+    height = gauge.height(state)
+    if not height:
+        return None
+    t, interval, left = 0.0, stage.dt, stage.until.value
+    for _ in range(_DOUBLINGS):
+        for _ in range(_SHORTEST_MARCH):
+            middle = t + 0.5 * interval
+            rate = abs((signals[1].value(middle) - signals[0].value(middle)) / height)
+            if rate * interval >= left:
+                return max(1, round((t + left / rate) / stage.dt))
+            left -= rate * interval
+            t += interval
+        interval *= 2.0
+    return None
+
+
+def _velocity(drive: WallDrive) -> Signal:
+    return drive.x.velocity if drive.x.velocity is not None else Constant(0.0)
+
+
+def _frame_bytes(model: Model, has_contacts: bool, *, is_single: bool) -> float:
+    size = model.grain_count * _row_bytes(schema.PARTICLES, model, is_single=is_single)
+    if has_contacts:
+        size += CONTACTS_PER_GRAIN * model.grain_count * _row_bytes(schema.CONTACTS, model, is_single=is_single)
+    return size + _row_bytes(schema.STEPS + schema.OFFSETS + schema.WALLS, model, is_single=is_single)
+
+
+def _checkpoint_bytes(model: Model) -> float:
+    return model.grain_count * (7 * 8.0 + CONTACTS_PER_GRAIN * 24.0)
+
+
+def _row_bytes(table: tuple[Dataset, ...], model: Model, *, is_single: bool) -> float:
+    """Bytes of one row of all datasets of a table that a run of this model has."""
+    total = 0.0
+    for spec in schema.select(table, schema.features_of(model)):
+        width = (4 if is_single else 8) if spec.dtype == "float" else _WIDTH[spec.dtype]
+        for dim in spec.dims[1:]:
+            width *= dim if isinstance(dim, int) else model.wall_count
+        total += width
+    return total
+
+
+def _flattening(scenario: Scenario, plan: RunPlan, model: Model) -> float | None:
+    """Deflection under the largest pressure, weight or load, of the softest material with its smallest grain."""
+    force = _typical_force(scenario, plan, model)
+    found = []
+    for index, name in enumerate(model.materials):
+        material = scenario.materials.get(name)
+        radii = model.grains.radius[model.grains.material == index]
+        if material is not None and material.young is not None and material.poisson is not None and radii.size and force > 0.0:
+            found.append(hertz_flattening(force, float(radii.min()), material.young, material.poisson))
+    return max(found, default=None)
+
+
+def _typical_force(scenario: Scenario, plan: RunPlan, model: Model) -> float:
+    """The largest pressure of any stage times the mean diameter [N]."""
+    zeros = [0.0] * len(plan.stages)
+    pressures = [largest_pressure(scenario, model, stage.drives.started(zeros)) for stage in plan.stages]
+    return max(pressures) * model.mean_diameter

@@ -1,0 +1,139 @@
+"""What the controller carries out: loading stages with everything counted in whole steps."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from multicor_cli.engine.contact.settings import Settings
+from multicor_cli.engine.heat.settings import WallHeat
+from multicor_cli.engine.motion.drives import WallDrive
+from multicor_cli.model import State
+from multicor_cli.running.conditions import Condition, ShearGauge, StrainReached
+
+
+class Drives(Protocol):
+    """What the walls do in a stage; see `multicor_cli.scenario.drives.StageDrives`."""
+
+    def started(self, stage_starts: Sequence[float]) -> list[WallDrive]:
+        """The drives, one per wall, given the times at which the stages up to this one have begun [s]."""
+
+
+class WallConditions(Protocol):
+    """Thermal conditions of the walls in a stage; see `multicor_cli.running.heat_plan.StageWallHeat`."""
+
+    def started(self, stage_starts: Sequence[float]) -> list[WallHeat]:
+        """The conditions, one per wall, given the times at which the stages up to this one have begun [s]."""
+
+
+@dataclass(frozen=True)
+class StageHeat:
+    """What heat does in a stage.
+
+    Attributes:
+        conditions: Thermal conditions of the walls.
+        is_on: Whether temperatures change.
+        is_frozen: Whether grains and walls stand still.
+    """
+
+    conditions: WallConditions
+    is_on: bool = True
+    is_frozen: bool = False
+
+
+@dataclass(frozen=True)
+class StagePlan:
+    """One loading stage.
+
+    Attributes:
+        name: Name of the stage.
+        dt: Time step [s].
+        step_limit: Number of steps after which the stage ends at the latest; None: only its condition ends it.
+        until: Condition that ends it earlier, or None.
+        frame_every: Steps between frames, at least 1; a frame is written at the end of the stage besides.
+        series_every: Steps between rows of the time series, at least 1; likewise.
+        settings: Choices of the contact solver.
+        drives: What happens to the walls.
+        heat: What heat does, or None if the run has none.
+    """
+
+    name: str
+    dt: float
+    step_limit: int | None
+    until: Condition | None
+    frame_every: int
+    series_every: int
+    settings: Settings
+    drives: Drives
+    heat: StageHeat | None = None
+
+    @property
+    def is_frozen(self) -> bool:
+        """Whether grains and walls stand still."""
+        return self.heat is not None and self.heat.is_frozen
+
+    @property
+    def gauge(self) -> ShearGauge | None:
+        """What measures the shear strain of the stage, if its end depends on it."""
+        return self.until.gauge if isinstance(self.until, StrainReached) else None
+
+    def has_ended(self, state: State) -> bool:
+        """Whether the stage is over after the step that led to ``state``."""
+        if self.step_limit is not None and state.stage_step >= self.step_limit:
+            return True
+        return self.until is not None and self.until.holds(state)
+
+    def is_frame_due(self, state: State) -> bool:
+        """Whether ``state`` is to be written as a frame, the end of the stage left aside."""
+        return state.stage_step % self.frame_every == 0
+
+    def is_series_due(self, state: State) -> bool:
+        """Whether ``state`` ends a window of the time series, the end of the stage left aside."""
+        return state.stage_step % self.series_every == 0
+
+    def progress(self, state: State) -> float:
+        """Share of the stage that is done, 0 to 1, as far as one can tell."""
+        by_steps = state.stage_step / self.step_limit if self.step_limit is not None else 0.0
+        by_condition = self.until.progress(state) if self.until is not None else 0.0
+        return min(max(by_steps, by_condition), 1.0)
+
+
+@dataclass(frozen=True)
+class RunPlan:
+    """All stages of a run, and what is written.
+
+    Attributes:
+        name: Name of the scenario.
+        stages: The stages in order of time, at least one.
+        checkpoint_interval: Wall-clock time between checkpoints [s].
+        has_contacts: Whether frames hold the contact network.
+    """
+
+    name: str
+    stages: Sequence[StagePlan]
+    checkpoint_interval: float
+    has_contacts: bool
+
+    @property
+    def step_total(self) -> int | None:
+        """Largest possible number of steps of the run; None if a stage has no upper bound."""
+        limits = [stage.step_limit for stage in self.stages]
+        return None if None in limits else sum(limit for limit in limits if limit is not None)
+
+    def progress(self, state: State) -> float:
+        """Share of the run that is done, 0 to 1: by steps where their number is known, else by stages."""
+        if state.stage >= len(self.stages):
+            return 1.0
+        stage = self.stages[state.stage]
+        weights = [float(s.step_limit or 0) for s in self.stages]
+        if self.step_total is None:
+            weights = [1.0] * len(self.stages)
+        done = math.fsum(weights[: state.stage]) + weights[state.stage] * stage.progress(state)
+        return done / math.fsum(weights)
+
+
+def count_steps(interval: float, dt: float) -> int:
+    """Number of steps of ``dt`` that make up ``interval``: rounded, at least one."""
+    return max(1, round(interval / dt))

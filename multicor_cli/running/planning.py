@@ -1,0 +1,119 @@
+"""From a scenario to the plan of its run."""
+
+from __future__ import annotations
+
+from multicor_cli.engine.contact.settings import Settings
+from multicor_cli.engine.motion.drives import Shifted, Sine
+from multicor_cli.model import Model
+from multicor_cli.running.conditions import Condition, RestReached, ShearGauge, StrainReached
+from multicor_cli.running.heat_plan import wall_heat
+from multicor_cli.running.plan import RunPlan, StageHeat, StagePlan, count_steps
+from multicor_cli.running.time_step import automatic_step, find_scales
+from multicor_cli.scenario.checks.timing import MAX_STEPS
+from multicor_cli.scenario.drives import StageDrives
+from multicor_cli.scenario.loading import Stage, UntilStrain
+from multicor_cli.scenario.problems import ScenarioError
+from multicor_cli.scenario.scenario import Scenario
+from multicor_cli.scenario.settings import Solver
+
+MAX_SWINGS = 100.0
+"""Periods of the temperature or heat flow of a wall in one step at most."""
+
+
+def make_plan(scenario: Scenario, model: Model) -> RunPlan:
+    """The plan of a run.
+
+    Args:
+        scenario: What to do.
+        model: Grains and walls of the run.
+
+    Raises:
+        ScenarioError: If nothing sets the scale of an automatic time step, or it is too short for the duration of its stage; if the
+            heat of a wall swings too often in a step.
+        ValueError: If the strain of a stage is not defined; loading a scenario excludes it.
+    """
+    drives = scenario.drives(model.walls.names)
+    heat = _stage_heat(scenario, model)
+    output = scenario.output
+    stages = []
+    for number, stage in enumerate(scenario.loading):
+        solver = scenario.stage_solver(number)
+        dt = _automatic_step(scenario, model, number, drives[number]) if solver.dt == "auto" else solver.dt
+        _refuse_fast_heat(scenario, model, number, heat[number], dt)
+        stages.append(
+            StagePlan(
+                name=stage_name(stage, number),
+                dt=dt,
+                step_limit=None if stage.duration is None else count_steps(stage.duration, dt),
+                until=_condition(stage, model),
+                frame_every=count_steps(output.frame_interval, dt),
+                series_every=count_steps(output.series_interval, dt),
+                settings=_settings(solver),
+                drives=drives[number],
+                heat=heat[number],
+            )
+        )
+    return RunPlan(scenario.name, tuple(stages), output.checkpoint_interval, output.contacts)
+
+
+def _automatic_step(scenario: Scenario, model: Model, number: int, drives: StageDrives) -> float:
+    stage = scenario.loading[number]
+    path = ("loading", number, "dt") if stage.dt is not None else ("solver", "dt")
+    dt = automatic_step(find_scales(scenario, model, drives.started([0.0] * (number + 1))), scenario.output)
+    if dt is None:
+        what = f'"auto" finds no scale in stage {number}: no weight, no load and no driven wall'
+        raise ScenarioError([scenario.problem(path, what, "give the time step [s]")])
+    if stage.duration is None:
+        return dt
+    if stage.duration > MAX_STEPS * dt:
+        what = f"{stage.duration:g} s are {stage.duration / dt:.2g} steps of the automatic time step {dt:g} s"
+        raise ScenarioError([scenario.problem(("loading", number, "duration"), what, f"stay below {MAX_STEPS:g} steps")])
+    return min(dt, stage.duration)
+
+
+def _stage_heat(scenario: Scenario, model: Model) -> list[StageHeat | None]:
+    if scenario.heat is None:
+        return [None] * len(scenario.loading)
+    conditions = wall_heat(scenario, model.walls.names)
+    return [
+        StageHeat(condition, is_on=stage.heat is not False, is_frozen=stage.frozen)
+        for condition, stage in zip(conditions, scenario.loading, strict=True)
+    ]
+
+
+def _refuse_fast_heat(scenario: Scenario, model: Model, number: int, heat: StageHeat | None, dt: float) -> None:
+    """Heat follows each swing of a wall's signal, in 16 pieces: refuse what would be no end of them."""
+    if heat is None:
+        return
+    for name, wall in zip(model.walls.names, heat.conditions.started([0.0] * (number + 1)), strict=True):
+        signal = wall.signal.signal if isinstance(wall.signal, Shifted) else wall.signal
+        if isinstance(signal, Sine) and dt > MAX_SWINGS * signal.period:
+            what = f"the heat of the wall '{name}' swings {dt / signal.period:.3g} times in a step of {dt:g} s"
+            remedy = "shorten dt in this stage, or give the mean of the signal"
+            raise ScenarioError([scenario.problem(("loading", number), what, remedy)])
+
+
+def stage_name(stage: Stage, number: int) -> str:
+    """Name of a stage; ``stage-0``, ``stage-1`` … where none was given."""
+    return stage.name or f"stage-{number}"
+
+
+def _condition(stage: Stage, model: Model) -> Condition | None:
+    if stage.until is None:
+        return None
+    if isinstance(stage.until, UntilStrain):
+        strain = stage.until.strain
+        return StrainReached(ShearGauge.between(model, *strain.walls), strain.value)
+    return RestReached(stage.until.kinetic_energy_ratio)
+
+
+def _settings(solver: Solver) -> Settings:
+    return Settings(
+        method=solver.method,
+        local=solver.local,
+        tolerance_rms=solver.tolerance_rms,
+        tolerance_max=solver.tolerance_max,
+        tolerance_energy=solver.tolerance_energy,
+        max_sweeps=solver.max_sweeps,
+        on_failure=solver.on_failure,
+    )

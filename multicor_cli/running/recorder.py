@@ -1,0 +1,54 @@
+"""From the controller to the files of a run directory."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from multicor_cli.engine.contact.settings import PhysicsError
+from multicor_cli.engine.contact.table import ContactTable
+from multicor_cli.model import State
+from multicor_cli.model.faults import find_absurd_value
+from multicor_cli.store.frames import ContactRows, FrameData, SeriesRow
+from multicor_cli.store.rundir import RunDirectory
+from multicor_cli.store.segments import FrameWriter
+
+
+class DirectoryRecorder:
+    """Writes what the controller says into a run directory."""
+
+    def __init__(self, directory: RunDirectory, writer: FrameWriter) -> None:
+        self._directory = directory
+        self._writer = writer
+
+    def frame(self, state: State, contacts: ContactTable | None) -> None:
+        """Write a frame; without contacts if they are not recorded. Raises as `checkpoint` does."""
+        self._require_sound(state)
+        rows = None
+        if contacts is not None:
+            c = contacts
+            rows = ContactRows(c.i, c.j, c.normal, c.gap, c.impulse, c.slip, c.sliding, c.heat, c.conductance)
+        self._writer.frame(FrameData.from_state(state, self._writer.model, rows))
+
+    def series(self, state: State) -> None:
+        """Write the row of the time series that ends the window of ``state``; raises as `frame` does."""
+        self._require_sound(state)
+        self._writer.series_row(SeriesRow.from_state(state, self._writer.model))
+
+    def checkpoint(self, state: State) -> None:
+        """Commit the output so far, then the state.
+
+        Raises:
+            StoreError: If something cannot be written.
+            PhysicsError: If the state holds a value that is not finite or absurd: what is on disk stays right.
+        """
+        self._require_sound(state)
+        self._directory.checkpoint(state, self._writer)
+
+    def heartbeat(self, data: dict[str, Any]) -> None:
+        """Replace ``progress.json``."""
+        self._directory.progress(data)
+
+    def _require_sound(self, state: State) -> None:
+        fault = find_absurd_value(state, self._writer.model)
+        if fault is not None:
+            raise PhysicsError(state.step, fault)

@@ -1,0 +1,184 @@
+"""The automatic time step: the largest at which a flow is still what it is with small steps.
+
+What a longer step does to a flow has been measured (``benchmarks/time_step``): friction and solid fraction depend on two ratios,
+Δt to the time √(m̄/P) in which the pressure moves a grain by its own size, and Δt to the time 1/γ̇ of one unit of strain. The second
+one is the sliding distance per step over the diameter, and the angle by which contacts turn in a step, hence the curvature that a
+step cuts off. Overlaps do not limit the step: rigid grains are kept apart at any.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from decimal import ROUND_DOWN, Decimal
+
+from multicor_cli.arithmetic import hypot
+from multicor_cli.arithmetic.sums import total
+from multicor_cli.engine.motion.drives import DofDrive, WallDrive
+from multicor_cli.model import Model
+from multicor_cli.running.plan import RunPlan
+from multicor_cli.scenario.scenario import Scenario
+from multicor_cli.scenario.settings import Output, default_series_interval
+
+PRESSURE = 0.2
+"""Largest Δt over √(m̄/P)."""
+
+STRAIN = 0.01
+"""Largest strain in a step, γ̇ Δt."""
+
+FALL = 0.3
+"""Largest distance in a step over d̄, at the speed of a free fall through the domain and at that of the grains at the start."""
+
+
+@dataclass(frozen=True)
+class Scales:
+    """Times of a stage [s] that a step must resolve; infinite where nothing sets them.
+
+    Attributes:
+        pressure: √(m̄/P), with the larger of the weight of all grains over the width and the loads over their length as P.
+        strain: 1/γ̇: the height of the domain over the largest speed of one wall relative to another, or 1/Ω of the fastest spin.
+        fall: d̄ over the speed of a free fall through the domain, or over the largest initial speed.
+    """
+
+    pressure: float
+    strain: float
+    fall: float
+
+    @property
+    def limit(self) -> float:
+        """The largest time step that all of them allow [s]."""
+        return min(PRESSURE * self.pressure, STRAIN * self.strain, FALL * self.fall)
+
+
+def find_scales(scenario: Scenario, model: Model, drives: Sequence[WallDrive]) -> Scales:
+    """The scales of a stage.
+
+    Args:
+        scenario: The scenario.
+        model: Its grains and walls.
+        drives: What the walls do in the stage, one per wall.
+    """
+    mean_mass = total(model.grains.mass) / model.grain_count
+    pressure = largest_pressure(scenario, model, drives)
+    rate = _largest_rate(scenario, drives)
+    speed = _largest_speed(scenario)
+    return Scales(
+        math.sqrt(mean_mass / pressure) if pressure > 0.0 else math.inf,
+        1.0 / rate if rate > 0.0 else math.inf,
+        model.mean_diameter / speed if speed > 0.0 else math.inf,
+    )
+
+
+def largest_pressure(scenario: Scenario, model: Model, drives: Sequence[WallDrive]) -> float:
+    """The larger of the weight of all grains over the width, and the loads of a stage over their length [N/m]."""
+    across = scenario.domain.size[0] if abs(model.gravity[1]) >= abs(model.gravity[0]) else scenario.domain.size[1]
+    weight = total(model.grains.mass) * hypot(*model.gravity.tolist()) / across
+    loads = [
+        max(_largest_force(drive.x), _largest_force(drive.y)) / float(length)
+        for drive, length in zip(drives, model.walls.length, strict=True)
+    ]
+    return max([weight, *loads])
+
+
+def _largest_force(dof: DofDrive) -> float:
+    return dof.force.largest() if dof.force is not None else 0.0
+
+
+def _largest_velocity(dof: DofDrive) -> float:
+    return dof.velocity.largest() if dof.velocity is not None else 0.0
+
+
+def _largest_rate(scenario: Scenario, drives: Sequence[WallDrive]) -> float:
+    """Rate of shear or compression that the walls bring about, and the fastest spin of one [1/s]."""
+    width, height = scenario.domain.size
+    spins = [_largest_velocity(drive.spin) for drive in drives]
+    # Two walls may move against each other: their speeds add up.
+    along_x = sorted((_largest_velocity(drive.x) for drive in drives), reverse=True)
+    along_y = sorted((_largest_velocity(drive.y) for drive in drives), reverse=True)
+    return max([0.0, *spins, math.fsum(along_x[:2]) / height, math.fsum(along_y[:2]) / min(width, height)])
+
+
+def _largest_speed(scenario: Scenario) -> float:
+    """Speed of a free fall through the domain, or of a group of grains relative to another at the start [m/s]."""
+    gravity, size = scenario.domain.gravity, scenario.domain.size
+    falls = [math.sqrt(2.0 * abs(g) * length) for g, length in zip(gravity, size, strict=True)]
+    velocities = [group.velocity for group in scenario.particles]
+    apart = [hypot(a[0] - b[0], a[1] - b[1]) for a in velocities for b in velocities]
+    return max([*falls, *apart])
+
+
+def automatic_step(scales: Scales, output: Output) -> float | None:
+    """The automatic time step of a stage [s]; None if neither weight, nor load, nor driven wall sets a scale.
+
+    Rounded down to two digits, so that it is the same on every machine, and then so that a whole number of steps makes up the
+    interval between frames, or between rows if one was asked for.
+    """
+    if scales.pressure == math.inf and scales.strain == math.inf:
+        return None
+    is_default = output.series_interval == default_series_interval(output.frame_interval)
+    interval = output.frame_interval if is_default else min(output.frame_interval, output.series_interval)
+    step = min(_round_down(scales.limit), interval)
+    return interval / math.ceil(interval / step * (1.0 - 1e-9))
+
+
+@dataclass(frozen=True)
+class StepReview:
+    """How a time step compares with what its stage needs; ratios are None where nothing sets their scale.
+
+    Attributes:
+        is_automatic: Whether it was chosen automatically.
+        of_pressure: Δt over √(m̄/P).
+        strain: Strain in a step, γ̇ Δt: the sliding distance over the diameter, and the angle by which contacts turn.
+        fall: Distance in a step over d̄, at the speed of a free fall through the domain.
+        automatic: What the automatic time step would be [s].
+    """
+
+    is_automatic: bool
+    of_pressure: float | None
+    strain: float | None
+    fall: float | None
+    automatic: float | None
+
+    def text(self) -> str:
+        """In words."""
+        shares = [
+            f"{share:.2g} {name}"
+            for share, name in (
+                (self.of_pressure, "√(m̄/P)"),
+                (self.strain, "of strain"),
+                (self.fall, "diameters at most in free fall"),
+            )
+            if share is not None
+        ]
+        if self.is_automatic:
+            return ", ".join(["automatic", *shares])
+        return ", ".join(shares)
+
+
+def review_steps(scenario: Scenario, model: Model, plan: RunPlan) -> list[StepReview | None]:
+    """For each stage of a plan, how its time step compares with its scales; None for frozen stages."""
+    zeros = [0.0] * len(plan.stages)
+    reviews: list[StepReview | None] = []
+    for number, stage in enumerate(plan.stages):
+        scales = find_scales(scenario, model, stage.drives.started(zeros))
+        is_automatic = scenario.stage_solver(number).dt == "auto"
+        review = StepReview(
+            is_automatic,
+            _ratio(stage.dt, scales.pressure),
+            _ratio(stage.dt, scales.strain),
+            _ratio(stage.dt, scales.fall),
+            automatic_step(scales, scenario.output),
+        )
+        reviews.append(None if stage.is_frozen else review)
+    return reviews
+
+
+def _ratio(dt: float, scale: float) -> float | None:
+    return None if scale == math.inf else dt / scale
+
+
+def _round_down(value: float) -> float:
+    """``value`` with two significant digits, not above it."""
+    exact = Decimal(value * (1.0 + 1e-9))
+    return float(exact.quantize(Decimal((0, (1,), exact.adjusted() - 1)), rounding=ROUND_DOWN))

@@ -1,0 +1,38 @@
+from .checkpoint import Checkpoint as Checkpoint
+from .errors import (
+    DamagedRun as DamagedRun,
+)
+from .errors import (
+    DirectoryRefused as DirectoryRefused,
+)
+from .errors import (
+    RunLocked as RunLocked,
+)
+from .errors import (
+    StorageError as StorageError,
+)
+from .errors import (
+    StorageFull as StorageFull,
+)
+from .errors import (
+    StoreError as StoreError,
+)
+from .errors import (
+    UnsupportedVersion as UnsupportedVersion,
+)
+from .frame_view import Contacts as Contacts
+from .frame_view import Frame as Frame
+from .frame_view import Frames as Frames
+from .frames import ContactRows as ContactRows
+from .frames import FrameData as FrameData
+from .frames import SeriesRow as SeriesRow
+from .info import run_info as run_info
+from .provenance import collect_provenance as collect_provenance
+from .reader import Run as Run
+from .reader import Series as Series
+from .reader import open_run as open_run
+from .rundir import RunDirectory as RunDirectory
+from .segments import FrameWriter as FrameWriter
+from .summary import summarize as summarize
+from .verification import Finding as Finding
+from .verification import verify as verify

@@ -1,0 +1,114 @@
+"""The neighbor list against all pairs, for mixtures, periods and every kind of wall shape."""
+
+import numpy as np
+import pytest
+from scene_parts import make_model
+
+from multicor_cli.engine.geometry.neighbor_list import NeighborList
+from multicor_cli.engine.geometry.neighbors import place_shapes
+from multicor_cli.model import ShapeKind
+
+
+def _listed(lists):
+    return {(i, int(j)) for i in range(len(lists.row) - 1) for j in lists.partner[lists.row[i] : lists.row[i + 1]]}
+
+
+def _all_pairs(positions, radius, period, reach):
+    dx = positions[:, None, 0] - positions[None, :, 0]
+    if period:
+        dx -= period * np.round(dx / period)
+    dy = positions[:, None, 1] - positions[None, :, 1]
+    gap = np.hypot(dx, dy) - radius[:, None] - radius[None, :]
+    i, j = np.nonzero(np.triu(gap < reach, 1))
+    return set(zip(i.tolist(), j.tolist(), strict=True))
+
+
+@pytest.mark.parametrize("period", [0.0, 12.0])
+@pytest.mark.parametrize("ratio", [1.0, 3.0, 20.0])
+def test_list_holds_every_near_pair(period, ratio):
+    rng = np.random.default_rng(1)
+    n = 300
+    radius = 0.5 * ratio ** (-rng.random(n)) / (2.0 if period else 1.0)
+    positions = np.column_stack([12.0 * rng.random(n), 30.0 * rng.random(n), np.zeros(n)])
+    model = make_model(radius, walls=(), period=period)
+    lists = NeighborList(model)
+    world = np.empty((0, 4))
+    for reach in (0.0, 0.1, 1.0):
+        lists.update(positions, world, reach)
+        assert _all_pairs(positions, radius, period, reach) <= _listed(lists)
+    # Rows are sorted and hold each pair once, owned by the lower number.
+    for i in range(n):
+        partners = lists.partner[lists.row[i] : lists.row[i + 1]]
+        assert (np.diff(partners) > 0).all()
+        assert (partners > i).all()
+
+
+def test_list_is_kept_while_nothing_moves_far_and_rebuilt_in_time():
+    rng = np.random.default_rng(2)
+    n, reach = 200, 0.05
+    radius = np.full(n, 0.4)
+    positions = np.column_stack([15.0 * rng.random(n), 15.0 * rng.random(n), np.zeros(n)])
+    lists = NeighborList(make_model(radius, walls=()))
+    world = np.empty((0, 4))
+    velocity = rng.normal(size=(n, 2))
+    for _ in range(60):
+        lists.update(positions, world, reach)
+        assert _all_pairs(positions, radius, 0.0, reach) <= _listed(lists)
+        positions[:, :2] += 0.004 * velocity
+    assert 1 < lists.builds < 30
+
+
+def test_far_flying_grains_do_not_cost_memory():
+    positions = np.array([[0.0, 0.0, 0.0], [1e9, 0.0, 0.0], [1e9 + 0.5, 0.0, 0.0], [0.0, -1e9, 0.0]])
+    lists = NeighborList(make_model(np.full(4, 0.5), walls=()))
+    lists.update(positions, np.empty((0, 4)), 0.1)
+    assert _listed(lists) == {(1, 2)}
+
+
+def test_far_flying_grains_do_not_make_all_others_neighbors():
+    """They lie outside the grid then; what is near them is found all the same."""
+    rng = np.random.default_rng(4)
+    positions = np.zeros((2000, 3))
+    positions[:, :2] = rng.uniform(0.0, 60.0, (2000, 2))
+    positions[:6, :2] += 1e6 * np.array([[1.0, 0.0], [1.0, 0.0], [-1.0, 3.0], [0.0, -1.0], [0.0, 2.0], [2.0, 2.0]])
+    positions[1, :2] = positions[0, :2] + (0.9, 0.0)
+    radius = np.full(2000, 0.4)
+    lists = NeighborList(make_model(radius, walls=()))
+    low, high = lists._box(positions[:, :2], 0.5)
+    assert (low > -1.0).all()
+    assert (high < 61.0).all()
+    lists.update(positions, np.empty((0, 4)), 0.2)
+    near = _all_pairs(positions, radius, 0.0, 0.2)
+    assert (0, 1) in near
+    assert near <= _listed(lists)
+
+
+SHAPES = {
+    "plane": ([(ShapeKind.PLANE, 0, (0.0, 0.0, 0.0, 1.0))], lambda x, y, a: y - a),
+    "circle": ([(ShapeKind.CIRCLE, 0, (0.0, 0.0, 5.0, 0.0))], lambda x, y, a: 5.0 - np.hypot(x, y) - a),
+    "disc": ([(ShapeKind.DISC, 0, (1.0, 1.0, 0.7, 0.0))], lambda x, y, a: np.hypot(x - 1.0, y - 1.0) - 0.7 - a),
+}
+
+
+@pytest.mark.parametrize("name", SHAPES)
+def test_wall_shapes_are_listed(name):
+    shapes, gap = SHAPES[name]
+    rng = np.random.default_rng(4)
+    n = 200
+    radius = rng.uniform(0.1, 0.5, n)
+    positions = np.column_stack([rng.uniform(-4, 4, n), rng.uniform(-4, 4, n), np.zeros(n)])
+    lists = NeighborList(make_model(radius, shapes))
+    world = np.array([s[2] for s in shapes])
+    lists.update(positions, world, 0.1)
+    near = {(int(i), n) for i in np.flatnonzero(gap(positions[:, 0], positions[:, 1], radius) < 0.1)}
+    assert near <= _listed(lists)
+    assert near
+
+
+def test_shapes_turn_with_their_wall():
+    kind = np.array([ShapeKind.SEGMENT, ShapeKind.PLANE, ShapeKind.DISC], np.int32)
+    local = np.array([[1.0, 0.0, 2.0, 0.0], [0.0, 0.0, 0.0, 1.0], [1.0, 0.0, 0.3, 0.0]])
+    world = np.empty((3, 4))
+    place_shapes(kind, np.zeros(3, np.int32), local, np.array([[5.0, 7.0, np.pi / 2]]), world)
+    expected = [[5.0, 8.0, 5.0, 9.0], [5.0, 7.0, -1.0, 0.0], [5.0, 8.0, 0.3, 0.0]]
+    assert world == pytest.approx(np.array(expected), abs=1e-12)
