@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import contextlib
+import errno
 import hashlib
+import os
 from pathlib import Path
 
 from multicor_cli.store import layout
@@ -43,10 +45,11 @@ def check_usable(path: Path, *, overwrite: bool) -> None:
 
     Raises:
         DirectoryRefused: If it is not a directory, holds foreign files, or a run and ``overwrite`` is False.
-        StorageError: If it cannot be read.
+        StorageError: If it cannot be read or written.
     """
     with storage_errors(path):
         if not path.exists() and not path.is_symlink():
+            _require_writable(next(parent for parent in path.absolute().parents if parent.exists()))
             return
         if not path.is_dir():
             raise DirectoryRefused(f"{path}: exists and is not a directory; choose another with -o")
@@ -61,6 +64,12 @@ def check_usable(path: Path, *, overwrite: bool) -> None:
     if foreign:
         listed = ", ".join(foreign[:5]) + (" …" if len(foreign) > 5 else "")
         raise DirectoryRefused(f"{path}: holds files that no run has made ({listed}); move them away before overwriting")
+
+
+def _require_writable(directory: Path) -> None:
+    """Raise `PermissionError` now, not when the grains have been placed."""
+    if not os.access(directory, os.W_OK | os.X_OK):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), directory)
 
 
 def read_scenario(path: Path, sha256: str) -> str:

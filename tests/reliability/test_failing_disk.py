@@ -59,7 +59,7 @@ class Failing:
     [(errno.ENOSPC, True), (errno.ENOSPC, False), (errno.EIO, False), (errno.EROFS, True)],
     ids=["full", "full for a moment", "broken once", "read-only"],
 )
-@trials(short=3, long=100_000)
+@trials(short=2, long=100_000)
 def test_any_call_may_fail(tmp_path: Path, number: int, stays: bool, count: int) -> None:
     continue_run(tmp_path / "whole")
     expected = run_info(tmp_path / "whole")
@@ -124,7 +124,7 @@ def begin_run(path: Path) -> None:
 
 
 @pytest.mark.parametrize("session", [begin_run, continue_run])
-@trials(short=3, long=100_000)
+@trials(short=2, long=100_000)
 def test_a_disk_that_lies(tmp_path: Path, session: Callable[[Path], None], count: int) -> None:
     """What is not read back as it was written is never committed; a bit that nobody reads may be wrong."""
     continue_run(tmp_path / "whole")

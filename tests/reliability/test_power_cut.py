@@ -65,7 +65,7 @@ class Promises:
         assert (info["step"] is None and self.step < 0) or info["step"] >= self.step
 
 
-@trials(short=8, long=100_000)
+@trials(short=4, long=100_000)
 def test_power_cut(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, count: int) -> None:
     """``count`` is the largest number of directories looked at; they are spread evenly over the run."""
     continue_run(tmp_path / "whole")

@@ -78,7 +78,8 @@ def limited(*arguments: object, cwd: Path, memory: int) -> subprocess.CompletedP
     )
 
 
-@trials(short=1, long=6)
+@pytest.mark.reliability
+@pytest.mark.parametrize("count", [6])
 def test_too_little_memory(tmp_path: Path, count: int) -> None:
     """More grains than fit: one line, exit code 5, and nothing that is damaged."""
     codes = []

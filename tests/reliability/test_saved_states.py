@@ -52,7 +52,7 @@ def ends(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     return found
 
 
-@trials(short=2, long=len(FIELDS))
+@trials(short=1, long=len(FIELDS))
 def test_every_field_counts(tmp_path: Path, ends: dict[str, str], monkeypatch: pytest.MonkeyPatch, count: int) -> None:
     """A run that is continued without one of the fields, and only such a run, ends in other bits (or does not end)."""
     carry_on = Session._carry_on

@@ -25,7 +25,7 @@ PROMISED = 2.0
 CODES = {signal.SIGINT: 130, signal.SIGTERM: 143, signal.SIGHUP: 129}
 if signal.getsignal(signal.SIGHUP) is signal.SIG_IGN:  # these tests run under nohup
     del CODES[signal.SIGHUP]
-BIG = {"short": 20_000, "long": 200_000}
+BIG = {"short": 8_000, "long": 200_000}
 """Grains of a bed, one step of which takes long."""
 
 

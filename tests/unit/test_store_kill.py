@@ -38,7 +38,7 @@ def assert_nothing_lost(path: Path) -> None:
                 assert frame.position.shape == (5, 2)
 
 
-@pytest.mark.parametrize("point", thinned(POINTS, 3))
+@pytest.mark.parametrize("point", thinned(POINTS, 4))
 def test_killed_once(tmp_path: Path, expected: dict[str, str], point: str) -> None:
     path = tmp_path / "run"
     assert killed_at(path, point), f"the run never came to {point}"
