@@ -33,8 +33,8 @@ PROBLEM = HERE.parent / "data" / "bed-1008.npz"
 SOLVE = """
 import hashlib, sys
 import numpy as np
-from multicor_cli.kernels import elementwise
-from multicor_cli.solver import ContactProblem, Settings, solve_contacts
+from multicor_cli.engine.jit import elementwise
+from multicor_cli.engine import ContactProblem, Settings, solve_contacts
 
 values = np.linspace(1e-3, 1.0, 1001)
 found = solve_contacts(ContactProblem.load(sys.argv[1]), Settings())

@@ -157,7 +157,7 @@ def nobodys(tmp_path_factory: pytest.TempPathFactory) -> Path:
 COMPILE = """
 import os
 import numpy
-from multicor_cli.kernels import elementwise
+from multicor_cli.engine.jit import elementwise
 print(elementwise.cos(numpy.zeros(1))[0], os.environ["NUMBA_CACHE_DIR"])
 """
 
