@@ -7,8 +7,8 @@ trajectory. So whatever reaches a `Model` or a `State` calls the functions of th
 every other call.
 
 The functions are plain Python over floats; `arithmetic.sums` is about arrays. Kernels compile these very functions
-(`multicor_cli.engine.jit.compile` registers them) and `multicor_cli.engine.jit.elementwise` applies them to arrays, so interpreted and
-compiled results are equal to the bit. Their accuracy is tested against many digits.
+(`engine.jit.compile` registers them) and `engine.jit.elementwise` applies them to arrays, so interpreted and compiled results are
+equal to the bit. Their accuracy is tested against many digits.
 """
 
 from multicor_cli.arithmetic.exponential import cbrt, exp, expm1, log, log1p, power

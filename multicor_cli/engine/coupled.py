@@ -9,7 +9,7 @@ import numpy as np
 
 from multicor_cli.engine.contact.settings import Settings, StepReport
 from multicor_cli.engine.contact.table import ContactTable
-from multicor_cli.engine.heat.gap_loops import resting_contacts
+from multicor_cli.engine.heat.pairs import resting_contacts
 from multicor_cli.engine.heat.settings import WallHeat
 from multicor_cli.engine.heat.step import HeatEngine, MovedContacts
 from multicor_cli.engine.motion.drives import WallDrive

@@ -11,7 +11,8 @@ from typing import NamedTuple
 import numpy as np
 
 from multicor_cli.arithmetic import acos, asin, atan2, cos, sin
-from multicor_cli.engine.geometry.neighbors import gap_to_shape, minimum_image
+from multicor_cli.engine.geometry.gaps import minimum_image
+from multicor_cli.engine.geometry.neighbors import gap_to_shape
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.model.model import Floats, Ints, ShapeKind
 from multicor_cli.packing.obstacles import Obstacles

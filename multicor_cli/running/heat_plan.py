@@ -8,9 +8,14 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from multicor_cli.arithmetic import hypot
-from multicor_cli.engine.heat.conduction import contact_modulus, harmonic_conductivity
+from multicor_cli.engine.contact.hertz import contact_modulus
+from multicor_cli.engine.heat.conduction import ContactForce, harmonic_conductivity
+from multicor_cli.engine.heat.convection import Ambient
+from multicor_cli.engine.heat.gas import Gas
+from multicor_cli.engine.heat.laws import HeatLaws
 from multicor_cli.engine.heat.partition import conductivity_share, effusivity, effusivity_share, electrothermal_share
-from multicor_cli.engine.heat.settings import Ambient, ContactForce, Gas, HeatLaws, HeatSettings, Radiation, WallHeat
+from multicor_cli.engine.heat.radiation import Radiation, emission_factor
+from multicor_cli.engine.heat.settings import HeatSettings, WallHeat
 from multicor_cli.engine.motion.drives import Constant, Shifted
 from multicor_cli.model import Model
 from multicor_cli.model.model import Floats
@@ -105,6 +110,7 @@ def heat_laws(scenario: Scenario, materials: Sequence[str]) -> HeatLaws:
         harmonic=_of_pairs(tables, _harmonic),
         share=_shares(tables, _SHARES[heat.partition]),
         emissivity=np.array([table.emissivity or 0.0 for table in tables], float),
+        emission=_of_pairs(tables, lambda a, b: emission_factor(a.emissivity or 0.0, b.emissivity or 0.0)),
         roughness=_of_pairs(tables, lambda a, b: _together(a.roughness, b.roughness)),
         slope=_of_pairs(tables, lambda a, b: _together(a.asperity_slope, b.asperity_slope)),
         microhardness=_of_pairs(tables, _microhardness),

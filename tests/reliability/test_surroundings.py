@@ -186,9 +186,8 @@ def test_stale_machine_code_is_never_used(tmp_path: Path) -> None:
     kernel = tmp_path / "multicor_cli" / "packing" / "probe.py"
     formula = tmp_path / "multicor_cli" / "scenario" / "probe.py"
     kernel.write_text(
-        "from multicor_cli.engine.jit.compile import kernel, scalar\n"
-        "from multicor_cli.scenario import probe\n"
-        "answer = scalar(probe.answer)\n"
+        "from multicor_cli.engine.jit.compile import kernel\n"
+        "from multicor_cli.scenario.probe import answer\n"
         "@kernel\n"
         "def ask(x):\n"
         "    return answer(x)\n"
@@ -196,7 +195,9 @@ def test_stale_machine_code_is_never_used(tmp_path: Path) -> None:
     script = "from multicor_cli.packing.probe import ask; print(ask(1.0)); print(sum(ask.stats.cache_hits.values()))"
     seen = []
     for value in (1.0, 1.0, 2.0, 1.0):
-        formula.write_text(f"def answer(x):\n    return {value} * x\n")
+        formula.write_text(
+            f"from multicor_cli.engine.jit.formulas import formula\n@formula\ndef answer(x):\n    return {value} * x\n"
+        )
         # Python's own files of compiled code do not tell sources of one size, written within a second, apart: without them.
         env = {**environment(NUMBA_CACHE_DIR=str(tmp_path / "cache"), PYTHONDONTWRITEBYTECODE="1"), "PYTHONPATH": str(tmp_path)}
         done = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, env=env, capture_output=True, text=True, check=True)

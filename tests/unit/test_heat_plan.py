@@ -8,7 +8,10 @@ from packing_support import scenario as cold_scenario
 from scenario_text import HEATED, SHEAR
 from warm_run import WARM
 
-from multicor_cli.engine.heat.settings import ContactForce, Gas, Radiation, WallHeat
+from multicor_cli.engine.heat.conduction import ContactForce
+from multicor_cli.engine.heat.gas import Gas
+from multicor_cli.engine.heat.radiation import Radiation
+from multicor_cli.engine.heat.settings import WallHeat
 from multicor_cli.engine.motion.drives import Constant, Ramp, Shifted, Sine
 from multicor_cli.packing import build
 from multicor_cli.running.heat_plan import heat_laws, heat_settings, wall_heat

@@ -13,7 +13,6 @@ from scene_parts import book, shear_scene
 from multicor_cli.engine import Engine, Settings
 from multicor_cli.engine.coupled import CoupledEngine
 from multicor_cli.engine.heat.settings import HeatSettings, WallHeat
-from multicor_cli.engine.heat.shear import parabola, peak
 from multicor_cli.engine.heat.step import HeatEngine
 from multicor_cli.model import State
 
@@ -24,6 +23,16 @@ SPEED, DT = 0.06, 0.2
 (the flow stays 15 to 35 % cooler than its frozen networks say, since contacts come and go faster than heat)."""
 
 BINS, COLUMNS, ROWS, AMBIENT = 12, 12, 12, 300.0
+
+
+def peak(height, source, conductivity):
+    """Largest rise between two isothermal walls, q h²/(8 k_eff)."""
+    return source * height * height / (8.0 * conductivity)
+
+
+def parabola(y, height, source, conductivity):
+    """Steady rise at a distance y from the lower wall, q y (h − y)/(2 k_eff)."""
+    return source * y * (height - y) / (2.0 * conductivity)
 
 
 class Layer:

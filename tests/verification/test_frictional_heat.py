@@ -9,7 +9,11 @@ from scene_parts import FLOOR, TIGHT, G, book, make_model, shear_scene
 
 from multicor_cli.engine import Engine, Settings
 from multicor_cli.engine.coupled import CoupledEngine
-from multicor_cli.engine.heat.settings import Ambient, ContactForce, Gas, HeatSettings, Radiation, WallHeat
+from multicor_cli.engine.heat.conduction import ContactForce
+from multicor_cli.engine.heat.convection import Ambient
+from multicor_cli.engine.heat.gas import Gas
+from multicor_cli.engine.heat.radiation import Radiation
+from multicor_cli.engine.heat.settings import HeatSettings, WallHeat
 from multicor_cli.engine.heat.step import HeatEngine
 from multicor_cli.engine.motion.drives import Constant, Sine, WallDrive
 from multicor_cli.model import Softening, State
@@ -55,7 +59,7 @@ def test_the_paper_s_rule_misses_part_of_it(dt, share):
 
 
 def test_a_wall_of_known_temperature_takes_its_share():
-    laws = replace(make_heat_laws(), share=np.full((1, 1), 0.25))
+    laws = make_heat_laws()._replace(share=np.full((1, 1), 0.25))
     engine = slide(conditions=[at_temperature(300.0)], laws=laws, conduction="none")
     total = 0.5 * engine.heat.model.grains.mass[0] / 3.0
     assert engine.state.generated[0] == pytest.approx(0.25 * total, rel=1e-12)

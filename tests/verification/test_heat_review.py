@@ -10,9 +10,11 @@ from scene_parts import FLOOR, TIGHT, book, make_model
 from multicor_cli.engine import Engine, PhysicsError
 from multicor_cli.engine.coupled import CoupledEngine
 from multicor_cli.engine.heat import implicit
-from multicor_cli.engine.heat.gap import batchelor_conductance, parallel_conductance_wall
-from multicor_cli.engine.heat.radiation import STEFAN_BOLTZMANN
-from multicor_cli.engine.heat.settings import Ambient, ContactForce, Gas, HeatSettings, Radiation, WallHeat
+from multicor_cli.engine.heat.conduction import ContactForce
+from multicor_cli.engine.heat.convection import Ambient
+from multicor_cli.engine.heat.gas import Gas, batchelor_conductance, parallel_conductance_wall
+from multicor_cli.engine.heat.radiation import STEFAN_BOLTZMANN, Radiation
+from multicor_cli.engine.heat.settings import HeatSettings, WallHeat
 from multicor_cli.engine.heat.step import HeatEngine
 from multicor_cli.engine.motion.drives import Constant, DofDrive, Sine, Table, WallDrive
 from multicor_cli.model import Softening, State

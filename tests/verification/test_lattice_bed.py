@@ -7,7 +7,8 @@ from scene_parts import FLOOR, make_model
 
 from multicor_cli.engine import Engine, Settings
 from multicor_cli.engine.coupled import CoupledEngine
-from multicor_cli.engine.heat.settings import Gas, HeatSettings, WallHeat
+from multicor_cli.engine.heat.gas import Gas
+from multicor_cli.engine.heat.settings import HeatSettings, WallHeat
 from multicor_cli.engine.heat.step import HeatEngine
 from multicor_cli.engine.motion.drives import WallDrive
 from multicor_cli.model import State

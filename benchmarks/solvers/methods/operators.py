@@ -68,7 +68,7 @@ def record(s: System, log: Log, row: int, work: float) -> bool:
 
 @kernel
 def sweep_backward(s: System) -> float:
-    """As `multicor_cli.engine.contact.sweep.sweep`, in the opposite order; returns the sum of the squared velocity corrections [m²/s²]."""
+    """As `engine.contact.sweep.sweep`, in the opposite order; returns the sum of the squared velocity corrections [m²/s²]."""
     velocity, pair, frame, impulse = s.velocity.reshape(-1), s.pair.reshape(-1), s.frame.reshape(-1), s.impulse.reshape(-1)
     total, count, generals = 0.0, s.pair.shape[0], s.general_pair.shape[0]
     way = Relaxation(1.0, 1.0)

@@ -12,8 +12,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.engine.contact.law import bias
-from multicor_cli.engine.geometry.neighbors import disc_disc, gap_to_shape, minimum_image, nearest_image
-from multicor_cli.engine.heat.friction import softened_friction
+from multicor_cli.engine.geometry.gaps import disc_disc, minimum_image, nearest_image
+from multicor_cli.engine.geometry.neighbors import gap_to_shape
+from multicor_cli.engine.heat.softening import softened_friction
 from multicor_cli.engine.jit.chunks import CHUNK
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
 from multicor_cli.engine.jit.formulas import formula

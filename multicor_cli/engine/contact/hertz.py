@@ -1,14 +1,48 @@
-"""Elastic deflection of a contact that the rigid-grain model neglects (Hertz)."""
+"""Elastic contact of smooth spheres (Hertz): the spot that conducts, and the deflection that rigid grains leave out.
+
+Source: K. L. Johnson, Contact Mechanics (1985), eq. 4.22–4.24. Discs are treated as spheres of their radius.
+"""
 
 from __future__ import annotations
 
-from multicor_cli.engine.heat import conduction
+from multicor_cli.arithmetic import cbrt
+from multicor_cli.engine.jit.formulas import formula
+
+
+def contact_modulus(young_i: float, poisson_i: float, young_j: float, poisson_j: float) -> float:
+    """Contact modulus E* [Pa] with ``1/E* = (1−ν_i²)/E_i + (1−ν_j²)/E_j``; E Young's modulus [Pa], ν Poisson's ratio (Hertz)."""
+    return 1.0 / ((1.0 - poisson_i * poisson_i) / young_i + (1.0 - poisson_j * poisson_j) / young_j)
+
+
+@formula
+def effective_radius(a_i: float, a_j: float) -> float:
+    """Effective radius ``a* = a_i a_j/(a_i + a_j)`` [m]; on a plane wall it is a_i (Hertz)."""
+    return a_i * a_j / (a_i + a_j)
+
+
+@formula
+def contact_radius(force: float, effective_radius: float, modulus: float) -> float:
+    """Radius of the contact spot ``a_c = (3 F a*/4E*)^⅓`` [m] (Johnson, eq. 4.22); 0 for a force that is not positive.
+
+    Args:
+        force: Normal force F [N].
+        effective_radius: a* [m].
+        modulus: Contact modulus E* [Pa].
+    """
+    if force <= 0.0:
+        return 0.0
+    return cbrt(0.75 * force * effective_radius / modulus)
+
+
+def approach(contact_radius: float, effective_radius: float) -> float:
+    """Approach of the two bodies ``δ = a_c²/a*`` [m] (Johnson, eq. 4.23); arguments [m]."""
+    return contact_radius * contact_radius / effective_radius
 
 
 def hertz_flattening(force: float, radius: float, young: float, poisson: float) -> float:
     """Deflection of two equal elastic spheres pressed together, over their diameter: δ/(2a).
 
-    δ = a_c²/a* with the contact radius a_c of `thermal.conduction` and a* = a/2. Discs are treated as spheres of their radius.
+    δ = a_c²/a* with the contact radius a_c and a* = a/2. Discs are treated as spheres of their radius.
 
     Args:
         force: Normal force F [N].
@@ -16,6 +50,6 @@ def hertz_flattening(force: float, radius: float, young: float, poisson: float) 
         young: Young's modulus E [Pa].
         poisson: Poisson's ratio ν.
     """
-    modulus = conduction.contact_modulus(young, poisson, young, poisson)
-    effective = conduction.effective_radius(radius, radius)
-    return conduction.approach(conduction.contact_radius(force, effective, modulus), effective) / (2.0 * radius)
+    modulus = contact_modulus(young, poisson, young, poisson)
+    effective = effective_radius(radius, radius)
+    return approach(contact_radius(force, effective, modulus), effective) / (2.0 * radius)

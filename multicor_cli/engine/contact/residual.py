@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from multicor_cli.engine.contact.sweep import EXACT, System, general_solution, general_velocity, solve_exact
+from multicor_cli.engine.contact.law import solve_exact
+from multicor_cli.engine.contact.sweep import EXACT, System, general_solution, general_velocity
 from multicor_cli.engine.jit.chunks import CHUNK
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
 from multicor_cli.engine.jit.formulas import formula

@@ -18,8 +18,16 @@ from __future__ import annotations
 
 from math import inf, pi, sqrt
 
+import numpy as np
+from numpy.typing import NDArray
+
 from multicor_cli.arithmetic import power
+from multicor_cli.engine.contact.detection import Contacts, Scene
+from multicor_cli.engine.heat.laws import HeatLaws
+from multicor_cli.engine.heat.pairs import pair_radius
+from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.formulas import formula
+from multicor_cli.model.model import Floats
 
 
 @formula
@@ -110,3 +118,32 @@ def impact_exchange(
     correction = impact_coefficient(fourier_number(k_1, v_1, time, radius), ratio)
     depth = 1.0 / sqrt(conductivity_i * volumetric_i) + 1.0 / sqrt(conductivity_j * volumetric_j)
     return correction * pi * radius * radius * sqrt(time) / depth
+
+
+@kernel
+def collide(
+    scene: Scene, mass: Floats, contacts: Contacts, is_known: NDArray[np.bool_], laws: HeatLaws, dt: float, conductance: Floats
+) -> None:
+    """Replace the conductance of contacts that are new in this step by that of an impact, spread over the step (Sun & Chen).
+
+    Args:
+        scene: Shapes.
+        mass: Masses of the grains [kg], shape ``(n,)``.
+        contacts: Contacts with their impulses.
+        is_known: Whether a contact carried an impulse in the step before, shape ``(c,)``.
+        laws: Properties of materials.
+        dt: Time step [s].
+        conductance: [W/K], shape ``(c,)``. **Modified.**
+    """
+    grains = scene.radius.size
+    for c in range(contacts.i.size):
+        speed = -contacts.before[c, 0]
+        if contacts.impulse[c, 0] > 0.0 and speed > 0.0 and not is_known[c]:
+            i, j = contacts.i[c], contacts.j[c]
+            a, b = scene.material[i], scene.material[j]
+            m = mass[i] * mass[j] / (mass[i] + mass[j]) if j < grains else mass[i]
+            exchange = impact_exchange(
+                m, pair_radius(scene, i, j), laws.modulus[a, b], speed, laws.conductivity[a], laws.volumetric[a],
+                laws.conductivity[b], laws.volumetric[b],
+            )  # fmt: skip
+            conductance[c] = exchange / dt

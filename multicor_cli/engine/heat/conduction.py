@@ -16,47 +16,34 @@ of the bodies (its constriction resistance is logarithmic).
 
 from __future__ import annotations
 
-from math import pi, sqrt
+from dataclasses import dataclass
+from typing import Literal
 
-from multicor_cli.arithmetic import cbrt
+from multicor_cli.engine.contact.detection import Scene
+from multicor_cli.engine.contact.hertz import contact_radius
+from multicor_cli.engine.heat.laws import HeatLaws
+from multicor_cli.engine.heat.pairs import pair_radius
+from multicor_cli.engine.heat.rough import rough_conductance
+from multicor_cli.engine.jit.chunks import CHUNK
+from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
 from multicor_cli.engine.jit.formulas import formula
+from multicor_cli.model.model import Floats, Ints
+
+Conduction = Literal["hertz", "rough", "none"]
 
 
-def contact_modulus(young_i: float, poisson_i: float, young_j: float, poisson_j: float) -> float:
-    """Contact modulus E* [Pa] with ``1/E* = (1−ν_i²)/E_i + (1−ν_j²)/E_j``; E Young's modulus [Pa], ν Poisson's ratio (Hertz)."""
-    return 1.0 / ((1.0 - poisson_i * poisson_i) / young_i + (1.0 - poisson_j * poisson_j) / young_j)
+@dataclass(frozen=True)
+class ContactForce:
+    """Which normal force makes the Hertz contact radius.
 
-
-@formula
-def effective_radius(a_i: float, a_j: float) -> float:
-    """Effective radius ``a* = a_i a_j/(a_i + a_j)`` [m]; on a plane wall it is a_i (Hertz)."""
-    return a_i * a_j / (a_i + a_j)
-
-
-@formula
-def contact_radius(force: float, effective_radius: float, modulus: float) -> float:
-    """Radius of the contact spot ``a_c = (3 F a*/4E*)^⅓`` [m] (Johnson, eq. 4.22); 0 for a force that is not positive.
-
-    Args:
-        force: Normal force F [N].
-        effective_radius: a* [m].
-        modulus: Contact modulus E* [Pa].
+    Attributes:
+        kind: ``"step"``: that of the step p_n/Δt; ``"average"``: a running average; ``"prescribed"``: the same for all contacts
+            that carry a force.
+        value: Averaging time [s], or the prescribed force [N].
     """
-    if force <= 0.0:
-        return 0.0
-    return cbrt(0.75 * force * effective_radius / modulus)
 
-
-def approach(contact_radius: float, effective_radius: float) -> float:
-    """Approach of the two bodies ``δ = a_c²/a*`` [m] (Johnson, eq. 4.23); arguments [m]."""
-    return contact_radius * contact_radius / effective_radius
-
-
-def peak_pressure(force: float, contact_radius: float) -> float:
-    """Largest pressure ``p_0 = 3 F/(2π a_c²)`` [Pa] (Johnson, eq. 4.24); F [N], a_c [m]; 0 without a spot."""
-    if contact_radius <= 0.0:
-        return 0.0
-    return 1.5 * force / (pi * contact_radius * contact_radius)
+    kind: Literal["step", "average", "prescribed"] = "step"
+    value: float = 0.0
 
 
 def harmonic_conductivity(k_i: float, k_j: float) -> float:
@@ -82,25 +69,44 @@ def biot_number(conductance: float, conductivity: float, radius: float) -> float
     return conductance / (conductivity * radius)
 
 
-def pair_time(capacity_i: float, capacity_j: float, conductance: float) -> float:
-    """Time constant of two bodies ``τ = 1/(H (1/C_i + 1/C_j))`` [s] (derived); an infinite capacity is a body of fixed temperature.
+@parallel_kernel
+def contact_spots(
+    scene: Scene, i: Ints, j: Ints, force: Floats, laws: HeatLaws, is_rough: bool, spot: Floats, conductance: Floats
+) -> None:
+    """Hertz radius and conductance of contacts under given normal forces.
 
     Args:
-        capacity_i: Heat capacity C_i [J/K].
-        capacity_j: Heat capacity C_j [J/K].
-        conductance: H between them [W/K].
+        scene: Shapes.
+        i: Grains, shape ``(c,)``.
+        j: Grains or wall shapes, shape ``(c,)``.
+        force: Normal forces [N], shape ``(c,)``.
+        laws: Properties of materials.
+        is_rough: Whether micro-contacts add their resistance.
+        spot: Contact radii a_c [m], shape ``(c,)``. **Modified.**
+        conductance: H_c [W/K], shape ``(c,)``. **Modified.**
     """
-    return 1.0 / (conductance * (1.0 / capacity_i + 1.0 / capacity_j))
+    count = i.size
+    for chunk in prange((count + CHUNK - 1) // CHUNK):
+        for c in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
+            spot[c], conductance[c] = 0.0, 0.0
+            if force[c] > 0.0:
+                a, b = scene.material[i[c]], scene.material[j[c]]
+                curvature, modulus, harmonic = pair_radius(scene, i[c], j[c]), laws.modulus[a, b], laws.harmonic[a, b]
+                radius = contact_radius(force[c], curvature, modulus)
+                h = hertz_conductance(harmonic, radius)
+                if is_rough:
+                    sigma, slope, hardness = laws.roughness[a, b], laws.slope[a, b], laws.microhardness[a, b]
+                    h = rough_conductance(force[c], radius, modulus, curvature, harmonic, sigma, slope, hardness)
+                spot[c], conductance[c] = radius, h
 
 
-def line_half_width(force_per_length: float, effective_radius: float, modulus: float) -> float:
-    """Half-width of the line contact of parallel cylinders ``b = √(4 F' a*/(π E*))`` [m] (Johnson, eq. 4.43).
-
-    For comparison with two-dimensional codes that take ``2 λ_h b`` per length for the conductance, which is a convention.
-
-    Args:
-        force_per_length: F' [N/m].
-        effective_radius: a* [m].
-        modulus: E* [Pa].
-    """
-    return sqrt(4.0 * force_per_length * effective_radius / (pi * modulus))
+@kernel
+def largest_biot(scene: Scene, i: Ints, j: Ints, conductance: Floats, laws: HeatLaws) -> float:
+    """Largest Biot number H/(λ a) of the grains at some links; arguments as `contact_spots`; 0 if there are none."""
+    grains, most = scene.radius.size, 0.0
+    for k in range(i.size):
+        if conductance[k] > 0.0:
+            most = max(most, biot_number(conductance[k], laws.conductivity[scene.material[i[k]]], scene.radius[i[k]]))
+            if j[k] < grains:
+                most = max(most, biot_number(conductance[k], laws.conductivity[scene.material[j[k]]], scene.radius[j[k]]))
+    return most

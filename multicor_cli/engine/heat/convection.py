@@ -14,10 +14,50 @@ infinite fluid, which grains in a bed do not have around them.
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from math import sqrt
+from typing import Literal
+
+import numpy as np
 
 from multicor_cli.arithmetic import cbrt, power
+from multicor_cli.engine.jit.compile import kernel
+from multicor_cli.engine.jit.elementwise import hypot
 from multicor_cli.engine.jit.formulas import formula
+from multicor_cli.model.model import Floats, Model
+
+Correlation = Literal["constant", "ranz-marshall", "whitaker", "gunn", "li-mason"]
+
+RANZ_MARSHALL, WHITAKER, GUNN, LI_MASON = 0, 1, 2, 3
+"""Correlations of the Nusselt number."""
+
+DENSE = 4.75
+"""Exponent of the porosity in the correlation of Li & Mason for dense beds."""
+
+
+@dataclass(frozen=True)
+class Ambient:
+    """Convection to a fluid around the grains, at one temperature.
+
+    Attributes:
+        temperature: T_f [K].
+        correlation: Formula of the Nusselt number, or a constant coefficient.
+        coefficient: h [W/(m² K)] for ``"constant"``.
+        conductivity: λ_f of the fluid [W/(m K)].
+        viscosity: Kinematic viscosity ν_f [m²/s].
+        prandtl: Prandtl number.
+        porosity: Volume fraction of the fluid, for Gunn and Li & Mason.
+        velocity: Velocity of the fluid (x, y) [m/s]; the Reynolds number takes the grain's velocity relative to it.
+    """
+
+    temperature: float
+    correlation: Correlation = "constant"
+    coefficient: float = 0.0
+    conductivity: float = 0.0
+    viscosity: float = 1.0
+    prandtl: float = 1.0
+    porosity: float = 1.0
+    velocity: tuple[float, float] = (0.0, 0.0)
 
 
 @formula
@@ -78,6 +118,58 @@ def li_mason(re: float, pr: float, porosity: float, exponent: float) -> float:
 
 
 @formula
-def coefficient(nusselt: float, conductivity: float, diameter: float) -> float:
+def coefficient_of(nusselt: float, conductivity: float, diameter: float) -> float:
     """Coefficient of heat transfer ``h = Nu λ_f/d`` [W/(m² K)]; λ_f of the fluid [W/(m K)], diameter d of the grain [m]."""
     return nusselt * conductivity / diameter
+
+
+@kernel
+def convection_coefficients(
+    correlation: int,
+    speed: Floats,
+    radius: Floats,
+    conductivity: float,
+    viscosity: float,
+    prandtl: float,
+    porosity: float,
+    coefficient: Floats,
+) -> None:
+    """Coefficient of convection of every grain from a correlation of the Nusselt number [W/(m² K)].
+
+    Args:
+        correlation: Which one.
+        speed: Speed relative to the fluid [m/s], shape ``(n,)``.
+        radius: Radii [m], shape ``(n,)``.
+        conductivity: λ_f [W/(m K)].
+        viscosity: Kinematic viscosity [m²/s].
+        prandtl: Prandtl number.
+        porosity: Volume fraction of the fluid.
+        coefficient: [W/(m² K)], shape ``(n,)``. **Modified.**
+    """
+    for k in range(radius.size):
+        re = reynolds(speed[k], 2.0 * radius[k], viscosity)
+        if correlation == RANZ_MARSHALL:
+            nusselt = ranz_marshall(re, prandtl)
+        elif correlation == WHITAKER:
+            nusselt = whitaker(re, prandtl)
+        elif correlation == GUNN:
+            nusselt = gunn(re, prandtl, porosity)
+        else:
+            nusselt = li_mason(re, prandtl, porosity, DENSE)
+        coefficient[k] = coefficient_of(nusselt, conductivity, 2.0 * radius[k])
+
+
+def convective_conductance(ambient: Ambient, velocity: Floats, model: Model) -> Floats:
+    """Coefficient of convection times surface of each grain [W/K], shape ``(n,)``; ``velocity`` of shape ``(n, 2)`` [m/s]."""
+    assert model.thermal is not None
+    surface = model.thermal.surface
+    if ambient.correlation == "constant":
+        return np.asarray(ambient.coefficient * surface)
+    coefficient = np.empty(surface.size)
+    slip = velocity - np.array(ambient.velocity)
+    number = {"ranz-marshall": 0, "whitaker": 1, "gunn": 2, "li-mason": 3}[ambient.correlation]
+    convection_coefficients(
+        number, hypot(slip[:, 0], slip[:, 1]), model.grains.radius, ambient.conductivity, ambient.viscosity, ambient.prandtl,
+        ambient.porosity, coefficient,
+    )  # fmt: skip
+    return np.asarray(coefficient * surface)

@@ -1,16 +1,28 @@
-"""Heat of sliding friction, and a coefficient of friction that depends on temperature.
+"""Heat of sliding friction and of impacts.
 
-Formulas: ``Q = μ F_n |u_t|`` (derived: the work of Coulomb's law); ``μ(T) = μ_0 [1 − c (T − T_r)]``, cut to a range
-(phenomenological).
+Formulas: the energy lost in a step, ``−p_t ½(u_t⁻ + u_t⁺)`` and ``−p_n ½(u_n⁻ + u_n⁺)``, or ``Q = μ F_n |u_t|`` (both derived: the
+work of Coulomb's law).
 
-Validity: the power is that of a contact that slides with the velocity u_t; over a step of changing velocity the dissipated
-energy is ``−p_t ½(u_t⁻ + u_t⁺)`` instead. The linear law of μ has no universal source: its rate is a fit to a material pair
-over the measured range, and T is the temperature of the grains, not that of the spot (see `flash`).
+Validity: the power is that of a contact that slides with the velocity u_t all through the step. Temperatures are those of grains;
+the spot itself may be much hotter for an instant.
 """
 
 from __future__ import annotations
 
+from typing import Literal
+
+from multicor_cli.engine.contact.detection import Contacts, Scene
+from multicor_cli.engine.energy.account import contact_after
+from multicor_cli.engine.heat.wear import rubbing_of
+from multicor_cli.engine.jit.chunks import CHUNK
+from multicor_cli.engine.jit.compile import parallel_kernel, prange
 from multicor_cli.engine.jit.formulas import formula
+from multicor_cli.model.model import Floats
+
+FrictionRule = Literal["energy", "sliding", "none"]
+
+NO_FRICTION, ENERGY, SLIDING = 0, 1, 2
+"""Rules of the heat of friction."""
 
 
 @formula
@@ -19,18 +31,37 @@ def sliding_power(mu: float, normal_force: float, slip_speed: float) -> float:
     return mu * abs(slip_speed) * normal_force
 
 
-@formula
-def softened_friction(mu: float, rate: float, temperature: float, start: float, lowest: float, highest: float) -> float:
-    """Coefficient of friction ``μ_0 [1 − c (T − T_r)]``, cut to [lowest, highest].
+@parallel_kernel
+def generated_heat(
+    scene: Scene, contacts: Contacts, after: Floats, rule: int, has_impact: bool, heat: Floats, rubbing: Floats
+) -> None:
+    """Heat generated in each contact of a step, and the product of force and slipped distance that wears.
+
+    ``"energy"``: −p_t ½(u_t⁻+u_t⁺), exact and signed; ``"sliding"``: μ|u_t⁺| p_n (the paper's E_f); impacts: −p_n ½(u_n⁻+u_n⁺).
+    Rubbing is the work of friction over μ: p_n times the slipped distance where a contact slides, less where it sticks.
 
     Args:
-        mu: μ_0, the coefficient at T_r.
-        rate: c [1/K]; negative if friction rises with temperature.
-        temperature: T [K].
-        start: T_r [K].
-        lowest: Smallest coefficient.
-        highest: Largest coefficient.
+        scene: Shapes at q_m.
+        contacts: Contacts with their impulses.
+        after: Body velocities v⁺, shape ``(bodies, 4)``.
+        rule: Rule of the heat of friction.
+        has_impact: Whether the energy of impacts counts.
+        heat: Heat of friction, heat of impacts [J], shape ``(c, 2)``. **Modified.**
+        rubbing: Force times distance [N m], shape ``(c,)``. **Modified.**
     """
-    value = mu * (1.0 - rate * (temperature - start))
-    value = value if value > lowest else lowest
-    return value if value < highest else highest
+    count = contacts.i.size
+    for chunk in prange((count + CHUNK - 1) // CHUNK):
+        for c in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
+            heat[c, 0], heat[c, 1], rubbing[c] = 0.0, 0.0, 0.0
+            p_n, p_t = contacts.impulse[c, 0], contacts.impulse[c, 1]
+            if p_n > 0.0:
+                u_n, u_t = contact_after(c, scene, contacts, after)
+                mu, slip = contacts.frame[c, 4], 0.5 * (contacts.before[c, 1] + u_t)
+                work = -p_t * slip
+                if rule == ENERGY:
+                    heat[c, 0] = work
+                elif rule == SLIDING:
+                    heat[c, 0] = sliding_power(mu, p_n, u_t)
+                if has_impact:
+                    heat[c, 1] = -p_n * 0.5 * (contacts.before[c, 0] + u_n)
+                rubbing[c] = rubbing_of(p_n, slip, work, mu)

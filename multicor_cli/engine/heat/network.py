@@ -8,18 +8,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.engine.contact.detection import Scene, warm_rows
-from multicor_cli.engine.heat import contact_loops as contact_heat
-from multicor_cli.engine.heat import gap_loops as gap_heat
-from multicor_cli.engine.heat.contact_loops import Thermals
+from multicor_cli.engine.heat.conduction import largest_biot
+from multicor_cli.engine.heat.convection import convective_conductance
+from multicor_cli.engine.heat.gas import BATCHELOR, PARALLEL, VARGAS, gas_conductances
+from multicor_cli.engine.heat.laws import HeatLaws
+from multicor_cli.engine.heat.pairs import look_up, resting_contacts
+from multicor_cli.engine.heat.radiation import radiating_areas
 from multicor_cli.engine.heat.rates import Network
-from multicor_cli.engine.heat.settings import Ambient, HeatSettings, WallHeat
+from multicor_cli.engine.heat.settings import HeatSettings, WallHeat
 from multicor_cli.engine.heat.spots import Spots
-from multicor_cli.engine.jit.elementwise import hypot
-from multicor_cli.model.model import Floats, Ints, Model
+from multicor_cli.model.model import Floats, Ints, Model, ShapeKind
 
 _INSULATED, _KNOWN, _FLOW = 0, 1, 2
 _KINDS = {"insulated": _INSULATED, "temperature": _KNOWN, "flow": _FLOW}
-_GAS_MODELS = {"parallel": gap_heat.PARALLEL, "batchelor": gap_heat.BATCHELOR, "vargas": gap_heat.VARGAS}
+_GAS_MODELS = {"parallel": PARALLEL, "batchelor": BATCHELOR, "vargas": VARGAS}
 
 SPHERE = 2.5
 """m a²/I of spheres."""
@@ -49,7 +51,7 @@ class Links:
     gas_ratio: tuple[float, float]
 
 
-def links_of(scene: Scene, spots: Spots, near: Pairs | None, laws: Thermals, settings: HeatSettings, model: Model) -> Links:
+def links_of(scene: Scene, spots: Spots, near: Pairs | None, laws: HeatLaws, settings: HeatSettings, model: Model) -> Links:
     """Contacts, and gaps where gas or radiation crosses them.
 
     Args:
@@ -64,24 +66,24 @@ def links_of(scene: Scene, spots: Spots, near: Pairs | None, laws: Thermals, set
     if near is None:
         loaded = spots.conductance > 0.0
         i, j, conductance = spots.i[loaded], spots.j[loaded], spots.conductance[loaded]
-        return Links(i, j, conductance, none, contact_heat.largest_biot(scene, i, j, conductance, laws), (0.0, 0.0))
+        return Links(i, j, conductance, none, largest_biot(scene, i, j, conductance, laws), (0.0, 0.0))
     i, j, gap = _with_contacts(scene, near, spots)
     row = warm_rows(model.grain_count, spots.i)
     conductance, spot = np.empty(i.size), np.empty(i.size)
-    contact_heat.look_up(row, spots.j, spots.conductance, i, j, conductance)
-    contact_heat.look_up(row, spots.j, spots.radius, i, j, spot)
+    look_up(row, spots.j, spots.conductance, i, j, conductance)
+    look_up(row, spots.j, spots.radius, i, j, spot)
     ratio, area = (0.0, 0.0), none
     if settings.gas is not None:
         gas = settings.gas
-        smaller = _is_within(scene, laws, i, j, gap, gas.reach)
+        smaller = _is_within(scene, i, j, gap, gas.reach)
         added = np.zeros(i.size)
-        ratio = gap_heat.gas_conductances(scene, laws, _GAS_MODELS[gas.model], gas.conductivity, i, j, gap, spot, added)
+        ratio = gas_conductances(scene, laws, _GAS_MODELS[gas.model], gas.conductivity, i, j, gap, spot, added)
         conductance += np.where(smaller, added, 0.0)
     if settings.radiation is not None and settings.radiation.neighbors:
         assert model.thermal is not None
-        area = gap_heat.radiating_areas(scene, laws, model.thermal.surface, model.shape_factor == SPHERE, i, j, gap)
-        area[~_is_within(scene, laws, i, j, gap, settings.radiation.reach)] = 0.0
-    return Links(i, j, conductance, area, contact_heat.largest_biot(scene, i, j, conductance, laws), ratio)
+        area = radiating_areas(scene, laws, model.thermal.surface, model.shape_factor == SPHERE, i, j, gap)
+        area[~_is_within(scene, i, j, gap, settings.radiation.reach)] = 0.0
+    return Links(i, j, conductance, area, largest_biot(scene, i, j, conductance, laws), ratio)
 
 
 def _with_contacts(scene: Scene, near: Pairs, spots: Spots) -> Pairs:
@@ -94,7 +96,7 @@ def _with_contacts(scene: Scene, near: Pairs, spots: Spots) -> Pairs:
         return near
     i, j = spots.i[far], spots.j[far]
     gap = np.empty(i.size)
-    gap_heat.resting_contacts(scene, i, j, gap, np.empty((i.size, 2)))
+    resting_contacts(scene, i, j, gap, np.empty((i.size, 2)))
     order = np.argsort(np.concatenate([key_near, key_spot[far]]), kind="stable")
     return (
         np.concatenate([near[0], i])[order],
@@ -103,26 +105,11 @@ def _with_contacts(scene: Scene, near: Pairs, spots: Spots) -> Pairs:
     )
 
 
-def _is_within(scene: Scene, laws: Thermals, i: Ints, j: Ints, gap: Floats, reach: float) -> NDArray[np.bool_]:
+def _is_within(scene: Scene, i: Ints, j: Ints, gap: Floats, reach: float) -> NDArray[np.bool_]:
     """Whether the gaps of pairs are at most ``reach`` times the smaller radius, shape ``(e,)``."""
-    radius = np.concatenate([scene.radius, np.where(laws.shape_radius > 0.0, laws.shape_radius, np.inf)])
+    shapes = np.where(scene.kind == ShapeKind.DISC, scene.world[:, 2], np.inf)
+    radius = np.concatenate([scene.radius, shapes])
     return np.asarray(gap <= reach * np.minimum(radius[i], radius[j]))
-
-
-def convective_conductance(ambient: Ambient, velocity: Floats, model: Model) -> Floats:
-    """Coefficient of convection times surface of each grain [W/K], shape ``(n,)``; ``velocity`` of shape ``(n, 2)`` [m/s]."""
-    assert model.thermal is not None
-    surface = model.thermal.surface
-    if ambient.correlation == "constant":
-        return np.asarray(ambient.coefficient * surface)
-    coefficient = np.empty(surface.size)
-    slip = velocity - np.array(ambient.velocity)
-    number = {"ranz-marshall": 0, "whitaker": 1, "gunn": 2, "li-mason": 3}[ambient.correlation]
-    gap_heat.convection_coefficients(
-        number, hypot(slip[:, 0], slip[:, 1]), model.grains.radius, ambient.conductivity, ambient.viscosity, ambient.prandtl,
-        ambient.porosity, coefficient,
-    )  # fmt: skip
-    return np.asarray(coefficient * surface)
 
 
 def network_of(

@@ -16,6 +16,15 @@ from __future__ import annotations
 
 from math import sqrt
 
+import numpy as np
+from numpy.typing import NDArray
+
+from multicor_cli.engine.contact.detection import Scene
+from multicor_cli.engine.heat.laws import HeatLaws
+from multicor_cli.engine.heat.wear import archard_volume
+from multicor_cli.engine.jit.compile import kernel
+from multicor_cli.model.model import Floats, Ints
+
 
 def effusivity(k: float, rho: float, c: float) -> float:
     """Thermal effusivity ``e = √(λ ρ c)`` [W s^½/(m² K)]; λ [W/(m K)], ρ [kg/m³], c [J/(kg K)]."""
@@ -42,3 +51,52 @@ def electrothermal_share(resistivity_i: float, resistivity_j: float, k_i: float,
         k_j: Thermal conductivity λ_j [W/(m K)].
     """
     return 0.5 * (resistivity_i / (resistivity_i + resistivity_j) + k_i / (k_i + k_j))
+
+
+@kernel
+def share_out(
+    scene: Scene,
+    i: Ints,
+    j: Ints,
+    heat: Floats,
+    rubbing: Floats,
+    laws: HeatLaws,
+    takes_heat: NDArray[np.bool_],
+    source: Floats,
+    wall_source: Floats,
+    wear: Floats,
+    wall_wear: Floats,
+) -> None:
+    """Give the heat of each contact to its two bodies; a wall that takes none leaves it all to the grain.
+
+    Args:
+        scene: Shapes.
+        i: Grains, shape ``(c,)``.
+        j: Grains or wall shapes, shape ``(c,)``.
+        heat: Heat of friction and of impacts [J], shape ``(c, 2)``.
+        rubbing: Force times slipped distance [N m], shape ``(c,)``.
+        laws: Properties of materials.
+        takes_heat: Whether a wall takes its share, shape ``(w,)``.
+        source: Heat received by the grains in this step [J], shape ``(n,)``. **Modified** (added to).
+        wall_source: The same for the walls, shape ``(w,)``. **Modified.**
+        wear: Volume worn off the grains [m³], shape ``(n,)``. **Modified.**
+        wall_wear: The same for the walls, shape ``(w,)``. **Modified.**
+    """
+    grains = scene.radius.size
+    for c in range(i.size):
+        a, b = scene.material[i[c]], scene.material[j[c]]
+        total = heat[c, 0] + heat[c, 1]
+        mine = laws.share[a, b] * total
+        wear[i[c]] += archard_volume(laws.wear[a, b], rubbing[c])
+        if j[c] < grains:
+            source[i[c]] += mine
+            source[j[c]] += total - mine
+            wear[j[c]] += archard_volume(laws.wear[b, a], rubbing[c])
+        else:
+            wall = scene.wall[j[c] - grains]
+            wall_wear[wall] += archard_volume(laws.wear[b, a], rubbing[c])
+            if takes_heat[wall]:
+                source[i[c]] += mine
+                wall_source[wall] += total - mine
+            else:
+                source[i[c]] += total

@@ -6,8 +6,7 @@ Formula: ``Q = σ X (T_j⁴ − T_i⁴)`` with an area factor X [m²]. Two surfa
 This is an upper estimate: six neighbors take 1.5 times what a grain radiates, and none hides another or the surroundings.
 A grain in black surroundings has ``X = ε · surface``.
 
-Source: Stefan–Boltzmann; M. F. Modest, Radiative Heat Transfer (parallel plates, crossed strings for cylinders); Z. Y. Zhou,
-A. B. Yu & P. Zulli, AIChE J. 55 (2009) 868 (environment of a grain).
+Source: Stefan–Boltzmann; M. F. Modest, Radiative Heat Transfer (parallel plates, crossed strings for cylinders).
 
 Validity: gray, diffuse, opaque surfaces, large against the wavelength (grains above 0.1 mm at room temperature), a gas that
 does not absorb. The exchange of neighbors takes no account of what other grains hide or reflect. For steel of emissivity 0.3 at
@@ -16,13 +15,36 @@ does not absorb. The exchange of neighbors takes no account of what other grains
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from math import pi, sqrt
 
+import numpy as np
+
 from multicor_cli.arithmetic import acos
+from multicor_cli.engine.contact.detection import Scene
+from multicor_cli.engine.heat.laws import HeatLaws
+from multicor_cli.engine.heat.pairs import other_radius
+from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.formulas import formula
+from multicor_cli.model.model import Floats, Ints
 
 STEFAN_BOLTZMANN = 5.670374419e-8
 """Stefan–Boltzmann constant σ [W/(m² K⁴)] (exact in SI)."""
+
+
+@dataclass(frozen=True)
+class Radiation:
+    """Thermal radiation.
+
+    Attributes:
+        surroundings: Temperature of the surroundings, a black body [K], or None: none.
+        neighbors: Whether grains and walls within ``reach`` radiate at each other.
+        reach: Largest gap across which they do, over the smaller radius.
+    """
+
+    surroundings: float | None = None
+    neighbors: bool = False
+    reach: float = 0.4
 
 
 def emission_factor(e_i: float, e_j: float) -> float:
@@ -45,17 +67,6 @@ def linear_coefficient(area_factor: float, T_i: float, T_j: float) -> float:
     return STEFAN_BOLTZMANN * area_factor * (T_i * T_i + T_j * T_j) * (T_i + T_j)
 
 
-def exchange(area_factor: float, T_i: float, T_j: float) -> float:
-    """Heat flow into body i ``σ X (T_j⁴ − T_i⁴)`` [W] (Stefan–Boltzmann), factored so that nothing cancels and equal T give 0.
-
-    Args:
-        area_factor: X [m²].
-        T_i: Temperature of the body that gains [K].
-        T_j: Temperature of the other [K].
-    """
-    return linear_coefficient(area_factor, T_i, T_j) * (T_j - T_i)
-
-
 @formula
 def cylinder_view_factor(radius_i: float, radius_j: float, gap: float) -> float:
     """Share of what a long cylinder i radiates that falls on a parallel cylinder j (crossed strings; Modest, appendix D).
@@ -76,12 +87,30 @@ def cylinder_view_factor(radius_i: float, radius_j: float, gap: float) -> float:
     return (pi + outer - inner + (b - 1.0) * acos((b - 1.0) / a) - (b + 1.0) * acos((b + 1.0) / a)) / (2.0 * pi)
 
 
-def zhou_environment(porosity: float, fluid_temperature: float, mean_neighbor: float) -> float:
-    """Temperature of the environment of a grain ``ε_p T_f + (1 − ε_p) ⟨T_j⟩`` [K] (Zhou, Yu & Zulli 2009).
+@kernel
+def radiating_areas(scene: Scene, laws: HeatLaws, surface: Floats, is_sphere: bool, i: Ints, j: Ints, gap: Floats) -> Floats:
+    """Area factors of radiation between near bodies [m²], shape ``(e,)``.
+
+    Spheres: the smaller cross-section π a² times the emission factor. Discs: the view factor of two parallel cylinders times the
+    surface of the first and the emission factor; a plane counts as a sphere or cylinder of the grain's own radius.
 
     Args:
-        porosity: Volume fraction of the fluid ε_p.
-        fluid_temperature: T_f [K].
-        mean_neighbor: Mean temperature of the neighbors ⟨T_j⟩ [K].
+        scene: Shapes.
+        laws: Properties of materials.
+        surface: Surfaces of the grains [m²], shape ``(n,)``.
+        is_sphere: Whether grains are spheres.
+        i: Grains, shape ``(e,)``.
+        j: Grains or wall shapes, shape ``(e,)``.
+        gap: Gaps [m], shape ``(e,)``.
     """
-    return porosity * fluid_temperature + (1.0 - porosity) * mean_neighbor
+    area = np.empty(i.size)
+    for k in range(i.size):
+        emission = laws.emission[scene.material[i[k]], scene.material[j[k]]]
+        radius, other = scene.radius[i[k]], other_radius(scene, j[k])
+        other = other if other > 0.0 else radius
+        if is_sphere:
+            area[k] = sphere_area_factor(emission, radius, other)
+        else:
+            view = cylinder_view_factor(radius, other, max(gap[k], 0.0))
+            area[k] = emission * view * surface[i[k]]
+    return area

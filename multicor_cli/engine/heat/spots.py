@@ -8,11 +8,11 @@ import numpy as np
 
 from multicor_cli.arithmetic import expm1
 from multicor_cli.engine.contact.detection import Contacts, Scene, warm_rows
-from multicor_cli.engine.heat import contact_loops as contact_heat
-from multicor_cli.engine.heat.contact_loops import Thermals
-from multicor_cli.engine.heat.radiation import emission_factor
+from multicor_cli.engine.heat.conduction import contact_spots
+from multicor_cli.engine.heat.laws import HeatLaws
+from multicor_cli.engine.heat.pairs import look_up
 from multicor_cli.engine.heat.settings import HeatSettings
-from multicor_cli.model.model import Floats, Ints, Model, ShapeKind
+from multicor_cli.model.model import Floats, Ints
 from multicor_cli.model.state import State
 
 TOUCHING = 1e-4
@@ -34,18 +34,6 @@ class Spots:
     j: Ints
     radius: Floats
     conductance: Floats
-
-
-def thermals_of(model: Model, settings: HeatSettings) -> Thermals:
-    """What the kernels know of the materials and wall shapes."""
-    laws, kind = settings.laws, model.shapes.kind
-    emissivity = laws.emissivity
-    emission = np.array([[emission_factor(float(a), float(b)) for b in emissivity] for a in emissivity])
-    radius = np.where(kind == ShapeKind.DISC, model.shapes.geometry[:, 2], 0.0)
-    return Thermals(
-        laws.conductivity, laws.volumetric, laws.modulus, laws.harmonic, laws.share, emission, laws.roughness, laws.slope,
-        laws.microhardness, laws.wear, radius,
-    )  # fmt: skip
 
 
 def forces_of_step(state: State, contacts: Contacts, settings: HeatSettings, dt: float) -> Floats:
@@ -71,7 +59,7 @@ def forces_of_step(state: State, contacts: Contacts, settings: HeatSettings, dt:
 def _averages(state: State, i: Ints, j: Ints) -> Floats:
     """Running averages of the forces of some pairs [N]; 0 for pairs without."""
     found = np.empty(i.size)
-    contact_heat.look_up(warm_rows(len(state.position), state.mean_i), state.mean_j, state.mean_force, i, j, found)
+    look_up(warm_rows(len(state.position), state.mean_i), state.mean_j, state.mean_force, i, j, found)
     return found
 
 
@@ -95,12 +83,12 @@ def touching_pairs(near: tuple[Ints, Ints, Floats], settings: HeatSettings) -> t
     return i, j, np.full(i.size, settings.force.value if settings.force.kind == "prescribed" else 0.0)
 
 
-def conducting_spots(scene: Scene, i: Ints, j: Ints, force: Floats, laws: Thermals, settings: HeatSettings) -> Spots:
+def conducting_spots(scene: Scene, i: Ints, j: Ints, force: Floats, laws: HeatLaws, settings: HeatSettings) -> Spots:
     """Radii and conductances of contacts under given normal forces [N]."""
     radius, conductance = np.zeros(i.size), np.zeros(i.size)
     if settings.conduction != "none" or settings.gas is not None:
         is_rough = settings.conduction == "rough"
-        contact_heat.contact_spots(scene, i, j, force, laws, is_rough, radius, conductance)
+        contact_spots(scene, i, j, force, laws, is_rough, radius, conductance)
     if settings.conduction == "none":
         conductance[:] = 0.0
     return Spots(i, j, radius, conductance)

@@ -14,13 +14,15 @@ from multicor_cli.engine.contact.detection import Contacts, Scene, warm_rows
 from multicor_cli.engine.contact.settings import PhysicsError
 from multicor_cli.engine.geometry.neighbor_list import NeighborList
 from multicor_cli.engine.geometry.neighbors import place_shapes
-from multicor_cli.engine.heat import contact_loops as contact_heat
 from multicor_cli.engine.heat.books import book_flow, book_generated, note_contacts, strike_balance
+from multicor_cli.engine.heat.collision import collide
 from multicor_cli.engine.heat.explicit import advance_explicit
 from multicor_cli.engine.heat.flow import Flow, WallValues
-from multicor_cli.engine.heat.gap_loops import near_pairs
+from multicor_cli.engine.heat.friction import ENERGY, NO_FRICTION, SLIDING, generated_heat
 from multicor_cli.engine.heat.implicit import advance_implicit
 from multicor_cli.engine.heat.network import Links, Pairs, links_of, network_of
+from multicor_cli.engine.heat.pairs import look_up, near_pairs
+from multicor_cli.engine.heat.partition import share_out
 from multicor_cli.engine.heat.rates import Network
 from multicor_cli.engine.heat.settings import HeatSettings, WallHeat
 from multicor_cli.engine.heat.spots import (
@@ -29,14 +31,13 @@ from multicor_cli.engine.heat.spots import (
     conducting_spots,
     forces_of_step,
     loaded_pairs,
-    thermals_of,
     touching_pairs,
 )
 from multicor_cli.model.faults import LARGEST, find_absurd_value
 from multicor_cli.model.model import Floats, Ints, Model
 from multicor_cli.model.state import State
 
-_RULES = {"none": contact_heat.NO_FRICTION, "energy": contact_heat.ENERGY, "sliding": contact_heat.SLIDING}
+_RULES = {"none": NO_FRICTION, "energy": ENERGY, "sliding": SLIDING}
 
 
 @dataclass(frozen=True)
@@ -95,7 +96,7 @@ class HeatEngine:
         self.seconds = 0.0
         self.last: StepHeat | None = None
         self._thermal = model.thermal
-        self._laws = thermals_of(model, settings)
+        self._laws = settings.laws
         self._conditions = [WallHeat()] * model.wall_count
         self._list = NeighborList(model)
         self._reach = _reach(settings)
@@ -192,12 +193,10 @@ class HeatEngine:
         count = contacts.i.size
         heat, rubbing = np.empty((count, 2)), np.empty(count)
         settings = self.settings
-        contact_heat.generated_heat(
-            moved.scene, contacts, moved.after, _RULES[settings.friction], settings.has_impact, heat, rubbing
-        )
+        generated_heat(moved.scene, contacts, moved.after, _RULES[settings.friction], settings.has_impact, heat, rubbing)
         source, to_walls = np.zeros(model.grain_count), np.zeros(model.wall_count)
         takes_heat = np.array([c.kind == "temperature" for c in self._conditions], np.bool_)
-        contact_heat.share_out(
+        share_out(
             moved.scene, contacts.i, contacts.j, heat, rubbing, self._laws, takes_heat, source, to_walls, state.wear,
             state.wall_wear,
         )  # fmt: skip
@@ -213,9 +212,9 @@ class HeatEngine:
         if settings.is_collisional:
             known = np.empty(contacts.i.size)
             row = warm_rows(self.model.grain_count, moved.loaded_i)
-            contact_heat.look_up(row, moved.loaded_j, np.ones(moved.loaded_j.size), contacts.i, contacts.j, known)
+            look_up(row, moved.loaded_j, np.ones(moved.loaded_j.size), contacts.i, contacts.j, known)
             mass = self.model.grains.mass
-            contact_heat.collide(moved.scene, mass, contacts, known > 0.0, self._laws, dt, spots.conductance)
+            collide(moved.scene, mass, contacts, known > 0.0, self._laws, dt, spots.conductance)
         return spots
 
     def _near(self, scene: Scene) -> Pairs | None:
@@ -227,7 +226,7 @@ class HeatEngine:
     def _pairs(self, scene: Scene, reach: float) -> Pairs:
         """Pairs whose gap is at most ``reach`` times the smaller radius."""
         self._list.update(scene.position, scene.world, reach * float(self.model.grains.radius.max()))
-        return near_pairs(scene, self._laws, self._list.row, self._list.partner, reach)
+        return near_pairs(scene, self._list.row, self._list.partner, reach)
 
     def _flow(
         self,

@@ -9,23 +9,55 @@ Formulas and sources:
   Proc. R. Soc. Lond. A 355 (1977) 313.
 * *vargas*: closed form for touching spheres of one size, W. L. Vargas & J. J. McCarthy, Int. J. Heat Mass Transf. 45 (2002) 4847.
 
-Validity: stagnant gas without convection in the pores, a continuum (gaps wide against the mean free path; `smoluchowski` lowers
-λ_f where they are not), and grains nearly isothermal inside. *parallel* and *vargas* take the surfaces as isothermal, that is
-``λ_s ≫ λ_f``, and add to the conductance of the contact spot; *batchelor* needs ``λ_s/λ_f ≫ 1`` (10 at least) and counts the
-gradient in the solid near the spot. All reach to the rim of the smaller sphere, so shares of neighboring gaps may overlap: an
-upper estimate. Gas may be left out only if ``λ_s s/(λ_f a) ≫ 1`` (`solid_to_gas_ratio`), which fails in air for steel grains of
-millimeters under their own weight.
+Validity: stagnant gas without convection in the pores, a continuum (gaps wide against the mean free path), and grains nearly
+isothermal inside. *parallel* and *vargas* take the surfaces as isothermal, that is ``λ_s ≫ λ_f``, and add to the conductance of
+the contact spot; *batchelor* needs ``λ_s/λ_f ≫ 1`` (10 at least) and counts the gradient in the solid near the spot. All reach to
+the rim of the smaller sphere, so shares of neighboring gaps may overlap: an upper estimate. Gas may be left out only if
+``λ_s s/(λ_f a) ≫ 1`` (`solid_to_gas_ratio`), which fails in air for steel grains of millimeters under their own weight.
 """
 
 from __future__ import annotations
 
+from dataclasses import dataclass
 from math import pi, sqrt
+from typing import Literal
+
+import numpy as np
 
 from multicor_cli.arithmetic import log
+from multicor_cli.engine.contact.detection import Scene
+from multicor_cli.engine.contact.hertz import effective_radius
+from multicor_cli.engine.heat.laws import HeatLaws
+from multicor_cli.engine.heat.pairs import other_radius, pair_radius
+from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.formulas import formula
+from multicor_cli.model.model import Floats, Ints
+
+GasModel = Literal["parallel", "batchelor", "vargas"]
+
+PARALLEL, BATCHELOR, VARGAS = 0, 1, 2
+"""Formulas of the gas in a gap."""
+
+CORE = 0.1
+"""Largest radius, over that of the grain, within which the solid is taken to resist more than the gas."""
 
 SMALLEST_SPOT = 1e-9
 """Spot radius below which the integral of touching spheres is not carried on [m]: atoms end the continuum, and the log diverges."""
+
+
+@dataclass(frozen=True)
+class Gas:
+    """Stagnant gas in the gaps.
+
+    Attributes:
+        conductivity: λ_f [W/(m K)].
+        model: Formula of the gap conductance.
+        reach: Largest gap that conducts, over the smaller radius.
+    """
+
+    conductivity: float
+    model: GasModel = "parallel"
+    reach: float = 0.4
 
 
 @formula
@@ -134,34 +166,51 @@ def vargas_conductance(gas_conductivity: float, radius: float, spot: float) -> f
     return 2.0 * pi * gas_conductivity * (1.0 - 0.5 * share * share) * (radius - spot) / (1.0 - 0.25 * pi)
 
 
-def smoluchowski(gas_conductivity: float, gap: float, jump: float) -> float:
-    """Conductivity of rarefied gas between walls ``λ_f g/(g + M)`` [W/(m K)] (Smoluchowski 1898).
-
-    Args:
-        gas_conductivity: λ_f at ambient pressure [W/(m K)].
-        gap: Width of the gap g [m].
-        jump: Temperature-jump distance M of both walls [m], see `temperature_jump`; 0: a continuum.
-    """
-    if jump <= 0.0:
-        return gas_conductivity
-    return gas_conductivity * gap / (gap + jump)
-
-
-def temperature_jump(accommodation_i: float, accommodation_j: float, gamma: float, prandtl: float, mean_free_path: float) -> float:
-    """Temperature-jump distance ``M = [(2−α_i)/α_i + (2−α_j)/α_j]·2γ/(1+γ)·Λ/Pr`` [m] (Kennard 1938; Bahrami et al. 2006).
-
-    Args:
-        accommodation_i: Thermal accommodation coefficient α_i of gas on the one surface, in (0, 1].
-        accommodation_j: The same for the other.
-        gamma: Ratio of the specific heats of the gas γ.
-        prandtl: Prandtl number Pr.
-        mean_free_path: Mean free path Λ [m].
-    """
-    walls = (2.0 - accommodation_i) / accommodation_i + (2.0 - accommodation_j) / accommodation_j
-    return walls * 2.0 * gamma / (1.0 + gamma) * mean_free_path / prandtl
-
-
 @formula
 def solid_to_gas_ratio(solid: float, spot: float, gas: float, radius: float) -> float:
     """``λ_s s/(λ_f a)``, far above 1 where the gas may be left out (Batchelor & O'Brien 1977); λ [W/(m K)], s and a [m]."""
     return solid * spot / (gas * radius)
+
+
+@kernel
+def gas_conductances(
+    scene: Scene, laws: HeatLaws, model: int, gas_conductivity: float, i: Ints, j: Ints, gap: Floats, spot: Floats, out: Floats
+) -> tuple[float, float]:
+    """Conductance of the gas around each contact and in each gap [W/K], added to ``out``.
+
+    Args:
+        scene: Shapes.
+        laws: Properties of materials.
+        model: Formula.
+        gas_conductivity: λ_f [W/(m K)].
+        i: Grains, shape ``(e,)``.
+        j: Grains or wall shapes, shape ``(e,)``.
+        gap: Gaps [m], shape ``(e,)``.
+        spot: Radii of the contacts [m]; 0 where there is none, shape ``(e,)``.
+        out: [W/K], shape ``(e,)``. **Modified.**
+
+    Returns:
+        Smallest and largest λ_s s/(λ_f a) of the contacts; 0 if there are none.
+    """
+    least, most = np.inf, 0.0
+    for k in range(i.size):
+        a, b = scene.material[i[k]], scene.material[j[k]]
+        radius, other = scene.radius[i[k]], other_radius(scene, j[k])
+        open_gap = max(gap[k], 0.0)
+        mean_radius = 2.0 * effective_radius(radius, other) if other > 0.0 else radius
+        # Nearer to the axis than this the solid resists more than the gas, whose flux would grow without bound.
+        core = max(spot[k], mean_radius * min(CORE, gas_conductivity / laws.harmonic[a, b]))
+        if model == PARALLEL and other > 0.0:
+            out[k] += parallel_conductance(gas_conductivity, radius, other, core, open_gap)
+        elif model == PARALLEL:
+            out[k] += parallel_conductance_wall(gas_conductivity, radius, core, open_gap)
+        elif model == BATCHELOR:
+            out[k] += batchelor_conductance(
+                gas_conductivity, laws.harmonic[a, b], pair_radius(scene, i[k], j[k]), spot[k], open_gap
+            )
+        elif spot[k] > 0.0 or gap[k] <= 0.0:  # a formula for spheres that touch
+            out[k] += vargas_conductance(gas_conductivity, mean_radius, spot[k])
+        if spot[k] > 0.0:
+            ratio = solid_to_gas_ratio(laws.harmonic[a, b], spot[k], gas_conductivity, mean_radius)
+            least, most = min(least, ratio), max(most, ratio)
+    return (least, most) if most > 0.0 else (0.0, 0.0)

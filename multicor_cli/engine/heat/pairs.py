@@ -1,0 +1,85 @@
+"""Pairs of bodies between which heat may flow: their radii, which are near, and values kept for them."""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from multicor_cli.engine.contact.detection import Scene, pair_geometry
+from multicor_cli.engine.contact.hertz import effective_radius
+from multicor_cli.engine.jit.compile import kernel
+from multicor_cli.engine.jit.formulas import formula
+from multicor_cli.model.model import Floats, Ints, ShapeKind
+
+_DISC = int(ShapeKind.DISC)
+
+
+@formula
+def other_radius(scene: Scene, j: int) -> float:
+    """Radius of the second body of a pair [m]; 0 for lines and circles."""
+    shape = j - scene.radius.size
+    if shape < 0:
+        return scene.radius[j]
+    return scene.world[shape, 2] if scene.kind[shape] == _DISC else 0.0
+
+
+@formula
+def pair_radius(scene: Scene, i: int, j: int) -> float:
+    """a* of a pair [m]; a* = a_i at lines and circles."""
+    other = other_radius(scene, j)
+    return effective_radius(scene.radius[i], other) if other > 0.0 else scene.radius[i]
+
+
+@formula
+def smaller_radius(scene: Scene, i: int, j: int) -> float:
+    """Smaller radius of a pair [m]; that of the grain at lines and circles."""
+    other = other_radius(scene, j)
+    return min(scene.radius[i], other) if other > 0.0 else scene.radius[i]
+
+
+@kernel
+def near_pairs(scene: Scene, row: NDArray[np.int64], partner: Ints, reach: float) -> tuple[Ints, Ints, Floats]:
+    """Pairs whose gap does not exceed ``reach`` times the smaller radius: i, j and gap [m], sorted by (i, j).
+
+    Args:
+        scene: Shapes.
+        row: Rows of a neighbor list, shape ``(n + 1,)``.
+        partner: Partners in the list, ascending within a row.
+        reach: Largest gap over the smaller radius.
+    """
+    room = partner.size
+    i_of, j_of, gap_of = np.empty(room, np.int32), np.empty(room, np.int32), np.empty(room)
+    found = 0
+    for i in range(row.size - 1):
+        for p in range(row[i], row[i + 1]):
+            gap = pair_geometry(scene, i, partner[p])[0]
+            if gap <= reach * smaller_radius(scene, i, partner[p]):
+                i_of[found], j_of[found], gap_of[found] = i, partner[p], gap
+                found += 1
+    return i_of[:found].copy(), j_of[:found].copy(), gap_of[:found].copy()
+
+
+@kernel
+def resting_contacts(scene: Scene, i: Ints, j: Ints, gap: Floats, normal: Floats) -> None:
+    """Gaps [m] and normals of pairs in a state at rest, shapes ``(c,)`` and ``(c, 2)``; the last two are **modified**."""
+    for k in range(i.size):
+        gap[k], normal[k, 0], normal[k, 1] = pair_geometry(scene, i[k], j[k])
+
+
+@kernel
+def look_up(row: NDArray[np.int64], known_j: Ints, values: Floats, i: Ints, j: Ints, found: Floats) -> None:
+    """Values of pairs in a table sorted by (i, j); 0 for pairs that are not in it.
+
+    Args:
+        row: First row of each grain in the table, shape ``(n + 1,)``.
+        known_j: Second shapes in the table.
+        values: Values in the table.
+        i: First shapes of the pairs asked for, shape ``(c,)``.
+        j: Second shapes, shape ``(c,)``.
+        found: Values, shape ``(c,)``. **Modified.**
+    """
+    for c in range(i.size):
+        found[c] = 0.0
+        for k in range(row[i[c]], row[i[c] + 1]):
+            if known_j[k] == j[c]:
+                found[c] = values[k]
