@@ -96,8 +96,10 @@ def test_directory_that_others_can_write_to_is_not_trusted(home: Path, tmp_path:
 
 
 def test_no_cache_leaves_nothing_behind(tmp_path: Path) -> None:
-    script = "from multicor_cli.engine.jit.cache import configure_cache; import os; "
+    script = (
+        "from multicor_cli.engine.jit.cache import configure_cache; import os; "
         "print(configure_cache(), os.environ['NUMBA_CACHE_DIR'])"
+    )
     extra = {"MULTICOR_NO_CACHE": "1", "XDG_CACHE_HOME": str(tmp_path), "NUMBA_CACHE_DIR": ""}
     done = subprocess.run(
         [sys.executable, "-c", script], env=environment(**extra), capture_output=True, text=True, check=True, timeout=60
