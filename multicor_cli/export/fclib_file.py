@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from multicor_cli.engine.contact.problem import ContactProblem, free_velocity
 from multicor_cli.export.errors import ExportError
 from multicor_cli.export.target import check_file
+from multicor_cli.model.columns import NORMAL, TANGENTIAL
 from multicor_cli.model.model import Floats, Ints
 from multicor_cli.store.atomic import GuardedFile, commit_file, storage_errors, temporary_beside
 from multicor_cli.store.checked import reading
@@ -117,8 +118,8 @@ def _incidences(problem: ContactProblem) -> tuple[NDArray[np.int64], NDArray[np.
     levers, (nx, ny) = problem.levers(), problem.normal.T
     jacobian = np.empty((2, c, 2, 3))
     for side, sign in ((0, 1.0), (1, -1.0)):
-        jacobian[side, :, 0] = sign * np.column_stack([nx, ny, levers[:, 2 * side]])
-        jacobian[side, :, 1] = sign * np.column_stack([-ny, nx, levers[:, 2 * side + 1]])
+        jacobian[side, :, 0] = sign * np.column_stack([nx, ny, levers[:, side, NORMAL]])
+        jacobian[side, :, 1] = sign * np.column_stack([-ny, nx, levers[:, side, TANGENTIAL]])
     body = problem.pair.T.reshape(-1).astype(np.int64)
     contact = np.tile(np.arange(c), 2)
     moves = np.flatnonzero(np.asarray(problem.inverse_mass.any(axis=1))[body])

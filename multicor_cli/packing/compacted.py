@@ -19,6 +19,7 @@ import numpy as np
 from multicor_cli.arithmetic.sums import mean, total
 from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
 from multicor_cli.model import ContactLaws, Grains, Model, State
+from multicor_cli.model.columns import NORMAL, SPIN, X, Y
 from multicor_cli.model.model import Floats
 from multicor_cli.packing.bodies import SHAPE_FACTOR, Shape, inertias, masses
 from multicor_cli.packing.errors import PackingError
@@ -177,7 +178,7 @@ def _press(position: Floats, radius: Floats, mass: Floats, region: Region, shape
 def _kinetic(model: Model, state: State) -> float:
     """Kinetic energy of the grains and of the lid [J]."""
     v = state.velocity
-    square = model.grains.mass * (v[:, 0] * v[:, 0] + v[:, 1] * v[:, 1]) + model.grains.inertia * (v[:, 2] * v[:, 2])
+    square = model.grains.mass * (v[:, X] * v[:, X] + v[:, Y] * v[:, Y]) + model.grains.inertia * (v[:, SPIN] * v[:, SPIN])
     lid = float(state.wall_velocity[_LID, 1])
     return 0.5 * total(square) + 0.5 * float(model.walls.mass[_LID]) * lid * lid
 
@@ -186,4 +187,4 @@ def _carried(model: Model, state: State) -> float:
     """Force with which the grains hold the lid in the last step [N]."""
     lid = model.grain_count + int(np.flatnonzero(model.shapes.wall == _LID)[0])
     on_lid = state.contact_j == lid
-    return total(state.contact_impulse[on_lid, 0]) / state.last_dt
+    return total(state.contact_impulse[on_lid, NORMAL]) / state.last_dt

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 
 from multicor_cli.engine.geometry.neighbors import gap_to_shape
 from multicor_cli.engine.jit.compile import kernel
+from multicor_cli.model.columns import RADIUS, X, Y
 from multicor_cli.model.model import Floats, Ints, ShapeKind
 from multicor_cli.packing.errors import PackingError
 from multicor_cli.packing.obstacles import Obstacles
@@ -36,12 +37,12 @@ def _relative_gaps(
     count = radius.size
     for p in range(i.size):
         a, b = i[p], j[p]
-        x, y, r = position[a, 0], position[a, 1], radius[a]
+        x, y, r = position[a, X], position[a, Y], radius[a]
         if b >= count:
-            small = min(r, world[b - count, 2]) if kind[b - count] == _DISC else r
+            small = min(r, world[b - count, RADIUS]) if kind[b - count] == _DISC else r
             out[p] = gap_to_shape(x, y, r, b - count, kind, world, period)[0] / small
             continue
-        dx, dy = x - position[b, 0], y - position[b, 1]
+        dx, dy = x - position[b, X], y - position[b, Y]
         if period > 0.0:
             dx -= period * np.floor(dx / period + 0.5)
         out[p] = (np.sqrt(dx * dx + dy * dy) - r - radius[b]) / min(r, radius[b])
@@ -81,7 +82,7 @@ def thin_crowds(position: Floats, radius: Floats) -> NDArray[np.int64]:
     level = size_class(radius)
     width = 2.0 * np.ldexp(float(radius.max()), -level)
     cell = np.clip(np.floor(position[:, :2] / width[:, None]), -_FAR, _FAR).astype(np.int64)
-    order = np.lexsort((cell[:, 1], cell[:, 0], level))
+    order = np.lexsort((cell[:, Y], cell[:, X], level))
     is_new = np.ones(radius.size, bool)
     is_new[1:] = (np.diff(cell[order], axis=0) != 0).any(axis=1) | (np.diff(level[order]) != 0)
     first = np.flatnonzero(is_new)
@@ -156,7 +157,7 @@ def behind_problem(position: Floats, front: Front, name: str, w: int, period: fl
     offset = position[:, :2] - front.start
     if period > 0.0 and math.isfinite(front.depth):
         middle = 0.5 * front.length * front.along[0]
-        offset[:, 0] -= period * np.floor((offset[:, 0] - middle) / period + 0.5)
+        offset[:, X] -= period * np.floor((offset[:, X] - middle) / period + 0.5)
     across, along = _along(offset, front.normal), _along(offset, front.along)
     is_behind = (across < 0.0) & (across > -front.depth)
     if math.isfinite(front.depth):
@@ -171,7 +172,7 @@ def behind_problem(position: Floats, front: Front, name: str, w: int, period: fl
 
 
 def _along(offset: Floats, direction: Floats) -> Floats:
-    return np.asarray(offset[:, 0] * direction[0] + offset[:, 1] * direction[1])
+    return np.asarray(offset[:, X] * direction[X] + offset[:, Y] * direction[Y])
 
 
 def _amount(relative: float, smaller: float) -> str:

@@ -14,6 +14,7 @@ from multicor_cli.arithmetic import acos, asin, atan2, cos, sin
 from multicor_cli.engine.geometry.gaps import minimum_image
 from multicor_cli.engine.geometry.neighbors import gap_to_shape
 from multicor_cli.engine.jit.compile import kernel
+from multicor_cli.model.columns import RADIUS, X, Y
 from multicor_cli.model.model import Floats, Ints, ShapeKind
 from multicor_cli.packing.obstacles import Obstacles
 from multicor_cli.packing.pairs import Grids, make_grids, wrap
@@ -54,23 +55,23 @@ class Field(NamedTuple):
 
 @kernel
 def _column_of(x: float, field: Field, level: int) -> int:
-    columns = field.grids.shape[level, 0]
-    return int(min(max(np.floor((x - field.grids.origin[0]) / field.grids.cells[level, 0]), 0.0), columns - 1.0))
+    columns = field.grids.shape[level, X]
+    return int(min(max(np.floor((x - field.grids.origin[X]) / field.grids.cells[level, X]), 0.0), columns - 1.0))
 
 
 @kernel
 def _row_of(y: float, field: Field, level: int) -> int:
-    rows = field.grids.shape[level, 1]
+    rows = field.grids.shape[level, Y]
     # Clamped before it becomes an integer: y may be infinite.
-    return int(min(max(np.floor((y - field.grids.origin[1]) / field.grids.cells[level, 1]), 0.0), rows - 1.0))
+    return int(min(max(np.floor((y - field.grids.origin[Y]) / field.grids.cells[level, Y]), 0.0), rows - 1.0))
 
 
 @kernel
 def _columns_between(low: float, high: float, field: Field, level: int) -> tuple[int, int]:
     """First and last column that [low, high] touches; with a period they may be outside and stand for their remainder."""
-    columns = field.grids.shape[level, 0]
-    first = int(np.floor((low - field.grids.origin[0]) / field.grids.cells[level, 0]))
-    last = int(np.floor((high - field.grids.origin[0]) / field.grids.cells[level, 0]))
+    columns = field.grids.shape[level, X]
+    first = int(np.floor((low - field.grids.origin[X]) / field.grids.cells[level, X]))
+    last = int(np.floor((high - field.grids.origin[X]) / field.grids.cells[level, X]))
     if field.period > 0.0:
         return first, min(last, first + columns - 1)
     return min(max(first, 0), columns - 1), min(max(last, 0), columns - 1)
@@ -80,8 +81,8 @@ def _columns_between(low: float, high: float, field: Field, level: int) -> tuple
 def file_disc(field: Field, d: int) -> None:
     """Put disc ``d`` into its cell."""
     level = field.grids.level[d]
-    column, row = _column_of(field.disc[d, 0], field, level), _row_of(field.disc[d, 1], field, level)
-    cell = field.grids.start[level] + row * field.grids.shape[level, 0] + column
+    column, row = _column_of(field.disc[d, X], field, level), _row_of(field.disc[d, Y], field, level)
+    cell = field.grids.start[level] + row * field.grids.shape[level, X] + column
     field.next[d] = field.head[cell]
     field.head[cell] = d
     place = field.first_column[level] + column
@@ -99,16 +100,16 @@ def _hits_disc(x: float, y: float, radius: float, field: Field) -> bool:
     """Whether a disc at (x, y) overlaps one that is already filed."""
     for k in range(field.grids.radius.size):
         reach = radius + field.grids.radius[k]
-        columns = field.grids.shape[k, 0]
+        columns = field.grids.shape[k, X]
         first, last = _columns_between(x - reach, x + reach, field, k)
         for row in range(_row_of(y - reach, field, k), _row_of(y + reach, field, k) + 1):
             base = field.grids.start[k] + row * columns
             for column in range(first, last + 1):
                 d = field.head[base + column % columns]
                 while d >= 0:
-                    dx = minimum_image(x - field.disc[d, 0], field.period)
-                    dy = y - field.disc[d, 1]
-                    near = radius + field.disc[d, 2]
+                    dx = minimum_image(x - field.disc[d, X], field.period)
+                    dy = y - field.disc[d, Y]
+                    near = radius + field.disc[d, RADIUS]
                     if dx * dx + dy * dy < near * near:
                         return True
                     d = field.next[d]
@@ -147,10 +148,10 @@ def insert_at_random(
         if fixed + i >= field.disc.shape[0]:
             break
         d = fixed + i
-        field.disc[d, 0] = box[0] + uniform[k, 0] * box[2]
-        field.disc[d, 1] = box[1] + uniform[k, 1] * box[3]
+        field.disc[d, X] = box[0] + uniform[k, 0] * box[2]
+        field.disc[d, Y] = box[1] + uniform[k, 1] * box[3]
         tried += 1
-        is_free = _is_free(field.disc[d, 0], field.disc[d, 1], field.disc[d, 2], field)
+        is_free = _is_free(field.disc[d, X], field.disc[d, Y], field.disc[d, RADIUS], field)
         if is_free or tried >= attempts:
             blocked[i] = 0 if is_free else 1
             file_disc(field, d)
@@ -168,19 +169,19 @@ def _fall(x: float, y: float, radius: float, left_disc: int, floor: float, field
     best, support = floor + radius, _FLOOR
     for k in range(field.grids.radius.size):
         reach = radius + field.grids.radius[k]
-        columns, height = field.grids.shape[k, 0], field.grids.cells[k, 1]
+        columns, height = field.grids.shape[k, X], field.grids.cells[k, Y]
         first, last = _columns_between(x - reach, x + reach, field, k)
         for column in range(first, last + 1):
             place = column % columns
             row = min(field.highest[field.first_column[k] + place], _row_of(y, field, k))
             # Rows whose upper edge lies more than a reach below the best landing cannot beat it.
-            while row >= 0 and field.grids.origin[1] + (row + 1) * height + reach > best:
+            while row >= 0 and field.grids.origin[Y] + (row + 1) * height + reach > best:
                 d = field.head[field.grids.start[k] + row * columns + place]
                 while d >= 0:
-                    dx = abs(minimum_image(x - field.disc[d, 0], field.period))
-                    near = radius + field.disc[d, 2]
+                    dx = abs(minimum_image(x - field.disc[d, X], field.period))
+                    near = radius + field.disc[d, RADIUS]
                     if d != left_disc and dx < near * (1.0 - 1e-12):
-                        landing = field.disc[d, 1] + np.sqrt(near * near - dx * dx)
+                        landing = field.disc[d, Y] + np.sqrt(near * near - dx * dx)
                         if landing > best and landing <= y + 1e-9 * near:
                             best, support = landing, d
                     d = field.next[d]
@@ -225,8 +226,8 @@ def _roll(
     Returns:
         New center [m], and what stopped it: another disc, `_FLOOR`, `_SIDE`, or `_FALLS` past the widest point of ``j``.
     """
-    xj, yj = field.disc[j, 0], field.disc[j, 1]
-    rolling = radius + field.disc[j, 2]
+    xj, yj = field.disc[j, X], field.disc[j, Y]
+    rolling = radius + field.disc[j, RADIUS]
     start = atan2(side * minimum_image(x - xj, field.period), y - yj)
     best, what = 0.5 * np.pi, _FALLS
     above = (floor + radius - yj) / rolling
@@ -238,7 +239,7 @@ def _roll(
             best, what = max(start, asin(max(room, 0.0))), _SIDE
     for k in range(field.grids.radius.size):
         reach = radius + field.grids.radius[k]
-        columns = field.grids.shape[k, 0]
+        columns = field.grids.shape[k, X]
         ends = xj + side * (rolling * sin(start) - reach), xj + side * (rolling + reach)
         first, last = _columns_between(min(ends), max(ends), field, k)
         for row in range(_row_of(yj - reach, field, k), _row_of(yj + rolling + reach, field, k) + 1):
@@ -247,8 +248,8 @@ def _roll(
                 d = field.head[base + column % columns]
                 while d >= 0:
                     if d != j:
-                        dx = side * minimum_image(field.disc[d, 0] - xj, field.period)
-                        meeting = _meeting(start, rolling, dx, field.disc[d, 1] - yj, radius + field.disc[d, 2])
+                        dx = side * minimum_image(field.disc[d, X] - xj, field.period)
+                        meeting = _meeting(start, rolling, dx, field.disc[d, Y] - yj, radius + field.disc[d, RADIUS])
                         if meeting < best:
                             best, what = meeting, d
                     d = field.next[d]
@@ -271,7 +272,7 @@ def _settle(x: float, top: float, radius: float, floor: float, left: float, righ
     for _ in range(_MOST_ROLLS):
         if j == _FLOOR:
             break
-        offset = minimum_image(x - field.disc[j, 0], field.period)
+        offset = minimum_image(x - field.disc[j, X], field.period)
         if side == 0.0:
             side = 1.0 if offset >= 0.0 else -1.0
         x, y, what = _roll(x, y, radius, j, side, floor, left, right, field)
@@ -279,7 +280,7 @@ def _settle(x: float, top: float, radius: float, floor: float, left: float, righ
         if what == _FALLS:
             y, j = _fall(x, y, radius, j, floor, field)
             side = 0.0
-        elif what < 0 or side * minimum_image(x - field.disc[what, 0], field.period) < 0.0:
+        elif what < 0 or side * minimum_image(x - field.disc[what, X], field.period) < 0.0:
             break  # between two supports
         else:
             j = what  # the disc met lies under the grain's rear: roll on over it
@@ -310,13 +311,13 @@ def drop_and_roll(
         d = fixed + i
         if d >= field.disc.shape[0] or tried >= attempts:
             break
-        radius = field.disc[d, 2]
+        radius = field.disc[d, RADIUS]
         inset = radius if field.period <= 0.0 else 0.0
         x = left + inset + uniform[k] * (right - left - 2.0 * inset)
         x, y = _settle(x, np.inf, radius, floor, left, right, field)
         tried += 1
         if y + radius <= top * (1.0 + 1e-12):
-            field.disc[d, 0], field.disc[d, 1] = x, y
+            field.disc[d, X], field.disc[d, Y] = x, y
             file_disc(field, d)
             i += 1
             tried = 0
@@ -339,7 +340,7 @@ def make_field(radius: Floats, region: Region, obstacles: Obstacles) -> tuple[Fi
     discs = discs[near]
     disc = np.concatenate([discs, np.column_stack([np.zeros((radius.size, 2)), radius])])
     grids = make_grids(disc[:, 2], low, high, period, 0.0)
-    columns = np.concatenate([[0], np.cumsum(grids.shape[:, 0])]).astype(np.int32)
+    columns = np.concatenate([[0], np.cumsum(grids.shape[:, X])]).astype(np.int32)
     field = Field(
         disc=disc,
         head=np.full(int(grids.start[-1]), -1, np.int32),

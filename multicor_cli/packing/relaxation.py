@@ -16,6 +16,7 @@ from multicor_cli.arithmetic.sums import mean
 from multicor_cli.engine.geometry.gaps import minimum_image
 from multicor_cli.engine.geometry.neighbors import gap_to_shape
 from multicor_cli.engine.jit.compile import kernel
+from multicor_cli.model.columns import X, Y
 from multicor_cli.model.model import Floats, Ints
 from multicor_cli.packing.obstacles import Obstacles
 from multicor_cli.packing.pairs import Pairs, find_pairs, wrap
@@ -67,28 +68,28 @@ def _repel(position: Floats, radius: Floats, pairs: Pairs, kind: Ints, world: Fl
     worst = 0.0
     force[:] = 0.0
     for i in range(count):
-        x, y, r = position[i, 0], position[i, 1], radius[i]
+        x, y, r = position[i, X], position[i, Y], radius[i]
         for p in range(pairs.row[i], pairs.row[i + 1]):
             j = pairs.partner[p]
             if j >= count:
                 gap, nx, ny = gap_to_shape(x, y, r, j - count, kind, world, period)
                 if gap < 0.0:
-                    force[i, 0] -= gap * nx
-                    force[i, 1] -= gap * ny
+                    force[i, X] -= gap * nx
+                    force[i, Y] -= gap * ny
                     # Only one of the two is enlarged, so only half as much may be left over.
                     worst = max(worst, -2.0 * gap / r)
                 continue
-            dx, dy = minimum_image(x - position[j, 0], period), y - position[j, 1]
+            dx, dy = minimum_image(x - position[j, X], period), y - position[j, Y]
             near = r + radius[j]
             square = dx * dx + dy * dy
             if square >= near * near or square == 0.0:
                 continue
             distance = np.sqrt(square)
             share = (near - distance) / distance
-            force[i, 0] += share * dx
-            force[i, 1] += share * dy
-            force[j, 0] -= share * dx
-            force[j, 1] -= share * dy
+            force[i, X] += share * dx
+            force[i, Y] += share * dy
+            force[j, X] -= share * dx
+            force[j, Y] -= share * dy
             worst = max(worst, (near - distance) / min(r, radius[j]))
     return worst
 
@@ -97,8 +98,8 @@ def _repel(position: Floats, radius: Floats, pairs: Pairs, kind: Ints, world: Fl
 def _follow(position: Floats, ghosts: Ghosts, world: Floats) -> None:
     """Move the images with their grains."""
     for g in range(ghosts.shape.size):
-        world[ghosts.shape[g], 0] = position[ghosts.source[g], 0]
-        world[ghosts.shape[g], 1] = position[ghosts.source[g], 1] + ghosts.shift[g]
+        world[ghosts.shape[g], X] = position[ghosts.source[g], X]
+        world[ghosts.shape[g], Y] = position[ghosts.source[g], Y] + ghosts.shift[g]
 
 
 @kernel
@@ -175,7 +176,7 @@ def _descend(
             for c in range(2):
                 velocity[i, c] += clock[0] * force[i, c]
                 position[i, c] += clock[0] * velocity[i, c]
-            dx, dy = position[i, 0] - before[i, 0], position[i, 1] - before[i, 1]
+            dx, dy = position[i, X] - before[i, X], position[i, Y] - before[i, Y]
             moved = max(moved, dx * dx + dy * dy)
         if moved > reach * reach:
             return step + 1, worst, False
@@ -185,12 +186,12 @@ def _descend(
 def _ghosts(position: Floats, radius: Floats, region: Region, obstacles: Obstacles, skin: float) -> tuple[Ghosts, Obstacles]:
     """Images of the grains near the lower and upper side, and the obstacles with them."""
     reach = 2.0 * radius.max() + skin
-    low = np.flatnonzero(position[:, 1] < region.bottom + reach)
-    high = np.flatnonzero(position[:, 1] > region.top - reach)
+    low = np.flatnonzero(position[:, Y] < region.bottom + reach)
+    high = np.flatnonzero(position[:, Y] > region.top - reach)
     source = np.concatenate([low, high]).astype(np.int32)
     shift = np.concatenate([np.full(low.size, region.height), np.full(high.size, -region.height)])
     shape = (obstacles.kind.size + np.arange(source.size)).astype(np.int32)
-    discs = np.column_stack([position[source, 0], position[source, 1] + shift, radius[source]])
+    discs = np.column_stack([position[source, X], position[source, Y] + shift, radius[source]])
     return Ghosts(shape, source, shift), obstacles.with_discs(discs)
 
 
@@ -221,10 +222,10 @@ def relax(
     nothing = Ghosts(np.zeros(0, np.int32), np.zeros(0, np.int32), np.zeros(0))
     while done < iterations and not is_jammed and worst > 2.0 * INFLATION:
         if region.is_periodic:
-            now[:, 0] = wrap(now[:, 0], region.width)
+            now[:, X] = wrap(now[:, X], region.width)
         ghosts, solid = nothing, obstacles
         if is_periodic_in_y:
-            now[:, 1] = region.bottom + wrap(now[:, 1] - region.bottom, region.height)
+            now[:, Y] = region.bottom + wrap(now[:, Y] - region.bottom, region.height)
             ghosts, solid = _ghosts(now, enlarged, region, obstacles, skin)
         pairs = find_pairs(now, enlarged, solid, skin, region.period)
         steps, worst, is_jammed = _descend(

@@ -9,6 +9,7 @@ import scipy.sparse as sparse
 from numpy.typing import NDArray
 
 from multicor_cli.engine.contact.sweep import System
+from multicor_cli.model.columns import BIAS, FIRST, MU, NORMAL, NX, NY, SECOND, TANGENTIAL
 from multicor_cli.model.model import Floats
 
 
@@ -45,21 +46,21 @@ def assemble(s: System) -> Assembly:
     lights, bodies = s.pair.shape[0], s.velocity.shape[0]
     pair = np.concatenate([s.pair, s.general_pair]).astype(np.int64)
     count = len(pair)
-    nx = np.concatenate([s.frame[:, 0], s.general_frame[:, 0]])
-    ny = np.concatenate([s.frame[:, 1], s.general_frame[:, 1]])
-    lever = np.zeros((count, 4))
-    lever[:lights, 1], lever[:lights, 3] = -1.0, 1.0
+    nx = np.concatenate([s.frame[:, NX], s.general_frame[:, NX]])
+    ny = np.concatenate([s.frame[:, NY], s.general_frame[:, NY]])
+    lever = np.zeros((count, 2, 2))
+    lever[:lights, FIRST, TANGENTIAL], lever[:lights, SECOND, TANGENTIAL] = -1.0, 1.0
     lever[lights:] = s.general_lever
     matrices = []
-    for columns, along_x, along_y in ((0, nx, ny), (1, -ny, nx)):
-        values = [along_x, along_y, lever[:, columns], -along_x, -along_y, -lever[:, 2 + columns]]
+    for direction, along_x, along_y in ((NORMAL, nx, ny), (TANGENTIAL, -ny, nx)):
+        values = [along_x, along_y, lever[:, FIRST, direction], -along_x, -along_y, -lever[:, SECOND, direction]]
         places = [3 * pair[:, side] + d for side in (0, 1) for d in range(3)]
         rows = np.tile(np.arange(count), 6)
         shape = (count, 3 * bodies)
         matrices.append(sparse.csr_matrix((np.concatenate(values), (rows, np.concatenate(places))), shape=shape))
     return Assembly(
         matrices[0], matrices[1], _inverse_masses(s).ravel(),
-        np.concatenate([s.frame[:, 3], s.general_frame[:, 2]]), np.concatenate([s.frame[:, 4], s.general_frame[:, 3]]),
+        np.concatenate([s.frame[:, BIAS], s.general_frame[:, BIAS]]), np.concatenate([s.frame[:, MU], s.general_frame[:, MU]]),
     )  # fmt: skip
 
 

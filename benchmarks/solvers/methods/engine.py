@@ -7,7 +7,7 @@ import time
 import numpy as np
 
 from methods.operators import TIME, Log, record
-from multicor_cli.engine.contact.acceleration import SWEEPS, iterate, start_memory, start_momentum
+from multicor_cli.engine.contact.acceleration import Tolerances, iterate, start_loop, start_momentum
 from multicor_cli.engine.contact.sweep import EXACT, System
 from multicor_cli.model.model import Floats
 
@@ -27,18 +27,18 @@ class Loop:
         self.work = 0.0
         self.seconds = 0.0
         self._partial = np.empty(system.tile_start.size - 1)
-        self._tolerance = np.array([rms, 0.0, 0.0])  # never met: the loop goes on
+        self._tolerance = Tolerances(rms, 0.0, 0.0)  # never met: the loop goes on
         self.restart()
 
     def restart(self) -> None:
         """Forget the momentum."""
         self._momentum = start_momentum(self.system)
-        self._memory = start_memory(self.system.pair.shape[0] + self.system.general_pair.shape[0])
+        self._memory = start_loop(self.system.pair.shape[0] + self.system.general_pair.shape[0])
 
     def sweep(self, count: int) -> None:
         """Do some sweeps."""
         started = time.perf_counter()
-        limit = int(self._memory[SWEEPS]) + count
+        limit = int(self._memory["sweeps"][0]) + count
         iterate(self.system, self._momentum, EXACT, True, False, limit, False, self._tolerance, self._memory, self._partial)
         self.seconds += time.perf_counter() - started
         self.work += count

@@ -10,17 +10,18 @@ Parameters, in this order:
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 
 from methods.operators import Log, kernel, record, relax_general, relax_light, sweep_backward
 from multicor_cli.engine.contact.acceleration import (
-    FACTOR,
     Momentum,
     choose_factor,
     extrapolate_impulse,
     extrapolate_velocity,
     inner_products,
-    start_memory,
+    start_loop,
     start_momentum,
 )
 from multicor_cli.engine.contact.sweep import EXACT, Relaxation, System, sweep
@@ -72,12 +73,12 @@ def _list_near(s: System, near: Ints) -> int:
 
 
 @kernel
-def _move_on(s: System, m: Momentum, change: float, growth: float, memory: Floats) -> None:
+def _move_on(s: System, m: Momentum, change: float, growth: float, loop: Any) -> None:
     """Choose the factor and extrapolate, as the program does on one thread."""
     velocity, before, last_change = s.velocity.reshape(-1), m.velocity.reshape(-1), m.change.reshape(-1)
     cross, square = inner_products(0, m.velocity.shape[0], velocity, before, last_change, m.weight.reshape(-1))
-    factor = choose_factor(cross, square, change, growth, memory)
-    memory[FACTOR] = factor
+    factor = choose_factor(cross, square, change, growth, loop)
+    loop.factor = factor
     extrapolate_velocity(0, before.size, velocity, before, last_change, factor)
     extrapolate_impulse(0, s.impulse.size, s.impulse.reshape(-1), m.impulse.reshape(-1), factor)
     general = s.general_impulse.reshape(-1)
@@ -88,7 +89,7 @@ def _move_on(s: System, m: Momentum, change: float, growth: float, memory: Float
 def run_momentum(s: System, iterations: int, parameters: Floats, log: Log) -> int:
     """The sweeps with momentum."""
     growth, goes_back, period, inner = parameters[0], parameters[1] > 0.0, int(parameters[2]), int(parameters[3])
-    m, memory, partial = start_momentum(s), start_memory(1), np.empty(s.tile_start.size - 1)
+    m, memory, partial = start_momentum(s), start_loop(1), np.empty(s.tile_start.size - 1)
     near = np.empty(s.pair.shape[0], np.int32)
     count, work = 0, 0.0
     for number in range(iterations):
@@ -104,5 +105,5 @@ def run_momentum(s: System, iterations: int, parameters: Floats, log: Log) -> in
             work += 1.0
         if record(s, log, number, work):
             return number + 1
-        _move_on(s, m, np.sqrt(square), growth, memory)
+        _move_on(s, m, np.sqrt(square), growth, memory[0])
     return iterations

@@ -15,6 +15,7 @@ import numpy as np
 from multicor_cli.engine.contact.residual import measure_residual
 from multicor_cli.engine.contact.sweep import EXACT, Relaxation, System, general_velocity, relax_general, relax_light
 from multicor_cli.engine.jit.compile import F, scalar
+from multicor_cli.model.columns import BIAS, FIRST, MU, NORMAL, NX, NY, SECOND, TANGENTIAL, W_NN, W_TT
 from multicor_cli.model.model import Floats
 
 
@@ -92,14 +93,14 @@ def _push(body: np.uint32, px: float, py: float, spin: float, bodies: Floats, ve
 def _push_general(g: int, d_n: float, d_t: float, s: System, velocity: Floats) -> None:
     """Change the velocities of the bodies of general contact ``g`` by an impulse [N s]."""
     f, lever = s.general_frame[g], s.general_lever[g]
-    px, py = d_n * f[0] - d_t * f[1], d_n * f[1] + d_t * f[0]
+    px, py = d_n * f[NX] - d_t * f[NY], d_n * f[NY] + d_t * f[NX]
     a, b = s.general_pair[g, 0], s.general_pair[g, 1]
     velocity[a, 0] += s.inverse[a, 0] * px
     velocity[a, 1] += s.inverse[a, 1] * py
-    velocity[a, 2] += s.inverse[a, 2] * (d_n * lever[0] + d_t * lever[1])
+    velocity[a, 2] += s.inverse[a, 2] * (d_n * lever[FIRST, NORMAL] + d_t * lever[FIRST, TANGENTIAL])
     velocity[b, 0] -= s.inverse[b, 0] * px
     velocity[b, 1] -= s.inverse[b, 1] * py
-    velocity[b, 2] -= s.inverse[b, 2] * (d_n * lever[2] + d_t * lever[3])
+    velocity[b, 2] -= s.inverse[b, 2] * (d_n * lever[SECOND, NORMAL] + d_t * lever[SECOND, TANGENTIAL])
 
 
 @kernel
@@ -134,7 +135,7 @@ def gather_velocities(s: System, velocity: Floats, with_bias: bool, relative: Fl
     )  # fmt: skip
     for g in range(s.general_pair.shape[0]):
         u_n, u_t = general_velocity(g, moved)
-        relative[lights + g, 0] = u_n - (0.0 if with_bias else s.general_frame[g, 2])
+        relative[lights + g, 0] = u_n - (0.0 if with_bias else s.general_frame[g, BIAS])
         relative[lights + g, 1] = u_t
 
 
@@ -148,7 +149,7 @@ def contact_scales(s: System) -> Floats:
         scales[k, 2] = s.frame[k, 4]
     for g in range(generals):
         f = s.general_frame[g]
-        scales[lights + g, 0], scales[lights + g, 1], scales[lights + g, 2] = 1.0 / f[4], 1.0 / f[6], f[3]
+        scales[lights + g, 0], scales[lights + g, 1], scales[lights + g, 2] = 1.0 / f[W_NN], 1.0 / f[W_TT], f[MU]
     return scales
 
 

@@ -17,15 +17,18 @@ linear in each other). Friction makes the problem no minimization, and unguarded
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from multicor_cli.engine.contact.flat import BODY, SURFACE_, Y_
 from multicor_cli.engine.contact.residual import measure_residual
-from multicor_cli.engine.contact.sweep import ONE, TWO, Relaxation, System, sweep
+from multicor_cli.engine.contact.sweep import Relaxation, System, sweep
 from multicor_cli.engine.jit.chunks import CHUNK
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
 from multicor_cli.engine.jit.formulas import formula
+from multicor_cli.model.columns import INVERSE_MASS, NORMAL, SPIN, TANGENTIAL
 from multicor_cli.model.model import Floats
 
 
@@ -47,15 +50,43 @@ class Momentum(NamedTuple):
     general_impulse: Floats
 
 
-# Slots of the memory that carries the loop from one slice of sweeps to the next.
-SWEEPS, CHECKS, CONVERGED, RMS, MAXIMUM, ENERGY = range(6)  # for the caller
-ACTIVE, THETA, FACTOR, LOWEST, BEST, BEST_AT, MODE, SINCE, ESCAPE, NEXT_CHECK = range(6, 16)  # for the loop
-MEMORY = 16
+LOOP = np.dtype(
+    [
+        ("sweeps", "f8"),  # done so far
+        ("checks", "f8"),  # evaluations of the residual
+        ("is_converged", "?"),
+        ("rms", "f8"),  # what the last evaluation said: velocity corrections [m/s] and energy [J]
+        ("maximum", "f8"),
+        ("energy", "f8"),
+        ("active", "f8"),  # contacts that carry an impulse or would, at the last evaluation
+        ("theta", "f8"),  # Nesterov's θ
+        ("factor", "f8"),  # of the last extrapolation
+        ("lowest", "f8"),  # change per sweep since the momentum was restarted [m/s]
+        ("best", "f8"),  # change per sweep since the mode was left
+        ("best_at", "f8"),  # sweeps then
+        ("mode", "i8"),  # row of `MODES`
+        ("since", "f8"),  # sweeps when the mode began
+        ("escape", "i8"),  # the last one taken; `CALM`: none yet
+        ("next_check", "f8"),  # sweeps before which the residual is not evaluated again
+    ],
+    align=True,
+)
+"""What the loop carries from one slice of sweeps to the next."""
+
+
+class Tolerances(NamedTuple):
+    """When the loop ends: rms and largest velocity correction [m/s], and energy residual [J]."""
+
+    rms: float
+    maximum: float
+    energy: float
+
 
 FAST, CALM = 0, 1
 MODES = np.array([[1.0, 1.0, 1.5], [0.5, 1.0, 1.2], [1.0, 1.0, 0.0], [0.25, 1.0, 1.2], [1.0, 0.3, 0.0]])
 """Rows: factors on the normal and tangential corrections; growth of the change per sweep over its lowest value since the last
 restart, at which the momentum restarts (0: no momentum). The first two take turns; the others are escapes."""
+GROWTH = 2  # its column
 LONG_FROM, LONG_TO, LONG_GROWTH = 250.0, 1000.0, 3.0  # sweeps between which `FAST` has another growth, unless it had to escape
 CALM_BELOW, CALM_AFTER, CALM_FOR = 2.0, 1000.0, 30.0  # times the tolerance; sweeps in `FAST` before; sweeps in `CALM`
 GAIN = 0.9  # the loop has gained if the change per sweep is lower by this factor
@@ -64,14 +95,15 @@ ESCAPE_FOR = 1000.0  # sweeps after which an escape ends even if it still gains
 
 
 @kernel
-def start_memory(contact_count: int) -> Floats:
-    """Memory of a loop that has not begun."""
-    memory = np.zeros(MEMORY)
-    memory[ACTIVE] = contact_count
-    memory[THETA] = 1.0
-    memory[LOWEST] = np.inf
-    memory[BEST] = np.inf
-    memory[ESCAPE] = CALM
+def start_loop(contact_count: int) -> NDArray[np.void]:
+    """A loop that has not begun: one record of `LOOP`, shape ``(1,)``."""
+    memory = np.zeros(1, LOOP)
+    loop = memory[0]
+    loop.active = contact_count
+    loop.theta = 1.0
+    loop.lowest = np.inf
+    loop.best = np.inf
+    loop.escape = CALM
     return memory
 
 
@@ -82,9 +114,9 @@ def start_momentum(s: System) -> Momentum:
     weight = np.zeros((bodies, 4))
     for b in range(bodies):
         for d in range(3):
-            inverse = s.velocity[b, 3]
+            inverse = s.velocity[b, INVERSE_MASS]
             if inverse > 0.0:
-                weight[b, d] = 1.0 / inverse if d < 2 else 1.0 / (inverse * s.spin_factor)
+                weight[b, d] = 1.0 / inverse if d < SPIN else 1.0 / (inverse * s.spin_factor)
             elif s.inverse[b, d] > 0.0:
                 weight[b, d] = 1.0 / s.inverse[b, d]
     velocity = s.velocity[:bodies].copy()
@@ -99,12 +131,12 @@ def inner_products(first: int, last: int, now: Floats, before: Floats, change: F
     """
     cross_x, cross_y, cross_s, square_x, square_y, square_s = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     for b in range(first, last):
-        q = np.uint64(4) * np.uint64(b)
-        dx, dy, ds = now[q] - before[q], now[q + ONE] - before[q + ONE], now[q + TWO] - before[q + TWO]
-        wx, wy, ws = weight[q] * dx, weight[q + ONE] * dy, weight[q + TWO] * ds
+        q = BODY * np.uint64(b)
+        dx, dy, ds = now[q] - before[q], now[q + Y_] - before[q + Y_], now[q + SURFACE_] - before[q + SURFACE_]
+        wx, wy, ws = weight[q] * dx, weight[q + Y_] * dy, weight[q + SURFACE_] * ds
         cross_x += wx * change[q]
-        cross_y += wy * change[q + ONE]
-        cross_s += ws * change[q + TWO]
+        cross_y += wy * change[q + Y_]
+        cross_s += ws * change[q + SURFACE_]
         square_x += wx * dx
         square_y += wy * dy
         square_s += ws * ds
@@ -185,73 +217,73 @@ def _extrapolate(s: System, m: Momentum, factor: float, parallel: bool) -> None:
 
 
 @kernel
-def _switch(mode: float, memory: Floats) -> None:
-    memory[MODE], memory[SINCE], memory[LOWEST] = mode, memory[SWEEPS], np.inf
+def _switch(mode: int, loop: Any) -> None:
+    loop.mode, loop.since, loop.lowest = mode, loop.sweeps, np.inf
 
 
 @kernel
-def _leave(mode: float, change: float, memory: Floats) -> None:
+def _leave(mode: int, change: float, loop: Any) -> None:
     """Switch to a mode with fresh momentum, and measure its gain from here."""
-    memory[THETA], memory[FACTOR] = 1.0, 0.0
-    memory[BEST], memory[BEST_AT] = change, memory[SWEEPS]
-    _switch(mode, memory)
+    loop.theta, loop.factor = 1.0, 0.0
+    loop.best, loop.best_at = change, loop.sweeps
+    _switch(mode, loop)
 
 
 @kernel
-def _choose_mode(change: float, tolerance: float, memory: Floats) -> None:
+def _choose_mode(change: float, tolerance: float, loop: Any) -> None:
     """Calm down where the tolerance is near, escape where nothing has been gained for long, and come back."""
-    if change < GAIN * memory[BEST]:
-        memory[BEST], memory[BEST_AT] = change, memory[SWEEPS]
-    in_mode, mode = memory[SWEEPS] - memory[SINCE], memory[MODE]
-    is_stuck = memory[SWEEPS] - memory[BEST_AT] >= PATIENCE
+    if change < GAIN * loop.best:
+        loop.best, loop.best_at = change, loop.sweeps
+    in_mode, mode = loop.sweeps - loop.since, loop.mode
+    is_stuck = loop.sweeps - loop.best_at >= PATIENCE
     if mode > CALM:
         if is_stuck or in_mode >= ESCAPE_FOR:
-            _leave(FAST, change, memory)
+            _leave(FAST, change, loop)
     elif is_stuck:
-        memory[ESCAPE] += 1.0
-        if memory[ESCAPE] == MODES.shape[0]:
-            memory[ESCAPE] = CALM + 1
-        _leave(memory[ESCAPE], change, memory)
+        loop.escape += 1
+        if loop.escape == MODES.shape[0]:
+            loop.escape = CALM + 1
+        _leave(loop.escape, change, loop)
     elif mode == CALM:
         if in_mode >= CALM_FOR:
-            _switch(FAST, memory)
+            _switch(FAST, loop)
     elif change < CALM_BELOW * tolerance and in_mode >= CALM_AFTER:
-        _switch(CALM, memory)
+        _switch(CALM, loop)
 
 
 @kernel
-def _growth(memory: Floats) -> float:
+def _growth(loop: Any) -> float:
     """Growth of the change per sweep at which the momentum restarts now; 0: no momentum."""
-    mode, sweeps = int(memory[MODE]), memory[SWEEPS]
-    is_long = mode == FAST and memory[ESCAPE] == CALM and LONG_FROM <= sweeps < LONG_TO
-    return LONG_GROWTH if is_long else MODES[mode, 2]
+    mode, sweeps = loop.mode, loop.sweeps
+    is_long = mode == FAST and loop.escape == CALM and LONG_FROM <= sweeps < LONG_TO
+    return LONG_GROWTH if is_long else MODES[mode, GROWTH]
 
 
 @kernel
-def choose_factor(cross: float, square: float, change: float, growth: float, memory: Floats) -> float:
+def choose_factor(cross: float, square: float, change: float, growth: float, loop: Any) -> float:
     """The factor ω of the next extrapolation, with the two restarts."""
-    if change > growth * memory[LOWEST] or memory[FACTOR] * cross > square:
-        memory[THETA] = 1.0
-        memory[LOWEST] = change
-    memory[LOWEST] = min(memory[LOWEST], change)
-    theta = memory[THETA]
+    if change > growth * loop.lowest or loop.factor * cross > square:
+        loop.theta = 1.0
+        loop.lowest = change
+    loop.lowest = min(loop.lowest, change)
+    theta = loop.theta
     following = 0.5 * theta * (np.sqrt(theta * theta + 4.0) - theta)
-    memory[THETA] = following
+    loop.theta = following
     return theta * (1.0 - theta) / (theta * theta + following)
 
 
 @kernel
-def _is_converged(s: System, tolerance: Floats, memory: Floats, parallel: bool) -> bool:
+def _is_converged(s: System, tolerance: Tolerances, loop: Any, parallel: bool) -> bool:
     """Evaluate the residual; decides alone when the loop ends."""
     rms, largest, energy, active = measure_residual(s, parallel)
-    memory[CHECKS] += 1.0
-    memory[RMS], memory[MAXIMUM], memory[ENERGY] = rms, largest, energy
-    memory[ACTIVE] = max(1.0, active)
-    excess = max(rms / tolerance[0], largest / tolerance[1], np.sqrt(energy / tolerance[2]))
+    loop.checks += 1.0
+    loop.rms, loop.maximum, loop.energy = rms, largest, energy
+    loop.active = max(1.0, active)
+    excess = max(rms / tolerance.rms, largest / tolerance.maximum, np.sqrt(energy / tolerance.energy))
     # A residual far above its tolerance is not worth looking at again soon.
-    memory[NEXT_CHECK] = memory[SWEEPS] + (2.0 if excess < 1.5 else 4.0 if excess < 4.0 else 8.0)
-    if rms <= tolerance[0] and largest <= tolerance[1] and energy <= tolerance[2]:
-        memory[CONVERGED] = 1.0
+    loop.next_check = loop.sweeps + (2.0 if excess < 1.5 else 4.0 if excess < 4.0 else 8.0)
+    if rms <= tolerance.rms and largest <= tolerance.maximum and energy <= tolerance.energy:
+        loop.is_converged = True
         return True
     return False
 
@@ -265,8 +297,8 @@ def iterate(
     parallel: bool,
     limit: int,
     is_last: bool,
-    tolerance: Floats,
-    memory: Floats,
+    tolerance: Tolerances,
+    memory: NDArray[np.void],
     partial: Floats,
 ) -> None:
     """Sweep until converged, or until ``limit`` sweeps have been done in all.
@@ -279,28 +311,28 @@ def iterate(
         parallel: Use several threads; the result is the same.
         limit: Number of sweeps at which to return.
         is_last: Whether the caller gives up at ``limit``: the residual is then evaluated there.
-        tolerance: Tolerances of rms and maximum [m/s] and energy [J], shape ``(3,)``.
-        memory: From `start_memory`, carried from one call to the next. **Modified.**
+        tolerance: When to end.
+        memory: From `start_loop`, carried from one call to the next. **Modified.**
         partial: Work space, shape ``(tiles,)``.
     """
-    while memory[SWEEPS] < limit:
-        mode = int(memory[MODE])
-        relaxation = Relaxation(MODES[mode, 0], MODES[mode, 1])
-        change = np.sqrt(sweep(s, local, relaxation, parallel, partial) / memory[ACTIVE])
-        memory[SWEEPS] += 1.0
+    loop = memory[0]
+    while loop.sweeps < limit:
+        relaxation = Relaxation(MODES[loop.mode, NORMAL], MODES[loop.mode, TANGENTIAL])
+        change = np.sqrt(sweep(s, local, relaxation, parallel, partial) / loop.active)
+        loop.sweeps += 1.0
         # The change per sweep is cheap; the residual is evaluated only where it may pass.
-        if change <= 2.0 * tolerance[0] and memory[SWEEPS] >= memory[NEXT_CHECK]:
-            if _is_converged(s, tolerance, memory, parallel):
+        if change <= 2.0 * tolerance.rms and loop.sweeps >= loop.next_check:
+            if _is_converged(s, tolerance, loop, parallel):
                 return
-        elif is_last and memory[SWEEPS] == limit:
-            _is_converged(s, tolerance, memory, parallel)
+        elif is_last and loop.sweeps == limit:
+            _is_converged(s, tolerance, loop, parallel)
             return
         if accelerated:
-            _choose_mode(change, tolerance[0], memory)
-            growth = _growth(memory)
+            _choose_mode(change, tolerance.rms, loop)
+            growth = _growth(loop)
             factor = 0.0
             if growth > 0.0:
                 cross, square = _change_products(s, m, parallel)
-                factor = choose_factor(cross, square, change, growth, memory)
-            memory[FACTOR] = factor
+                factor = choose_factor(cross, square, change, growth, loop)
+            loop.factor = factor
             _extrapolate(s, m, factor, parallel)

@@ -18,6 +18,7 @@ from multicor_cli.engine.heat.softening import softened_friction
 from multicor_cli.engine.jit.chunks import CHUNK
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
 from multicor_cli.engine.jit.formulas import formula
+from multicor_cli.model.columns import BIAS, GAP, MU, NORMAL, NX, NY, SURFACE, TANGENTIAL, X, Y
 from multicor_cli.model.model import ContactLaws, Floats, Ints
 
 
@@ -104,10 +105,10 @@ class WarmStart(NamedTuple):
 def pair_geometry(scene: Scene, i: int, j: int) -> tuple[float, float, float]:
     """Gap and normal (from j to i) of a pair."""
     count = scene.radius.size
-    x, y = scene.position[i, 0], scene.position[i, 1]
+    x, y = scene.position[i, X], scene.position[i, Y]
     if j < count:
-        dx = minimum_image(x - scene.position[j, 0], scene.period)
-        return disc_disc(dx, y - scene.position[j, 1], scene.radius[i] + scene.radius[j])
+        dx = minimum_image(x - scene.position[j, X], scene.period)
+        return disc_disc(dx, y - scene.position[j, Y], scene.radius[i] + scene.radius[j])
     return gap_to_shape(x, y, scene.radius[i], j - count, scene.kind, scene.world, scene.period)
 
 
@@ -115,8 +116,8 @@ def pair_geometry(scene: Scene, i: int, j: int) -> tuple[float, float, float]:
 def _wall_lever(scene: Scene, i: int, wall: int, nx: float, ny: float, gap: float) -> tuple[float, float]:
     """From the reference point of a wall to the point of the wall that is closest to grain i."""
     reach = scene.radius[i] + gap
-    dx = nearest_image(scene.position[i, 0] - scene.wall_position[wall, 0], scene.period)
-    return dx - reach * nx, scene.position[i, 1] - scene.wall_position[wall, 1] - reach * ny
+    dx = nearest_image(scene.position[i, X] - scene.wall_position[wall, X], scene.period)
+    return dx - reach * nx, scene.position[i, Y] - scene.wall_position[wall, Y] - reach * ny
 
 
 @formula
@@ -126,11 +127,11 @@ def relative_velocity(
     """u_n, u_t of grain i relative to grain ``body_j``, or to the point (lx, ly) of the wall in row ``body_j`` [m/s]."""
     # Number by number: a row taken out of an array would count as a reference to it, and threads count one after the other.
     if is_wall:
-        dx = velocity[i, 0] - (velocity[body_j, 0] - velocity[body_j, 2] * ly)
-        dy = velocity[i, 1] - (velocity[body_j, 1] + velocity[body_j, 2] * lx)
-        return dx * nx + dy * ny, dy * nx - dx * ny - velocity[i, 2]
-    dx, dy = velocity[i, 0] - velocity[body_j, 0], velocity[i, 1] - velocity[body_j, 1]
-    return dx * nx + dy * ny, dy * nx - dx * ny - velocity[i, 2] - velocity[body_j, 2]
+        dx = velocity[i, X] - (velocity[body_j, X] - velocity[body_j, SURFACE] * ly)
+        dy = velocity[i, Y] - (velocity[body_j, Y] + velocity[body_j, SURFACE] * lx)
+        return dx * nx + dy * ny, dy * nx - dx * ny - velocity[i, SURFACE]
+    dx, dy = velocity[i, X] - velocity[body_j, X], velocity[i, Y] - velocity[body_j, Y]
+    return dx * nx + dy * ny, dy * nx - dx * ny - velocity[i, SURFACE] - velocity[body_j, SURFACE]
 
 
 @formula
@@ -228,19 +229,19 @@ def _fill_contact(
         u_n, u_t = relative_velocity(start, i, count + wall, nx, ny, True, lx, ly)
     a, b = scene.material[i], scene.material[j]
     out.i[c], out.j[c] = i, j
-    out.frame[c, 0], out.frame[c, 1], out.frame[c, 2] = nx, ny, gap
-    out.frame[c, 3] = bias(gap, u_n, laws.restitution[a, b], dt)
+    out.frame[c, NX], out.frame[c, NY], out.frame[c, GAP] = nx, ny, gap
+    out.frame[c, BIAS] = bias(gap, u_n, laws.restitution[a, b], dt)
     mu = friction_of(laws, a, b, abs(u_t))
     if laws.temperature.size:
         mu = _softened(laws, a, b, mu, laws.temperature[i], laws.temperature[j])
-    out.frame[c, 4] = mu
-    out.before[c, 0], out.before[c, 1] = u_n, u_t
-    out.lever[c, 0], out.lever[c, 1] = lx, ly
-    out.impulse[c, 0], out.impulse[c, 1] = 0.0, 0.0
+    out.frame[c, MU] = mu
+    out.before[c, NORMAL], out.before[c, TANGENTIAL] = u_n, u_t
+    out.lever[c, X], out.lever[c, Y] = lx, ly
+    out.impulse[c, NORMAL], out.impulse[c, TANGENTIAL] = 0.0, 0.0
     for k in range(warm.row[i], warm.row[i + 1]):
         if warm.j[k] == j:
-            out.impulse[c, 0] = scale * warm.impulse[k, 0]
-            out.impulse[c, 1] = scale * warm.impulse[k, 1]
+            out.impulse[c, NORMAL] = scale * warm.impulse[k, NORMAL]
+            out.impulse[c, TANGENTIAL] = scale * warm.impulse[k, TANGENTIAL]
     return min(u_n, 0.0) if gap + dt * u_n <= 0.0 else 0.0
 
 

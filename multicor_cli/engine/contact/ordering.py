@@ -14,6 +14,26 @@ from numpy.typing import NDArray
 
 from multicor_cli.engine.contact.detection import Contacts, Scene
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
+from multicor_cli.model.columns import (
+    BIAS,
+    FIRST,
+    GAP,
+    INVERSE_MASS,
+    MASS,
+    MU,
+    NORMAL,
+    NX,
+    NY,
+    SECOND,
+    SPIN,
+    SURFACE,
+    TANGENTIAL,
+    W_NN,
+    W_NT,
+    W_TT,
+    X,
+    Y,
+)
 from multicor_cli.model.model import Floats, Ints
 
 HEAVY = 16  # a grain with more contacts than this is relaxed serially
@@ -51,7 +71,7 @@ def classify_contacts(
         elif degree[i] > HEAVY or degree[j] > HEAVY:
             classes[c] = 1
         else:
-            span = max(span, scene.radius[i] + scene.radius[j] + contacts.frame[c, 2])
+            span = max(span, scene.radius[i] + scene.radius[j] + contacts.frame[c, GAP])
         sizes[classes[c]] += 1
     return classes, span, sizes
 
@@ -97,8 +117,8 @@ def order_contacts(
     for c in range(contacts.i.size):
         if classes[c] == 0:
             i = contacts.i[c]
-            tx = min(max(int((scene.position[i, 0] - corner[0]) / width), 0), columns - 1)
-            ty = min(max(int((scene.position[i, 1] - corner[1]) / height), 0), rows - 1)
+            tx = min(max(int((scene.position[i, X] - corner[X]) / width), 0), columns - 1)
+            ty = min(max(int((scene.position[i, Y] - corner[Y]) / height), 0), rows - 1)
             color = tx % 2 + 2 * (ty % 2)
             wide = half_x if tx % 2 == 0 else columns - half_x
             tile[c] = color_start[color] + (ty // 2) * wide + tx // 2
@@ -228,15 +248,15 @@ def pack_contacts(
         else:
             body = first_anchor + wall_number[k]
             wall = n + scene.wall[j - n]
-            velocity[body, 0] = velocity[wall, 0] - velocity[wall, 2] * contacts.lever[c, 1]
-            velocity[body, 1] = velocity[wall, 1] + velocity[wall, 2] * contacts.lever[c, 0]
-            velocity[body, 2] = 0.0
-            velocity[body, 3] = 0.0
-        pair[k, 0], pair[k, 1] = i, body
-        frame[k, 0], frame[k, 1] = contacts.frame[c, 0], contacts.frame[c, 1]
-        frame[k, 2] = 1.0 / (velocity[i, 3] + velocity[body, 3])
-        frame[k, 3], frame[k, 4] = contacts.frame[c, 3], contacts.frame[c, 4]
-        impulse[k, 0], impulse[k, 1] = contacts.impulse[c, 0], contacts.impulse[c, 1]
+            velocity[body, X] = velocity[wall, X] - velocity[wall, SURFACE] * contacts.lever[c, Y]
+            velocity[body, Y] = velocity[wall, Y] + velocity[wall, SURFACE] * contacts.lever[c, X]
+            velocity[body, SURFACE] = 0.0
+            velocity[body, INVERSE_MASS] = 0.0
+        pair[k, FIRST], pair[k, SECOND] = i, body
+        frame[k, NX], frame[k, NY] = contacts.frame[c, NX], contacts.frame[c, NY]
+        frame[k, MASS] = 1.0 / (velocity[i, INVERSE_MASS] + velocity[body, INVERSE_MASS])
+        frame[k, BIAS], frame[k, MU] = contacts.frame[c, BIAS], contacts.frame[c, MU]
+        impulse[k, NORMAL], impulse[k, TANGENTIAL] = contacts.impulse[c, NORMAL], contacts.impulse[c, TANGENTIAL]
 
 
 @kernel
@@ -253,26 +273,27 @@ def pack_general(
         inverse: Inverse mass per degree of freedom of grains and walls, shape ``(n + w, 3)``.
 
     Returns:
-        Bodies ``(g, 2)``, frames ``(g, 7)``, levers ``(g, 4)`` and impulses ``(g, 2)``.
+        Bodies ``(g, 2)``, frames ``(g, 7)``, levers ``(g, 2, 2)`` and impulses ``(g, 2)``.
     """
     n = scene.radius.size
     pair, impulse = np.empty((general.size, 2), np.int32), np.empty((general.size, 2))
-    frame, lever = np.zeros((general.size, 7)), np.empty((general.size, 4))
+    frame, lever = np.zeros((general.size, 7)), np.empty((general.size, 2, 2))
     for g in range(general.size):
         c = general[g]
-        nx, ny = contacts.frame[c, 0], contacts.frame[c, 1]
-        lx, ly = contacts.lever[c, 0], contacts.lever[c, 1]
-        pair[g, 0], pair[g, 1] = place[contacts.i[c]], n + scene.wall[contacts.j[c] - n]
-        frame[g, 0], frame[g, 1] = nx, ny
-        frame[g, 2], frame[g, 3] = contacts.frame[c, 3], contacts.frame[c, 4]
-        impulse[g, 0], impulse[g, 1] = contacts.impulse[c, 0], contacts.impulse[c, 1]
+        nx, ny = contacts.frame[c, NX], contacts.frame[c, NY]
+        lx, ly = contacts.lever[c, X], contacts.lever[c, Y]
+        pair[g, FIRST], pair[g, SECOND] = place[contacts.i[c]], n + scene.wall[contacts.j[c] - n]
+        frame[g, NX], frame[g, NY] = nx, ny
+        frame[g, BIAS], frame[g, MU] = contacts.frame[c, BIAS], contacts.frame[c, MU]
+        impulse[g, NORMAL], impulse[g, TANGENTIAL] = contacts.impulse[c, NORMAL], contacts.impulse[c, TANGENTIAL]
         # u_t gains −s from the grain's surface speed; u_n and u_t −Ω (l_x n_y − l_y n_x) and −Ω (l_x n_x + l_y n_y) from the wall.
-        lever[g, 0], lever[g, 1], lever[g, 2], lever[g, 3] = 0.0, -1.0, lx * ny - ly * nx, lx * nx + ly * ny
+        lever[g, FIRST, NORMAL], lever[g, FIRST, TANGENTIAL] = 0.0, -1.0
+        lever[g, SECOND, NORMAL], lever[g, SECOND, TANGENTIAL] = lx * ny - ly * nx, lx * nx + ly * ny
         for side in range(2):
-            m, l_n, l_t = inverse[pair[g, side]], lever[g, 2 * side], lever[g, 2 * side + 1]
-            frame[g, 4] += m[0] * (nx * nx) + m[1] * (ny * ny) + m[2] * (l_n * l_n)
-            frame[g, 5] += (m[1] - m[0]) * nx * ny + m[2] * l_n * l_t
-            frame[g, 6] += m[0] * (ny * ny) + m[1] * (nx * nx) + m[2] * (l_t * l_t)
+            m, l_n, l_t = inverse[pair[g, side]], lever[g, side, NORMAL], lever[g, side, TANGENTIAL]
+            frame[g, W_NN] += m[X] * (nx * nx) + m[Y] * (ny * ny) + m[SPIN] * (l_n * l_n)
+            frame[g, W_NT] += (m[Y] - m[X]) * nx * ny + m[SPIN] * l_n * l_t
+            frame[g, W_TT] += m[X] * (ny * ny) + m[Y] * (nx * nx) + m[SPIN] * (l_t * l_t)
     return pair, frame, lever, impulse
 
 
@@ -290,8 +311,8 @@ def unpack(order: Ints, impulse: Floats, place: Ints, velocity: Floats, by_conta
     """
     # The arrays are passed by themselves: Numba drops stores of a parallel loop to an array that it only knows as part of a tuple.
     for k in prange(order.size):
-        by_contact[order[k], 0] = impulse[k, 0]
-        by_contact[order[k], 1] = impulse[k, 1]
+        by_contact[order[k], NORMAL] = impulse[k, NORMAL]
+        by_contact[order[k], TANGENTIAL] = impulse[k, TANGENTIAL]
     for b in prange(by_body.shape[0]):
         row = np.int64(place[b]) if b < place.size else np.int64(b)
         for d in range(4):

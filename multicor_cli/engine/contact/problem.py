@@ -14,6 +14,25 @@ from multicor_cli.engine.contact.settings import Settings
 from multicor_cli.engine.contact.solve import Scale, solve_system
 from multicor_cli.engine.contact.sweep import System, add_impulses
 from multicor_cli.engine.pace import Pace
+from multicor_cli.model.columns import (
+    BIAS,
+    FIRST,
+    INVERSE_MASS,
+    MASS,
+    MU,
+    NORMAL,
+    NX,
+    NY,
+    SECOND,
+    SPIN,
+    SURFACE,
+    TANGENTIAL,
+    W_NN,
+    W_NT,
+    W_TT,
+    X,
+    Y,
+)
 from multicor_cli.model.model import Floats, Ints
 
 _SHAPES = {
@@ -69,18 +88,18 @@ class ContactProblem:
         if (self.inverse_mass < 0.0).any() or (self.friction < 0.0).any():
             message = "inverse masses and friction must not be negative"
             raise ValueError(message)
-        if not (self.delassus()[:, 0] > 0.0).all():
+        w_nn, _, _ = self.delassus().T
+        if not (w_nn > 0.0).all():
             message = "a contact joins two bodies that cannot be moved along its normal"
             raise ValueError(message)
 
     def levers(self) -> Floats:
-        """What ω_i adds to u_n and u_t, and what ω_j takes from them [m], shape ``(c, 4)``."""
-        nx, ny = self.normal[:, 0], self.normal[:, 1]
-        columns = []
-        for side in (0, 1):
-            lx, ly = self.lever[:, side, 0], self.lever[:, side, 1]
-            columns += [lx * ny - ly * nx, lx * nx + ly * ny]
-        return np.column_stack(columns) if len(self.pair) else np.empty((0, 4))
+        """What ω_i adds to u_n and u_t, and what ω_j takes from them [m], shape ``(c, 2, 2)``."""
+        (nx, ny), levers = self.normal.T, np.empty((len(self.pair), 2, 2))
+        for side in (FIRST, SECOND):
+            lx, ly = self.lever[:, side].T
+            levers[:, side, NORMAL], levers[:, side, TANGENTIAL] = lx * ny - ly * nx, lx * nx + ly * ny
+        return levers
 
     def delassus(self) -> Floats:
         """W_nn, W_nt, W_tt of each contact [1/kg], shape ``(c, 3)``."""
@@ -149,30 +168,30 @@ def solve_contacts(
     system, arm = _disc_system(problem, impulse) or (_general_system(problem, impulse), None)
     if reference_velocity is None:
         reference_velocity = _closing_velocity(problem)
-    movable = problem.inverse_mass[:, 0] > 0.0
-    energy = 0.5 * total(1.0 / problem.inverse_mass[movable, 0]) * (reference_velocity * reference_velocity)
+    movable = problem.inverse_mass[:, X] > 0.0
+    energy = 0.5 * total(1.0 / problem.inverse_mass[movable, X]) * (reference_velocity * reference_velocity)
     add_impulses(system)
     outcome = solve_system(system, Scale(reference_velocity, energy), settings, Pace())
-    velocity = system.velocity[: len(problem.velocity), :3].copy()
+    velocity = system.velocity[: len(problem.velocity), :INVERSE_MASS].copy()
     if arm is not None:
-        velocity[:, 2] = np.where(arm > 0.0, velocity[:, 2] / np.where(arm > 0.0, arm, 1.0), problem.velocity[:, 2])
+        spin = velocity[:, SURFACE] / np.where(arm > 0.0, arm, 1.0)
+        velocity[:, SPIN] = np.where(arm > 0.0, spin, problem.velocity[:, SPIN])
     result = system.impulse if arm is not None else system.general_impulse
     return ContactSolution(result.copy(), velocity, outcome.converged, outcome.sweeps, outcome.rms, outcome.maximum, outcome.energy)
 
 
 def free_velocity(problem: ContactProblem) -> Floats:
     """u_n and u_t of the free velocities [m/s], shape ``(c, 2)``."""
-    vi, vj = problem.velocity[problem.pair[:, 0]], problem.velocity[problem.pair[:, 1]]
-    nx, ny = problem.normal[:, 0], problem.normal[:, 1]
-    dx, dy = vi[:, 0] - vj[:, 0], vi[:, 1] - vj[:, 1]
-    lever = problem.levers()
-    u_n = dx * nx + dy * ny + vi[:, 2] * lever[:, 0] - vj[:, 2] * lever[:, 2]
-    u_t = dy * nx - dx * ny + vi[:, 2] * lever[:, 1] - vj[:, 2] * lever[:, 3]
+    vi, vj = problem.velocity[problem.pair[:, FIRST]], problem.velocity[problem.pair[:, SECOND]]
+    (nx, ny), lever = problem.normal.T, problem.levers()
+    dx, dy = vi[:, X] - vj[:, X], vi[:, Y] - vj[:, Y]
+    u_n = dx * nx + dy * ny + vi[:, SPIN] * lever[:, FIRST, NORMAL] - vj[:, SPIN] * lever[:, SECOND, NORMAL]
+    u_t = dy * nx - dx * ny + vi[:, SPIN] * lever[:, FIRST, TANGENTIAL] - vj[:, SPIN] * lever[:, SECOND, TANGENTIAL]
     return np.column_stack([u_n, u_t])
 
 
 def _closing_velocity(problem: ContactProblem) -> float:
-    violation = np.minimum(free_velocity(problem)[:, 0] + problem.bias, 0.0)
+    violation = np.minimum(free_velocity(problem)[:, NORMAL] + problem.bias, 0.0)
     violated = violation < 0.0
     return math.sqrt(mean(violation[violated] * violation[violated])) if violated.any() else 0.0
 
@@ -180,11 +199,11 @@ def _closing_velocity(problem: ContactProblem) -> float:
 def _general_system(problem: ContactProblem, impulse: Floats) -> System:
     """All contacts with their full 2×2 matrices."""
     frame = np.empty((len(problem.pair), 7))
-    frame[:, :2] = problem.normal
-    frame[:, 2], frame[:, 3] = problem.bias, problem.friction
-    frame[:, 4:] = problem.delassus()
+    frame[:, [NX, NY]] = problem.normal
+    frame[:, BIAS], frame[:, MU] = problem.bias, problem.friction
+    frame[:, [W_NN, W_NT, W_TT]] = problem.delassus()
     velocity = np.zeros((len(problem.velocity), 4))
-    velocity[:, :3] = problem.velocity
+    velocity[:, :INVERSE_MASS] = problem.velocity
     no_pair, none = np.empty((0, 2), np.int32), np.empty((0, 2))
     return System(
         velocity, problem.inverse_mass.copy(), no_pair, np.empty((0, 5)), none, np.zeros(2, np.int64), np.array([0, 1]),
@@ -201,43 +220,43 @@ def _disc_system(problem: ContactProblem, impulse: Floats) -> tuple[System, Floa
     movable = np.asarray(inverse.any(axis=1))
     # Signed levers: a disc's u_t gets −a ω_i and +(−a) ω_j with normals from j to i.
     arm = np.zeros(len(inverse))
-    np.maximum.at(arm, problem.pair[:, 0], -lever[:, 1])
-    np.maximum.at(arm, problem.pair[:, 1], lever[:, 3])
+    np.maximum.at(arm, problem.pair[:, FIRST], -lever[:, FIRST, TANGENTIAL])
+    np.maximum.at(arm, problem.pair[:, SECOND], lever[:, SECOND, TANGENTIAL])
     arm[~movable] = 0.0
-    if not movable.any() or (arm[movable] <= 0.0).any() or (inverse[movable, 0] == 0.0).any():
+    if not movable.any() or (arm[movable] <= 0.0).any() or (inverse[movable, X] == 0.0).any():
         return None
     expected = np.zeros_like(lever)
-    expected[:, 1], expected[:, 3] = -arm[problem.pair[:, 0]], arm[problem.pair[:, 1]]
-    fixed_j = ~movable[problem.pair[:, 1]]
+    expected[:, FIRST, TANGENTIAL], expected[:, SECOND, TANGENTIAL] = -arm[problem.pair[:, FIRST]], arm[problem.pair[:, SECOND]]
+    fixed_j = ~movable[problem.pair[:, SECOND]]
     relevant = np.ones_like(lever, bool)
-    relevant[fixed_j, 2:] = False
-    beta = inverse[movable, 2] * (arm[movable] * arm[movable]) / inverse[movable, 0]
+    relevant[fixed_j, SECOND] = False
+    beta = inverse[movable, SPIN] * (arm[movable] * arm[movable]) / inverse[movable, X]
     tolerance = 1e-9 * arm.max()
     if (
-        not movable[problem.pair[:, 0]].all()
+        not movable[problem.pair[:, FIRST]].all()
         or (np.abs(lever - expected)[relevant] > tolerance).any()
-        or not np.allclose(inverse[movable, 0], inverse[movable, 1], rtol=1e-12)
+        or not np.allclose(inverse[movable, X], inverse[movable, Y], rtol=1e-12)
         or not np.allclose(beta, beta[0], rtol=1e-9)
     ):
         return None
     bodies, anchors = len(inverse), int(np.count_nonzero(fixed_j))
     velocity = np.zeros((bodies + anchors, 4))
-    velocity[:bodies, :2] = problem.velocity[:, :2]
-    velocity[:bodies, 2] = arm * problem.velocity[:, 2]
-    velocity[:bodies, 3] = inverse[:, 0]
+    velocity[:bodies, [X, Y]] = problem.velocity[:, [X, Y]]
+    velocity[:bodies, SURFACE] = arm * problem.velocity[:, SPIN]
+    velocity[:bodies, INVERSE_MASS] = inverse[:, X]
     pair = problem.pair.astype(np.int32)
-    pair[fixed_j, 1] = bodies + np.arange(anchors)
-    wall, reach = problem.velocity[problem.pair[fixed_j, 1]], problem.lever[fixed_j, 1]
-    velocity[bodies:, 0] = wall[:, 0] - wall[:, 2] * reach[:, 1]
-    velocity[bodies:, 1] = wall[:, 1] + wall[:, 2] * reach[:, 0]
+    pair[fixed_j, SECOND] = bodies + np.arange(anchors)
+    wall, reach = problem.velocity[problem.pair[fixed_j, SECOND]], problem.lever[fixed_j, SECOND]
+    velocity[bodies:, X] = wall[:, X] - wall[:, SPIN] * reach[:, Y]
+    velocity[bodies:, Y] = wall[:, Y] + wall[:, SPIN] * reach[:, X]
     frame = np.empty((len(pair), 5))
-    frame[:, :2] = problem.normal
-    frame[:, 2] = 1.0 / (velocity[pair[:, 0], 3] + velocity[pair[:, 1], 3])
-    frame[:, 3], frame[:, 4] = problem.bias, problem.friction
+    frame[:, [NX, NY]] = problem.normal
+    frame[:, MASS] = 1.0 / (velocity[pair[:, FIRST], INVERSE_MASS] + velocity[pair[:, SECOND], INVERSE_MASS])
+    frame[:, BIAS], frame[:, MU] = problem.bias, problem.friction
     nothing = np.empty((0, 2), np.int32)
     system = System(
         velocity, np.zeros((bodies, 3)), pair, frame, impulse, np.array([0, len(pair)]), np.array([0, 1]),
-        nothing, np.empty((0, 7)), np.empty((0, 4)), np.empty((0, 2)), float(beta[0]),
+        nothing, np.empty((0, 7)), np.empty((0, 2, 2)), np.empty((0, 2)), float(beta[0]),
     )  # fmt: skip
     return system, arm
 
@@ -253,34 +272,33 @@ def problem_of_step(scene: Scene, contacts: Contacts, free: Floats, wall_inverse
         spin_factor: β = m a²/I.
     """
     n = scene.radius.size
-    velocity = free[:, :3].copy()
-    velocity[:n, 2] /= scene.radius
+    velocity = free[:, :INVERSE_MASS].copy()
+    velocity[:n, SPIN] /= scene.radius
     inverse = np.empty((len(free), 3))
-    inverse[:n, 0] = inverse[:n, 1] = free[:n, 3]
-    inverse[:n, 2] = spin_factor * free[:n, 3] / (scene.radius * scene.radius)
+    inverse[:n, X] = inverse[:n, Y] = free[:n, INVERSE_MASS]
+    inverse[:n, SPIN] = spin_factor * free[:n, INVERSE_MASS] / (scene.radius * scene.radius)
     inverse[n:] = wall_inverse
     i, j = contacts.i, contacts.j
     is_wall = j >= n
     body = j.copy()
     body[is_wall] = n + scene.wall[j[is_wall] - n]
-    normal = contacts.frame[:, :2].copy()
+    normal = contacts.frame[:, [NX, NY]]
     lever = np.empty((i.size, 2, 2))
-    lever[:, 0] = -scene.radius[i][:, None] * normal
-    lever[:, 1] = contacts.lever
-    lever[~is_wall, 1] = scene.radius[j[~is_wall]][:, None] * normal[~is_wall]
+    lever[:, FIRST] = -scene.radius[i][:, None] * normal
+    lever[:, SECOND] = contacts.lever
+    lever[~is_wall, SECOND] = scene.radius[j[~is_wall]][:, None] * normal[~is_wall]
     return ContactProblem(
-        inverse, velocity, np.column_stack([i, body]), normal, lever, contacts.frame[:, 3].copy(), contacts.frame[:, 4].copy()
+        inverse, velocity, np.column_stack([i, body]), normal, lever, contacts.frame[:, BIAS].copy(), contacts.frame[:, MU].copy()
     )
 
 
 def delassus(pair: Ints, normal: Floats, lever: Floats, inverse: Floats) -> Floats:
     """W_nn, W_nt, W_tt of contacts between bodies with an inverse mass per degree of freedom, shape ``(g, 3)`` [1/kg]."""
-    nx, ny = normal[:, 0], normal[:, 1]
-    result = np.zeros((len(pair), 3))
-    for side in (0, 1):
-        m = inverse[pair[:, side]]
-        l_n, l_t = lever[:, 2 * side], lever[:, 2 * side + 1]
-        result[:, 0] += m[:, 0] * (nx * nx) + m[:, 1] * (ny * ny) + m[:, 2] * (l_n * l_n)
-        result[:, 1] += (m[:, 1] - m[:, 0]) * nx * ny + m[:, 2] * l_n * l_t
-        result[:, 2] += m[:, 0] * (ny * ny) + m[:, 1] * (nx * nx) + m[:, 2] * (l_t * l_t)
-    return result
+    nx, ny = normal.T
+    w_nn, w_nt, w_tt = np.zeros((3, len(pair)))
+    for side in (FIRST, SECOND):
+        m, (l_n, l_t) = inverse[pair[:, side]], lever[:, side].T
+        w_nn += m[:, X] * (nx * nx) + m[:, Y] * (ny * ny) + m[:, SPIN] * (l_n * l_n)
+        w_nt += (m[:, Y] - m[:, X]) * nx * ny + m[:, SPIN] * l_n * l_t
+        w_tt += m[:, X] * (ny * ny) + m[:, Y] * (nx * nx) + m[:, SPIN] * (l_t * l_t)
+    return np.column_stack([w_nn, w_nt, w_tt])

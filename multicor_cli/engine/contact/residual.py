@@ -9,18 +9,19 @@ from multicor_cli.engine.contact.sweep import EXACT, System, general_solution, g
 from multicor_cli.engine.jit.chunks import CHUNK
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
 from multicor_cli.engine.jit.formulas import formula
+from multicor_cli.model.columns import BIAS, FIRST, MASS, MU, NORMAL, NX, NY, SECOND, SURFACE, TANGENTIAL, W_NN, W_NT, W_TT, X, Y
 
 
 @formula
 def _light_residual(k: int, s: System) -> tuple[float, float]:
     """Square of e_c, or -1 if the contact is open and satisfied; and its share of the energy residual."""
-    i, j = s.pair[k, 0], s.pair[k, 1]
-    nx, ny, w_inverse, mu = s.frame[k, 0], s.frame[k, 1], s.frame[k, 2], s.frame[k, 4]
-    dx = s.velocity[i, 0] - s.velocity[j, 0]
-    dy = s.velocity[i, 1] - s.velocity[j, 1]
-    u_n = dx * nx + dy * ny + s.frame[k, 3]
-    u_t = dy * nx - dx * ny - s.velocity[i, 2] - s.velocity[j, 2]
-    p_n, p_t = s.impulse[k, 0], s.impulse[k, 1]
+    i, j = s.pair[k, FIRST], s.pair[k, SECOND]
+    nx, ny, w_inverse, mu = s.frame[k, NX], s.frame[k, NY], s.frame[k, MASS], s.frame[k, MU]
+    dx = s.velocity[i, X] - s.velocity[j, X]
+    dy = s.velocity[i, Y] - s.velocity[j, Y]
+    u_n = dx * nx + dy * ny + s.frame[k, BIAS]
+    u_t = dy * nx - dx * ny - s.velocity[i, SURFACE] - s.velocity[j, SURFACE]
+    p_n, p_t = s.impulse[k, NORMAL], s.impulse[k, TANGENTIAL]
     spread = 1.0 + s.spin_factor
     new_n, new_t = solve_exact(p_n, p_t, u_n, u_t, w_inverse, w_inverse / spread, mu)
     c_n, c_t = (new_n - p_n) / w_inverse, (new_t - p_t) * spread / w_inverse
@@ -36,13 +37,13 @@ def _general_residual(g: int, s: System) -> tuple[float, float]:
     u_n, u_t = general_velocity(g, s)
     new_n, new_t = general_solution(g, s, u_n, u_t, EXACT)
     f = s.general_frame[g]
-    p_n, p_t = s.general_impulse[g, 0], s.general_impulse[g, 1]
+    p_n, p_t = s.general_impulse[g, NORMAL], s.general_impulse[g, TANGENTIAL]
     d_n, d_t = new_n - p_n, new_t - p_t
-    c_n, c_t = f[4] * d_n + f[5] * d_t, f[5] * d_n + f[6] * d_t
+    c_n, c_t = f[W_NN] * d_n + f[W_NT] * d_t, f[W_NT] * d_n + f[W_TT] * d_t
     square = c_n * c_n + c_t * c_t
     if p_n <= 0.0 and square == 0.0:
         square = -1.0
-    return square, abs(p_n * u_n) + abs(p_t * u_t + f[3] * p_n * abs(u_t))
+    return square, abs(p_n * u_n) + abs(p_t * u_t + f[MU] * p_n * abs(u_t))
 
 
 @kernel

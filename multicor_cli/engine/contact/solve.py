@@ -9,7 +9,7 @@ from dataclasses import dataclass
 import numba
 import numpy as np
 
-from multicor_cli.engine.contact import acceleration as loop
+from multicor_cli.engine.contact.acceleration import Tolerances, iterate, start_loop, start_momentum
 from multicor_cli.engine.contact.settings import Settings
 from multicor_cli.engine.contact.sweep import BIPOTENTIAL, EXACT, System
 from multicor_cli.engine.pace import SLICE, Pace
@@ -60,39 +60,33 @@ def solve_system(
     count = system.pair.shape[0] + system.general_pair.shape[0]
     if count == 0 or scale.velocity == 0.0:
         return Outcome(0.0, True, 0.0, 0.0, 0.0)
-    tolerance = np.array(
-        [
-            settings.tolerance_rms * scale.velocity,
-            settings.tolerance_max * scale.velocity,
-            settings.tolerance_energy * scale.energy,
-        ]
+    tolerance = Tolerances(
+        settings.tolerance_rms * scale.velocity, settings.tolerance_max * scale.velocity, settings.tolerance_energy * scale.energy
     )
-    memory = loop.start_memory(count)
-    momentum = loop.start_momentum(system)
+    memory, momentum = start_loop(count), start_momentum(system)
+    loop = memory[0]
     partial = np.empty(system.tile_start.size - 1)
     local = EXACT if settings.local == "exact" else BIPOTENTIAL
     slice_ = max(1, SLICE // count)
     limit = 0
     outside = numba.get_num_threads()
     try:
-        while memory[loop.CONVERGED] == 0.0 and limit < settings.max_sweeps:
+        while not loop["is_converged"] and limit < settings.max_sweeps:
             limit = min(limit + slice_, settings.max_sweeps)
             is_last = limit == settings.max_sweeps
             parallel = pace.choose(count)
             numba.set_num_threads(pace.threads if parallel else 1)
-            done, started = float(memory[loop.SWEEPS]), time.perf_counter()
-            loop.iterate(
-                system, momentum, local, settings.method == "accelerated", parallel, limit, is_last, tolerance, memory, partial
-            )
-            pace.note(count, parallel, (float(memory[loop.SWEEPS]) - done) * count, time.perf_counter() - started)
+            done, started = float(loop["sweeps"]), time.perf_counter()
+            iterate(system, momentum, local, settings.method == "accelerated", parallel, limit, is_last, tolerance, memory, partial)
+            pace.note(count, parallel, (float(loop["sweeps"]) - done) * count, time.perf_counter() - started)
             if should_stop is not None and should_stop():
                 raise Interrupted
     finally:
         numba.set_num_threads(outside)  # whoever calls may have chosen it
     return Outcome(
-        float(memory[loop.SWEEPS] + memory[loop.CHECKS]),
-        bool(memory[loop.CONVERGED]),
-        float(memory[loop.RMS] / scale.velocity),
-        float(memory[loop.MAXIMUM] / scale.velocity),
-        float(memory[loop.ENERGY] / scale.energy),
+        float(loop["sweeps"] + loop["checks"]),
+        bool(loop["is_converged"]),
+        float(loop["rms"] / scale.velocity),
+        float(loop["maximum"] / scale.velocity),
+        float(loop["energy"] / scale.energy),
     )

@@ -15,13 +15,45 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from multicor_cli.engine.contact.flat import (
+    BIAS_,
+    BODY,
+    FRAME,
+    IMPULSE,
+    INVERSE_MASS_,
+    MASS_,
+    MU_,
+    NY_,
+    PAIR,
+    SECOND_,
+    SURFACE_,
+    TANGENTIAL_,
+    Y_,
+)
 from multicor_cli.engine.contact.law import predict_and_correct, solve_bipotential, solve_exact, solve_full
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
 from multicor_cli.engine.jit.formulas import formula
+from multicor_cli.model.columns import (
+    BIAS,
+    FIRST,
+    INVERSE_MASS,
+    MU,
+    NORMAL,
+    NX,
+    NY,
+    SECOND,
+    SPIN,
+    SURFACE,
+    TANGENTIAL,
+    W_NN,
+    W_NT,
+    W_TT,
+    X,
+    Y,
+)
 from multicor_cli.model.model import Floats, Ints
 
 EXACT, BIPOTENTIAL = 0, 1
-ONE, TWO, THREE = np.uint64(1), np.uint64(2), np.uint64(3)  # unsigned: no wrapping of negative indices in the innermost loop
 
 
 class Relaxation(NamedTuple):
@@ -43,8 +75,9 @@ class System(NamedTuple):
         tile_start: Start of each tile, shape ``(tiles + 1,)``; light contacts beyond the last tile are relaxed serially.
         color_start: First tile of each color, shape ``(colors + 1,)``.
         general_pair: Bodies of the general contacts, shape ``(g, 2)``.
-        general_frame: n_x, n_y, b, μ, W_nn, W_nt, W_tt, shape ``(g, 7)``.
-        general_lever: What the third velocity of body i adds to u_n and u_t, and likewise that of j, shape ``(g, 4)``.
+        general_frame: n_x, n_y, W_nn, b, μ, W_nt, W_tt, shape ``(g, 7)``.
+        general_lever: What the third velocity of body i adds to u_n and u_t, and what that of j takes from them, shape
+            ``(g, 2, 2)``.
         general_impulse: p_n, p_t [N s], shape ``(g, 2)``. **Modified by sweeps.**
         spin_factor: β = m a²/I of the light contacts.
     """
@@ -66,31 +99,31 @@ class System(NamedTuple):
 @formula
 def _push(k: int, d_n: float, d_t: float, velocity: Floats, pair: Ints, frame: Floats, beta: float) -> None:
     """Change the velocities of the two bodies of a light contact by an impulse."""
-    i, j = np.uint32(pair[k, 0]), np.uint32(pair[k, 1])
-    px = d_n * frame[k, 0] - d_t * frame[k, 1]
-    py = d_n * frame[k, 1] + d_t * frame[k, 0]
-    mi, mj = velocity[i, 3], velocity[j, 3]
-    velocity[i, 0] += mi * px
-    velocity[i, 1] += mi * py
+    i, j = np.uint32(pair[k, FIRST]), np.uint32(pair[k, SECOND])
+    px = d_n * frame[k, NX] - d_t * frame[k, NY]
+    py = d_n * frame[k, NY] + d_t * frame[k, NX]
+    mi, mj = velocity[i, INVERSE_MASS], velocity[j, INVERSE_MASS]
+    velocity[i, X] += mi * px
+    velocity[i, Y] += mi * py
     spin = beta * d_t
-    velocity[i, 2] -= mi * spin
-    velocity[j, 0] -= mj * px
-    velocity[j, 1] -= mj * py
-    velocity[j, 2] -= mj * spin
+    velocity[i, SURFACE] -= mi * spin
+    velocity[j, X] -= mj * px
+    velocity[j, Y] -= mj * py
+    velocity[j, SURFACE] -= mj * spin
 
 
 @kernel
 def _push_general(g: int, d_n: float, d_t: float, s: System) -> None:
     """As `_push`, for a general contact."""
     f, lever = s.general_frame[g], s.general_lever[g]
-    px, py = d_n * f[0] - d_t * f[1], d_n * f[1] + d_t * f[0]
-    a, b = s.general_pair[g, 0], s.general_pair[g, 1]
-    s.velocity[a, 0] += s.inverse[a, 0] * px
-    s.velocity[a, 1] += s.inverse[a, 1] * py
-    s.velocity[a, 2] += s.inverse[a, 2] * (d_n * lever[0] + d_t * lever[1])
-    s.velocity[b, 0] -= s.inverse[b, 0] * px
-    s.velocity[b, 1] -= s.inverse[b, 1] * py
-    s.velocity[b, 2] -= s.inverse[b, 2] * (d_n * lever[2] + d_t * lever[3])
+    px, py = d_n * f[NX] - d_t * f[NY], d_n * f[NY] + d_t * f[NX]
+    a, b = s.general_pair[g, FIRST], s.general_pair[g, SECOND]
+    s.velocity[a, X] += s.inverse[a, X] * px
+    s.velocity[a, Y] += s.inverse[a, Y] * py
+    s.velocity[a, SURFACE] += s.inverse[a, SPIN] * (d_n * lever[FIRST, NORMAL] + d_t * lever[FIRST, TANGENTIAL])
+    s.velocity[b, X] -= s.inverse[b, X] * px
+    s.velocity[b, Y] -= s.inverse[b, Y] * py
+    s.velocity[b, SURFACE] -= s.inverse[b, SPIN] * (d_n * lever[SECOND, NORMAL] + d_t * lever[SECOND, TANGENTIAL])
 
 
 @formula
@@ -101,15 +134,15 @@ def relax_light(
 
     The arrays are those of `System`, flat: the factors of their rows are then known at compile time. Velocities are read once.
     """
-    i, j = np.uint64(4) * np.uint64(pair[TWO * k]), np.uint64(4) * np.uint64(pair[TWO * k + ONE])
-    f, p = np.uint64(5) * k, TWO * k
-    nx, ny, w_inverse, mu = frame[f], frame[f + ONE], frame[f + TWO], frame[f + np.uint64(4)]
-    xi, yi, si, mi = velocity[i], velocity[i + ONE], velocity[i + TWO], velocity[i + THREE]
-    xj, yj, sj, mj = velocity[j], velocity[j + ONE], velocity[j + TWO], velocity[j + THREE]
+    i, j = BODY * np.uint64(pair[PAIR * k]), BODY * np.uint64(pair[PAIR * k + SECOND_])
+    f, p = FRAME * k, IMPULSE * k
+    nx, ny, w_inverse, mu = frame[f], frame[f + NY_], frame[f + MASS_], frame[f + MU_]
+    xi, yi, si, mi = velocity[i], velocity[i + Y_], velocity[i + SURFACE_], velocity[i + INVERSE_MASS_]
+    xj, yj, sj, mj = velocity[j], velocity[j + Y_], velocity[j + SURFACE_], velocity[j + INVERSE_MASS_]
     dx, dy = xi - xj, yi - yj
-    u_n = dx * nx + dy * ny + frame[f + THREE]
+    u_n = dx * nx + dy * ny + frame[f + BIAS_]
     u_t = dy * nx - dx * ny - si - sj
-    p_n, p_t = impulse[p], impulse[p + ONE]
+    p_n, p_t = impulse[p], impulse[p + TANGENTIAL_]
     if local == EXACT:
         w_n, w_t = relaxation.normal * w_inverse, relaxation.tangential * (w_inverse * (1.0 / (1.0 + beta)))
         new_n, new_t = solve_exact(p_n, p_t, u_n, u_t, w_n, w_t, mu)
@@ -118,12 +151,12 @@ def relax_light(
     d_n, d_t = new_n - p_n, new_t - p_t
     if d_n == 0.0 and d_t == 0.0:
         return 0.0
-    impulse[p], impulse[p + ONE] = new_n, new_t
+    impulse[p], impulse[p + TANGENTIAL_] = new_n, new_t
     px = d_n * nx - d_t * ny
     py = d_n * ny + d_t * nx
     spin = beta * d_t
-    velocity[i], velocity[i + ONE], velocity[i + TWO] = xi + mi * px, yi + mi * py, si - mi * spin
-    velocity[j], velocity[j + ONE], velocity[j + TWO] = xj - mj * px, yj - mj * py, sj - mj * spin
+    velocity[i], velocity[i + Y_], velocity[i + SURFACE_] = xi + mi * px, yi + mi * py, si - mi * spin
+    velocity[j], velocity[j + Y_], velocity[j + SURFACE_] = xj - mj * px, yj - mj * py, sj - mj * spin
     w = mi + mj
     c_n, c_t = w * d_n, w * (1.0 + beta) * d_t
     return c_n * c_n + c_t * c_t
@@ -131,7 +164,7 @@ def relax_light(
 
 @formula
 def _add_impulse(k: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats, beta: float) -> None:
-    d_n, d_t = impulse[k, 0], impulse[k, 1]
+    d_n, d_t = impulse[k, NORMAL], impulse[k, TANGENTIAL]
     if d_n != 0.0 or d_t != 0.0:
         _push(k, d_n, d_t, velocity, pair, frame, beta)
 
@@ -146,31 +179,32 @@ def add_impulses(s: System) -> None:
     for k in range(s.tile_start[-1], s.pair.shape[0]):
         _add_impulse(k, s.velocity, s.pair, s.frame, s.impulse, s.spin_factor)
     for g in range(s.general_pair.shape[0]):
-        _push_general(g, s.general_impulse[g, 0], s.general_impulse[g, 1], s)
+        _push_general(g, s.general_impulse[g, NORMAL], s.general_impulse[g, TANGENTIAL], s)
 
 
 @kernel
 def general_velocity(g: int, s: System) -> tuple[float, float]:
     """u_n + b and u_t of a general contact [m/s]."""
-    a, b = s.velocity[s.general_pair[g, 0]], s.velocity[s.general_pair[g, 1]]
-    nx, ny = s.general_frame[g, 0], s.general_frame[g, 1]
+    a, b = s.velocity[s.general_pair[g, FIRST]], s.velocity[s.general_pair[g, SECOND]]
+    nx, ny = s.general_frame[g, NX], s.general_frame[g, NY]
     lever = s.general_lever[g]
-    dx, dy = a[0] - b[0], a[1] - b[1]
-    u_n = dx * nx + dy * ny + a[2] * lever[0] - b[2] * lever[2]
-    u_t = dy * nx - dx * ny + a[2] * lever[1] - b[2] * lever[3]
-    return u_n + s.general_frame[g, 2], u_t
+    dx, dy = a[X] - b[X], a[Y] - b[Y]
+    u_n = dx * nx + dy * ny + a[SURFACE] * lever[FIRST, NORMAL] - b[SURFACE] * lever[SECOND, NORMAL]
+    u_t = dy * nx - dx * ny + a[SURFACE] * lever[FIRST, TANGENTIAL] - b[SURFACE] * lever[SECOND, TANGENTIAL]
+    return u_n + s.general_frame[g, BIAS], u_t
 
 
 @kernel
 def general_solution(g: int, s: System, u_n: float, u_t: float, local: int) -> tuple[float, float]:
     """Impulses of a general contact after a local solve with the others held."""
     f = s.general_frame[g]
-    p_n, p_t = s.general_impulse[g, 0], s.general_impulse[g, 1]
+    p_n, p_t = s.general_impulse[g, NORMAL], s.general_impulse[g, TANGENTIAL]
     if local == EXACT:
-        return solve_full(p_n, p_t, u_n, u_t, f[4], f[5], f[6], f[3])
+        return solve_full(p_n, p_t, u_n, u_t, f[W_NN], f[W_NT], f[W_TT], f[MU])
     # The predictor-corrector needs ρ < 2 over the largest eigenvalue; the trace bounds that.
-    rho = min(1.0 / np.sqrt(f[4] * f[6]), 1.5 / (f[4] + f[6]) if f[5] != 0.0 else 1.9 / max(f[4], f[6]))
-    return predict_and_correct(p_n, p_t, u_n, u_t, rho, f[3])
+    w_nn, w_tt = f[W_NN], f[W_TT]
+    rho = min(1.0 / np.sqrt(w_nn * w_tt), 1.5 / (w_nn + w_tt) if f[W_NT] != 0.0 else 1.9 / max(w_nn, w_tt))
+    return predict_and_correct(p_n, p_t, u_n, u_t, rho, f[MU])
 
 
 @kernel
@@ -178,13 +212,13 @@ def relax_general(g: int, s: System, local: int) -> float:
     """Relax one general contact; returns the square of the velocity correction [m²/s²]."""
     u_n, u_t = general_velocity(g, s)
     new_n, new_t = general_solution(g, s, u_n, u_t, local)
-    d_n, d_t = new_n - s.general_impulse[g, 0], new_t - s.general_impulse[g, 1]
+    d_n, d_t = new_n - s.general_impulse[g, NORMAL], new_t - s.general_impulse[g, TANGENTIAL]
     if d_n == 0.0 and d_t == 0.0:
         return 0.0
-    s.general_impulse[g, 0], s.general_impulse[g, 1] = new_n, new_t
+    s.general_impulse[g, NORMAL], s.general_impulse[g, TANGENTIAL] = new_n, new_t
     _push_general(g, d_n, d_t, s)
     f = s.general_frame[g]
-    c_n, c_t = f[4] * d_n + f[5] * d_t, f[5] * d_n + f[6] * d_t
+    c_n, c_t = f[W_NN] * d_n + f[W_NT] * d_t, f[W_NT] * d_n + f[W_TT] * d_t
     return c_n * c_n + c_t * c_t
 
 

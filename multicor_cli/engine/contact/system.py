@@ -18,6 +18,7 @@ from multicor_cli.engine.contact.ordering import (
     unpack,
 )
 from multicor_cli.engine.contact.sweep import System, add_impulses
+from multicor_cli.model.columns import INVERSE_MASS, SPIN, X, Y
 from multicor_cli.model.model import Floats, Ints
 
 TILE = 16.0  # width of a tile in mean diameters: a few hundred contacts
@@ -81,8 +82,8 @@ def assemble(
     inverse = np.zeros((bodies, 3))
     if general.size:
         n = scene.radius.size
-        inverse[:n, 0] = inverse[:n, 1] = velocity[:n, 3]
-        inverse[:n, 2] = spin_factor * velocity[:n, 3]
+        inverse[:n, X] = inverse[:n, Y] = velocity[:n, INVERSE_MASS]
+        inverse[:n, SPIN] = spin_factor * velocity[:n, INVERSE_MASS]
         inverse[n:] = wall_inverse
     system = System(
         velocity, inverse, pair, frame, impulse, tile_start, color_start,
@@ -94,16 +95,16 @@ def assemble(
 
 def _tiles(scene: Scene, width: float) -> tuple[int, int, Floats, float, float]:
     """Numbers of columns and rows, the corner and the size of the tiles; at least ``width`` wide and high."""
-    x, y = scene.position[:, 0], scene.position[:, 1]  # one by one: numpy is slow along the short axis
+    x, y = scene.position[:, X], scene.position[:, Y]  # one by one: numpy is slow along the short axis
     low = np.array([x.min(), y.min()])
     size = np.array([x.max(), y.max()]) - low
     if scene.period > 0.0:
-        low[0], size[0] = 0.0, scene.period
+        low[X], size[X] = 0.0, scene.period
     limit = max(4, scene.radius.size)  # grains that fly far away must not make the grid large
-    rows = min(max(1, int(size[1] / width)), limit)
-    columns = min(max(1, int(size[0] / width)), limit)
+    rows = min(max(1, int(size[Y] / width)), limit)
+    columns = min(max(1, int(size[X] / width)), limit)
     while rows * columns > limit:
         rows, columns = max(1, rows // 2), max(1, columns // 2)
     if scene.period > 0.0 and columns > 1:
         columns -= columns % 2
-    return columns, rows, low, max(size[0], width) / columns, max(size[1], width) / rows
+    return columns, rows, low, max(size[X], width) / columns, max(size[Y], width) / rows

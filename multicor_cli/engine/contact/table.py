@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from multicor_cli.engine.contact.detection import Contacts, Scene
 from multicor_cli.engine.energy.account import contact_after
 from multicor_cli.engine.jit.compile import kernel
+from multicor_cli.model.columns import GAP, MU
 from multicor_cli.model.model import Floats, Ints
 
 
@@ -55,12 +56,12 @@ def tabulate_contacts(scene: Scene | None, contacts: Contacts | None, after: Flo
         return ContactTable(none, none, np.zeros((0, 2)), np.zeros(0), np.zeros((0, 2)), np.zeros(0), np.zeros(0, np.bool_))
     p_n, p_t = contacts.impulse.T
     # The local solve cuts p_t to ±μ p_n exactly, so equality means sliding; only a rounding of the product is allowed for.
-    sliding = (p_n > 0.0) & (np.abs(p_t) >= contacts.frame[:, 4] * p_n * (1.0 - 1e-12))
+    sliding = (p_n > 0.0) & (np.abs(p_t) >= contacts.frame[:, MU] * p_n * (1.0 - 1e-12))
     return ContactTable(
         contacts.i,
         contacts.j,
         contacts.frame[:, :2].copy(),
-        contacts.frame[:, 2].copy(),
+        contacts.frame[:, GAP].copy(),
         contacts.impulse,
         _slips(scene, contacts, after),
         sliding,

@@ -11,6 +11,7 @@ from multicor_cli.engine.contact.detection import Contacts, Scene, relative_velo
 from multicor_cli.engine.jit.chunks import CHUNK, chunks_for
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
 from multicor_cli.engine.jit.formulas import formula
+from multicor_cli.model.columns import GAP, MU, NORMAL, NX, NY, SPIN, TANGENTIAL, X, Y
 from multicor_cli.model.model import Floats, Ints
 
 FRICTION, IMPACT, SLIDING, NEGATIVE, VIRIAL, LARGEST, LOADED = 0, 1, 2, 3, 4, 8, 9
@@ -31,23 +32,23 @@ def contact_after(c: int, scene: Scene, contacts: Contacts, after: Floats) -> tu
     """u_n⁺ and u_t⁺ of a contact, in the frame at q_m [m/s]."""
     i, j = contacts.i[c], contacts.j[c]
     count = scene.radius.size
-    nx, ny = contacts.frame[c, 0], contacts.frame[c, 1]
+    nx, ny = contacts.frame[c, NX], contacts.frame[c, NY]
     if j < count:
         return relative_velocity(after, i, j, nx, ny, False, 0.0, 0.0)
     body = count + scene.wall[j - count]
-    return relative_velocity(after, i, body, nx, ny, True, contacts.lever[c, 0], contacts.lever[c, 1])
+    return relative_velocity(after, i, body, nx, ny, True, contacts.lever[c, X], contacts.lever[c, Y])
 
 
 @formula
 def _account_one(c: int, scene: Scene, contacts: Contacts, after: Floats, total: Floats, wall_impulse: Floats) -> None:
-    p_n, p_t = contacts.impulse[c, 0], contacts.impulse[c, 1]
+    p_n, p_t = contacts.impulse[c, NORMAL], contacts.impulse[c, TANGENTIAL]
     if p_n == 0.0:
         return
     i, j = contacts.i[c], contacts.j[c]
-    nx, ny, gap, mu = contacts.frame[c, 0], contacts.frame[c, 1], contacts.frame[c, 2], contacts.frame[c, 4]
+    nx, ny, gap, mu = contacts.frame[c, NX], contacts.frame[c, NY], contacts.frame[c, GAP], contacts.frame[c, MU]
     u_n, u_t = contact_after(c, scene, contacts, after)
-    impact = -p_n * 0.5 * (contacts.before[c, 0] + u_n)
-    friction = -p_t * 0.5 * (contacts.before[c, 1] + u_t)
+    impact = -p_n * 0.5 * (contacts.before[c, NORMAL] + u_n)
+    friction = -p_t * 0.5 * (contacts.before[c, TANGENTIAL] + u_t)
     total[FRICTION] += friction
     total[IMPACT] += impact
     total[SLIDING] += mu * abs(u_t) * p_n
@@ -64,9 +65,9 @@ def _account_one(c: int, scene: Scene, contacts: Contacts, after: Floats, total:
         total[VIRIAL + 3] += py * branch * ny
     else:
         wall = scene.wall[j - count]
-        wall_impulse[wall, 0] -= px
-        wall_impulse[wall, 1] -= py
-        wall_impulse[wall, 2] -= contacts.lever[c, 0] * py - contacts.lever[c, 1] * px
+        wall_impulse[wall, X] -= px
+        wall_impulse[wall, Y] -= py
+        wall_impulse[wall, SPIN] -= contacts.lever[c, X] * py - contacts.lever[c, Y] * px
 
 
 @parallel_kernel
@@ -101,13 +102,13 @@ def loaded_contacts(contacts: Contacts) -> tuple[Ints, Ints, Floats]:
     """Shapes i, j and impulses [N s] of the contacts that carry an impulse, in the same order: shapes ``(k,), (k,), (k, 2)``."""
     found = 0
     for c in range(contacts.i.size):
-        if contacts.impulse[c, 0] > 0.0:
+        if contacts.impulse[c, NORMAL] > 0.0:
             found += 1
     i, j, impulse = np.empty(found, np.int32), np.empty(found, np.int32), np.empty((found, 2))
     k = 0
     for c in range(contacts.i.size):
-        if contacts.impulse[c, 0] > 0.0:
+        if contacts.impulse[c, NORMAL] > 0.0:
             i[k], j[k] = contacts.i[c], contacts.j[c]
-            impulse[k, 0], impulse[k, 1] = contacts.impulse[c, 0], contacts.impulse[c, 1]
+            impulse[k, NORMAL], impulse[k, TANGENTIAL] = contacts.impulse[c, NORMAL], contacts.impulse[c, TANGENTIAL]
             k += 1
     return i, j, impulse

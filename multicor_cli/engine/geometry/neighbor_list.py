@@ -9,6 +9,7 @@ from multicor_cli import arithmetic
 from multicor_cli.engine.geometry.drift import bound_closing, fit_drift
 from multicor_cli.engine.geometry.neighbors import bin_discs, list_pairs
 from multicor_cli.engine.jit.elementwise import hypot
+from multicor_cli.model.columns import X, Y
 from multicor_cli.model.model import Floats, Ints, Model, ShapeKind
 
 OUTSIDE = 0.005  # share of the grains on each side that a grid may leave outside
@@ -74,7 +75,7 @@ class NeighborList:
         turn = np.zeros(len(world))
         if self._planes.size:  # a tilting plane moves in proportion to the distance from its point
             tilt, move = change[self._planes, 2:], change[self._planes, :2]
-            far = self._extent + hypot(move[:, 0], move[:, 1]) + arithmetic.hypot(*drift.largest.tolist())
+            far = self._extent + hypot(move[:, X], move[:, Y]) + arithmetic.hypot(*drift.largest.tolist())
             turn[self._planes] = hypot(tilt[:, 0], tilt[:, 1]) * far
         turn[self._segments] = hypot(change[self._segments, 2], change[self._segments, 3])  # their other end
         kind = self._model.shapes.kind
@@ -86,11 +87,11 @@ class NeighborList:
         model = self._model
         centers = np.concatenate([position[:, :2], world[self._disc_shapes, :2]])
         if model.period > 0.0:
-            centers[:, 0] %= model.period
+            centers[:, X] %= model.period
         low, high = self._box(centers, cutoff)
         size = np.maximum(high - low, 2.0 * self._level_radius.max() + cutoff)
         if model.period > 0.0:
-            low[0], size[0] = 0.0, model.period
+            low[X], size[X] = 0.0, model.period
         cells, shape = self._grids(size, cutoff)
         start = np.concatenate([[0], np.cumsum(shape.prod(axis=1))]).astype(np.int32)
         cell_start, cell_disc = bin_discs(centers, self._level, cells, low, start, shape)

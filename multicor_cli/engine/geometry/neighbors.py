@@ -13,6 +13,7 @@ from multicor_cli.engine.geometry.gaps import disc_circle, disc_disc, disc_plane
 from multicor_cli.engine.jit.chunks import CHUNK
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
 from multicor_cli.engine.jit.formulas import formula
+from multicor_cli.model.columns import ANGLE, X, Y
 from multicor_cli.model.model import Floats, Ints, ShapeKind
 
 _DISC = int(ShapeKind.DISC)
@@ -37,17 +38,17 @@ def place_shapes(kind: Ints, wall: Ints, local: Floats, wall_position: Floats, w
     """
     for k in range(kind.size):
         frame = wall_position[wall[k]]
-        c, s = cos(frame[2]), sin(frame[2])
+        c, s = cos(frame[ANGLE]), sin(frame[ANGLE])
         x, y = local[k, 0], local[k, 1]
-        world[k, 0] = frame[0] + c * x - s * y
-        world[k, 1] = frame[1] + s * x + c * y
+        world[k, 0] = frame[X] + c * x - s * y
+        world[k, 1] = frame[Y] + s * x + c * y
         u, v = local[k, 2], local[k, 3]
         if kind[k] == _PLANE:
             world[k, 2] = c * u - s * v
             world[k, 3] = s * u + c * v
         elif kind[k] == _SEGMENT:
-            world[k, 2] = frame[0] + c * u - s * v
-            world[k, 3] = frame[1] + s * u + c * v
+            world[k, 2] = frame[X] + c * u - s * v
+            world[k, 3] = frame[Y] + s * u + c * v
         else:
             world[k, 2] = u
             world[k, 3] = v
@@ -110,8 +111,8 @@ def bin_discs(
     start = np.zeros(level_start[-1] + 1, np.int32)
     for d in range(level.size):
         k = level[d]
-        cx = min(max(int((center[d, 0] - origin[0]) / level_cells[k, 0]), 0), level_shape[k, 0] - 1)
-        cy = min(max(int((center[d, 1] - origin[1]) / level_cells[k, 1]), 0), level_shape[k, 1] - 1)
+        cx = min(max(int((center[d, X] - origin[X]) / level_cells[k, 0]), 0), level_shape[k, 0] - 1)
+        cy = min(max(int((center[d, Y] - origin[Y]) / level_cells[k, 1]), 0), level_shape[k, 1] - 1)
         cell[d] = level_start[k] + cy * level_shape[k, 0] + cx
         start[cell[d] + 1] += 1
     for c in range(start.size - 1):
@@ -152,17 +153,17 @@ def _scan_row(
     (one grain that has flown far away makes all cells large).
     """
     found = 0
-    x, y, r = center[i, 0], center[i, 1], radius[i]
+    x, y, r = center[i, X], center[i, Y], radius[i]
     for k in range(level_radius.size):
         reach = r + level_radius[k] + cutoff
         columns, rows = level_shape[k, 0], level_shape[k, 1]
-        first_y = max(int(np.floor((y - reach - origin[1]) / level_cells[k, 1])), 0)
-        last_y = min(int(np.floor((y + reach - origin[1]) / level_cells[k, 1])), rows - 1)
+        first_y = max(int(np.floor((y - reach - origin[Y]) / level_cells[k, 1])), 0)
+        last_y = min(int(np.floor((y + reach - origin[Y]) / level_cells[k, 1])), rows - 1)
         # Cells beyond the last row or column are merged into it, so a disc outside the grid is still found there.
         first_y = min(first_y, rows - 1)
         last_y = max(last_y, 0)
-        first_x = int(np.floor((x - reach - origin[0]) / level_cells[k, 0]))
-        last_x = int(np.floor((x + reach - origin[0]) / level_cells[k, 0]))
+        first_x = int(np.floor((x - reach - origin[X]) / level_cells[k, 0]))
+        last_x = int(np.floor((x + reach - origin[X]) / level_cells[k, 0]))
         if period > 0.0:
             last_x = min(last_x, first_x + columns - 1)
         else:
@@ -212,19 +213,19 @@ def _scan_shapes(
         near = False
         if kind[shape] == _SEGMENT:
             g0, g1, g2, g3 = world[shape, 0], world[shape, 1], world[shape, 2], world[shape, 3]
-            px = g0 + nearest_image(center[i, 0] - g0, period)
-            py = center[i, 1]
+            px = g0 + nearest_image(center[i, X] - g0, period)
+            py = center[i, Y]
             foot = min(max(segment_parameter(px, py, g0, g1, g2, g3), 0.0), 1.0)
             dx, dy = px - g0 - foot * (g2 - g0), py - g1 - foot * (g3 - g1)
             reach = radius[i] + cutoff
             near = dx * dx + dy * dy < reach * reach
         elif kind[shape] == _VERTEX:
-            dx = nearest_image(center[i, 0] - world[shape, 0], period)
-            dy = center[i, 1] - world[shape, 1]
+            dx = nearest_image(center[i, X] - world[shape, 0], period)
+            dy = center[i, Y] - world[shape, 1]
             reach = radius[i] + cutoff
             near = dx * dx + dy * dy < reach * reach
         else:
-            near = gap_to_shape(center[i, 0], center[i, 1], radius[i], shape, kind, world, period)[0] < cutoff
+            near = gap_to_shape(center[i, X], center[i, Y], radius[i], shape, kind, world, period)[0] < cutoff
         if near:
             if offset >= 0:
                 out[offset + found] = grain_count + shape
@@ -292,8 +293,8 @@ def list_pairs(
     sorted_radius = np.empty(discs)
     for place in prange(discs):
         d = cell_disc[place]
-        sorted_x[place] = center[d, 0]
-        sorted_y[place] = center[d, 1]
+        sorted_x[place] = center[d, X]
+        sorted_y[place] = center[d, Y]
         sorted_radius[place] = radius[d]
     row = np.zeros(grain_count + 1, np.int64)
     chunks = max(1, -(-grain_count // CHUNK))

@@ -27,6 +27,7 @@ from multicor_cli.engine.heat.laws import HeatLaws
 from multicor_cli.engine.heat.pairs import pair_radius
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.formulas import formula
+from multicor_cli.model.columns import NORMAL
 from multicor_cli.model.model import Floats
 
 
@@ -137,8 +138,8 @@ def collide(
     """
     grains = scene.radius.size
     for c in range(contacts.i.size):
-        speed = -contacts.before[c, 0]
-        if contacts.impulse[c, 0] > 0.0 and speed > 0.0 and not is_known[c]:
+        speed = -contacts.before[c, NORMAL]
+        if contacts.impulse[c, NORMAL] > 0.0 and speed > 0.0 and not is_known[c]:
             i, j = contacts.i[c], contacts.j[c]
             a, b = scene.material[i], scene.material[j]
             m = mass[i] * mass[j] / (mass[i] + mass[j]) if j < grains else mass[i]

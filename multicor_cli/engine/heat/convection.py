@@ -24,6 +24,7 @@ from multicor_cli.arithmetic import cbrt, power
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.elementwise import hypot
 from multicor_cli.engine.jit.formulas import formula
+from multicor_cli.model.columns import X, Y
 from multicor_cli.model.model import Floats, Model
 
 Correlation = Literal["constant", "ranz-marshall", "whitaker", "gunn", "li-mason"]
@@ -169,7 +170,7 @@ def convective_conductance(ambient: Ambient, velocity: Floats, model: Model) -> 
     slip = velocity - np.array(ambient.velocity)
     number = {"ranz-marshall": 0, "whitaker": 1, "gunn": 2, "li-mason": 3}[ambient.correlation]
     convection_coefficients(
-        number, hypot(slip[:, 0], slip[:, 1]), model.grains.radius, ambient.conductivity, ambient.viscosity, ambient.prandtl,
+        number, hypot(slip[:, X], slip[:, Y]), model.grains.radius, ambient.conductivity, ambient.viscosity, ambient.prandtl,
         ambient.porosity, coefficient,
     )  # fmt: skip
     return np.asarray(coefficient * surface)

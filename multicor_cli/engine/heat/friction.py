@@ -17,6 +17,7 @@ from multicor_cli.engine.heat.wear import rubbing_of
 from multicor_cli.engine.jit.chunks import CHUNK
 from multicor_cli.engine.jit.compile import parallel_kernel, prange
 from multicor_cli.engine.jit.formulas import formula
+from multicor_cli.model.columns import MU, NORMAL, TANGENTIAL
 from multicor_cli.model.model import Floats
 
 FrictionRule = Literal["energy", "sliding", "none"]
@@ -53,15 +54,15 @@ def generated_heat(
     for chunk in prange((count + CHUNK - 1) // CHUNK):
         for c in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
             heat[c, 0], heat[c, 1], rubbing[c] = 0.0, 0.0, 0.0
-            p_n, p_t = contacts.impulse[c, 0], contacts.impulse[c, 1]
+            p_n, p_t = contacts.impulse[c, NORMAL], contacts.impulse[c, TANGENTIAL]
             if p_n > 0.0:
                 u_n, u_t = contact_after(c, scene, contacts, after)
-                mu, slip = contacts.frame[c, 4], 0.5 * (contacts.before[c, 1] + u_t)
+                mu, slip = contacts.frame[c, MU], 0.5 * (contacts.before[c, TANGENTIAL] + u_t)
                 work = -p_t * slip
                 if rule == ENERGY:
                     heat[c, 0] = work
                 elif rule == SLIDING:
                     heat[c, 0] = sliding_power(mu, p_n, u_t)
                 if has_impact:
-                    heat[c, 1] = -p_n * 0.5 * (contacts.before[c, 0] + u_n)
+                    heat[c, 1] = -p_n * 0.5 * (contacts.before[c, NORMAL] + u_n)
                 rubbing[c] = rubbing_of(p_n, slip, work, mu)

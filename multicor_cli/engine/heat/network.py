@@ -17,6 +17,7 @@ from multicor_cli.engine.heat.radiation import radiating_areas
 from multicor_cli.engine.heat.rates import Network
 from multicor_cli.engine.heat.settings import HeatSettings, WallHeat
 from multicor_cli.engine.heat.spots import Spots
+from multicor_cli.model.columns import RADIUS
 from multicor_cli.model.model import Floats, Ints, Model, ShapeKind
 
 _INSULATED, _KNOWN, _FLOW = 0, 1, 2
@@ -107,7 +108,7 @@ def _with_contacts(scene: Scene, near: Pairs, spots: Spots) -> Pairs:
 
 def _is_within(scene: Scene, i: Ints, j: Ints, gap: Floats, reach: float) -> NDArray[np.bool_]:
     """Whether the gaps of pairs are at most ``reach`` times the smaller radius, shape ``(e,)``."""
-    shapes = np.where(scene.kind == ShapeKind.DISC, scene.world[:, 2], np.inf)
+    shapes = np.where(scene.kind == ShapeKind.DISC, scene.world[:, RADIUS], np.inf)
     radius = np.concatenate([scene.radius, shapes])
     return np.asarray(gap <= reach * np.minimum(radius[i], radius[j]))
 

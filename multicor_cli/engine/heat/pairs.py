@@ -9,6 +9,7 @@ from multicor_cli.engine.contact.detection import Scene, pair_geometry
 from multicor_cli.engine.contact.hertz import effective_radius
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.formulas import formula
+from multicor_cli.model.columns import RADIUS, X, Y
 from multicor_cli.model.model import Floats, Ints, ShapeKind
 
 _DISC = int(ShapeKind.DISC)
@@ -20,7 +21,7 @@ def other_radius(scene: Scene, j: int) -> float:
     shape = j - scene.radius.size
     if shape < 0:
         return scene.radius[j]
-    return scene.world[shape, 2] if scene.kind[shape] == _DISC else 0.0
+    return scene.world[shape, RADIUS] if scene.kind[shape] == _DISC else 0.0
 
 
 @formula
@@ -63,7 +64,7 @@ def near_pairs(scene: Scene, row: NDArray[np.int64], partner: Ints, reach: float
 def resting_contacts(scene: Scene, i: Ints, j: Ints, gap: Floats, normal: Floats) -> None:
     """Gaps [m] and normals of pairs in a state at rest, shapes ``(c,)`` and ``(c, 2)``; the last two are **modified**."""
     for k in range(i.size):
-        gap[k], normal[k, 0], normal[k, 1] = pair_geometry(scene, i[k], j[k])
+        gap[k], normal[k, X], normal[k, Y] = pair_geometry(scene, i[k], j[k])
 
 
 @kernel

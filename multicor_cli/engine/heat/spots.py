@@ -12,6 +12,7 @@ from multicor_cli.engine.heat.conduction import contact_spots
 from multicor_cli.engine.heat.laws import HeatLaws
 from multicor_cli.engine.heat.pairs import look_up
 from multicor_cli.engine.heat.settings import HeatSettings
+from multicor_cli.model.columns import GAP, NORMAL
 from multicor_cli.model.model import Floats, Ints
 from multicor_cli.model.state import State
 
@@ -42,7 +43,7 @@ def forces_of_step(state: State, contacts: Contacts, settings: HeatSettings, dt:
     An average counts the time without force, and ends when the pair leaves the reach of the contact solver. It is divided by
     1 − exp(−age/τ), the weight of the time that it knows. What is apart conducts nothing, whatever its average.
     """
-    carried = contacts.impulse[:, 0]
+    carried = contacts.impulse[:, NORMAL]
     if settings.force.kind == "prescribed":
         return np.where(carried > 0.0, settings.force.value, 0.0)
     if settings.force.kind == "step":
@@ -52,7 +53,7 @@ def forces_of_step(state: State, contacts: Contacts, settings: HeatSettings, dt:
     kept = mean != 0.0  # nan stays, to be noticed
     state.mean_i, state.mean_j, state.mean_force = contacts.i[kept], contacts.j[kept], mean[kept]
     state.mean_age += dt
-    touches = (carried > 0.0) | (contacts.frame[:, 2] <= 0.0)
+    touches = (carried > 0.0) | (contacts.frame[:, GAP] <= 0.0)
     return np.where(touches, mean / _known_weight(state, settings), 0.0)
 
 
@@ -73,7 +74,7 @@ def loaded_pairs(state: State, settings: HeatSettings) -> tuple[Ints, Ints, Floa
     force, i, j = settings.force, state.contact_i, state.contact_j
     if force.kind == "average" and state.mean_age > 0.0:
         return i, j, _averages(state, i, j) / _known_weight(state, settings)
-    carried: Floats = state.contact_impulse[:, 0] / state.last_dt
+    carried: Floats = state.contact_impulse[:, NORMAL] / state.last_dt
     return i, j, np.full(carried.size, force.value) if force.kind == "prescribed" else carried
 
 

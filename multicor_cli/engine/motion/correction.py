@@ -25,6 +25,7 @@ from multicor_cli.engine.jit.chunks import chunks_for
 from multicor_cli.engine.motion.overlaps import measure_overlaps
 from multicor_cli.engine.motion.separation import near_pairs, separate, surround
 from multicor_cli.engine.motion.walls import WallMotion
+from multicor_cli.model.columns import X, Y
 from multicor_cli.model.model import Floats, Model
 
 ALLOWED = 5e-4  # overlap over the smaller radius that is left alone
@@ -96,7 +97,7 @@ def correct_positions(
     if overlap > FORBIDDEN:
         raise PhysicsError(step, _name_overlap(scene, model, lists, flagged, overlap))
     moved = scene.position[:, :2] - before
-    gravity_work = total(model.grains.mass * (moved[:, 0] * model.gravity[0] + moved[:, 1] * model.gravity[1]))
+    gravity_work = total(model.grains.mass * (moved[:, X] * model.gravity[X] + moved[:, Y] * model.gravity[Y]))
     shift = scene.wall_position - wall_before
     gravity_work += total(motion.weight * shift)
     return Correction(overlap, gravity_work, total(motion.load * shift), rounds)

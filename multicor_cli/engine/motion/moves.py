@@ -7,6 +7,7 @@ import numpy as np
 from multicor_cli.engine.jit.chunks import CHUNK
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
 from multicor_cli.engine.jit.formulas import formula
+from multicor_cli.model.columns import ANGLE, INVERSE_MASS, SPIN, SURFACE, X, Y
 from multicor_cli.model.faults import LARGEST
 from multicor_cli.model.model import Floats, Ints, ShapeKind
 
@@ -50,13 +51,13 @@ def predict(
         for i in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
             for d in range(3):
                 middle[i, d] = position[i, d] + half * velocity[i, d]
-            vx, vy = velocity[i, 0], velocity[i, 1]
-            start[i, 0], start[i, 1] = vx, vy
-            start[i, 2], start[i, 3] = radius[i] * velocity[i, 2], 1.0 / mass[i]
-            fx, fy = vx + dt * gravity[0], vy + dt * gravity[1]
-            free[i, 0], free[i, 1], free[i, 2], free[i, 3] = fx, fy, start[i, 2], start[i, 3]
+            vx, vy = velocity[i, X], velocity[i, Y]
+            start[i, X], start[i, Y] = vx, vy
+            start[i, SURFACE], start[i, INVERSE_MASS] = radius[i] * velocity[i, SPIN], 1.0 / mass[i]
+            fx, fy = vx + dt * gravity[X], vy + dt * gravity[Y]
+            free[i, X], free[i, Y], free[i, SURFACE], free[i, INVERSE_MASS] = fx, fy, start[i, SURFACE], start[i, INVERSE_MASS]
             square = max(vx * vx + vy * vy, fx * fx + fy * fy)
-            size = np.sqrt(square) + abs(start[i, 2]) + abs(middle[i, 0]) + abs(middle[i, 1]) + abs(middle[i, 2])
+            size = np.sqrt(square) + abs(start[i, SURFACE]) + abs(middle[i, X]) + abs(middle[i, Y]) + abs(middle[i, ANGLE])
             if not size <= LARGEST:  # or nan
                 bad = True
             best = max(best, square)
@@ -97,15 +98,15 @@ def move(
     half = 0.5 * dt
     for chunk in prange(sums.shape[0]):
         for i in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
-            vx, vy, s = after[i, 0], after[i, 1], after[i, 2]
-            velocity[i, 0], velocity[i, 1] = vx, vy
-            if s != start[i, 2]:  # an untouched spin keeps its bits
-                velocity[i, 2] = s / radius[i]
+            vx, vy, s = after[i, X], after[i, Y], after[i, SURFACE]
+            velocity[i, X], velocity[i, Y] = vx, vy
+            if s != start[i, SURFACE]:  # an untouched spin keeps its bits
+                velocity[i, SPIN] = s / radius[i]
             for d in range(3):
                 position[i, d] = middle[i, d] + half * velocity[i, d]
             square = vx * vx + vy * vy
             sums[chunk, 0] += 0.5 * mass[i] * (square + s * s / spin_factor)
-            work = gravity[0] * (start[i, 0] + vx) + gravity[1] * (start[i, 1] + vy)
+            work = gravity[X] * (start[i, X] + vx) + gravity[Y] * (start[i, Y] + vy)
             sums[chunk, 1] += mass[i] * half * work
 
 
@@ -113,11 +114,11 @@ def move(
 def wrap(position: Floats, image: np.ndarray, period: float) -> None:
     """Bring x back into [0, period) and count how often. **Modifies** ``position`` ``(n, 3)`` and ``image`` ``(n,)``."""
     for i in range(position.shape[0]):
-        if position[i, 0] >= period:
-            position[i, 0] -= period
+        if position[i, X] >= period:
+            position[i, X] -= period
             image[i] += 1
-        elif position[i, 0] < 0.0:
-            position[i, 0] += period
+        elif position[i, X] < 0.0:
+            position[i, X] += period
             image[i] -= 1
 
 
@@ -125,11 +126,11 @@ def wrap(position: Floats, image: np.ndarray, period: float) -> None:
 def _vector(i: int, vectors: Floats, origin: Floats, period: float) -> tuple[float, float]:
     """A vector itself, or its difference from ``origin``, nearest image in x."""
     if origin.shape[0] == 0:
-        return vectors[i, 0], vectors[i, 1]
-    dx = vectors[i, 0] - origin[i, 0]
+        return vectors[i, X], vectors[i, Y]
+    dx = vectors[i, X] - origin[i, X]
     if period > 0.0:
         dx -= period * np.floor(dx / period + 0.5)
-    return dx, vectors[i, 1] - origin[i, 1]
+    return dx, vectors[i, Y] - origin[i, Y]
 
 
 @formula
@@ -199,7 +200,7 @@ def fit_affine(vectors: Floats, origin: Floats, position: Floats, period: float,
     for has_fit in range(2):  # one loop for both passes compiles faster than two
         for chunk in prange(out.shape[0]):
             for i in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
-                x, y = position[i, 0] - position[0, 0], position[i, 1] - position[0, 1]
+                x, y = position[i, X] - position[0, X], position[i, Y] - position[0, Y]
                 u, v = _vector(i, vectors, origin, period)
                 if has_fit:
                     _compare_with_fit(x, y, u, v, fit, chunk, out)
@@ -234,17 +235,17 @@ def shape_bounds(
     """
     square, fastest, wall = 0.0, 0.0, 0.0
     for k in range(kind.size):
-        u, v = vectors[k, 0], vectors[k, 1]
+        u, v = vectors[k, X], vectors[k, Y]
         if kind[k] == _DISC:
-            x, y = world[k, 0] - center[0], world[k, 1] - center[1]
+            x, y = world[k, 0] - center[X], world[k, 1] - center[Y]
             du = u - fit[0, 0] - x * fit[1, 0] - y * fit[2, 0]
             dv = v - fit[0, 1] - x * fit[1, 1] - y * fit[2, 1]
             square, fastest = max(square, du * du + dv * dv), max(fastest, u * u + v * v)
         elif kind[k] == _PLANE:
             nx, ny = world[k, 2], world[k, 3]
-            wall = max(wall, abs(nx) * largest[0] + abs(ny) * largest[1] + abs(nx * u + ny * v) + turn[k])
+            wall = max(wall, abs(nx) * largest[X] + abs(ny) * largest[Y] + abs(nx * u + ny * v) + turn[k])
         else:
-            wall = max(wall, np.sqrt(largest[0] * largest[0] + largest[1] * largest[1]) + np.sqrt(u * u + v * v) + turn[k])
+            wall = max(wall, np.sqrt(largest[X] * largest[X] + largest[Y] * largest[Y]) + np.sqrt(u * u + v * v) + turn[k])
     return np.sqrt(square), np.sqrt(fastest), wall
 
 
@@ -266,8 +267,8 @@ def shape_velocities(
     """
     for k in range(kind.size):
         w = wall[k]
-        vectors[k, 0], vectors[k, 1] = velocity[w, 0], velocity[w, 1]
-        turn[k] = abs(velocity[w, 2]) * extent[w]
+        vectors[k, X], vectors[k, Y] = velocity[w, X], velocity[w, Y]
+        turn[k] = abs(velocity[w, SPIN]) * extent[w]
         if kind[k] == _DISC:
-            vectors[k, 0] -= velocity[w, 2] * (world[k, 1] - wall_position[w, 1])
-            vectors[k, 1] += velocity[w, 2] * (world[k, 0] - wall_position[w, 0])
+            vectors[k, X] -= velocity[w, SPIN] * (world[k, 1] - wall_position[w, Y])
+            vectors[k, Y] += velocity[w, SPIN] * (world[k, 0] - wall_position[w, X])

@@ -8,18 +8,19 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.engine.contact.acceleration import (
-    FACTOR,
     choose_factor,
     extrapolate_impulse,
     extrapolate_velocity,
     inner_products,
-    start_memory,
+    start_loop,
 )
 from multicor_cli.engine.contact.detection import Scene, pair_geometry
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.formulas import formula
+from multicor_cli.model.columns import FIRST, GAP, NX, NY, SECOND, X, Y
 from multicor_cli.model.model import Floats, Ints
 
+_MASS = 3  # column of the frames of pairs: 1/W
 GROWTH = 1.5  # of the change per sweep, at which the momentum restarts
 
 
@@ -94,7 +95,7 @@ def _bodies(marked: NDArray[np.bool_], mass: Floats, wall_inverse: Floats) -> _B
     count = 0
     number = np.full(n + w, -1, np.int32)
     for k in range(n + w):
-        if marked[k] if k < n else wall_inverse[k - n, 0] > 0.0 or wall_inverse[k - n, 1] > 0.0:
+        if marked[k] if k < n else wall_inverse[k - n, X] > 0.0 or wall_inverse[k - n, Y] > 0.0:
             number[k] = count
             count += 1
     mobility, weight = np.zeros((count + 1, 4)), np.zeros((count + 1, 4))
@@ -123,14 +124,14 @@ def _measure(scene: Scene, bodies: _Bodies, i: Ints, j: Ints, target: float, all
         a = bodies.number[i[c]]
         b = bodies.number[j[c] if j[c] < n else n + scene.wall[j[c] - n]]
         gap, nx, ny = pair_geometry(scene, i[c], j[c])
-        give = (bodies.mobility[a, 0] + bodies.mobility[b, 0]) * nx * nx + (bodies.mobility[a, 1] + bodies.mobility[b, 1]) * ny * ny
+        give = (bodies.mobility[a, X] + bodies.mobility[b, X]) * nx * nx + (bodies.mobility[a, Y] + bodies.mobility[b, Y]) * ny * ny
         if give > 0.0:
             smaller = min(scene.radius[i[c]], scene.radius[j[c]]) if j[c] < n else scene.radius[i[c]]
             left = target * smaller
             if (a == held or b == held) and left < -gap <= allowed * smaller:
                 left = -gap
-            pair[found, 0], pair[found, 1] = a, b
-            frame[found, 0], frame[found, 1], frame[found, 2], frame[found, 3] = nx, ny, gap + left, 1.0 / give
+            pair[found, FIRST], pair[found, SECOND] = a, b
+            frame[found, NX], frame[found, NY], frame[found, GAP], frame[found, _MASS] = nx, ny, gap + left, 1.0 / give
             found += 1
     return pair[:found], frame[:found]
 
@@ -138,18 +139,18 @@ def _measure(scene: Scene, bodies: _Bodies, i: Ints, j: Ints, target: float, all
 @formula
 def _push_apart(c: int, pair: Ints, frame: Floats, push: Floats, mobility: Floats, shift: Floats) -> float:
     """Relax a pair; returns by how much it opens or closes [m]."""
-    a, b = pair[c, 0], pair[c, 1]
-    nx, ny = frame[c, 0], frame[c, 1]
-    gap = frame[c, 2] + nx * (shift[a, 0] - shift[b, 0]) + ny * (shift[a, 1] - shift[b, 1])
-    change = max(-gap * frame[c, 3], -push[c])
+    a, b = pair[c, FIRST], pair[c, SECOND]
+    nx, ny = frame[c, NX], frame[c, NY]
+    gap = frame[c, GAP] + nx * (shift[a, X] - shift[b, X]) + ny * (shift[a, Y] - shift[b, Y])
+    change = max(-gap * frame[c, _MASS], -push[c])
     if change == 0.0:
         return 0.0
     push[c] += change
-    shift[a, 0] += mobility[a, 0] * change * nx
-    shift[a, 1] += mobility[a, 1] * change * ny
-    shift[b, 0] -= mobility[b, 0] * change * nx
-    shift[b, 1] -= mobility[b, 1] * change * ny
-    return abs(change) / frame[c, 3]
+    shift[a, X] += mobility[a, X] * change * nx
+    shift[a, Y] += mobility[a, Y] * change * ny
+    shift[b, X] -= mobility[b, X] * change * nx
+    shift[b, Y] -= mobility[b, Y] * change * ny
+    return abs(change) / frame[c, _MASS]
 
 
 @kernel
@@ -158,7 +159,8 @@ def _solve(pair: Ints, frame: Floats, bodies: _Bodies, enough: float, sweeps: in
     shift, push = np.zeros_like(bodies.mobility), np.zeros(frame.shape[0])
     before, change, last_push = np.zeros_like(shift), np.zeros_like(shift), np.zeros_like(push)
     now, then, last = shift.reshape(-1), before.reshape(-1), change.reshape(-1)
-    memory = start_memory(push.size)
+    memory = start_loop(push.size)
+    loop = memory[0]
     for _ in range(sweeps):
         largest, squares = 0.0, 0.0
         for c in range(push.size):
@@ -168,8 +170,8 @@ def _solve(pair: Ints, frame: Floats, bodies: _Bodies, enough: float, sweeps: in
         if largest <= enough:
             break
         cross, square = inner_products(0, shift.shape[0], now, then, last, bodies.weight.reshape(-1))
-        factor = choose_factor(cross, square, np.sqrt(squares), GROWTH, memory)
-        memory[FACTOR] = factor
+        factor = choose_factor(cross, square, np.sqrt(squares), GROWTH, loop)
+        loop.factor = factor
         extrapolate_velocity(0, now.size, now, then, last, factor)
         extrapolate_impulse(0, push.size, push, last_push, factor)
     return shift
@@ -213,6 +215,6 @@ def separate(
     n = marked.size
     for k in range(n):
         if marked[k]:
-            scene.position[k, 0] += shift[bodies.number[k], 0]
-            scene.position[k, 1] += shift[bodies.number[k], 1]
+            scene.position[k, X] += shift[bodies.number[k], X]
+            scene.position[k, Y] += shift[bodies.number[k], Y]
     return shift[bodies.number[n:], :2]

@@ -1,0 +1,30 @@
+"""Names for the columns of arrays with a few numbers for each body or contact. Kernels take them as constants.
+
+| array | columns |
+|---|---|
+| positions of grains and walls | `X`, `Y` [m], `ANGLE` [rad] |
+| velocities of grains and walls; inverse masses per degree of freedom | `X`, `Y`, `SPIN` |
+| bodies of a step | `X`, `Y` [m/s], `SURFACE` = a ω of a grain [m/s] or Ω of a wall [rad/s], `INVERSE_MASS` [1/kg] |
+| impulses, and relative velocities in the frame of a contact | `NORMAL`, `TANGENTIAL` |
+| pairs of bodies | `FIRST`, `SECOND` |
+| frames of contacts | `NX`, `NY`, `GAP` [m], `BIAS` [m/s], `MU` |
+| frames of contacts in a sweep | `NX`, `NY`, `MASS` = 1/W_nn [kg] or `W_NN`, `BIAS`, `MU`, and `W_NT`, `W_TT` [1/kg] |
+| geometry of wall shapes | `X`, `Y`; discs, circles: `RADIUS`; planes: `NORMAL_X`, `NORMAL_Y`; segments: `X_END`, `Y_END` |
+"""
+
+from __future__ import annotations
+
+X, Y = 0, 1
+ANGLE = SPIN = SURFACE = 2
+INVERSE_MASS = 3
+
+NORMAL, TANGENTIAL = 0, 1
+FIRST, SECOND = 0, 1
+
+NX, NY, BIAS, MU = 0, 1, 3, 4
+GAP = MASS = W_NN = 2
+W_NT, W_TT = 5, 6
+"""Normal, bias and friction have the same columns in the frames of all kinds of contacts."""
+
+RADIUS = NORMAL_X = X_END = 2
+NORMAL_Y = Y_END = 3
