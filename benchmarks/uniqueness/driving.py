@@ -18,6 +18,7 @@ from multicor_cli.packing import build
 from multicor_cli.running.plan import RunPlan
 from multicor_cli.running.planning import make_plan
 from multicor_cli.running.session import make_engine
+from multicor_cli.running.stage import begin_stage, resume_stage
 from multicor_cli.scenario import Scenario, parse_scenario
 
 
@@ -72,8 +73,8 @@ class Driven:
             state = self.state
             state.stage, state.stage_step, state.stage_start = number, 0, state.time
             starts.append(state.time)
+            begin_stage(self.engine, stage, starts)
             self.engine.settings = replace(stage.settings, method=self.method)
-            self.engine.set_drives(stage.drives.started(starts))
             for _ in range(stage.step_limit or 0):
                 self.step()
                 after_step(self)
@@ -99,8 +100,8 @@ class Driven:
         engine = make_engine(self.scenario, self.model, state, 1)
         names = ("tolerance_rms", "tolerance_max", "tolerance_energy")
         tolerances = {name: factor * getattr(stage.settings, name) for name in names}
+        resume_stage(engine, stage, [0.0] * state.stage + [state.stage_start])
         engine.settings = replace(stage.settings, method=method, **tolerances)
-        engine.resume_drives(stage.drives.started([0.0] * state.stage + [state.stage_start]))
         return Driven(self.scenario, self.model, engine, self.plan, method)
 
 

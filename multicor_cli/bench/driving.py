@@ -21,6 +21,7 @@ from multicor_cli.running.controller import Controller
 from multicor_cli.running.plan import RunPlan, StagePlan
 from multicor_cli.running.planning import make_plan
 from multicor_cli.running.session import make_engine
+from multicor_cli.running.stage import begin_stage
 from multicor_cli.scenario import Scenario, parse_scenario
 
 
@@ -126,10 +127,7 @@ def prepare(scene: BenchScene, grains: int, *, seed: int = 1, threads: int = 1) 
         model, state = repeat_scene(model, state, copies) if scene.tile else (model, _fresh(model, state))
     stage = plan.stages[-1]
     engine = make_engine(_scenario(scene, count, seed, copies), model, state, threads)
-    engine.settings = stage.settings
-    if stage.heat is not None:
-        engine.set_heat(stage.heat.conditions.started(starts), is_on=stage.heat.is_on, is_frozen=stage.heat.is_frozen)
-    engine.set_drives(stage.drives.started(starts))
+    begin_stage(engine, stage, starts)
     return Prepared(scene, model, engine, stage)
 
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from multicor_cli.engine.contact.problem import ContactProblem
 from multicor_cli.engine.contact.settings import Settings, StepReport
 from multicor_cli.engine.contact.table import ContactTable
 from multicor_cli.engine.heat.pairs import resting_contacts
@@ -14,6 +15,7 @@ from multicor_cli.engine.heat.settings import WallHeat
 from multicor_cli.engine.heat.step import HeatEngine, MovedContacts
 from multicor_cli.engine.motion.drives import WallDrive
 from multicor_cli.engine.step import Engine
+from multicor_cli.model.model import Floats
 from multicor_cli.model.state import State
 
 
@@ -78,8 +80,7 @@ class CoupledEngine:
             return self._advance(self.heat, dt, t, should_stop)
         state, mechanics = self.state, self.mechanics
         loaded_i, loaded_j = state.contact_i, state.contact_j
-        if self.heat is not None and mechanics.model.laws.softening is not None:
-            mechanics.shape_temperature = self.heat.shape_temperatures(t)
+        self._soften(t)
         report = mechanics.step(dt, t, should_stop)
         moved = mechanics.moved
         if self.heat is not None and not self._is_on:
@@ -88,6 +89,16 @@ class CoupledEngine:
         elif self.heat is not None and moved is not None:
             self.heat.step(MovedContacts(*moved, loaded_i, loaded_j), dt, t)
         return report
+
+    def next_start(self, dt: float, t: float) -> tuple[ContactProblem, Floats]:
+        """As `Engine.next_start`."""
+        self._soften(t)
+        return self.mechanics.next_start(dt, t)
+
+    def _soften(self, t: float) -> None:
+        """Tell the mechanics the temperatures at the start of a step, where friction depends on them."""
+        if self.heat is not None and self.mechanics.model.laws.softening is not None:
+            self.mechanics.shape_temperature = self.heat.shape_temperatures(t)
 
     def contacts(self) -> ContactTable:
         """Contacts of the last step with their heat; in frozen stages those that stand still."""

@@ -17,6 +17,7 @@ from multicor_cli.model.model import Floats
 from multicor_cli.running.plan import RunPlan
 from multicor_cli.running.planning import make_plan
 from multicor_cli.running.session import make_engine
+from multicor_cli.running.stage import resume_stage
 from multicor_cli.scenario.load import parse_scenario
 from multicor_cli.scenario.scenario import Scenario
 from multicor_cli.store import Frame, Run
@@ -124,11 +125,8 @@ def frame_problem(run: Run, number: int = -1) -> FrameProblem:
 
 def _next_problem(scenario: Scenario, plan: RunPlan, model: Model, state: State, moment: _Moment) -> tuple[ContactProblem, Floats]:
     engine, stage = make_engine(scenario, model, state, threads=1), plan.stages[moment.stage]
-    engine.resume_drives(stage.drives.started(moment.starts))
-    if engine.heat is not None and stage.heat is not None and model.laws.softening is not None:
-        engine.heat.set_conditions(stage.heat.conditions.started(moment.starts))
-        engine.mechanics.shape_temperature = engine.heat.shape_temperatures(moment.stage_step * stage.dt)
-    return engine.mechanics.next_start(stage.dt, moment.stage_step * stage.dt)
+    resume_stage(engine, stage, moment.starts)
+    return engine.next_start(stage.dt, moment.stage_step * stage.dt)
 
 
 def _find_moment(run: Run, frame: Frame, plan: RunPlan) -> _Moment:

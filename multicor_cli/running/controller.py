@@ -6,18 +6,17 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
-from multicor_cli.engine.contact.settings import Settings, StepReport
+from multicor_cli.engine.contact.settings import StepReport
 from multicor_cli.engine.contact.solve import Interrupted
 from multicor_cli.engine.contact.table import ContactTable
-from multicor_cli.engine.heat.settings import WallHeat
-from multicor_cli.engine.motion.drives import WallDrive
 from multicor_cli.model import State
-from multicor_cli.running.conditions import KINETIC, update_peak
+from multicor_cli.running.conditions import update_peak
 from multicor_cli.running.observer import Observer, SilentObserver, Status
 from multicor_cli.running.outcome import StopReason
 from multicor_cli.running.pace import Pace
 from multicor_cli.running.plan import RunPlan, StagePlan
 from multicor_cli.running.signals import Switchboard
+from multicor_cli.running.stage import Staged, begin_stage, resume_stage
 
 HEARTBEAT = 2.0
 """Wall-clock time between two heartbeats [s]."""
@@ -27,23 +26,8 @@ CHECKPOINT_SHARE = 20.0
 """Checkpoints are at least this many times as far apart as the last one took: they never cost more than a twentieth of a run."""
 
 
-class Stepper(Protocol):
+class Stepper(Staged, Protocol):
     """What the controller needs of `multicor_cli.engine.coupled.CoupledEngine`."""
-
-    settings: Settings
-
-    @property
-    def state(self) -> State:
-        """What is advanced."""
-
-    def set_drives(self, drives: list[WallDrive]) -> None:
-        """Choose what the walls do, at the start of a stage."""
-
-    def resume_drives(self, drives: list[WallDrive]) -> None:
-        """Choose what the walls do, in the middle of a stage."""
-
-    def set_heat(self, conditions: list[WallHeat], *, is_on: bool, is_frozen: bool) -> None:
-        """Choose what heat does, at the start of a stage or in its middle."""
 
     def step(self, dt: float, t: float, should_stop: Callable[[], bool] | None = None) -> StepReport:
         """Advance the state by one step."""
@@ -149,12 +133,8 @@ class Controller:
     def _run_stage(self, stage: StagePlan) -> StopReason | None:
         """Carry out the rest of a stage; None if it came to its end."""
         state = self._engine.state
-        self._engine.settings = stage.settings
-        if stage.heat is not None:
-            conditions = stage.heat.conditions.started(self._starts)
-            self._engine.set_heat(conditions, is_on=stage.heat.is_on, is_frozen=stage.heat.is_frozen)
         if state.stage_step > 0:
-            self._engine.resume_drives(stage.drives.started(self._starts))
+            resume_stage(self._engine, stage, self._starts)
         while True:
             reason = self._reason_to_stop()
             if reason is not None:
@@ -166,11 +146,10 @@ class Controller:
                 return None
 
     def _first_step(self, stage: StagePlan) -> StepReport | None:
-        """The first step of a stage. If it is interrupted the state is what it was before the drives were set."""
+        """The first step of a stage. If it is interrupted the state is what it was before the stage began."""
         state = self._engine.state
         books = state.books.copy()
-        self._engine.set_drives(stage.drives.started(self._starts))
-        state.stage_peak = float(state.books[KINETIC]) if state.step > 0 else 0.0
+        begin_stage(self._engine, stage, self._starts)
         report = self._step(stage)
         if report is None:
             state.books[:] = books

@@ -6,6 +6,7 @@ from multicor_cli.engine.contact.settings import StepReport
 from multicor_cli.model import Model, State
 from multicor_cli.running.planning import make_plan
 from multicor_cli.running.session import make_engine
+from multicor_cli.running.stage import begin_stage
 from multicor_cli.scenario.scenario import Scenario
 
 
@@ -24,6 +25,5 @@ def try_step(scenario: Scenario, model: Model, state: State, threads: int) -> St
     """
     stage = make_plan(scenario, model).stages[0]
     engine = make_engine(scenario, model, state, threads)
-    engine.settings = stage.settings
-    engine.set_drives(stage.drives.started([0.0]))
+    begin_stage(engine, stage, [0.0])
     return engine.step(stage.dt, 0.0)

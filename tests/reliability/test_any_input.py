@@ -26,6 +26,7 @@ from multicor_cli.packing import build
 from multicor_cli.running.estimate import estimate
 from multicor_cli.running.planning import make_plan
 from multicor_cli.running.session import make_engine
+from multicor_cli.running.stage import begin_stage
 from multicor_cli.scenario.load import parse_scenario
 from multicor_cli.scenario.problems import ScenarioError
 from multicor_cli.scenario.schema import scenario_schema
@@ -192,10 +193,7 @@ def test_what_is_right_can_be_placed_and_moved(count: int) -> None:
             estimate(scenario, plan, model, state, 1)
             engine = make_engine(scenario, model, state, 1)
             stage = plan.stages[0]
-            engine.settings = stage.settings
-            if stage.heat is not None:
-                engine.set_heat(stage.heat.conditions.started([0.0]), is_on=stage.heat.is_on, is_frozen=stage.heat.is_frozen)
-            engine.set_drives(stage.drives.started([0.0]))
+            begin_stage(engine, stage, [0.0])
             for _ in range(2):
                 engine.step(stage.dt, state.stage_step * stage.dt)
             assert np.isfinite(state.position).all()

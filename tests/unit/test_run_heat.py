@@ -8,6 +8,8 @@ import pytest
 from warm_run import WARM
 
 import multicor_cli as multicor
+from multicor_cli.packing import build
+from multicor_cli.running.dry_run import try_step
 from multicor_cli.running.observer import SilentObserver
 from multicor_cli.store import run_info
 
@@ -94,3 +96,13 @@ def test_drum_power_becomes_heat(tmp_path):
         rows = np.flatnonzero(steady)[1:]  # rows whose whole window turned at full speed
         power = -series["wall_force"][rows, 0, 2] * 3.0 * series["window_duration"][rows]
         assert power.sum() == pytest.approx(np.diff(series["wall_work"])[rows - 1].sum(), rel=1e-10)
+
+
+def test_a_dry_run_that_begins_frozen_moves_nothing():
+    scenario = multicor.load_scenario(CONFIGS / "lattice14.toml")
+    model, state = build(scenario)
+    position = state.position.copy()
+    try_step(scenario, model, state, threads=1)
+    assert state.frozen_steps == 1
+    assert (state.position == position).all()
+    assert np.abs(state.heat).max() > 0.0
