@@ -97,7 +97,7 @@ class CoupledEngine:
 
     def _soften(self, t: float) -> None:
         """Tell the mechanics the temperatures at the start of a step, where friction depends on them."""
-        if self.heat is not None and self.mechanics.model.laws.softening is not None:
+        if self.heat is not None and self.mechanics.model.laws.depends_on_temperature:
             self.mechanics.shape_temperature = self.heat.shape_temperatures(t)
 
     def contacts(self) -> ContactTable:

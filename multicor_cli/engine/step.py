@@ -18,7 +18,6 @@ from multicor_cli.engine.contact.detection import (
     Scene,
     WarmStart,
     find_missed,
-    kernel_laws,
     measure_pairs,
     warm_rows,
 )
@@ -227,7 +226,7 @@ class Engine:
         place_shapes(model.shapes.kind, model.shapes.wall, model.shapes.geometry, wall_position, world)
         return Scene(
             position, model.grains.radius, self._material, model.shapes.kind, model.shapes.wall, world, wall_position,
-            model.period,
+            model.period, self.shape_temperature,
         )  # fmt: skip
 
     def _solve(
@@ -250,8 +249,7 @@ class Engine:
         state, model, lists = self.state, self.model, self._list
         warm = WarmStart(warm_rows(model.grain_count, state.contact_i), state.contact_j, state.contact_impulse)
         ratio = dt / state.last_dt if state.last_dt > 0.0 else 0.0
-        laws = kernel_laws(model.laws, self.shape_temperature)
-        contacts, closing = gather_contacts(scene, lists, lists.gap, margin, laws, self._start, dt, warm, ratio)
+        contacts, closing = gather_contacts(scene, lists, lists.gap, margin, model.laws, self._start, dt, warm, ratio)
         scale = self._scale(dt, *closing)
         if scale.velocity == 0.0:
             # Nothing closes and nothing pushes: the impulses of the step before must not act once more.

@@ -9,6 +9,7 @@ from __future__ import annotations
 import functools
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
@@ -84,9 +85,8 @@ class Walls:
     length: Floats
 
 
-@dataclass(frozen=True)
-class Softening:
-    """Friction that depends on temperature: μ = μ₀ [1 − c (T − T_r)], cut to a range; every array has shape ``(k, k)``.
+class Softening(NamedTuple):
+    """Friction that depends on temperature: μ = μ₀ [1 − c (T − T_r)], cut to a range; arrays of shape ``(k, k)``.
 
     Attributes:
         rate: c [1/K]; 0 for pairs without it.
@@ -101,9 +101,12 @@ class Softening:
     highest: Floats
 
 
-@dataclass(frozen=True)
-class ContactLaws:
-    """Coulomb friction and Newton restitution for each pair of materials; ``k`` materials.
+NO_SOFTENING = Softening(*(np.empty((0, 0)) for _ in range(4)))
+"""Of laws in which no pair depends on temperature."""
+
+
+class ContactLaws(NamedTuple):
+    """Coulomb friction and Newton restitution for each pair of materials; ``k`` materials. Kernels take it as it is.
 
     Attributes:
         friction: Coefficient of friction μ, shape ``(k, k)``, symmetric; used where ``table`` is -1.
@@ -112,7 +115,7 @@ class ContactLaws:
         table_start: First row of each table in the two arrays below, shape ``(tables + 1,)``.
         table_speed: Sliding speeds [m/s], ascending within a table.
         table_friction: μ at these speeds; linear between, constant beyond.
-        softening: How μ depends on temperature, or None.
+        softening: How μ depends on temperature.
     """
 
     friction: Floats
@@ -121,7 +124,12 @@ class ContactLaws:
     table_start: Ints
     table_speed: Floats
     table_friction: Floats
-    softening: Softening | None = None
+    softening: Softening = NO_SOFTENING
+
+    @property
+    def depends_on_temperature(self) -> bool:
+        """Whether friction does, for any pair."""
+        return self.softening.rate.size > 0
 
 
 @dataclass(frozen=True)

@@ -136,7 +136,7 @@ class _Press:
     def hold(self) -> None:
         """Raise the friction."""
         laws = self.model.laws
-        higher = replace(laws, friction=np.maximum(laws.friction, _HOLDING_FRICTION))
+        higher = laws._replace(friction=np.maximum(laws.friction, _HOLDING_FRICTION))
         self._start(replace(self.model, laws=higher))
 
 

@@ -7,27 +7,13 @@ from typing import NamedTuple
 
 import numpy as np
 
-from multicor_cli.model.model import ContactLaws, Floats
-from multicor_cli.model.model import Softening as SofteningLaws
+from multicor_cli.model.model import NO_SOFTENING, ContactLaws, Floats, Softening
+
+SofteningOfPair = tuple[float, float, float, float]
+"""Of one pair of materials: what `multicor_cli.model.Softening` has of all."""
 
 Points = tuple[tuple[float, ...], tuple[float, ...]]
 """Sliding speeds [m/s], ascending, and the coefficients of friction at them."""
-
-
-class Softening(NamedTuple):
-    """How the coefficient of friction of a pair depends on temperature.
-
-    Attributes:
-        rate: Relative decrease c [1/K].
-        start: Temperature T_r at which the coefficient is as given [K].
-        lowest: Smallest coefficient.
-        highest: Largest coefficient.
-    """
-
-    rate: float
-    start: float
-    lowest: float
-    highest: float
 
 
 class Law(NamedTuple):
@@ -41,10 +27,10 @@ class Law(NamedTuple):
 
     friction: float | Points
     restitution: float
-    softening: Softening | None = None
+    softening: SofteningOfPair | None = None
 
 
-_NO_SOFTENING = Softening(0.0, 293.15, 0.0, 10.0)
+_UNSOFTENED: SofteningOfPair = (0.0, 293.15, 0.0, 10.0)
 """Leaves every coefficient that a scenario can have as it is, at any temperature."""
 
 
@@ -65,7 +51,7 @@ def contact_laws(materials: Sequence[str], touching: Iterable[tuple[int, int]], 
     k = len(materials)
     friction, restitution, table = np.zeros((k, k)), np.zeros((k, k)), np.full((k, k), -1, np.int32)
     number: dict[Points, int] = {}
-    softening: dict[tuple[int, int], Softening] = {}
+    softening: dict[tuple[int, int], SofteningOfPair] = {}
     for a, b in touching:
         mu, e, soft = law_of(materials[a], materials[b])
         if soft is not None:
@@ -83,13 +69,13 @@ def contact_laws(materials: Sequence[str], touching: Iterable[tuple[int, int]], 
         table_start=np.cumsum([0, *sizes]).astype(np.int32),
         table_speed=np.array([speed for speeds, _ in number for speed in speeds], float),
         table_friction=np.array([value for _, values in number for value in values], float),
-        softening=_softening(k, softening) if softening else None,
+        softening=_softening(k, softening) if softening else NO_SOFTENING,
     )
 
 
-def _softening(k: int, pairs: Mapping[tuple[int, int], Softening]) -> SofteningLaws:
+def _softening(k: int, pairs: Mapping[tuple[int, int], SofteningOfPair]) -> Softening:
     table: Floats = np.empty((4, k, k))
-    table[:] = np.array(_NO_SOFTENING)[:, None, None]
+    table[:] = np.array(_UNSOFTENED)[:, None, None]
     for (a, b), soft in pairs.items():
         table[:, a, b] = soft
-    return SofteningLaws(*table)
+    return Softening(*table)

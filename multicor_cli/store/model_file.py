@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.model import ContactLaws, Grains, Model, ShapeKind, Softening, Thermal, Walls, WallShapes
+from multicor_cli.model import NO_SOFTENING, ContactLaws, Grains, Model, ShapeKind, Softening, Thermal, Walls, WallShapes
 from multicor_cli.model.faults import LARGEST
 from multicor_cli.store import schema
 from multicor_cli.store.checked import CheckedFile
@@ -32,7 +32,7 @@ def model_columns(model: Model) -> Arrays:
     data["model/walls/has_gravity"] = walls.has_gravity.astype(np.uint8)
     data |= {f"model/shapes/{name}": getattr(shapes, name) for name in ("kind", "wall", "geometry", "material")}
     data |= {f"model/laws/{name}": getattr(laws, name) for name in _LAWS}
-    if laws.softening is not None:
+    if laws.depends_on_temperature:
         data |= {f"model/laws/softening_{name}": getattr(laws.softening, name) for name in _SOFTENING}
     if model.thermal is not None:
         data |= {f"model/thermal/{name}": getattr(model.thermal, name) for name in _THERMAL}
@@ -124,9 +124,9 @@ def read_model(file: CheckedFile) -> Model:
     return model
 
 
-def _softening(data: dict[str, Any]) -> Softening | None:
+def _softening(data: dict[str, Any]) -> Softening:
     if "laws/softening_rate" not in data:
-        return None
+        return NO_SOFTENING
     return Softening(*(data[f"laws/softening_{name}"] for name in _SOFTENING))
 
 

@@ -337,7 +337,7 @@ CHECKPOINT: tuple[Dataset, ...] = (
 
 def features_of(model: Model) -> frozenset[Feature]:
     """What a run of this model has beyond what every run has."""
-    found: dict[Feature, object] = {"heat": model.thermal, "softening": model.laws.softening}
+    found: dict[Feature, object] = {"heat": model.thermal, "softening": model.laws.depends_on_temperature or None}
     return frozenset(feature for feature, value in found.items() if value is not None)
 
 

@@ -39,7 +39,7 @@ def refusal(*overrides, extra="", path="test.toml"):
 def test_without_heat_there_are_no_temperatures():
     model, state = build(scenario("particles.0.count=50"))
     assert model.thermal is None
-    assert model.laws.softening is None
+    assert not model.laws.depends_on_temperature
     assert state.heat.size == 0
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from store_support import RESOLVED, SOURCE, advance, contact_rows, drive, make_model, make_run, run_whole, start
 
-from multicor_cli.model import BOOK_NAMES, HEAT_BOOK_NAMES, Model, State
+from multicor_cli.model import BOOK_NAMES, HEAT_BOOK_NAMES, NO_SOFTENING, Model, State
 from multicor_cli.store import FrameData, RunDirectory, SeriesRow, open_run, run_info, schema, summarize, verify
 from multicor_cli.store.frames import series_name
 from multicor_cli.store.model_file import model_digest
@@ -338,11 +338,11 @@ def test_names_of_the_series_are_known_before_anything_is_written(tmp_path: Path
 def test_model_without_friction_by_temperature_has_none(tmp_path: Path) -> None:
     """A run with heat whose friction does not depend on temperature."""
     model = make_model(heat=True)
-    plain = dataclasses.replace(model, laws=dataclasses.replace(model.laws, softening=None))
+    plain = dataclasses.replace(model, laws=model.laws._replace(softening=NO_SOFTENING))
     assert model_digest(plain) != model_digest(model) != model_digest(make_model())
     run_whole(tmp_path / "run", plain, steps=10)
     with open_run(tmp_path / "run") as run:
-        assert run.model.laws.softening is None
+        assert not run.model.laws.depends_on_temperature
         assert run.features == {"heat"}
         assert run.frames[-1].temperature is not None
     assert verify(tmp_path / "run") == []

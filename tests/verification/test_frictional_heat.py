@@ -87,7 +87,7 @@ def test_friction_that_falls_with_temperature():
     model = make_model([1.0], FLOOR, friction=MU, shape="sphere")
     model = with_heat(model, 300.0, capacity=model.grains.mass[0] * heat_per_speed * 1e-3)
     one = np.ones((1, 1))
-    model = replace(model, laws=replace(model.laws, softening=Softening(rate * one, 300.0 * one, 0.05 * one, 1.0 * one)))
+    model = replace(model, laws=model.laws._replace(softening=Softening(rate * one, 300.0 * one, 0.05 * one, 1.0 * one)))
     dt = 1e-5
     engine = slide(model=model, dt=dt, duration=0.02)
     # dT/dt = μ g u/(C/m), du/dt = −3.5 μ g, so C/m (T − T_r) = (u0² − u²)/7 and dμ follows.

@@ -217,7 +217,7 @@ def test_friction_knows_the_wall_from_the_first_step():
     """μ = 0.3 [1 − 10⁻³ (600 − 300)] at the mean of a grain at 300 K and a wall at 900 K."""
     one = np.ones((1, 1))
     model = with_heat(make_model([1.0], FLOOR, friction=0.3, shape="sphere"), 300.0)
-    model = replace(model, laws=replace(model.laws, softening=Softening(1e-3 * one, 300.0 * one, 0.0 * one, one)))
+    model = replace(model, laws=model.laws._replace(softening=Softening(1e-3 * one, 300.0 * one, 0.0 * one, one)))
     engine = coupled_engine(model, [[0.0, 1.0]], [[1.0, 0.0, 0.0]], [at_temperature(900.0)], conduction="none")
     engine.step(1e-3, 0.0)
     assert engine.mechanics.moved[1].frame[0, 4] == pytest.approx(0.21, rel=1e-12)

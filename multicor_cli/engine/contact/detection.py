@@ -21,6 +21,8 @@ from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.model.columns import BIAS, GAP, MU, NORMAL, NX, NY, SURFACE, TANGENTIAL, X, Y
 from multicor_cli.model.model import ContactLaws, Floats, Ints
 
+_NO_TEMPERATURE = np.empty(0)
+
 
 class Scene(NamedTuple):
     """Positions and shapes at the middle of a step, as the kernels see them.
@@ -34,6 +36,8 @@ class Scene(NamedTuple):
         world: Wall shapes at q_m [m], shape ``(m, 4)``.
         wall_position: Wall frames at q_m, shape ``(w, 3)``.
         period: Period in x [m] or 0.
+        temperature: Temperatures of all shapes [K] for friction that depends on them, nan where a wall has none, shape
+            ``(n + m,)``; of size 0 where nobody asks for them.
     """
 
     position: Floats
@@ -44,33 +48,7 @@ class Scene(NamedTuple):
     world: Floats
     wall_position: Floats
     period: float
-
-
-class Laws(NamedTuple):
-    """`multicor_cli.model.ContactLaws` as the kernels see it; the last five are empty unless friction depends on temperature."""
-
-    friction: Floats
-    restitution: Floats
-    table: Ints
-    table_start: Ints
-    table_speed: Floats
-    table_friction: Floats
-    softening: Floats
-    softening_start: Floats
-    lowest: Floats
-    highest: Floats
-    temperature: Floats
-
-
-def kernel_laws(laws: ContactLaws, temperature: Floats) -> Laws:
-    """The laws as the kernels see them; ``temperature`` [K] of all shapes counts only where friction depends on it."""
-    softening = laws.softening
-    none = np.empty((0, 0))
-    parts = (none,) * 4 if softening is None else (softening.rate, softening.start, softening.lowest, softening.highest)
-    return Laws(
-        laws.friction, laws.restitution, laws.table, laws.table_start, laws.table_speed, laws.table_friction, *parts,
-        np.empty(0) if softening is None else temperature,
-    )  # fmt: skip
+    temperature: Floats = _NO_TEMPERATURE
 
 
 class Contacts(NamedTuple):
@@ -189,7 +167,7 @@ def count_contacts(row: NDArray[np.int64], gap: Floats, margin: float) -> NDArra
 
 
 @formula
-def friction_of(laws: Laws, a: int, b: int, speed: float) -> float:
+def friction_of(laws: ContactLaws, a: int, b: int, speed: float) -> float:
     """μ of a pair of materials at a sliding speed [m/s]: the table of the pair, linear between its points, or a constant."""
     table = laws.table[a, b]
     if table < 0:
@@ -205,17 +183,18 @@ def friction_of(laws: Laws, a: int, b: int, speed: float) -> float:
 
 
 @kernel
-def _softened(laws: Laws, a: int, b: int, mu: float, first: float, second: float) -> float:
+def _softened(laws: ContactLaws, a: int, b: int, mu: float, first: float, second: float) -> float:
     """μ at the mean of two temperatures [K]; the second may be nan (a wall without temperature), then the first counts."""
-    if laws.softening[a, b] == 0.0:
+    soft = laws.softening
+    if soft.rate[a, b] == 0.0:
         return mu
     mean = first if np.isnan(second) else 0.5 * (first + second)
-    return softened_friction(mu, laws.softening[a, b], mean, laws.softening_start[a, b], laws.lowest[a, b], laws.highest[a, b])
+    return softened_friction(mu, soft.rate[a, b], mean, soft.start[a, b], soft.lowest[a, b], soft.highest[a, b])
 
 
 @formula
 def _fill_contact(
-    c: int, i: int, j: int, scene: Scene, laws: Laws, start: Floats, dt: float, warm: WarmStart, scale: float, out: Contacts
+    c: int, i: int, j: int, scene: Scene, laws: ContactLaws, start: Floats, dt: float, warm: WarmStart, scale: float, out: Contacts
 ) -> float:
     """Fill row ``c`` of ``out``; returns min(u_n⁻, 0) if the contact closes within the step, else 0."""
     count = scene.radius.size
@@ -232,8 +211,8 @@ def _fill_contact(
     out.frame[c, NX], out.frame[c, NY], out.frame[c, GAP] = nx, ny, gap
     out.frame[c, BIAS] = bias(gap, u_n, laws.restitution[a, b], dt)
     mu = friction_of(laws, a, b, abs(u_t))
-    if laws.temperature.size:
-        mu = _softened(laws, a, b, mu, laws.temperature[i], laws.temperature[j])
+    if laws.softening.rate.size:
+        mu = _softened(laws, a, b, mu, scene.temperature[i], scene.temperature[j])
     out.frame[c, MU] = mu
     out.before[c, NORMAL], out.before[c, TANGENTIAL] = u_n, u_t
     out.lever[c, X], out.lever[c, Y] = lx, ly
@@ -248,7 +227,7 @@ def _fill_contact(
 @parallel_kernel
 def fill_contacts(
     scene: Scene,
-    laws: Laws,
+    laws: ContactLaws,
     row: NDArray[np.int64],
     partner: Ints,
     gap: Floats,

@@ -7,7 +7,6 @@ import numpy as np
 from multicor_cli.arithmetic.sums import column_totals
 from multicor_cli.engine.contact.detection import (
     Contacts,
-    Laws,
     Scene,
     WarmStart,
     count_contacts,
@@ -15,7 +14,7 @@ from multicor_cli.engine.contact.detection import (
 )
 from multicor_cli.engine.geometry.neighbor_list import NeighborList
 from multicor_cli.engine.jit.chunks import chunks_for
-from multicor_cli.model.model import Floats
+from multicor_cli.model.model import ContactLaws, Floats
 
 
 def gather_contacts(
@@ -23,7 +22,7 @@ def gather_contacts(
     lists: NeighborList,
     gap: Floats,
     margin: float,
-    laws: Laws,
+    laws: ContactLaws,
     start: Floats,
     dt: float,
     warm: WarmStart,
