@@ -1,19 +1,17 @@
 """What the engine computes with: the constant `Model` and the time-varying `State`."""
 
-from multicor_cli.model.model import NO_SOFTENING, ContactLaws, Grains, Model, ShapeKind, Softening, Thermal, Walls, WallShapes
+from multicor_cli.model.model import ContactLaws, Grains, Model, ShapeKind, Thermal, Walls, WallShapes
 from multicor_cli.model.state import BOOK_NAMES, HEAT_BOOK_NAMES, TALLY_NAMES, WINDOW_NAMES, State
 
 __all__ = [
     "BOOK_NAMES",
     "HEAT_BOOK_NAMES",
-    "NO_SOFTENING",
     "TALLY_NAMES",
     "WINDOW_NAMES",
     "ContactLaws",
     "Grains",
     "Model",
     "ShapeKind",
-    "Softening",
     "State",
     "Thermal",
     "WallShapes",

@@ -85,24 +85,7 @@ class Walls:
     length: Floats
 
 
-class Softening(NamedTuple):
-    """Friction that depends on temperature: μ = μ₀ [1 − c (T − T_r)], cut to a range; arrays of shape ``(k, k)``.
-
-    Attributes:
-        rate: c [1/K]; 0 for pairs without it.
-        start: T_r, the temperature at which μ = μ₀ [K].
-        lowest: Smallest μ.
-        highest: Largest μ.
-    """
-
-    rate: Floats
-    start: Floats
-    lowest: Floats
-    highest: Floats
-
-
-NO_SOFTENING = Softening(*(np.empty((0, 0)) for _ in range(4)))
-"""Of laws in which no pair depends on temperature."""
+_NONE = np.empty((0, 0))
 
 
 class ContactLaws(NamedTuple):
@@ -115,7 +98,11 @@ class ContactLaws(NamedTuple):
         table_start: First row of each table in the two arrays below, shape ``(tables + 1,)``.
         table_speed: Sliding speeds [m/s], ascending within a table.
         table_friction: μ at these speeds; linear between, constant beyond.
-        softening: How μ depends on temperature.
+        softening_rate: c of μ = μ₀ [1 − c (T − T_r)] [1/K], 0 for pairs whose friction does not depend on temperature, shape
+            ``(k, k)``; this and the next three are of size 0 if there is no such pair.
+        softening_start: T_r, the temperature at which μ = μ₀ [K].
+        softening_lowest: Smallest μ.
+        softening_highest: Largest μ.
     """
 
     friction: Floats
@@ -124,12 +111,15 @@ class ContactLaws(NamedTuple):
     table_start: Ints
     table_speed: Floats
     table_friction: Floats
-    softening: Softening = NO_SOFTENING
+    softening_rate: Floats = _NONE
+    softening_start: Floats = _NONE
+    softening_lowest: Floats = _NONE
+    softening_highest: Floats = _NONE
 
     @property
     def depends_on_temperature(self) -> bool:
         """Whether friction does, for any pair."""
-        return self.softening.rate.size > 0
+        return self.softening_rate.size > 0
 
 
 @dataclass(frozen=True)

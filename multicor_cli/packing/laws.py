@@ -7,10 +7,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from multicor_cli.model.model import NO_SOFTENING, ContactLaws, Floats, Softening
+from multicor_cli.model.model import ContactLaws, Floats
 
 SofteningOfPair = tuple[float, float, float, float]
-"""Of one pair of materials: what `multicor_cli.model.Softening` has of all."""
+"""Of a pair of materials: c [1/K], T_r [K], and the smallest and largest coefficient; see `multicor_cli.model.ContactLaws`."""
 
 Points = tuple[tuple[float, ...], tuple[float, ...]]
 """Sliding speeds [m/s], ascending, and the coefficients of friction at them."""
@@ -69,13 +69,13 @@ def contact_laws(materials: Sequence[str], touching: Iterable[tuple[int, int]], 
         table_start=np.cumsum([0, *sizes]).astype(np.int32),
         table_speed=np.array([speed for speeds, _ in number for speed in speeds], float),
         table_friction=np.array([value for _, values in number for value in values], float),
-        softening=_softening(k, softening) if softening else NO_SOFTENING,
+        **(_softening(k, softening) if softening else {}),
     )
 
 
-def _softening(k: int, pairs: Mapping[tuple[int, int], SofteningOfPair]) -> Softening:
+def _softening(k: int, pairs: Mapping[tuple[int, int], SofteningOfPair]) -> dict[str, Floats]:
     table: Floats = np.empty((4, k, k))
     table[:] = np.array(_UNSOFTENED)[:, None, None]
     for (a, b), soft in pairs.items():
         table[:, a, b] = soft
-    return Softening(*table)
+    return dict(zip(("softening_rate", "softening_start", "softening_lowest", "softening_highest"), table, strict=True))

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.model import NO_SOFTENING, ContactLaws, Grains, Model, ShapeKind, Softening, Thermal, Walls, WallShapes
+from multicor_cli.model import ContactLaws, Grains, Model, ShapeKind, Thermal, Walls, WallShapes
 from multicor_cli.model.faults import LARGEST
 from multicor_cli.store import schema
 from multicor_cli.store.checked import CheckedFile
@@ -33,7 +33,7 @@ def model_columns(model: Model) -> Arrays:
     data |= {f"model/shapes/{name}": getattr(shapes, name) for name in ("kind", "wall", "geometry", "material")}
     data |= {f"model/laws/{name}": getattr(laws, name) for name in _LAWS}
     if laws.depends_on_temperature:
-        data |= {f"model/laws/softening_{name}": getattr(laws.softening, name) for name in _SOFTENING}
+        data |= {f"model/laws/{name}": getattr(laws, name) for name in _SOFTENING}
     if model.thermal is not None:
         data |= {f"model/thermal/{name}": getattr(model.thermal, name) for name in _THERMAL}
     data["model/period"] = np.array([model.period])
@@ -47,7 +47,7 @@ def _as_stored(spec: schema.Dataset, values: NDArray[Any]) -> NDArray[Any]:
 
 
 _LAWS = ("friction", "restitution", "table", "table_start", "table_speed", "table_friction")
-_SOFTENING = ("rate", "start", "lowest", "highest")
+_SOFTENING = ("softening_rate", "softening_start", "softening_lowest", "softening_highest")
 _THERMAL = ("capacity", "start", "surface")
 
 
@@ -112,7 +112,7 @@ def read_model(file: CheckedFile) -> Model:
             data["walls/has_gravity"].astype(np.bool_),
             data["walls/length"],
         ),
-        laws=ContactLaws(**{name: data[f"laws/{name}"] for name in _LAWS}, softening=_softening(data)),
+        laws=ContactLaws(**{name: data[f"laws/{name}"] for name in (*_LAWS, *_SOFTENING) if f"laws/{name}" in data}),
         materials=tuple(data["material_names"]),
         groups=tuple(data["group_names"]),
         period=float(data["period"][0]),
@@ -122,12 +122,6 @@ def read_model(file: CheckedFile) -> Model:
     )
     _check_model(model, file.path)
     return model
-
-
-def _softening(data: dict[str, Any]) -> Softening:
-    if "laws/softening_rate" not in data:
-        return NO_SOFTENING
-    return Softening(*(data[f"laws/softening_{name}"] for name in _SOFTENING))
 
 
 def _thermal(data: dict[str, Any]) -> Thermal | None:

@@ -37,6 +37,12 @@ def make_heat_laws(*, conductivity=15.0, density=7500.0, capacity=500.0, young=1
     )
 
 
+def with_softening(laws, *values):
+    """The laws with c [1/K], T_r [K], smallest and largest μ for every pair."""
+    names = ("softening_rate", "softening_start", "softening_lowest", "softening_highest")
+    return laws._replace(**dict(zip(names, values, strict=True)))
+
+
 def with_heat(model, start, *, capacity=None, specific=500.0):
     """The model with heat capacities (default m c_p) and initial temperatures."""
     radius, mass = model.grains.radius, model.grains.mass

@@ -191,11 +191,11 @@ def test_softening_of_pairs():
     laws = built(extra=floor + pair + soft)[0].laws
     assert laws.friction[0, 0] == 0.4
     assert laws.table.tolist() == [[-1, 0], [0, -1]]
-    assert laws.softening.rate.tolist() == [[0.0, 2e-3], [2e-3, 0.0]]
-    assert (laws.softening.start[0, 1], laws.softening.lowest[1, 0], laws.softening.highest[0, 1]) == (300.0, 0.05, 0.6)
-    assert (laws.softening.lowest[0, 0], laws.softening.highest[0, 0]) == (0.0, 10.0)
+    assert laws.softening_rate.tolist() == [[0.0, 2e-3], [2e-3, 0.0]]
+    assert (laws.softening_start[0, 1], laws.softening_lowest[1, 0], laws.softening_highest[0, 1]) == (300.0, 0.05, 0.6)
+    assert (laws.softening_lowest[0, 0], laws.softening_highest[0, 0]) == (0.0, 10.0)
     number = built("contacts.0.friction={value=0.3, softening=1e-3}")[0].laws
-    assert (number.friction[0, 0], number.softening.rate[0, 0], number.softening.start[0, 0]) == (0.3, 1e-3, 293.15)
+    assert (number.friction[0, 0], number.softening_rate[0, 0], number.softening_start[0, 0]) == (0.3, 1e-3, 293.15)
 
 
 def test_compaction_takes_the_friction_at_the_reference_temperature():

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from store_support import RESOLVED, SOURCE, advance, contact_rows, drive, make_model, make_run, run_whole, start
 
-from multicor_cli.model import BOOK_NAMES, HEAT_BOOK_NAMES, NO_SOFTENING, Model, State
+from multicor_cli.model import BOOK_NAMES, HEAT_BOOK_NAMES, Model, State
 from multicor_cli.store import FrameData, RunDirectory, SeriesRow, open_run, run_info, schema, summarize, verify
 from multicor_cli.store.frames import series_name
 from multicor_cli.store.model_file import model_digest
@@ -338,7 +338,7 @@ def test_names_of_the_series_are_known_before_anything_is_written(tmp_path: Path
 def test_model_without_friction_by_temperature_has_none(tmp_path: Path) -> None:
     """A run with heat whose friction does not depend on temperature."""
     model = make_model(heat=True)
-    plain = dataclasses.replace(model, laws=model.laws._replace(softening=NO_SOFTENING))
+    plain = dataclasses.replace(model, laws=model.laws._replace(softening_rate=np.empty((0, 0))))
     assert model_digest(plain) != model_digest(model) != model_digest(make_model())
     run_whole(tmp_path / "run", plain, steps=10)
     with open_run(tmp_path / "run") as run:

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from heat_parts import at_temperature, heat_book, make_heat_laws, with_heat
+from heat_parts import at_temperature, heat_book, make_heat_laws, with_heat, with_softening
 from scene_parts import FLOOR, TIGHT, G, book, make_model, shear_scene
 
 from multicor_cli.engine import Engine, Settings
@@ -16,7 +16,7 @@ from multicor_cli.engine.heat.radiation import Radiation
 from multicor_cli.engine.heat.settings import HeatSettings, WallHeat
 from multicor_cli.engine.heat.step import HeatEngine
 from multicor_cli.engine.motion.drives import Constant, Sine, WallDrive
-from multicor_cli.model import Softening, State
+from multicor_cli.model import State
 
 MU = 0.3
 
@@ -87,7 +87,7 @@ def test_friction_that_falls_with_temperature():
     model = make_model([1.0], FLOOR, friction=MU, shape="sphere")
     model = with_heat(model, 300.0, capacity=model.grains.mass[0] * heat_per_speed * 1e-3)
     one = np.ones((1, 1))
-    model = replace(model, laws=model.laws._replace(softening=Softening(rate * one, 300.0 * one, 0.05 * one, 1.0 * one)))
+    model = replace(model, laws=with_softening(model.laws, rate * one, 300.0 * one, 0.05 * one, 1.0 * one))
     dt = 1e-5
     engine = slide(model=model, dt=dt, duration=0.02)
     # dT/dt = μ g u/(C/m), du/dt = −3.5 μ g, so C/m (T − T_r) = (u0² − u²)/7 and dμ follows.

@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from heat_parts import at_temperature, chain, heat_book, make_heat_laws, touching_engine, with_heat
+from heat_parts import at_temperature, chain, heat_book, make_heat_laws, touching_engine, with_heat, with_softening
 from scene_parts import FLOOR, TIGHT, book, make_model
 
 from multicor_cli.engine import Engine, PhysicsError
@@ -17,7 +17,7 @@ from multicor_cli.engine.heat.radiation import STEFAN_BOLTZMANN, Radiation
 from multicor_cli.engine.heat.settings import HeatSettings, WallHeat
 from multicor_cli.engine.heat.step import HeatEngine
 from multicor_cli.engine.motion.drives import Constant, DofDrive, Sine, Table, WallDrive
-from multicor_cli.model import Softening, State
+from multicor_cli.model import State
 
 RADIUS = 1e-4
 FLOW_TABLE = Table((0.0, 20.0, 21.0, 26.0, 27.0, 1e4), (0.0, 0.0, 10.0, 10.0, 0.0, 0.0))
@@ -217,7 +217,7 @@ def test_friction_knows_the_wall_from_the_first_step():
     """μ = 0.3 [1 − 10⁻³ (600 − 300)] at the mean of a grain at 300 K and a wall at 900 K."""
     one = np.ones((1, 1))
     model = with_heat(make_model([1.0], FLOOR, friction=0.3, shape="sphere"), 300.0)
-    model = replace(model, laws=model.laws._replace(softening=Softening(1e-3 * one, 300.0 * one, 0.0 * one, one)))
+    model = replace(model, laws=with_softening(model.laws, 1e-3 * one, 300.0 * one, 0.0 * one, one))
     engine = coupled_engine(model, [[0.0, 1.0]], [[1.0, 0.0, 0.0]], [at_temperature(900.0)], conduction="none")
     engine.step(1e-3, 0.0)
     assert engine.mechanics.moved[1].frame[0, 4] == pytest.approx(0.21, rel=1e-12)

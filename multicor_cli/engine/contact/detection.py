@@ -185,11 +185,12 @@ def friction_of(laws: ContactLaws, a: int, b: int, speed: float) -> float:
 @kernel
 def _softened(laws: ContactLaws, a: int, b: int, mu: float, first: float, second: float) -> float:
     """μ at the mean of two temperatures [K]; the second may be nan (a wall without temperature), then the first counts."""
-    soft = laws.softening
-    if soft.rate[a, b] == 0.0:
+    rate = laws.softening_rate[a, b]
+    if rate == 0.0:
         return mu
     mean = first if np.isnan(second) else 0.5 * (first + second)
-    return softened_friction(mu, soft.rate[a, b], mean, soft.start[a, b], soft.lowest[a, b], soft.highest[a, b])
+    start, lowest, highest = laws.softening_start[a, b], laws.softening_lowest[a, b], laws.softening_highest[a, b]
+    return softened_friction(mu, rate, mean, start, lowest, highest)
 
 
 @formula
@@ -211,7 +212,7 @@ def _fill_contact(
     out.frame[c, NX], out.frame[c, NY], out.frame[c, GAP] = nx, ny, gap
     out.frame[c, BIAS] = bias(gap, u_n, laws.restitution[a, b], dt)
     mu = friction_of(laws, a, b, abs(u_t))
-    if laws.softening.rate.size:
+    if laws.softening_rate.size:
         mu = _softened(laws, a, b, mu, scene.temperature[i], scene.temperature[j])
     out.frame[c, MU] = mu
     out.before[c, NORMAL], out.before[c, TANGENTIAL] = u_n, u_t
