@@ -13,9 +13,9 @@ from methods.operators import DISTANCE, TIME, WORK, distance
 from problems import Problem
 from reference import Reference
 
+from multicor_cli.engine.contact.pace import Pace
 from multicor_cli.engine.contact.settings import Settings
 from multicor_cli.engine.contact.solve import Outcome, solve_system
-from multicor_cli.engine.pace import Pace
 from multicor_cli.model.model import Floats
 
 _TIMED = 5

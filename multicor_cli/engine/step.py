@@ -13,15 +13,9 @@ import numpy as np
 
 from multicor_cli.arithmetic import hypot
 from multicor_cli.arithmetic.sums import column_totals, total
-from multicor_cli.engine.contact.detection import (
-    Contacts,
-    Scene,
-    WarmStart,
-    find_missed,
-    measure_pairs,
-    warm_rows,
-)
+from multicor_cli.engine.contact.detection import Contacts, WarmStart, find_missed, measure_pairs, warm_rows
 from multicor_cli.engine.contact.gathering import gather_contacts
+from multicor_cli.engine.contact.pace import Pace
 from multicor_cli.engine.contact.problem import ContactProblem, problem_of_step
 from multicor_cli.engine.contact.settings import PhysicsError, Settings, StepReport
 from multicor_cli.engine.contact.solve import Outcome, Scale, solve_system
@@ -32,12 +26,12 @@ from multicor_cli.engine.energy.books import book_step, start_books, switch_wall
 from multicor_cli.engine.geometry.drift import fit_drift
 from multicor_cli.engine.geometry.neighbor_list import NeighborList
 from multicor_cli.engine.geometry.neighbors import place_shapes
+from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.jit.chunks import chunks_for
 from multicor_cli.engine.motion.correction import correct_positions
 from multicor_cli.engine.motion.drives import WallDrive
 from multicor_cli.engine.motion.moves import move, predict, wrap
 from multicor_cli.engine.motion.walls import WallMotion
-from multicor_cli.engine.pace import Pace
 from multicor_cli.model.faults import LARGEST, find_absurd_value
 from multicor_cli.model.model import Floats, Model
 from multicor_cli.model.state import State

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scene_parts import FLOOR, make_engine, make_model
 
-from multicor_cli.engine.contact.detection import Scene, pair_geometry
+from multicor_cli.engine.geometry.scene import Scene, pair_geometry
 from multicor_cli.engine.motion import correction
 from multicor_cli.engine.motion.separation import near_pairs, separate, surround
 from multicor_cli.model.model import ShapeKind

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from multicor_cli.engine.pace import PARALLEL_FROM, SLICE, Pace
+from multicor_cli.engine.contact.pace import PARALLEL_FROM, SLICE, Pace
 
 MANY = PARALLEL_FROM
 

@@ -12,43 +12,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.engine.contact.law import bias
-from multicor_cli.engine.geometry.gaps import disc_disc, minimum_image, nearest_image
-from multicor_cli.engine.geometry.neighbors import gap_to_shape
-from multicor_cli.engine.heat.softening import softened_friction
+from multicor_cli.engine.contact.softening import softened_friction
+from multicor_cli.engine.geometry.gaps import nearest_image
+from multicor_cli.engine.geometry.scene import Scene, pair_geometry
 from multicor_cli.engine.jit.chunks import CHUNK
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.model.columns import BIAS, GAP, MU, NORMAL, NX, NY, SURFACE, TANGENTIAL, X, Y
 from multicor_cli.model.model import ContactLaws, Floats, Ints
-
-_NO_TEMPERATURE = np.empty(0)
-
-
-class Scene(NamedTuple):
-    """Positions and shapes at the middle of a step, as the kernels see them.
-
-    Attributes:
-        position: Grains at q_m: x, y [m], angle, shape ``(n, 3)``.
-        radius: Radii [m], shape ``(n,)``.
-        material: Materials of all shapes, grains first, shape ``(n + m,)``.
-        kind: `ShapeKind` of the wall shapes, shape ``(m,)``.
-        wall: Wall of each wall shape, shape ``(m,)``.
-        world: Wall shapes at q_m [m], shape ``(m, 4)``.
-        wall_position: Wall frames at q_m, shape ``(w, 3)``.
-        period: Period in x [m] or 0.
-        temperature: Temperatures of all shapes [K] for friction that depends on them, nan where a wall has none, shape
-            ``(n + m,)``; of size 0 where nobody asks for them.
-    """
-
-    position: Floats
-    radius: Floats
-    material: Ints
-    kind: Ints
-    wall: Ints
-    world: Floats
-    wall_position: Floats
-    period: float
-    temperature: Floats = _NO_TEMPERATURE
 
 
 class Contacts(NamedTuple):
@@ -77,17 +48,6 @@ class WarmStart(NamedTuple):
     row: NDArray[np.int64]
     j: Ints
     impulse: Floats
-
-
-@formula
-def pair_geometry(scene: Scene, i: int, j: int) -> tuple[float, float, float]:
-    """Gap and normal (from j to i) of a pair."""
-    count = scene.radius.size
-    x, y = scene.position[i, X], scene.position[i, Y]
-    if j < count:
-        dx = minimum_image(x - scene.position[j, X], scene.period)
-        return disc_disc(dx, y - scene.position[j, Y], scene.radius[i] + scene.radius[j])
-    return gap_to_shape(x, y, scene.radius[i], j - count, scene.kind, scene.world, scene.period)
 
 
 @formula
@@ -312,3 +272,15 @@ def find_missed(
                     if g + dt * u_n < 0.0:
                         best = max(best, -u_n)
         worst[chunk, 0] = best
+
+
+@formula
+def contact_after(c: int, scene: Scene, contacts: Contacts, after: Floats) -> tuple[float, float]:
+    """u_n⁺ and u_t⁺ of a contact, in the frame at q_m [m/s]."""
+    i, j = contacts.i[c], contacts.j[c]
+    count = scene.radius.size
+    nx, ny = contacts.frame[c, NX], contacts.frame[c, NY]
+    if j < count:
+        return relative_velocity(after, i, j, nx, ny, False, 0.0, 0.0)
+    body = count + scene.wall[j - count]
+    return relative_velocity(after, i, body, nx, ny, True, contacts.lever[c, X], contacts.lever[c, Y])

@@ -5,14 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from multicor_cli.arithmetic.sums import column_totals
-from multicor_cli.engine.contact.detection import (
-    Contacts,
-    Scene,
-    WarmStart,
-    count_contacts,
-    fill_contacts,
-)
+from multicor_cli.engine.contact.detection import Contacts, WarmStart, count_contacts, fill_contacts
 from multicor_cli.engine.geometry.neighbor_list import NeighborList
+from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.jit.chunks import chunks_for
 from multicor_cli.model.model import ContactLaws, Floats
 

@@ -12,7 +12,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.engine.contact.detection import Contacts, Scene
+from multicor_cli.engine.contact.detection import Contacts
+from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
 from multicor_cli.model.columns import (
     BIAS,

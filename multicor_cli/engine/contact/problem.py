@@ -9,11 +9,12 @@ from pathlib import Path
 import numpy as np
 
 from multicor_cli.arithmetic.sums import mean, total
-from multicor_cli.engine.contact.detection import Contacts, Scene
+from multicor_cli.engine.contact.detection import Contacts
+from multicor_cli.engine.contact.pace import Pace
 from multicor_cli.engine.contact.settings import Settings
 from multicor_cli.engine.contact.solve import Scale, solve_system
 from multicor_cli.engine.contact.sweep import System, add_impulses
-from multicor_cli.engine.pace import Pace
+from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.model.columns import (
     BIAS,
     FIRST,

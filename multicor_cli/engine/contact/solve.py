@@ -10,9 +10,9 @@ import numba
 import numpy as np
 
 from multicor_cli.engine.contact.acceleration import Tolerances, iterate, start_loop, start_momentum
+from multicor_cli.engine.contact.pace import SLICE, Pace
 from multicor_cli.engine.contact.settings import Settings
 from multicor_cli.engine.contact.sweep import BIPOTENTIAL, EXACT, System
-from multicor_cli.engine.pace import SLICE, Pace
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.engine.contact.detection import Contacts, Scene
+from multicor_cli.engine.contact.detection import Contacts
 from multicor_cli.engine.contact.ordering import (
     classify_contacts,
     number_grains,
@@ -18,6 +18,7 @@ from multicor_cli.engine.contact.ordering import (
     unpack,
 )
 from multicor_cli.engine.contact.sweep import System, add_impulses
+from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.model.columns import INVERSE_MASS, SPIN, X, Y
 from multicor_cli.model.model import Floats, Ints
 

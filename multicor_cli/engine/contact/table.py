@@ -7,8 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.engine.contact.detection import Contacts, Scene
-from multicor_cli.engine.energy.account import contact_after
+from multicor_cli.engine.contact.detection import Contacts, contact_after
+from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.model.columns import GAP, MU
 from multicor_cli.model.model import Floats, Ints

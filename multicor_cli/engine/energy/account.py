@@ -7,7 +7,8 @@ from typing import NamedTuple
 import numpy as np
 
 from multicor_cli.arithmetic.sums import column_totals
-from multicor_cli.engine.contact.detection import Contacts, Scene, relative_velocity
+from multicor_cli.engine.contact.detection import Contacts, contact_after
+from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.jit.chunks import CHUNK, chunks_for
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
 from multicor_cli.engine.jit.formulas import formula
@@ -25,18 +26,6 @@ class ContactSums(NamedTuple):
 
     total: Floats
     wall_impulse: Floats
-
-
-@formula
-def contact_after(c: int, scene: Scene, contacts: Contacts, after: Floats) -> tuple[float, float]:
-    """u_n⁺ and u_t⁺ of a contact, in the frame at q_m [m/s]."""
-    i, j = contacts.i[c], contacts.j[c]
-    count = scene.radius.size
-    nx, ny = contacts.frame[c, NX], contacts.frame[c, NY]
-    if j < count:
-        return relative_velocity(after, i, j, nx, ny, False, 0.0, 0.0)
-    body = count + scene.wall[j - count]
-    return relative_velocity(after, i, body, nx, ny, True, contacts.lever[c, X], contacts.lever[c, Y])
 
 
 @formula

@@ -14,8 +14,8 @@ import numpy as np
 
 from multicor_cli.arithmetic import hypot
 from multicor_cli.arithmetic.sums import total
+from multicor_cli.engine.geometry.affine import fit_affine, shape_bounds
 from multicor_cli.engine.jit.chunks import chunks_for
-from multicor_cli.engine.motion.moves import fit_affine, shape_bounds
 from multicor_cli.model.model import Floats, Ints
 
 

@@ -22,7 +22,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.arithmetic import power
-from multicor_cli.engine.contact.detection import Contacts, Scene
+from multicor_cli.engine.contact.detection import Contacts
+from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.heat.laws import HeatLaws
 from multicor_cli.engine.heat.pairs import pair_radius
 from multicor_cli.engine.jit.compile import kernel

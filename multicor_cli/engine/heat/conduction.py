@@ -19,8 +19,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from multicor_cli.engine.contact.detection import Scene
 from multicor_cli.engine.contact.hertz import contact_radius
+from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.heat.laws import HeatLaws
 from multicor_cli.engine.heat.pairs import pair_radius
 from multicor_cli.engine.heat.rough import rough_conductance

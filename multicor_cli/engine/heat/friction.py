@@ -11,8 +11,8 @@ from __future__ import annotations
 
 from typing import Literal
 
-from multicor_cli.engine.contact.detection import Contacts, Scene
-from multicor_cli.engine.energy.account import contact_after
+from multicor_cli.engine.contact.detection import Contacts, contact_after
+from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.heat.wear import rubbing_of
 from multicor_cli.engine.jit.chunks import CHUNK
 from multicor_cli.engine.jit.compile import parallel_kernel, prange

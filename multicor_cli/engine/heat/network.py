@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.engine.contact.detection import Scene, warm_rows
+from multicor_cli.engine.contact.detection import warm_rows
+from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.heat.conduction import largest_biot
 from multicor_cli.engine.heat.convection import convective_conductance
 from multicor_cli.engine.heat.gas import BATCHELOR, PARALLEL, VARGAS, gas_conductances

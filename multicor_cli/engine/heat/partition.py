@@ -19,7 +19,7 @@ from math import sqrt
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.engine.contact.detection import Scene
+from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.heat.laws import HeatLaws
 from multicor_cli.engine.heat.wear import archard_volume
 from multicor_cli.engine.jit.compile import kernel

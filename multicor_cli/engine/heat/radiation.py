@@ -21,7 +21,7 @@ from math import pi, sqrt
 import numpy as np
 
 from multicor_cli.arithmetic import acos
-from multicor_cli.engine.contact.detection import Scene
+from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.heat.laws import HeatLaws
 from multicor_cli.engine.heat.pairs import other_radius
 from multicor_cli.engine.jit.compile import kernel

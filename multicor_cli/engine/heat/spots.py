@@ -7,7 +7,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from multicor_cli.arithmetic import expm1
-from multicor_cli.engine.contact.detection import Contacts, Scene, warm_rows
+from multicor_cli.engine.contact.detection import Contacts, warm_rows
+from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.heat.conduction import contact_spots
 from multicor_cli.engine.heat.laws import HeatLaws
 from multicor_cli.engine.heat.pairs import look_up

@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.engine.contact.detection import Scene, pair_geometry
+from multicor_cli.engine.geometry.scene import Scene, pair_geometry
 from multicor_cli.engine.jit.chunks import CHUNK
 from multicor_cli.engine.jit.compile import parallel_kernel, prange
 from multicor_cli.model.model import Floats, Ints

@@ -14,7 +14,7 @@ from multicor_cli.engine.contact.acceleration import (
     inner_products,
     start_loop,
 )
-from multicor_cli.engine.contact.detection import Scene, pair_geometry
+from multicor_cli.engine.geometry.scene import Scene, pair_geometry
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.model.columns import FIRST, GAP, NX, NY, SECOND, X, Y

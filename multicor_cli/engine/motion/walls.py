@@ -7,10 +7,10 @@ from numpy.typing import NDArray
 
 from multicor_cli.arithmetic import hypot
 from multicor_cli.arithmetic.sums import total
-from multicor_cli.engine.contact.detection import Scene
+from multicor_cli.engine.geometry.affine import shape_velocities
 from multicor_cli.engine.geometry.drift import Closing, Drift, bound_closing
+from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.motion.drives import WallDrive
-from multicor_cli.engine.motion.moves import shape_velocities
 from multicor_cli.model.model import Floats, Model, ShapeKind
 
 

@@ -1,0 +1,166 @@
+"""Motions split into an affine field and a rest: grains and walls come nearer to each other only by the rest."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from multicor_cli.engine.jit.chunks import CHUNK
+from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
+from multicor_cli.engine.jit.formulas import formula
+from multicor_cli.model.columns import SPIN, X, Y
+from multicor_cli.model.model import Floats, Ints, ShapeKind
+
+_DISC = int(ShapeKind.DISC)
+_PLANE = int(ShapeKind.PLANE)
+
+
+@formula
+def _vector(i: int, vectors: Floats, origin: Floats, period: float) -> tuple[float, float]:
+    """A vector itself, or its difference from ``origin``, nearest image in x."""
+    if origin.shape[0] == 0:
+        return vectors[i, X], vectors[i, Y]
+    dx = vectors[i, X] - origin[i, X]
+    if period > 0.0:
+        dx -= period * np.floor(dx / period + 0.5)
+    return dx, vectors[i, Y] - origin[i, Y]
+
+
+@formula
+def _add_to_sums(x: float, y: float, u: float, v: float, row: int, sums: Floats) -> None:
+    sums[row, 0] += x
+    sums[row, 1] += y
+    sums[row, 2] += x * x
+    sums[row, 3] += x * y
+    sums[row, 4] += y * y
+    sums[row, 5] += u
+    sums[row, 6] += v
+    sums[row, 7] += x * u
+    sums[row, 8] += x * v
+    sums[row, 9] += y * u
+    sums[row, 10] += y * v
+
+
+@formula
+def _compare_with_fit(x: float, y: float, u: float, v: float, fit: Floats, row: int, farthest: Floats) -> None:
+    du = u - fit[0, 0] - x * fit[1, 0] - y * fit[2, 0]
+    dv = v - fit[0, 1] - x * fit[1, 1] - y * fit[2, 1]
+    farthest[row, 0] = max(farthest[row, 0], du * du + dv * dv)
+    farthest[row, 1] = max(farthest[row, 1], abs(u))
+    farthest[row, 2] = max(farthest[row, 2], abs(v))
+
+
+@formula
+def _least_squares(count: int, sums: Floats, is_periodic: bool, fit: Floats) -> None:
+    """The fit out of the first row of the sums."""
+    mean_x, mean_y = sums[0, 0] / count, sums[0, 1] / count
+    # A little more on the diagonal: places may lie on one line. Any fit is good, only the bound grows.
+    more = 1e-9 * (sums[0, 2] + sums[0, 4])
+    more = more if more > 0.0 else 1.0
+    xx, yy = sums[0, 2] - count * mean_x * mean_x + more, sums[0, 4] - count * mean_y * mean_y + more
+    xy = 0.0 if is_periodic else sums[0, 3] - count * mean_x * mean_y
+    for d in range(2):
+        total = sums[0, 5 + d]
+        x = 0.0 if is_periodic else sums[0, 7 + d] - mean_x * total
+        y = sums[0, 9 + d] - mean_y * total
+        fit[1, d] = (x * yy - y * xy) / (xx * yy - xy * xy)
+        fit[2, d] = (y * xx - x * xy) / (xx * yy - xy * xy)
+        fit[0, d] = total / count - mean_x * fit[1, d] - mean_y * fit[2, d]
+
+
+@formula
+def _fold(rows: Floats, is_maximum: bool) -> None:
+    """Sum or maximum of each column into the first row, in order."""
+    for r in range(1, rows.shape[0]):
+        for k in range(rows.shape[1]):
+            rows[0, k] = max(rows[0, k], rows[r, k]) if is_maximum else rows[0, k] + rows[r, k]
+
+
+@parallel_kernel
+def fit_affine(vectors: Floats, origin: Floats, position: Floats, period: float, fit: Floats, out: Floats) -> None:
+    """Split vectors into an affine field, fitted by least squares, and a rest.
+
+    Args:
+        vectors: Vectors in the first two columns, shape ``(≥ n, ≥ 2)``.
+        origin: What is taken from them, nearest image, shape ``(n, 2)``; nothing if empty.
+        position: Grains, shape ``(n, ≥ 2)``.
+        period: Period in x [m] or 0; the field does not depend on x if there is one.
+        fit: The field: its value at the first grain, its changes per length in x and in y, shape ``(3, 2)``. **Modified.**
+        out: One row per chunk of grains, zero, shape ``(chunks, 11)``. **Modified**: the first row begins with the largest square
+            of a deviation from the field, and the largest components in x and in y.
+    """
+    count = position.shape[0]
+    for has_fit in range(2):  # one loop for both passes compiles faster than two
+        for chunk in prange(out.shape[0]):
+            for i in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
+                x, y = position[i, X] - position[0, X], position[i, Y] - position[0, Y]
+                u, v = _vector(i, vectors, origin, period)
+                if has_fit:
+                    _compare_with_fit(x, y, u, v, fit, chunk, out)
+                else:
+                    _add_to_sums(x, y, u, v, chunk, out)
+        _fold(out, has_fit == 1)
+        if not has_fit:
+            _least_squares(count, out, period > 0.0, fit)
+            for chunk in range(out.shape[0]):
+                for k in range(out.shape[1]):
+                    out[chunk, k] = 0.0
+
+
+@kernel
+def shape_bounds(
+    kind: Ints, world: Floats, vectors: Floats, turn: Floats, center: Floats, fit: Floats, largest: Floats
+) -> tuple[float, float, float]:
+    """How far the motion of wall shapes is from that of the grains.
+
+    Args:
+        kind: `ShapeKind` of the wall shapes, shape ``(m,)``.
+        world: Their geometry in the world, shape ``(m, 4)``.
+        vectors: Displacements or velocities of their reference points, shape ``(m, 2)``.
+        turn: What turning adds to the motion of any of their points that a grain may meet, shape ``(m,)``; discs do without.
+        center: Where x and y of the fit are counted from, shape ``(2,)``.
+        fit: As in `fit_affine`.
+        largest: Largest components of the grains' vectors, shape ``(2,)``.
+
+    Returns:
+        Of the discs the largest deviation from the affine field and the largest vector; of all other shapes the largest bound on
+        how a grain and the shape come closer. Of planes only what is along their normal counts.
+    """
+    square, fastest, wall = 0.0, 0.0, 0.0
+    for k in range(kind.size):
+        u, v = vectors[k, X], vectors[k, Y]
+        if kind[k] == _DISC:
+            x, y = world[k, 0] - center[X], world[k, 1] - center[Y]
+            du = u - fit[0, 0] - x * fit[1, 0] - y * fit[2, 0]
+            dv = v - fit[0, 1] - x * fit[1, 1] - y * fit[2, 1]
+            square, fastest = max(square, du * du + dv * dv), max(fastest, u * u + v * v)
+        elif kind[k] == _PLANE:
+            nx, ny = world[k, 2], world[k, 3]
+            wall = max(wall, abs(nx) * largest[X] + abs(ny) * largest[Y] + abs(nx * u + ny * v) + turn[k])
+        else:
+            wall = max(wall, np.sqrt(largest[X] * largest[X] + largest[Y] * largest[Y]) + np.sqrt(u * u + v * v) + turn[k])
+    return np.sqrt(square), np.sqrt(fastest), wall
+
+
+@kernel
+def shape_velocities(
+    kind: Ints, wall: Ints, world: Floats, wall_position: Floats, velocity: Floats, extent: Floats, vectors: Floats, turn: Floats
+) -> None:
+    """Velocities of the reference points of wall shapes: of the centers of discs, of the walls' own points otherwise.
+
+    Args:
+        kind: `ShapeKind` of the wall shapes, shape ``(m,)``.
+        wall: Wall of each shape, shape ``(m,)``.
+        world: Geometry in the world, shape ``(m, 4)``.
+        wall_position: Wall frames, shape ``(w, 3)``.
+        velocity: Velocities of the walls, shape ``(w, 3)``.
+        extent: How far the shapes of each wall reach from its reference point [m], shape ``(w,)``.
+        vectors: Velocities, shape ``(m, 2)``. **Modified.**
+        turn: What the wall's spin adds [m/s], shape ``(m,)``. **Modified.**
+    """
+    for k in range(kind.size):
+        w = wall[k]
+        vectors[k, X], vectors[k, Y] = velocity[w, X], velocity[w, Y]
+        turn[k] = abs(velocity[w, SPIN]) * extent[w]
+        if kind[k] == _DISC:
+            vectors[k, X] -= velocity[w, SPIN] * (world[k, 1] - wall_position[w, Y])
+            vectors[k, Y] += velocity[w, SPIN] * (world[k, 0] - wall_position[w, X])

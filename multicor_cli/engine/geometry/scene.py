@@ -1,0 +1,53 @@
+"""Shapes at one moment, as kernels see them, and the gap of a pair of them."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+
+from multicor_cli.engine.geometry.gaps import disc_disc, minimum_image
+from multicor_cli.engine.geometry.neighbors import gap_to_shape
+from multicor_cli.engine.jit.formulas import formula
+from multicor_cli.model.columns import X, Y
+from multicor_cli.model.model import Floats, Ints
+
+_NO_TEMPERATURE = np.empty(0)
+
+
+class Scene(NamedTuple):
+    """Positions and shapes at the middle of a step, as the kernels see them.
+
+    Attributes:
+        position: Grains at q_m: x, y [m], angle, shape ``(n, 3)``.
+        radius: Radii [m], shape ``(n,)``.
+        material: Materials of all shapes, grains first, shape ``(n + m,)``.
+        kind: `ShapeKind` of the wall shapes, shape ``(m,)``.
+        wall: Wall of each wall shape, shape ``(m,)``.
+        world: Wall shapes at q_m [m], shape ``(m, 4)``.
+        wall_position: Wall frames at q_m, shape ``(w, 3)``.
+        period: Period in x [m] or 0.
+        temperature: Temperatures of all shapes [K] for friction that depends on them, nan where a wall has none, shape
+            ``(n + m,)``; of size 0 where nobody asks for them.
+    """
+
+    position: Floats
+    radius: Floats
+    material: Ints
+    kind: Ints
+    wall: Ints
+    world: Floats
+    wall_position: Floats
+    period: float
+    temperature: Floats = _NO_TEMPERATURE
+
+
+@formula
+def pair_geometry(scene: Scene, i: int, j: int) -> tuple[float, float, float]:
+    """Gap and normal (from j to i) of a pair."""
+    count = scene.radius.size
+    x, y = scene.position[i, X], scene.position[i, Y]
+    if j < count:
+        dx = minimum_image(x - scene.position[j, X], scene.period)
+        return disc_disc(dx, y - scene.position[j, Y], scene.radius[i] + scene.radius[j])
+    return gap_to_shape(x, y, scene.radius[i], j - count, scene.kind, scene.world, scene.period)
