@@ -1,0 +1,25 @@
+"""The house is as docs/architecture.md says: contracts about imports, and a table with every room."""
+
+from __future__ import annotations
+
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+ROOT = Path(__file__).parents[2]
+DOCUMENT = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+
+
+def test_rooms_import_what_the_contracts_allow() -> None:
+    """``[tool.importlinter]`` in pyproject.toml; `lint-imports` says which import breaks which contract."""
+    command = [str(Path(sys.executable).with_name("lint-imports")), "--no-cache"]
+    done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout
+    assert "0 broken" in done.stdout
+
+
+def test_every_room_is_in_the_table() -> None:
+    rooms = {path.parent.relative_to(ROOT / "multicor_cli").as_posix() for path in (ROOT / "multicor_cli").rglob("__init__.py")}
+    listed = set(re.findall(r"^\| `([\w/]+)` \|", DOCUMENT, re.MULTILINE))
+    assert listed == {room for room in rooms if room != "." and room.partition("/")[0] != "scenario"} | {"scenario"}
