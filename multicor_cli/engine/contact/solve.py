@@ -88,7 +88,7 @@ def solve_system(
             if should_stop is not None and should_stop():
                 raise Interrupted
     finally:
-        numba.set_num_threads(outside)  # whoever calls may have chosen it
+        numba.set_num_threads(outside)  # the caller may have chosen it
     return Outcome(
         float(memory[loop.SWEEPS] + memory[loop.CHECKS]),
         bool(memory[loop.CONVERGED]),
