@@ -76,7 +76,7 @@ def _figure_5(times: Floats, celsius: Floats, resolved: Floats, index: int) -> E
         ],
         [
             (
-                "The rows (14 is no triangular number), the load, λ and c<sub>p</sub>. Chosen: rows of 2, 3, 4, 5; 1 N in every "
+                "The rows (14 is not a triangular number), the load, λ and c<sub>p</sub>. Chosen: rows of 2, 3, 4, 5; 1 N in every "
                 "contact, because the forces "
                 "of rigid grains in such a lattice are not unique; the steel of study 4.2; c<sub>p</sub> = 500 J/(kg K)."
             )

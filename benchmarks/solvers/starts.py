@@ -42,7 +42,7 @@ def _started(problem: Problem, impulse: Floats) -> Problem:
 
 
 def _matched(now: System, before: System) -> Floats:
-    """Warm start of the step before for the contacts of now, which are those between the same grains; nan where there is none."""
+    """Warm start of the step before for the present contacts, which are those between the same grains; nan where there is none."""
     keys = [np.minimum(*pair.T).astype(np.int64) << 32 | np.maximum(*pair.T) for pair in (now.pair, before.pair)]
     order = np.argsort(keys[1])
     place = np.minimum(np.searchsorted(keys[1][order], keys[0]), max(0, len(order) - 1))

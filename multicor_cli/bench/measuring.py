@@ -18,7 +18,7 @@ from multicor_cli.bench.scenes import SCENES
 from multicor_cli.engine.contact.settings import PhysicsError
 
 BUDGET_SWEEPS = 30
-"""Sweeps of the step of which everything else may take a quarter (design, budgets)."""
+"""Sweeps of the step of which everything else may take a quarter (benchmarks/README.md)."""
 
 _COLD = 2  # steps without a warm start after each round, where the grains rest
 

@@ -69,12 +69,12 @@ def write_record(path: Path, results: Iterable[Result]) -> None:
 
 
 def read_record(path: Path) -> dict[str, dict[str, float]]:
-    """Recorded ratios by name of the result; raises `RecordError` if the file is no record, `OSError` if it cannot be read."""
+    """Recorded ratios by name of the result; raises `RecordError` if the file is not a record, `OSError` if it cannot be read."""
     try:
         data: Any = json.loads(path.read_text(encoding="utf-8"))
         return {str(name): {str(key): float(value) for key, value in found.items()} for name, found in data.items()}
     except (ValueError, AttributeError, TypeError) as error:
-        raise RecordError(f"{path}: is no record of a benchmark ({error}); write one with --record") from error
+        raise RecordError(f"{path} is not a record of a benchmark ({error}); write one with --record") from error
 
 
 def find_slower(results: Iterable[Result], record: dict[str, dict[str, float]]) -> list[str]:

@@ -1,4 +1,4 @@
-"""The yardstick for everything but the solve: work of the same kind in code that is no part of the product.
+"""The yardstick for everything but the solve: work of the same kind in code that is not part of the product.
 
 What a step does besides its sweeps is a hundred calls of short kernels and array functions from Python. How
 fast a machine does that has little to do with how fast it sweeps, so it has a yardstick of its own: grains are moved, sorted into

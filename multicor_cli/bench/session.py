@@ -65,6 +65,6 @@ def run_benchmark(tasks: Sequence[Task], *, has_compilation: bool, say: Callable
 
 
 def _apart(function: Callable[..., T], *arguments: Any) -> T:
-    """Call a function in a process of its own: its memory and its threads are nobody else's."""
+    """Call a function in a process of its own, which shares neither memory nor threads with anything else."""
     with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
         return pool.submit(function, *arguments).result()

@@ -11,7 +11,7 @@ from typing import Any
 
 
 def say(text: str = "") -> None:
-    """A line for people, on stderr; that nobody reads it any more (a closed pipe, a closed terminal) changes nothing."""
+    """A line for people, on stderr; if no one can read it anymore (a closed pipe, a closed terminal), nothing happens."""
     with contextlib.suppress(OSError):
         print(printable(text), file=sys.stderr, flush=True)
 

@@ -126,6 +126,6 @@ def _write_crash(error: BaseException) -> str:
 
 
 def _close_stdout() -> None:
-    """Nobody reads stdout any more: let what is left in its buffer, and Python's flush at exit, go nowhere."""
+    """No one reads stdout anymore: discard what is left in its buffer, and what Python flushes at exit."""
     with contextlib.suppress(OSError, ValueError):
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())

@@ -54,5 +54,5 @@ def parse_frames(text: str | None, start: float | None, end: float | None) -> sl
         if not 2 <= len(parts) <= 3 or (len(parts) == 3 and numbers[2] == 0):
             raise ValueError
     except ValueError:
-        raise typer.BadParameter(f"'{text}' is no range of frames; write A:B or A:B:STEP", param_hint="--frames") from None
+        raise typer.BadParameter(f"'{text}' is not a range of frames; write A:B or A:B:STEP", param_hint="--frames") from None
     return slice(*numbers)

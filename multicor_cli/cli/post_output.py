@@ -60,7 +60,7 @@ class Output:
 
         Args:
             table: The table.
-            options: What the figure can be told besides.
+            options: Further options of the figure.
         """
         if self.plot is None:
             return

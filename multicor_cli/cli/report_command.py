@@ -25,8 +25,8 @@ Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace the file i
 def report(directory: RunPath, output: PageFile = None, frames: FrameLimit = None, is_overwriting: Overwrite = False) -> None:
     """Write one HTML page about a run that can be mailed: how it went, figures, and the grains to play, zoom and point at.
 
-    The page needs no network and any browser of today. It works on a run that is still going on. Frames are left out, evenly, if
-    the page would become larger than 30 MB, and it says so.
+    The page needs no network and opens in any current browser. It works on a run that is still going on. Frames are left
+    out, evenly, if the page would become larger than 30 MB, and it says so.
     """
     if output is not None and output.suffix.lower() not in (".html", ".htm"):
         raise typer.BadParameter(f"'{output}' does not end in .html", param_hint="-o")

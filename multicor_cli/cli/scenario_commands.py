@@ -49,7 +49,7 @@ def new(
 def validate(
     scenario: ScenarioFile,
     overrides: Overrides = None,
-    threads: Annotated[int, typer.Option("--threads", min=0, max=1024, help="Threads to reckon with; 0: all cores.")] = 0,
+    threads: Annotated[int, typer.Option("--threads", min=0, max=1024, help="Number of threads to assume; 0: all cores.")] = 0,
     is_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
 ) -> None:
     """Check a scenario, place its grains, and estimate what a run will cost. Nothing is written."""

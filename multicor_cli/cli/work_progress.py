@@ -1,4 +1,4 @@
-"""How far a command is that takes a while: one line on a terminal that is written over, a line now and then in a log."""
+"""Progress of a command that takes a while: one line on a terminal that is overwritten, an occasional line in a log."""
 
 from __future__ import annotations
 

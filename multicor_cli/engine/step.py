@@ -251,7 +251,7 @@ class Engine:
         return contacts, scale
 
     def _scale(self, dt: float, squares: float, closing: float) -> Scale:
-        """u_ref = max(rms Δt|F|/m, Δt P d̄/m̄, rms of the closing velocities), and ½ M u_ref² (design §2)."""
+        """u_ref = max(rms Δt|F|/m, Δt P d̄/m̄, rms of the closing velocities), and ½ M u_ref² (theory §5.3)."""
         model = self.model
         mean_mass = self._mass / model.grain_count
         reference = max(

@@ -12,7 +12,7 @@ Progress = Callable[[int, int], None]
 
 
 def no_progress(done: int, total: int) -> None:
-    """Tell nobody."""
+    """Report nothing."""
 
 
 def choose_frames(run: Run, frames: slice | None) -> list[Frame]:

@@ -86,7 +86,7 @@ def new_directory(path: Path, names: re.Pattern[str], *, is_overwriting: bool) -
         is_overwriting: Whether a directory that is there may be replaced.
 
     Raises:
-        ExportRefused: If ``path`` is no directory, holds other files, has the name of a file of a run, or is not empty and
+        ExportRefused: If ``path`` is not a directory, holds other files, has the name of a file of a run, or is not empty and
             ``is_overwriting`` is False.
         StorageFull: If there is not enough space.
         StorageError: For any other error of the system.

@@ -37,7 +37,7 @@ class Grains:
     Attributes:
         radius: Radius a [m].
         mass: Mass m [kg].
-        inertia: Moment of inertia about the centre I [kg m²].
+        inertia: Moment of inertia about the center I [kg m²].
         material: Index of the material.
         group: Index of the ``[[particles]]`` table the grain comes from.
     """

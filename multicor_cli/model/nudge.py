@@ -21,7 +21,7 @@ _DIGITS = 18
 
 
 class NudgeError(ValueError):
-    """The switch is set to something that is no seed: one message for the user."""
+    """The switch is set to something that is not a seed: one message for the user."""
 
 
 def nudge_seed() -> int | None:

@@ -109,7 +109,7 @@ def _read_csv(path: Path) -> dict[str, Floats]:
 
 
 def _parse_rows(path: Path, header_line: int) -> Floats | None:
-    """All rows below the header, at most one more than `MAX_GRAINS`; None if they are no table of numbers."""
+    """All rows below the header, at most one more than `MAX_GRAINS`; None if they are not a table of numbers."""
     try:
         with warnings.catch_warnings(action="ignore"):  # about empty lines and files
             return np.loadtxt(
@@ -155,7 +155,7 @@ def _line_fault(text: str, names: list[str]) -> str:
         try:
             value = float(cell)
         except ValueError:
-            return f"{name} = {cell.strip()[:40]!r} is no number"
+            return f"{name} = {cell.strip()[:40]!r} is not a number"
         if fault := find_fault(name, value):
             return fault
     return ""

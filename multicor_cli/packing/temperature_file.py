@@ -85,7 +85,7 @@ def _parse(text: str) -> tuple[float, str]:
     try:
         value = float(text)
     except ValueError:
-        return 0.0, f"{text[:40]!r} is no number"
+        return 0.0, f"{text[:40]!r} is not a number"
     low, high = KELVIN_BOUNDS
     if low <= value <= high:
         return value, ""

@@ -55,7 +55,7 @@ def plot(table: Any, path: Path, **options: Any) -> None:
     Args:
         table: The table.
         path: File to write; its ending (.png, .svg, .pdf) chooses the format.
-        options: What the figure of this kind of table can be told besides.
+        options: Further options of the figure of this kind of table.
 
     Raises:
         PlotError: If matplotlib is not installed or the ending is not known.

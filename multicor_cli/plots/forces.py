@@ -1,4 +1,4 @@
-"""Force network: a line for every contact, as wide as its normal force is large."""
+"""Force network: a line for every contact, its width proportional to the normal force."""
 
 from __future__ import annotations
 

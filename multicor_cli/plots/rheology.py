@@ -53,7 +53,7 @@ def draw_rheology(figure: Any, table: Rheology) -> None:
 
 
 def _widen(panel: Any, means: list[float]) -> None:
-    """Show at least a thousandth of the largest mean: what is constant shall not look as if it varied."""
+    """Show at least a thousandth of the largest mean: what is constant must not look as if it varied."""
     low, high = panel.get_ylim()
     room = 5e-4 * float(np.nanmax(np.abs(means), initial=0.0))
     if high - low < 2.0 * room:

@@ -73,7 +73,7 @@ def _in_letters(pixels: NDArray[np.uint8]) -> str:
 
 
 def _in_colors(pixels: NDArray[np.uint8], colors: str) -> str:
-    """Half blocks: the upper pixel is the color of the letter, the lower one that of its ground."""
+    """Half blocks: the upper pixel is the color of the letter, the lower one that of its background."""
     from rich.color import Color
     from rich.console import Console
     from rich.segment import Segment, Segments

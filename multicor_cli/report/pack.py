@@ -178,7 +178,7 @@ def _ends(arrays: list[NDArray[Any]]) -> tuple[float, float]:
 
 
 def _sane(values: NDArray[Any]) -> NDArray[Any]:
-    """Numbers that are none, or absurd, do not count: a damaged file must not spoil the scale of the others."""
+    """Values that are nan or absurd do not count: a damaged file must not spoil the scale of the others."""
     return np.asarray(values[np.abs(values) < _ABSURD])
 
 

@@ -273,7 +273,7 @@ class Picture {
     this.strokeLine([x - far * ny, y + far * nx], [x + far * ny, y - far * nx]);
   }
 
-  /** A line for every contact, as wide as its force is large, up to a force. */
+  /** A line for every contact, its width proportional to its force, up to a largest force. */
   drawContacts(frame, force) {
     const { first, end, force: forces } = frame.contacts, context = this.context;
     const widest = 0.9 * this.mean, pixel = this.pixels / this.scale;

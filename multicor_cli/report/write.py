@@ -109,7 +109,7 @@ def check_target(path: Path, *, is_overwriting: bool) -> None:
     if not is_overwriting:
         raise ReportExists(f"{path} exists; choose another file with -o, or replace it with --overwrite")
     if not path.is_file() or (path.stat().st_size and MARK not in _head(path)):
-        raise ReportExists(f"{path} is no report of multicor and is not replaced; choose another file with -o")
+        raise ReportExists(f"{path} is not a report of multicor and is not replaced; choose another file with -o")
 
 
 def _head(path: Path) -> str:

@@ -33,7 +33,7 @@ def run(
         threads: Number of threads; 0 takes what the scenario says, or all cores. Results do not depend on it.
         max_hours: Wall-clock time after which to stop with a checkpoint [h].
         overwrite: Whether a run that is in the directory may be removed.
-        observer: Who is told how it goes; default: nobody.
+        observer: Is told how the run goes; default: none.
 
     Raises:
         ScenarioError: If the scenario is wrong, or not the one with which the run in the directory began.

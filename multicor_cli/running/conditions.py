@@ -1,4 +1,4 @@
-"""What ends a loading stage before its duration is over: functions of the state alone, so that a resumed run ends alike."""
+"""What ends a loading stage before its duration is over: functions of the state alone, so that a resumed run ends likewise."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _KINETIC_START = BOOK_NAMES.index("kinetic_start")
 class ShearGauge:
     """Measures shear strain between two walls: relative displacement in x over the distance in y, summed over the steps.
 
-    Increments count by their absolute value, so that the strain of a stage that shears to and fro grows all the same.
+    Increments count by their absolute value, so that the strain of a stage that shears back and forth keeps growing.
 
     Attributes:
         lower: Index of the first wall.
@@ -91,7 +91,7 @@ class RestReached:
         return state.stage_peak > 0.0 and state.books[KINETIC] <= self.ratio * state.stage_peak
 
     def progress(self, state: State) -> float:
-        """0: nobody knows when rest will be reached; the duration of the stage tells more."""
+        """Always 0: when grains come to rest cannot be foreseen; the duration of the stage tells more."""
         return 0.0
 
 

@@ -113,7 +113,7 @@ class Controller:
             is_new: Whether the run starts here, so that its initial state is still to be written.
 
         Raises:
-            PhysicsError: From a step; nothing after the last checkpoint is lost that a repetition would not bring back.
+            PhysicsError: From a step; what is lost since the last checkpoint can be computed again.
             StoreError: If something cannot be written.
         """
         if is_new:

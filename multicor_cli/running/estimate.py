@@ -1,4 +1,4 @@
-"""What a run will cost, before it is started: steps, memory, disk, time. Rough, and it says how it was reckoned."""
+"""What a run will cost, before it is started: steps, memory, disk, time. A rough estimate that says what it is based on."""
 
 from __future__ import annotations
 
@@ -64,7 +64,7 @@ class Estimate:
         disk_peak: Largest size of the run directory [bytes], while ``results.h5`` is made; None likewise.
         seconds: Wall-clock time, compilation left out [s]; None likewise.
         flattening: Elastic deflection that rigid grains neglect, over the diameter; None without elastic materials or load.
-        basis: How time and memory were reckoned.
+        basis: How time and memory were estimated.
     """
 
     steps: int | None

@@ -91,8 +91,8 @@ def _radiation(table: RadiationTable | None) -> Radiation | None:
 def heat_laws(scenario: Scenario, materials: Sequence[str]) -> HeatLaws:
     """Thermal properties of the materials and of their pairs.
 
-    What a material does not give, nothing of this run needs (loading the scenario has checked that). It is 0 in these arrays,
-    except the modulus and the microhardness of such pairs, which are 1 Pa, and their shares, which are ½.
+    Properties that a material does not give are not needed in this run (loading the scenario has checked that). They are 0 in
+    these arrays, except the modulus and the microhardness of such pairs, which are 1 Pa, and their shares, which are ½.
 
     Args:
         scenario: A scenario with heat.

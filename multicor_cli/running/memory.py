@@ -1,4 +1,4 @@
-"""Keeps freed memory in the process: large work arrays of one time step are those of the next."""
+"""Keeps freed memory in the process: the large work arrays of one time step are needed again in the next."""
 
 from __future__ import annotations
 

@@ -19,7 +19,7 @@ class Status:
         stage_count: Number of stages.
         report: What the contact solver did.
         progress: Share of the run that is done, 0 to 1.
-        speed: Steps per second of late, compilation left out; None at the beginning.
+        speed: Recent speed, compilation left out [steps/s]; None at the beginning.
         remaining: Estimated seconds left; None at the beginning.
     """
 

@@ -40,7 +40,7 @@ class Pace:
             self._samples.popleft()
 
     def speed(self) -> float | None:
-        """Steps per second of late, or None as long as that is unknown."""
+        """Recent speed [steps/s], or None as long as that is unknown."""
         if len(self._samples) < 2:
             return None
         (first, before), (last, after) = self._samples[0], self._samples[-1]

@@ -52,7 +52,7 @@ class StagePlan:
         dt: Time step [s].
         step_limit: Number of steps after which the stage ends at the latest; None: only its condition ends it.
         until: Condition that ends it earlier, or None.
-        frame_every: Steps between frames, at least 1; a frame is written at the end of the stage besides.
+        frame_every: Steps between frames, at least 1; a frame is also written at the end of the stage.
         series_every: Steps between rows of the time series, at least 1; likewise.
         settings: Choices of the contact solver.
         drives: What happens to the walls.

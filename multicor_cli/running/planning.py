@@ -82,7 +82,7 @@ def _stage_heat(scenario: Scenario, model: Model) -> list[StageHeat | None]:
 
 
 def _refuse_fast_heat(scenario: Scenario, model: Model, number: int, heat: StageHeat | None, dt: float) -> None:
-    """Heat follows each swing of a wall's signal, in 16 pieces: refuse what would be no end of them."""
+    """Heat follows every swing of a wall's signal in 16 pieces, so signals that swing too often in one step are refused."""
     if heat is None:
         return
     for name, wall in zip(model.walls.names, heat.conditions.started([0.0] * (number + 1)), strict=True):

@@ -44,7 +44,7 @@ class Switchboard:
         self._is_installed = False
 
     def should_stop(self) -> bool:
-        """Whether somebody has asked for a stop."""
+        """Whether a stop has been requested."""
         return self.stop_signal is not None
 
     @contextmanager

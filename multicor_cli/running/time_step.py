@@ -1,9 +1,9 @@
-"""The automatic time step: the largest at which a flow is still what it is with small steps.
+"""The automatic time step: the largest one at which a flow still behaves as it does with small steps.
 
 What a longer step does to a flow has been measured (``benchmarks/time_step``): friction and solid fraction depend on two ratios,
 Δt to the time √(m̄/P) in which the pressure moves a grain by its own size, and Δt to the time 1/γ̇ of one unit of strain. The second
 one is the sliding distance per step over the diameter, and the angle by which contacts turn in a step, hence the curvature that a
-step cuts off. Overlaps do not limit the step: rigid grains are kept apart at any.
+step cuts off. Overlaps do not limit the step: rigid grains are kept apart at any step.
 """
 
 from __future__ import annotations

@@ -35,7 +35,7 @@ class Spot:
 def find_spot(model: type[BaseModel], location: tuple[str | int, ...]) -> Spot:
     """Follow the location of a validation error through the models.
 
-    The validation library puts the tags of unions into its locations; they are no keys of the document and are left out.
+    The validation library puts the tags of unions into its locations; they are not keys of the document and are left out.
     """
     path: list[str | int] = []
     description, table = "", model

@@ -1,4 +1,4 @@
-"""``[heat]``: which ways heat takes, and how temperatures are integrated."""
+"""``[heat]``: which mechanisms carry heat, and how temperatures are integrated."""
 
 from __future__ import annotations
 

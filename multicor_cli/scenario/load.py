@@ -56,7 +56,7 @@ def parse_scenario(text: str, path: str | Path, overrides: Sequence[str] = ()) -
 
 
 def check_document(data: dict[str, Any]) -> tuple[ScenarioModel | None, list[Finding]]:
-    """Everything that is wrong with a parsed document, and its model if each table is right in itself."""
+    """Everything that is wrong with a parsed document, and its model if each table is valid on its own."""
     try:
         model = ScenarioModel.model_validate(data)
     except ValidationError as error:
@@ -108,7 +108,7 @@ def _no_file(path: Path) -> Problem:
     if path.is_dir():
         return _whole_file(path, "this is a directory", "give the path of a scenario file")
     if path.exists():
-        return _whole_file(path, "this is no regular file", "give the path of a scenario file")
+        return _whole_file(path, "this is not a regular file", "give the path of a scenario file")
     return _whole_file(path, "there is no such file", "check the path, or make one with: multicor new NAME")
 
 

@@ -24,7 +24,7 @@ def _check_density(value: float) -> float:
         raise refuse(f"the density must be positive, is {value:g} kg/m³", "give the density of the grains' solid in kg/m³")
     if not low <= value <= high:
         hint = f"did you mean {value * 1000.0:g} (from g/cm³)?" if value < low else "is it in kg/m³?"
-        raise refuse(f"{value:g} kg/m³ is no density of a solid ({low:g} to {high:g})", hint)
+        raise refuse(f"{value:g} kg/m³ is not a density of a solid ({low:g} to {high:g})", hint)
     return value
 
 
@@ -55,7 +55,7 @@ def _check_hardness(value: float) -> float:
         raise refuse(f"a hardness must be positive, is {value:g} Pa", "give it in Pa, for steel 2e9")
     if not low <= value <= high:
         hint = f"did you mean {value:g}e9?" if value < low else "give it in Pa, for steel 2e9"
-        raise refuse(f"{value:g} Pa is no hardness of a solid ({low:g} to {high:g})", hint)
+        raise refuse(f"{value:g} Pa is not a hardness of a solid ({low:g} to {high:g})", hint)
     return value
 
 
@@ -166,7 +166,7 @@ class FrictionTable(Softening):
     def _no_temperatures(cls, data: Any) -> Any:
         if isinstance(data, dict) and "temperature" in data:
             raise refuse(
-                "friction is no table of temperatures",
+                "friction is not a table of temperatures",
                 "use { value = 0.5, softening = 1e-3, reference = 293.15 }: it falls by softening per kelvin",
                 "temperature",
             )

@@ -106,7 +106,7 @@ def _place(node: Any, part: str | int, key: KeyPath, path: KeyPath) -> str | int
     if isinstance(node, dict):
         if str(part).isdecimal() and part not in node:
             known = name_list(node) or "nothing"
-            raise _BadOverrideError(format_key(key), f"{name} is no array: it has no index {part}", f"it has {known}")
+            raise _BadOverrideError(format_key(key), f"{name} is not an array: it has no index {part}", f"it has {known}")
         return part
     if not isinstance(node, list):
         raise _BadOverrideError(format_key(key), f"{name} is {show(node)}: it has no key {show(part)}", "shorten the key")

@@ -84,7 +84,7 @@ def printable(text: str) -> str:
 
 
 def format_key(path: KeyPath) -> str:
-    """Dotted form of a path, as ``loading.1.drives.lid``; parts that are no bare keys are quoted."""
+    """Dotted form of a path, as ``loading.1.drives.lid``; parts that are not bare keys are quoted."""
     return ".".join(_format_part(part) for part in path)
 
 

@@ -53,7 +53,7 @@ def storage_errors(path: Path) -> Iterator[None]:
 
 
 def require_regular(path: Path) -> None:
-    """Refuse what is there but no file: opening a pipe would wait for ever, and a device has no end.
+    """Refuse anything that exists but is not a regular file: opening a pipe would block forever, and a device has no end.
 
     Raises:
         DamagedRun: If it is.
@@ -205,7 +205,7 @@ def commit_file(
 
 
 def temporary_beside(path: Path) -> Path:
-    """A name for a temporary file beside ``path`` that nobody else uses: outside run directories ``NAME.tmp`` may be somebody's."""
+    """A name for a temporary file beside ``path`` that nothing else uses: only in run directories is ``NAME.tmp`` ours."""
     return path.with_name(f".{path.name}.{os.getpid()}-{secrets.token_hex(4)}.tmp")
 
 

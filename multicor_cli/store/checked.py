@@ -250,7 +250,7 @@ class CheckedFile:
 
 
 def check_version(path: Path, version: Any) -> None:
-    """Refuse another major version of the format, or what is none; raises `UnsupportedVersion`."""
+    """Refuse another major version of the format, or what is not a version; raises `UnsupportedVersion`."""
     if not isinstance(version, list) or len(version) != 2 or version[0] != FORMAT_VERSION[0]:
         given = ".".join(map(str, version)) if isinstance(version, list) else str(version)[:40]
         raise UnsupportedVersion(

@@ -26,7 +26,7 @@ KEEP = 2
 """Number of checkpoints kept."""
 
 _SAME_STATE_SINCE = (1, 1)
-"""Since then states have the fields of now."""
+"""First format version whose states have the same fields as those of today."""
 
 _NAME = re.compile(r"step-(\d+)(?:\.(\d+))?\.json")
 

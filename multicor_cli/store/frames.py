@@ -62,7 +62,7 @@ class ContactRows:
 
 @dataclass(frozen=True)
 class FrameHeat:
-    """What a frame of a run with heat has besides; ``n`` grains, ``w`` walls.
+    """What else a frame of a run with heat has; ``n`` grains, ``w`` walls.
 
     Attributes:
         temperature: Grains: temperature [K], shape ``(n,)``.

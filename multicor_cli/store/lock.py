@@ -17,7 +17,7 @@ from multicor_cli.store.errors import DirectoryRefused, RunLocked
 
 _RETRIES, _PAUSE = 5, 0.05
 _SIZE = 4096
-"""More bytes of a lock are not looked at."""
+"""Bytes of a lock that are read at most."""
 
 
 class RunLock:
@@ -32,7 +32,7 @@ class RunLock:
 
     Raises:
         RunLocked: If another process holds it.
-        DirectoryRefused: If it is a link, which might lead to somebody's file.
+        DirectoryRefused: If it is a link, which might lead to someone else's file.
         StorageError: If the file cannot be opened.
     """
 
@@ -60,7 +60,7 @@ class RunLock:
 
 
 def read_holder(path: Path) -> dict[str, Any]:
-    """Who holds (or held, if it died) the lock: ``pid, host, started``; empty if nobody."""
+    """Who holds (or held, if it died) the lock: ``pid, host, started``; empty if no one does."""
     try:
         if not path.is_file():
             return {}

@@ -93,7 +93,7 @@ class Parts:
     Args:
         parts: The files in order.
         run_id: Identity of the run; any if ``None``.
-        again: Called when a file has gone, because the run was finished in the meantime; returns the files of now.
+        again: Called when a file has gone, because the run was finished in the meantime; returns the present files.
     """
 
     def __init__(self, parts: Sequence[Part], run_id: str | None, again: Callable[[], Sequence[Part]]) -> None:

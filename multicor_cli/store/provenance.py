@@ -74,7 +74,7 @@ def _processor() -> str:
 
 
 def _commit(root: Path) -> tuple[str, bool]:
-    """Commit of the repository at ``root`` and whether files differ from it; empty if it is no repository."""
+    """Commit of the repository at ``root`` and whether files differ from it; empty if it is not a repository."""
     if not (root / ".git").exists():
         return "", False
     sha1 = _git(root, "rev-parse", "HEAD")

@@ -48,7 +48,7 @@ def read_text(node: h5py.HLObject, name: str) -> str:
     Raises:
         KeyError: If there is none.
         TypeError: If it is something else.
-        UnicodeDecodeError: If it is no text.
+        UnicodeDecodeError: If it is not text.
         DamagedRun: If HDF5 would not come back from reading it.
     """
     info = h5py.check_string_dtype(node.attrs.get_id(name).dtype)

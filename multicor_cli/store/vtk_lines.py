@@ -1,4 +1,4 @@
-"""Who is joined to whom in the view of ``results.h5``: contacts as lines, a block of frames at a time."""
+"""Which points the lines join in the view of ``results.h5``: contacts as lines, a block of frames at a time."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 
 Each step is one piece of PolyData: the grains are points, the contacts are lines. A contact with a wall, or one across the
 period, has no second grain next to it; its line ends in a point of its own, appended to the grains of the step. These few
-points, and who is joined to whom, are all that is stored anew. Everything else is a link, or a virtual dataset that maps the
+points, and which points the lines join, are all that is stored anew. Everything else is a link, or a virtual dataset that maps the
 rows of grains and contacts to where VTK expects them and gives the appended points a fill value. There is equal room for the
 points of every step, of which a step uses as much as it needs: then one mapping does for all steps.
 
@@ -170,7 +170,7 @@ def link_view(directory: Path) -> None:
 
 
 def _write_lines(file: h5py.File, root: h5py.Group, model: Model) -> _Layout:
-    """Write who is joined to whom and the appended points, a block of frames at a time."""
+    """Write which points the lines join and the appended points, a block of frames at a time."""
     offset = file["steps/contact_offset"][...]
     counts: Indices = np.diff(offset)
     connectivity = Growing(root, "Lines/Connectivity", np.int64)

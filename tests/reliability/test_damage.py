@@ -56,7 +56,7 @@ def files_of(run: Path) -> list[str]:
 
 
 def outcomes(runs: Path, scratch: Path, cases: list[Case]) -> Iterator[tuple[Case, dict[str, Any]]]:
-    """What comes of the cases, one after the other; nothing more is tried if nobody asks for the next."""
+    """What comes of the cases, one after the other; nothing more is tried if the next is not asked for."""
     log, wanted = scratch / "log", "".join(f"{json.dumps(case)}\n" for case in cases)
     (scratch / "cases").write_text(wanted)
     with (scratch / "cases").open() as source, log.open("w") as errors:

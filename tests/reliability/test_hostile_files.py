@@ -1,4 +1,4 @@
-"""Files that somebody has made to mislead the program: refused by name, nothing outside the run is touched, nothing hangs."""
+"""Files made to mislead the program: refused by name, nothing outside the run is touched, nothing hangs."""
 
 from __future__ import annotations
 

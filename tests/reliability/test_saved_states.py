@@ -102,7 +102,7 @@ BROKEN = {
 
 @pytest.mark.parametrize("what", BROKEN)
 def test_states_that_cannot_be_are_refused(tmp_path: Path, what: str) -> None:
-    """With right digests, as somebody may write them who wants the program to read where it should not."""
+    """With right digests, as an attacker may write them who wants the program to read where it should not."""
     model = make_model()
     with make_run(tmp_path / "run") as run:
         state, writer = start(model), run.writer(model)

@@ -3,7 +3,7 @@
 POSIX promises little. Bytes are on the disk once their file has been given to ``fsync``; names are once their directory has. Until
 then each may be there or not: a file may have its new name and none of its bytes, or a directory may still show what had been
 removed. `PowerCuts` records the calls of a program, and builds the directories that a cut between two of them may leave: of every
-directory the names of now or of its last ``fsync``, and of all files the bytes of now or of their last ``fsync``.
+directory the present names or those of its last ``fsync``, and of all files the present bytes or those of their last ``fsync``.
 """
 
 from __future__ import annotations

@@ -104,7 +104,7 @@ def advance(state: State, model: Model, dt: float = 1e-3) -> None:
 
 
 def advance_heat(state: State, thermal: Thermal) -> None:
-    """Temperatures go up and down; the mean contact forces are those of the contacts of now."""
+    """Temperatures go up and down; the mean contact forces are those of the present contacts."""
     state.heat += thermal.capacity * np.sin(np.arange(state.heat.size) + state.step)
     state.generated += 1e-6 * (1.0 + np.arange(state.generated.size))
     state.wear += 1e-15

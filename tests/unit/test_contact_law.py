@@ -1,4 +1,4 @@
-"""The scalar contact law, without compilation: check values of checkvalues.py §13 and properties of each solution."""
+"""The scalar contact law, without compilation: check values of theory §4 and properties of each solution."""
 
 import itertools
 

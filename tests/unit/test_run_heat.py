@@ -75,7 +75,7 @@ def test_a_stopped_run_goes_on_to_the_same_bits(step, scenario, reference, tmp_p
 
 
 def test_drum_power_becomes_heat(tmp_path):
-    """Drum work − Δ(kinetic + potential) − correction = losses = heat (insulated); work = ∫ torque·ω (physics.md §6.10)."""
+    """Drum work − Δ(kinetic + potential) − correction = losses = heat (insulated); work = ∫ torque·ω (theory §15.2)."""
     changes = ["loading.0.duration=0.1", "loading.1.duration=0.3", "output.frame_interval=0.05"]
     multicor.run(multicor.load_scenario(CONFIGS / "drum.toml", overrides=changes), tmp_path / "drum")
     with multicor.open_run(tmp_path / "drum") as run:

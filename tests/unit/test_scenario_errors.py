@@ -26,7 +26,7 @@ MISTAKES = {
         ("{ speed = [0, 1.0]", "{ temperature = [0, 1.0]"),
         "contacts.1.friction.temperature",
         "temperature",
-        "no table of temperatures",
+        "not a table of temperatures",
         "softening",
     ),
     "descending table": (("speed = [0, 1.0]", "speed = [1.0, 0]"), "contacts.1.friction.speed.1", "0], values", "ascend"),

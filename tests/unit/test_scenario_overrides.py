@@ -58,7 +58,7 @@ def test_the_text_of_the_file_is_not_changed():
         ("lading.1.duration=1", "lading.1.duration", "'loading'"),
         ("loading.1.durtion=1", "loading.1.durtion", "'duration'"),
         ("solver.dt.x=1", "solver.dt.x", "shorten"),
-        ("domain.0=1", "domain.0", "no array"),
+        ("domain.0=1", "domain.0", "not an array"),
         ("domain.size.2=1", "domain.size.2", "use 0 to 1"),
         ("solver.dt=-1", "solver.dt", "positive"),
         ("solver.dt=nan", "solver.dt", "finite"),

@@ -1,4 +1,4 @@
-"""μ*(I), solid fraction and mean spin of gravity-free plane shear against the independent soft-disc results of physics.md §1.3."""
+"""μ*(I), solid fraction and mean spin of gravity-free plane shear against the independent soft-disc results of theory §15.4."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Where the heat of a sheared layer goes (physics.md §4.1): isothermal walls against conduction measured apart, adiabatic walls.
+"""Where the heat of a sheared layer goes (theory §15.4): isothermal walls against conduction measured apart, adiabatic walls.
 
 python -m pytest -m validation tests/validation/test_shear_heat.py -s
 """

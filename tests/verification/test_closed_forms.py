@@ -1,4 +1,4 @@
-"""Closed-form solutions (physics.md §6): equation in each test, tolerance from the order of the scheme."""
+"""Closed-form solutions (theory §15.1, §15.2): equation in each test, tolerance from the order of the scheme."""
 
 import numpy as np
 import pytest
@@ -24,7 +24,7 @@ def test_sliding_body_ends_rolling_with_the_exact_velocity_and_heat(shape, dt):
 
 @pytest.mark.parametrize(("dt", "expected"), [(1e-2, 0.304474540), (1e-3, 0.330395371)])
 def test_sliding_disc_end_of_step_rule(dt, expected):
-    """The paper's rule μ|u_t⁺| r_n Δt misses part of it; the discrete values of checkvalues.py §14."""
+    """The paper's rule μ|u_t⁺| r_n Δt misses part of it; the values that the scheme gives (theory §15.1)."""
     model = make_model([1.0], FLOOR, friction=0.3)
     state = advance(make_engine(model, [[0.0, 1.0]], [[1.0, 0.0, 0.0]], settings=TIGHT), dt, int(0.2 / dt))
     assert book(state, "friction_sliding") / (0.5 * model.grains.mass[0]) == pytest.approx(expected, abs=1e-9)
@@ -123,7 +123,7 @@ def test_cradle_without_restitution_shares_the_momentum():
     [(3.0, 0.75, -0.15, 2.1, 0.1875, 0.3825), (0.5, 0.75, -1.0 / 12.0, 0.0, 0.1875, 0.5**2 / 12.0)],
 )
 def test_oblique_impact(tangential, p_n, p_t, u_t, loss_n, loss_t):
-    """Two equal discs of mass 1, u = (−1, u_t), e_n = 0.5, e_t = 0, μ = 0.2 (physics.md §6.5)."""
+    """Two equal discs of mass 1, u = (−1, u_t), e_n = 0.5, e_t = 0, μ = 0.2 (theory §15.1)."""
     model = make_model([0.5, 0.5], walls=(), restitution=0.5, gravity=(0.0, 0.0), friction=0.2, density=4.0 / np.pi)
     # i = 0 to the right of j = 1: n = (1, 0), t = (0, 1); contact exactly at mid-step.
     dt = 1e-3
@@ -146,7 +146,7 @@ def _pyramid(friction):
 
 
 def test_three_disc_pyramid_threshold():
-    """Rests if μ ≥ tan 15° (physics.md §6.6), falls below; watched for 20 √(R/g)."""
+    """Rests if μ ≥ tan 15° (theory §15.2), falls below; watched for 20 √(R/g)."""
     threshold = np.tan(np.radians(15.0))
     for factor, rests in ((1.01, True), (0.99, False)):
         engine, radius = _pyramid(factor * threshold)
@@ -185,7 +185,7 @@ def test_column_forces():
 
 
 def test_lattice_forces_between_rows():
-    """Triangular lattice, periodic: row k below the top presses with k m g/√3 through each inclined contact (§6.7)."""
+    """Triangular lattice, periodic: row k below the top presses with k m g/√3 through each inclined contact (theory §15.2)."""
     columns, rows, radius = 8, 7, 0.5
     model = make_model(np.full(columns * rows, radius), FLOOR, period=2.0 * radius * columns)
     pitch = np.sqrt(3.0) * radius

@@ -1,4 +1,4 @@
-"""Conduction through networks of touching grains against closed forms (physics.md §3.2, §2.5), both integrators."""
+"""Conduction through networks of touching grains against closed forms (theory §15.3), both integrators."""
 
 import numpy as np
 import pytest
@@ -29,7 +29,7 @@ def pair(**settings):
 
 @pytest.mark.parametrize(("settings", "order"), [({"integrator": "explicit"}, 1), (ONE_STEP, 2)])
 def test_two_bodies_to_the_order_of_the_integrator(settings, order, monkeypatch):
-    """ΔT decays with τ = C/(2H); after one τ the hot body is at 74.7152 (physics.md §3.2)."""
+    """ΔT decays with τ = C/(2H); after one τ the hot body is at 74.7152 (theory §15.3)."""
     monkeypatch.setattr(implicit, "SHARPNESS", 1e-24)  # stages to rounding, although the tolerance lets every step pass
     errors = [abs(run(pair(**settings), 0.5, n)[0] - (60.0 + 40.0 * np.exp(-1.0))) for n in (8, 16, 32, 64)]
     assert 60.0 + 40.0 * np.exp(-1.0) == pytest.approx(74.7152, abs=5e-5)
@@ -86,7 +86,7 @@ def test_networks_against_the_matrix_exponential(name):
     ],
 )
 def test_fourteen_discs(counts, bonds, t, expected):
-    """T_1, T_5 and T_14 of the networks of physics.md §3.2b."""
+    """T_1, T_5 and T_14 of the networks of theory §15.3."""
     points = rows(counts)
     assert len(links_of(points, None)) == bonds
     start = np.full(14, 20.0)
@@ -112,7 +112,7 @@ def test_chain_on_a_wall_decays_at_the_slowest_rate():
 
 
 def test_semi_infinite_chain():
-    """θ of the tenth grain after 50 C/H is 0.317311 (physics.md §3.2), node 0 held at 1."""
+    """θ of the tenth grain after 50 C/H is 0.317311 (theory §15.3), node 0 held at 1."""
     capacity = np.ones(120)
     capacity[0] = 1e15
     start = np.zeros(120)
@@ -156,7 +156,7 @@ def test_a_wall_of_known_flow_gives_exactly_that(integrator):
     assert heat_book(engine.state, "undelivered") == 0.0
 
 
-def test_a_flow_that_reaches_nobody_is_reported():
+def test_a_flow_that_reaches_no_grain_is_reported():
     engine = touching_engine(
         [[0.0, 1.5]], 300.0, shapes=FLOOR, walls=("floor",), conditions=[WallHeat("flow", Ramp(2.0, 2.0, 1.0))]
     )

@@ -1,4 +1,4 @@
-"""Heat of friction and impacts, its partition, wear and friction that depends on temperature: closed forms (physics.md §6.1)."""
+"""Heat of friction and impacts, its partition, wear and friction that depends on temperature: closed forms (theory §15.1)."""
 
 from dataclasses import replace
 
@@ -72,7 +72,7 @@ def test_no_heat_of_friction_where_it_is_switched_off():
 
 
 def test_wear_is_archard_s():
-    """V = K F s/H with F s = m g · v0²/(6 μ g) (physics.md §6.1, §3.9b), whatever Δt."""
+    """V = K F s/H with F s = m g · v0²/(6 μ g) (theory §15.1), whatever Δt."""
     for dt in (1e-2, 1e-3):
         engine = slide(dt=dt, laws=make_heat_laws(wear=1e-4 / 2e9))
         mass = engine.heat.model.grains.mass[0]

@@ -44,7 +44,7 @@ def test_isolated_cluster_keeps_momentum_and_angular_momentum(restitution):
 
 @pytest.mark.parametrize(("restitution", "gravity", "damping"), [(0.0, 0.0, 0.0), (0.5, -0.05, 0.0), (0.2, -0.05, 3.0)])
 def test_energy_books_close(restitution, gravity, damping):
-    """Kinetic change = works − losses, to round-off, converged or not (design §2)."""
+    """Kinetic change = works − losses, to round-off, converged or not (theory §8)."""
     engine = shear_engine(restitution=restitution, gravity=(0.0, gravity))
     model = engine.model
     load = DofDrive(force=Constant(-model.period), damping=damping)

@@ -19,7 +19,7 @@ FORCE, RADIUS = 1.0, 1e-3
 WATCHED = [0, 4, 13]  # the paper's grains 1, 5 and 14
 END = (100.0 + 13 * 20.0) / 14.0
 
-# physics.md §3.2b: T of grains 1, 5, 14 at t = C/H and 5 C/H, by the eigenvectors of the network.
+# T of grains 1, 5, 14 at t = C/H and 5 C/H, by the eigenvectors of the network (theory §15.3).
 CLOSED_FORM = {
     (2, 3, 4, 5): {1: (33.9873, 26.8225, 21.3015), 5: (25.8272, 25.7458, 25.5860)},
     (5, 4, 5): {1: (40.9333, 20.6569, 20.4906), 5: (26.3703, 25.0806, 25.0716)},

@@ -1,4 +1,4 @@
-"""The heated triangular lattice under gravity (physics.md §2.5): mechanics, freezing and conduction together."""
+"""The heated triangular lattice under gravity (theory §15.3): mechanics, freezing and conduction together."""
 
 import numpy as np
 import pytest
@@ -92,7 +92,7 @@ def test_explicit_and_implicit_give_the_same_profile(settled):
 
 
 def test_the_paper_s_condition_on_the_gas_fails_in_air(settled):
-    """λ_s s/(λ_f a) = 2.66 for a contact of 62 mN, below 1 near the top (physics.md §2.4)."""
+    """λ_s s/(λ_f a) = 2.66 for a contact of 62 mN, below 1 near the top (theory §15.3)."""
     model, data = settled
     _, heat = theta(model, data, gas=Gas(0.026))
     assert 0.0 < heat_book(heat.state, "solid_gas_min") < 1.0

@@ -16,7 +16,7 @@ METHODS = [(m, local) for m in ("gauss-seidel", "accelerated") for local in ("ex
 
 
 def test_column_from_a_cold_start_meets_the_budget():
-    """116 layers: ≤ 500 sweep-equivalents to rms 10⁻⁴ g Δt, ≤ 700 to a force error of 10⁻⁴ (design §9)."""
+    """116 layers: ≤ 500 sweep-equivalents to rms 10⁻⁴ g Δt, ≤ 700 to a force error of 10⁻⁴ (benchmarks/README.md)."""
     problem = column_problem(116)
     loose = {"tolerance_max": 1.0, "tolerance_energy": 1e9, "tolerance_rms": 1e-4}
     solution = solve_contacts(problem, Settings(**loose), reference_velocity=9.81e-3)
@@ -29,7 +29,7 @@ def test_column_from_a_cold_start_meets_the_budget():
 
 
 def test_plain_sweeps_need_what_theory_says():
-    """4 ln(10⁴)/π² n² sweeps for a column (physics.md §7), which the accelerated method must beat."""
+    """4 ln(10⁴)/π² n² sweeps for a column (theory §5.1), which the accelerated method must beat."""
     problem = column_problem(20)
     settings = {"tolerance_max": 1.0, "tolerance_energy": 1e9, "tolerance_rms": 1e-7, "max_sweeps": 100_000}
     plain = solve_contacts(problem, Settings(method="gauss-seidel", **settings), reference_velocity=9.81e-3)

@@ -33,7 +33,7 @@ class Log(NamedTuple):
     """What a method is watched with.
 
     Attributes:
-        rows: One for each iteration, see `RMS` and following; none if nobody looks. **Modified.**
+        rows: One for each iteration, see `RMS` and following; none if it is not recorded. **Modified.**
         stop: rms and maximum [m/s] and energy [J] at which a method may stop.
         reference: Velocities of a solution, as those of `System`, bodies only.
         weight: Mass of each velocity over the mass of all bodies, shape ``(b, 4)``, 0 where nothing can be moved.

@@ -183,7 +183,7 @@ def extrapolate_velocity(first: int, last: int, current: Floats, before: Floats,
 
 @formula
 def extrapolate_impulse(first: int, last: int, current: Floats, before: Floats, factor: float) -> None:
-    """As `extrapolate_velocity`, for impulses; nobody asks for their change."""
+    """As `extrapolate_velocity`, for impulses; their change is not needed."""
     for q in range(first, last):
         new = current[q]
         current[q] = new + factor * (new - before[q])

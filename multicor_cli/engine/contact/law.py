@@ -18,7 +18,7 @@ def bias(gap: float, normal_velocity: float, restitution: float, dt: float) -> f
     """The term b that is added to u_n⁺ in the contact law [m/s].
 
     A contact that closes within the step rebounds by Newton's law, ``b = e·min(u_n⁻, 0)``; any other may approach no further
-    than its gap allows, ``b = max(gap, 0)/Δt`` (design §2). Letting both act on one contact never converges with Δt.
+    than its gap allows, ``b = max(gap, 0)/Δt`` (theory §3). Letting both act on one contact never converges with Δt.
     """
     closing = min(normal_velocity, 0.0)
     if restitution > 0.0 and gap + dt * closing <= 0.0:
@@ -42,8 +42,8 @@ def solve_exact(
         mu: Coefficient of friction μ.
 
     Returns:
-        The impulses (p_n, p_t) that satisfy the law with all other contacts held (physics of the exact local solve: normal
-        first, then the tangential impulse cut to the cone; W_nt = 0 decouples them).
+        The impulses (p_n, p_t) that satisfy the law with all other contacts held (theory §4: the normal impulse first,
+        then the tangential one cut to the cone; W_nt = 0 decouples them).
     """
     # Conditional expressions compile to selections; the built-in min and max to branches, which cost twice the time here.
     new_n = p_n - u_n * w_n_inverse

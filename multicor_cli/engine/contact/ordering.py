@@ -1,4 +1,4 @@
-"""The order in which contacts are relaxed: square tiles in four colours, so that tiles of one colour share no body.
+"""The order in which contacts are relaxed: square tiles in four colors, so that tiles of one color share no body.
 
 The order is a pure function of the contacts and positions of the step, hence the same for any number of threads. Within a tile
 the contacts are ordered by key, which keeps the propagation of a serial sweep, cut into `STREAMS` parts from which one contact is

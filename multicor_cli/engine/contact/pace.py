@@ -17,7 +17,7 @@ _PATIENCE = 40.0  # work between two tries of the other way, in units of `SLICE`
 class Pace:
     """Learns what a contact relaxation costs on one thread and on several.
 
-    On cores that nobody else uses, threads pay from some thousand contacts on. On cores that other programs use too they can cost
+    On idle cores, threads pay from some thousand contacts on. On cores that other programs use too, they can cost
     many times what they save, because the tiles of one color wait for the slowest thread four times in every sweep.
 
     Attributes:

@@ -1,4 +1,4 @@
-"""How far impulses are from satisfying the contact law: the only stopping criterion of the solver (design §2)."""
+"""How far impulses are from satisfying the contact law: the only stopping criterion of the solver (theory §5.3)."""
 
 from __future__ import annotations
 

@@ -82,7 +82,7 @@ def solve_system(
             if should_stop is not None and should_stop():
                 raise Interrupted
     finally:
-        numba.set_num_threads(outside)  # whoever calls may have chosen it
+        numba.set_num_threads(outside)  # the caller may have chosen it
     return Outcome(
         float(loop["sweeps"] + loop["checks"]),
         bool(loop["is_converged"]),

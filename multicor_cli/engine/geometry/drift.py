@@ -67,7 +67,7 @@ class Closing:
         rest: Of two discs, what does not depend on their distance.
         gradient: Of two discs, per distance of their centers.
         disc: Of two discs at any distance.
-        wall: Of a grain and a wall shape that is no disc.
+        wall: Of a grain and a wall shape that is not a disc.
     """
 
     rest: float

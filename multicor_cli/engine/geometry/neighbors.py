@@ -271,7 +271,7 @@ def list_pairs(
         center: Centers of all discs, grains first, then the discs of walls [m], shape ``(d, 2)``.
         radius: Radii of all discs [m], shape ``(d,)``.
         shape_of: Shape number of each wall disc, ascending, shape ``(d - n,)``.
-        others: Wall shapes that are no discs, ascending.
+        others: Wall shapes that are not discs, ascending.
         kind: `ShapeKind` of the wall shapes, shape ``(m,)``.
         world: Their geometry in the world [m], shape ``(m, 4)``.
         cutoff: Largest gap of interest [m].

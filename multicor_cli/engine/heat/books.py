@@ -22,7 +22,7 @@ def book_generated(state: State, friction: float, impact: float, to_walls: Float
 
 
 def book_flow(state: State, flow: Flow, undelivered: float) -> None:
-    """Enter the heat that has flowed; ``undelivered`` [J] is what walls of prescribed flow found nobody to give to."""
+    """Enter the heat that has flowed; ``undelivered`` [J] is what walls of prescribed flow that touch no grain could not give."""
     outside = flow.outside
     _enter(
         state,

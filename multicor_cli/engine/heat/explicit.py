@@ -12,7 +12,7 @@ from multicor_cli.engine.heat.rates import Network, total_conductance
 from multicor_cli.model.model import Floats
 
 MOST = 100_000_000
-"""More sub-steps than anybody would wait for: temperatures that radiate absurdly."""
+"""Most sub-steps of a step; only absurdly high temperatures, which radiate absurdly, would need more."""
 
 
 def advance_explicit(

@@ -97,6 +97,6 @@ class Flow:
 
 
 def stop_if_asked(should_stop: Callable[[], bool] | None) -> None:
-    """Raise `Interrupted` if somebody wants to stop."""
+    """Raise `Interrupted` if a stop has been requested."""
     if should_stop is not None and should_stop():
         raise Interrupted

@@ -1,4 +1,4 @@
-"""What the heat of a run needs to know of its materials: one record, for kernels and for everybody else."""
+"""What the heat of a run needs to know of its materials: one record, for kernels and for all other code."""
 
 from __future__ import annotations
 

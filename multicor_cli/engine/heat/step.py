@@ -150,7 +150,7 @@ class HeatEngine:
             self._flow(links, scene, source, dt, t, is_frozen=True, should_stop=should_stop)
 
     def forget_averages(self) -> None:
-        """Drop the running averages of forces: grains move on without anybody keeping them."""
+        """Drop the running averages of forces: the grains move on, and the averages are not kept up to date."""
         state = self.state
         if state.mean_age > 0.0:
             none = np.zeros(0, np.int32)

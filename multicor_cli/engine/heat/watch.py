@@ -1,9 +1,9 @@
-"""What users must be told about heat: the limits of one temperature per grain, and heat that found nobody."""
+"""What users must be told about heat: the limits of one temperature per grain, and heat that reached no grain."""
 
 from __future__ import annotations
 
 BIOT_LIMIT = 0.1
-"""Largest Biot number of a contact up to which a grain may be said to have one temperature (physics of lumped bodies)."""
+"""Largest Biot number of a contact up to which a grain may be said to have one temperature (theory §11.1)."""
 
 
 def biot_warning(biot: float) -> str | None:

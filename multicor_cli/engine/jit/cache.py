@@ -184,5 +184,5 @@ def _prune(base: Path, keep: str) -> None:
 def _announce(directory: Path) -> None:
     os.environ["NUMBA_CACHE_DIR"] = str(directory)
     numba = sys.modules.get("numba")
-    if numba is not None:  # somebody imported Numba before us: it has read the environment already
+    if numba is not None:  # Numba was imported before us and has read the environment already
         numba.config.CACHE_DIR = str(directory)

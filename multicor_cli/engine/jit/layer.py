@@ -17,7 +17,7 @@ def prefer_openmp() -> None:
         return
     os.environ["NUMBA_THREADING_LAYER_PRIORITY"] = PRIORITY
     numba = sys.modules.get("numba")
-    if numba is not None:  # somebody imported Numba before us: it has read the environment already
+    if numba is not None:  # Numba was imported before us and has read the environment already
         numba.config.THREADING_LAYER_PRIORITY = PRIORITY.split()
 
 

@@ -17,7 +17,7 @@ from multicor_cli.model.model import Floats, Model, ShapeKind
 class WallMotion:
     """The drives of one stage, evaluated step by step.
 
-    Conventions (design §2): V⁻ is the wall's velocity at the end of the previous step, V⁺ = V(t + Δt); loads act at
+    Conventions (theory §2): V⁻ is the wall's velocity at the end of the previous step, V⁺ = V(t + Δt); loads act at
     t + ½Δt; damping acts at the mid-step velocity, so that the effective mass is M + ½cΔt.
 
     Attributes:

@@ -10,6 +10,6 @@ __all__ = ["Draft", "check_all"]
 
 
 def check_all(draft: Draft) -> list[Finding]:
-    """All findings about how the tables fit together; tables that are wrong in themselves are passed over."""
+    """All findings about how the tables fit together; tables that are invalid on their own are passed over."""
     checks = (laws.check, grains.check, walls.check, stages.check, timing.check, heat.check, thermal_materials.check)
     return [finding for check in checks for finding in check(draft)]

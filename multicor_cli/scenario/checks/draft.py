@@ -1,4 +1,4 @@
-"""The tables of a scenario that are right in themselves: one wrong table must not hide what is wrong with the others."""
+"""The tables of a scenario that are valid on their own: one invalid table must not hide what is wrong with the others."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ T = TypeVar("T", bound=Table)
 
 @dataclass(frozen=True)
 class Draft:
-    """Tables of a scenario; ``None`` stands for a table that is missing or wrong in itself.
+    """Tables of a scenario; ``None`` stands for a table that is missing or invalid on its own.
 
     Attributes:
         domain: ``[domain]``.
@@ -56,7 +56,7 @@ class Draft:
 
     @classmethod
     def of_model(cls, model: ScenarioModel) -> Draft:
-        """The draft of a scenario whose tables are all right in themselves."""
+        """The draft of a scenario whose tables are all valid on their own."""
         return cls(
             model.domain,
             list(model.materials),

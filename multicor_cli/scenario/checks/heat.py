@@ -47,7 +47,7 @@ def _thermal_keys(draft: Draft) -> Iterator[KeyPath]:
 
 
 def _never_on(draft: Draft) -> Iterator[Finding]:
-    """A table ``[heat]`` of which no stage makes use."""
+    """A table ``[heat]`` that no stage uses."""
     if draft.loading and all(stage is not None and stage.heat is False for stage in draft.loading):
         yield Finding(("heat",), "all stages have heat = false: no temperature ever changes", "remove [heat], or one heat = false")
 

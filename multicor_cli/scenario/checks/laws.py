@@ -78,7 +78,7 @@ def _show_pair(pair: tuple[str, str]) -> str:
 
 
 def _ambiguous_pairs(draft: Draft) -> Iterator[Finding]:
-    """Pairs of which two entries such as ["a", "*"] and ["b", "*"] speak, without an entry of their own."""
+    """Pairs that two entries such as ["a", "*"] and ["b", "*"] cover, without an entry of their own."""
     first = _by_pair(draft)
     told: set[int] = set()
     for a, b in touching_pairs(draft):

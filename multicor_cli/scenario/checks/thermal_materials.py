@@ -1,4 +1,4 @@
-"""Materials have the properties that the chosen ways of heat need."""
+"""Materials have the properties that the chosen heat mechanisms need."""
 
 from __future__ import annotations
 
@@ -94,7 +94,7 @@ def _missing(name: str, material: Material, needs: Needs) -> Iterator[Finding]:
 
 
 def _contrast(heat: Heat, name: str, material: Material) -> Iterator[Finding]:
-    """The formula of Batchelor & O'Brien is one for solids that conduct much better than the gas."""
+    """The formula of Batchelor & O'Brien holds for solids that conduct much better than the gas."""
     gas = heat.gas
     if gas is None or gas.model != "batchelor" or material.conductivity is None:
         return
