@@ -78,7 +78,7 @@ def _move_on(s: System, m: Momentum, change: float, growth: float, loop: Any) ->
     velocity, before, last_change = s.velocity.reshape(-1), m.velocity.reshape(-1), m.change.reshape(-1)
     cross, square = inner_products(0, m.velocity.shape[0], velocity, before, last_change, m.weight.reshape(-1))
     factor = choose_factor(cross, square, change, growth, loop)
-    loop.factor = factor
+    loop["factor"] = factor
     extrapolate_velocity(0, before.size, velocity, before, last_change, factor)
     extrapolate_impulse(0, s.impulse.size, s.impulse.reshape(-1), m.impulse.reshape(-1), factor)
     general = s.general_impulse.reshape(-1)

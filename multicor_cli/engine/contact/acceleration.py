@@ -99,11 +99,11 @@ def start_loop(contact_count: int) -> NDArray[np.void]:
     """A loop that has not begun: one record of `LOOP`, shape ``(1,)``."""
     memory = np.zeros(1, LOOP)
     loop = memory[0]
-    loop.active = contact_count
-    loop.theta = 1.0
-    loop.lowest = np.inf
-    loop.best = np.inf
-    loop.escape = CALM
+    loop["active"] = contact_count
+    loop["theta"] = 1.0
+    loop["lowest"] = np.inf
+    loop["best"] = np.inf
+    loop["escape"] = CALM
     return memory
 
 
@@ -218,32 +218,32 @@ def _extrapolate(s: System, m: Momentum, factor: float, parallel: bool) -> None:
 
 @kernel
 def _switch(mode: int, loop: Any) -> None:
-    loop.mode, loop.since, loop.lowest = mode, loop.sweeps, np.inf
+    loop["mode"], loop["since"], loop["lowest"] = mode, loop["sweeps"], np.inf
 
 
 @kernel
 def _leave(mode: int, change: float, loop: Any) -> None:
     """Switch to a mode with fresh momentum, and measure its gain from here."""
-    loop.theta, loop.factor = 1.0, 0.0
-    loop.best, loop.best_at = change, loop.sweeps
+    loop["theta"], loop["factor"] = 1.0, 0.0
+    loop["best"], loop["best_at"] = change, loop["sweeps"]
     _switch(mode, loop)
 
 
 @kernel
 def _choose_mode(change: float, tolerance: float, loop: Any) -> None:
     """Calm down where the tolerance is near, escape where nothing has been gained for long, and come back."""
-    if change < GAIN * loop.best:
-        loop.best, loop.best_at = change, loop.sweeps
-    in_mode, mode = loop.sweeps - loop.since, loop.mode
-    is_stuck = loop.sweeps - loop.best_at >= PATIENCE
+    if change < GAIN * loop["best"]:
+        loop["best"], loop["best_at"] = change, loop["sweeps"]
+    in_mode, mode = loop["sweeps"] - loop["since"], loop["mode"]
+    is_stuck = loop["sweeps"] - loop["best_at"] >= PATIENCE
     if mode > CALM:
         if is_stuck or in_mode >= ESCAPE_FOR:
             _leave(FAST, change, loop)
     elif is_stuck:
-        loop.escape += 1
-        if loop.escape == MODES.shape[0]:
-            loop.escape = CALM + 1
-        _leave(loop.escape, change, loop)
+        loop["escape"] += 1
+        if loop["escape"] == MODES.shape[0]:
+            loop["escape"] = CALM + 1
+        _leave(loop["escape"], change, loop)
     elif mode == CALM:
         if in_mode >= CALM_FOR:
             _switch(FAST, loop)
@@ -254,21 +254,21 @@ def _choose_mode(change: float, tolerance: float, loop: Any) -> None:
 @kernel
 def _growth(loop: Any) -> float:
     """Growth of the change per sweep at which the momentum restarts now; 0: no momentum."""
-    mode, sweeps = loop.mode, loop.sweeps
-    is_long = mode == FAST and loop.escape == CALM and LONG_FROM <= sweeps < LONG_TO
+    mode, sweeps = loop["mode"], loop["sweeps"]
+    is_long = mode == FAST and loop["escape"] == CALM and LONG_FROM <= sweeps < LONG_TO
     return LONG_GROWTH if is_long else MODES[mode, GROWTH]
 
 
 @kernel
 def choose_factor(cross: float, square: float, change: float, growth: float, loop: Any) -> float:
     """The factor ω of the next extrapolation, with the two restarts."""
-    if change > growth * loop.lowest or loop.factor * cross > square:
-        loop.theta = 1.0
-        loop.lowest = change
-    loop.lowest = min(loop.lowest, change)
-    theta = loop.theta
+    if change > growth * loop["lowest"] or loop["factor"] * cross > square:
+        loop["theta"] = 1.0
+        loop["lowest"] = change
+    loop["lowest"] = min(loop["lowest"], change)
+    theta = loop["theta"]
     following = 0.5 * theta * (np.sqrt(theta * theta + 4.0) - theta)
-    loop.theta = following
+    loop["theta"] = following
     return theta * (1.0 - theta) / (theta * theta + following)
 
 
@@ -276,14 +276,14 @@ def choose_factor(cross: float, square: float, change: float, growth: float, loo
 def _is_converged(s: System, tolerance: Tolerances, loop: Any, parallel: bool) -> bool:
     """Evaluate the residual; decides alone when the loop ends."""
     rms, largest, energy, active = measure_residual(s, parallel)
-    loop.checks += 1.0
-    loop.rms, loop.maximum, loop.energy = rms, largest, energy
-    loop.active = max(1.0, active)
+    loop["checks"] += 1.0
+    loop["rms"], loop["maximum"], loop["energy"] = rms, largest, energy
+    loop["active"] = max(1.0, active)
     excess = max(rms / tolerance.rms, largest / tolerance.maximum, np.sqrt(energy / tolerance.energy))
     # A residual far above its tolerance is not worth looking at again soon.
-    loop.next_check = loop.sweeps + (2.0 if excess < 1.5 else 4.0 if excess < 4.0 else 8.0)
+    loop["next_check"] = loop["sweeps"] + (2.0 if excess < 1.5 else 4.0 if excess < 4.0 else 8.0)
     if rms <= tolerance.rms and largest <= tolerance.maximum and energy <= tolerance.energy:
-        loop.is_converged = True
+        loop["is_converged"] = True
         return True
     return False
 
@@ -316,15 +316,15 @@ def iterate(
         partial: Work space, shape ``(tiles,)``.
     """
     loop = memory[0]
-    while loop.sweeps < limit:
-        relaxation = Relaxation(MODES[loop.mode, NORMAL], MODES[loop.mode, TANGENTIAL])
-        change = np.sqrt(sweep(s, local, relaxation, parallel, partial) / loop.active)
-        loop.sweeps += 1.0
+    while loop["sweeps"] < limit:
+        relaxation = Relaxation(MODES[loop["mode"], NORMAL], MODES[loop["mode"], TANGENTIAL])
+        change = np.sqrt(sweep(s, local, relaxation, parallel, partial) / loop["active"])
+        loop["sweeps"] += 1.0
         # The change per sweep is cheap; the residual is evaluated only where it may pass.
-        if change <= 2.0 * tolerance.rms and loop.sweeps >= loop.next_check:
+        if change <= 2.0 * tolerance.rms and loop["sweeps"] >= loop["next_check"]:
             if _is_converged(s, tolerance, loop, parallel):
                 return
-        elif is_last and loop.sweeps == limit:
+        elif is_last and loop["sweeps"] == limit:
             _is_converged(s, tolerance, loop, parallel)
             return
         if accelerated:
@@ -334,5 +334,5 @@ def iterate(
             if growth > 0.0:
                 cross, square = _change_products(s, m, parallel)
                 factor = choose_factor(cross, square, change, growth, loop)
-            loop.factor = factor
+            loop["factor"] = factor
             _extrapolate(s, m, factor, parallel)

@@ -171,7 +171,7 @@ def _solve(pair: Ints, frame: Floats, bodies: _Bodies, enough: float, sweeps: in
             break
         cross, square = inner_products(0, shift.shape[0], now, then, last, bodies.weight.reshape(-1))
         factor = choose_factor(cross, square, np.sqrt(squares), GROWTH, loop)
-        loop.factor = factor
+        loop["factor"] = factor
         extrapolate_velocity(0, now.size, now, then, last, factor)
         extrapolate_impulse(0, push.size, push, last_push, factor)
     return shift
