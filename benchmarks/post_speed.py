@@ -19,7 +19,8 @@ from pathlib import Path
 import numpy as np
 
 from multicor_cli.model import HEAT_BOOK_NAMES, ContactLaws, Grains, Model, ShapeKind, State, Thermal, Walls, WallShapes
-from multicor_cli.store import ContactRows, FrameData, RunDirectory, SeriesRow
+from multicor_cli.model.contacts import ContactTable
+from multicor_cli.store import FrameData, RunDirectory, SeriesRow
 
 ROOT = Path(__file__).parents[1]
 RADIUS = 0.5e-3
@@ -134,7 +135,7 @@ def write_run(path: Path, grains: int, frames: int) -> None:
             state.generated += 1e-6 * rng.random(n)
             force = rng.exponential(1.0, (c, 2)) * [1.0, 0.2] * (rng.random((c, 1)) < 5.0 / 6.0)
             slip = np.zeros(c)
-            contacts = ContactRows(i, j, normal, slip, force * state.last_dt, slip, force[:, 1] > 0.3, slip, slip)
+            contacts = ContactTable(i, j, normal, slip, force * state.last_dt, slip, force[:, 1] > 0.3, slip, slip)
             writer.frame(FrameData.from_state(state, model, contacts if frame else None))
             if frame % 10 == 9 or frame == frames - 1:
                 run.checkpoint(state, writer)

@@ -5,5 +5,4 @@ from .contact.settings import PhysicsError as PhysicsError
 from .contact.settings import Settings as Settings
 from .contact.settings import StepReport as StepReport
 from .contact.solve import Interrupted as Interrupted
-from .contact.table import ContactTable as ContactTable
 from .step import Engine as Engine

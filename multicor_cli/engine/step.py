@@ -20,7 +20,7 @@ from multicor_cli.engine.contact.problem import ContactProblem, problem_of_step
 from multicor_cli.engine.contact.settings import PhysicsError, Settings, StepReport
 from multicor_cli.engine.contact.solve import Outcome, Scale, solve_system
 from multicor_cli.engine.contact.system import OrderedSystem, assemble
-from multicor_cli.engine.contact.table import ContactTable, tabulate_contacts
+from multicor_cli.engine.contact.table import tabulate_contacts
 from multicor_cli.engine.energy import account
 from multicor_cli.engine.energy.books import book_step, start_books, switch_wall_kinetic
 from multicor_cli.engine.geometry.drift import fit_drift
@@ -32,6 +32,7 @@ from multicor_cli.engine.motion.correction import correct_positions
 from multicor_cli.engine.motion.drives import WallDrive
 from multicor_cli.engine.motion.moves import move, predict, wrap
 from multicor_cli.engine.motion.walls import WallMotion
+from multicor_cli.model.contacts import ContactTable
 from multicor_cli.model.faults import LARGEST, find_absurd_value
 from multicor_cli.model.model import Floats, Model
 from multicor_cli.model.state import State

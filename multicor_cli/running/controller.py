@@ -8,8 +8,8 @@ from typing import Any, Protocol
 
 from multicor_cli.engine.contact.settings import StepReport
 from multicor_cli.engine.contact.solve import Interrupted
-from multicor_cli.engine.contact.table import ContactTable
 from multicor_cli.model import State
+from multicor_cli.model.contacts import ContactTable
 from multicor_cli.running.conditions import update_peak
 from multicor_cli.running.observer import Observer, SilentObserver, Status
 from multicor_cli.running.outcome import StopReason

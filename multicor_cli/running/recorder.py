@@ -5,10 +5,10 @@ from __future__ import annotations
 from typing import Any
 
 from multicor_cli.engine.contact.settings import PhysicsError
-from multicor_cli.engine.contact.table import ContactTable
 from multicor_cli.model import State
+from multicor_cli.model.contacts import ContactTable
 from multicor_cli.model.faults import find_absurd_value
-from multicor_cli.store.frames import ContactRows, FrameData, SeriesRow
+from multicor_cli.store.frames import FrameData, SeriesRow
 from multicor_cli.store.rundir import RunDirectory
 from multicor_cli.store.segments import FrameWriter
 
@@ -23,11 +23,7 @@ class DirectoryRecorder:
     def frame(self, state: State, contacts: ContactTable | None) -> None:
         """Write a frame; without contacts if they are not recorded. Raises as `checkpoint` does."""
         self._require_sound(state)
-        rows = None
-        if contacts is not None:
-            c = contacts
-            rows = ContactRows(c.i, c.j, c.normal, c.gap, c.impulse, c.slip, c.sliding, c.heat, c.conductance)
-        self._writer.frame(FrameData.from_state(state, self._writer.model, rows))
+        self._writer.frame(FrameData.from_state(state, self._writer.model, contacts))
 
     def series(self, state: State) -> None:
         """Write the row of the time series that ends the window of ``state``; raises as `frame` does."""

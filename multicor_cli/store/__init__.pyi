@@ -23,7 +23,6 @@ from .errors import (
 from .frame_view import Contacts as Contacts
 from .frame_view import Frame as Frame
 from .frame_view import Frames as Frames
-from .frames import ContactRows as ContactRows
 from .frames import FrameData as FrameData
 from .frames import SeriesRow as SeriesRow
 from .info import run_info as run_info

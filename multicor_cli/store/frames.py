@@ -10,54 +10,29 @@ from numpy.typing import NDArray
 
 from multicor_cli.arithmetic.sums import total
 from multicor_cli.model import BOOK_NAMES, HEAT_BOOK_NAMES, TALLY_NAMES, WINDOW_NAMES, Model, State
+from multicor_cli.model.contacts import ContactTable
 from multicor_cli.model.model import Floats, Ints, Thermal
 
 Columns = dict[str, NDArray[Any]]
 """Arrays by path of the schema."""
 
 
-@dataclass(frozen=True)
-class ContactRows:
-    """The contacts of one step, ordered by ``(i, j)``; ``c`` of them.
-
-    Attributes:
-        i: First shape, a grain, shape ``(c,)``.
-        j: Second shape: a grain if below the number of grains, else a wall shape, shape ``(c,)``.
-        normal: Unit normal from j to i, shape ``(c, 2)``.
-        gap: Gap, negative where shapes overlap [m], shape ``(c,)``.
-        impulse: Normal and tangential impulse on i [N s], shape ``(c, 2)``.
-        slip: Tangential velocity of i relative to j after the step [m/s], shape ``(c,)``.
-        sliding: Whether the contact slides, shape ``(c,)``.
-        heat: Heat generated in the contact in the step [J], shape ``(c,)``; None (no heat was computed) counts as 0.
-        conductance: Conductance of the contact in the step [W/K], shape ``(c,)``; None counts as 0.
-    """
-
-    i: Ints
-    j: Ints
-    normal: Floats
-    gap: Floats
-    impulse: Floats
-    slip: Floats
-    sliding: NDArray[np.bool_]
-    heat: Floats | None = None
-    conductance: Floats | None = None
-
-    def columns(self, grain_count: int, *, has_heat: bool = False) -> Columns:
-        """Arrays by path of the schema; ``grain_count`` tells grains from wall shapes."""
-        data: Columns = {
-            "contacts/i": self.i,
-            "contacts/j": self.j,
-            "contacts/kind": (np.asarray(self.j) >= grain_count).astype(np.uint8),
-            "contacts/normal": self.normal,
-            "contacts/gap": self.gap,
-            "contacts/impulse": self.impulse,
-            "contacts/slip": self.slip,
-            "contacts/sliding": np.asarray(self.sliding).astype(np.uint8),
-        }
-        if has_heat:
-            data["contacts/heat"] = _or_zeros(self.heat, self.i)
-            data["contacts/conductance"] = _or_zeros(self.conductance, self.i)
-        return data
+def contact_columns(contacts: ContactTable, grain_count: int, *, has_heat: bool = False) -> Columns:
+    """Arrays by path of the schema; ``grain_count`` tells grains from wall shapes. Without heat in the table it counts as 0."""
+    data: Columns = {
+        "contacts/i": contacts.i,
+        "contacts/j": contacts.j,
+        "contacts/kind": (np.asarray(contacts.j) >= grain_count).astype(np.uint8),
+        "contacts/normal": contacts.normal,
+        "contacts/gap": contacts.gap,
+        "contacts/impulse": contacts.impulse,
+        "contacts/slip": contacts.slip,
+        "contacts/sliding": np.asarray(contacts.sliding).astype(np.uint8),
+    }
+    if has_heat:
+        data["contacts/heat"] = _or_zeros(contacts.heat, contacts.i)
+        data["contacts/conductance"] = _or_zeros(contacts.conductance, contacts.i)
+    return data
 
 
 @dataclass(frozen=True)
@@ -127,11 +102,11 @@ class FrameData:
     velocity: Floats
     wall_position: Floats
     wall_velocity: Floats
-    contacts: ContactRows | None = None
+    contacts: ContactTable | None = None
     heat: FrameHeat | None = None
 
     @classmethod
-    def from_state(cls, state: State, model: Model, contacts: ContactRows | None = None) -> FrameData:
+    def from_state(cls, state: State, model: Model, contacts: ContactTable | None = None) -> FrameData:
         """The frame of a state of a model. Arrays are shared, not copied: the writer copies them."""
         return cls(
             step=state.step,
@@ -163,8 +138,8 @@ class FrameData:
             "walls/position": self.wall_position[np.newaxis],
             "walls/velocity": self.wall_velocity[np.newaxis],
         }
-        rows = self.contacts if self.contacts is not None else _no_contacts()
-        data |= rows.columns(len(self.position), has_heat=self.heat is not None)
+        contacts = self.contacts if self.contacts is not None else ContactTable.empty()
+        data |= contact_columns(contacts, len(self.position), has_heat=self.heat is not None)
         return data if self.heat is None else data | self.heat.columns()
 
 
@@ -260,8 +235,3 @@ def _in_plane(values: Floats) -> Floats:
     full = np.zeros((len(values), 3))
     full[:, :2] = values[:, :2]
     return full
-
-
-def _no_contacts() -> ContactRows:
-    none = np.zeros(0, np.int32)
-    return ContactRows(none, none, np.zeros((0, 2)), np.zeros(0), np.zeros((0, 2)), np.zeros(0), np.zeros(0, np.bool_))

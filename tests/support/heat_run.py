@@ -9,7 +9,8 @@ import numpy as np
 from run_fakes import make_model
 
 from multicor_cli.model import HEAT_BOOK_NAMES, Model, State, Thermal
-from multicor_cli.store import ContactRows, FrameData, RunDirectory, SeriesRow
+from multicor_cli.model.contacts import ContactTable
+from multicor_cli.store import FrameData, RunDirectory, SeriesRow
 
 GRAINS = 10
 RADIUS = 0.05
@@ -71,13 +72,13 @@ def _advance(state: State, model: Model, walls: tuple[float, float]) -> None:
         state.heat_books[HEAT_BOOK_NAMES.index(name)] = value
 
 
-def contact_rows(state: State) -> ContactRows:
+def contact_rows(state: State) -> ContactTable:
     """Every grain on the next one with a normal force of 1, 2, … N, and the last one on the top plane; every third one slides."""
     i = np.arange(GRAINS, dtype=np.int32)
     j = i + np.int32(1)
     j[-1] = GRAINS + 1
     force = np.column_stack([1.0 + i, -0.1 * (1.0 + i)])
     heat = (1e-6 * force[:, 0], force[:, 0]) if state.heat.size else (None, None)
-    return ContactRows(
+    return ContactTable(
         i, j, np.tile([0.0, -1.0], (GRAINS, 1)), np.zeros(GRAINS), force * state.last_dt, np.zeros(GRAINS), i % 3 == 0, *heat
     )

@@ -10,9 +10,9 @@ import numpy as np
 
 from multicor_cli.engine.contact.settings import Settings, StepReport
 from multicor_cli.engine.contact.solve import Interrupted
-from multicor_cli.engine.contact.table import ContactTable
 from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
 from multicor_cli.model import BOOK_NAMES, ContactLaws, Grains, Model, State, Walls, WallShapes
+from multicor_cli.model.contacts import ContactTable
 from multicor_cli.running.conditions import RestReached, ShearGauge, StrainReached
 from multicor_cli.running.plan import RunPlan, StagePlan
 

@@ -24,7 +24,8 @@ from multicor_cli.model import (
     Walls,
     WallShapes,
 )
-from multicor_cli.store import ContactRows, FrameData, RunDirectory, SeriesRow
+from multicor_cli.model.contacts import ContactTable
+from multicor_cli.store import FrameData, RunDirectory, SeriesRow
 from multicor_cli.store.texts import write_digests, write_text
 
 SOURCE = "# scénario\r\n[scenario]\nname = 'tiny'\n"
@@ -118,12 +119,12 @@ def advance_heat(state: State, thermal: Thermal) -> None:
     state.heat_dt = 1e-4 * state.step
 
 
-def contact_rows(state: State) -> ContactRows:
+def contact_rows(state: State) -> ContactTable:
     c = len(state.contact_i)
     normal = np.tile([0.6, 0.8], (c, 1))
     sliding = np.arange(c) % 2 == 1
     heat = (1e-9 * np.arange(c), 0.1 + np.arange(c)) if state.heat.size else (None, None)
-    return ContactRows(
+    return ContactTable(
         state.contact_i, state.contact_j, normal, -1e-6 * np.arange(c), state.contact_impulse, 0.1 * np.arange(c), sliding, *heat
     )
 

@@ -13,7 +13,8 @@ import pytest
 from store_support import make_model, make_run, run_whole, start
 
 from multicor_cli.model import State
-from multicor_cli.store import ContactRows, Frame, FrameData, SeriesRow, open_run, verify
+from multicor_cli.model.contacts import ContactTable
+from multicor_cli.store import Frame, FrameData, SeriesRow, open_run, verify
 from multicor_cli.store.vtkhdf import NO_CONTACT
 
 vtk = pytest.importorskip("vtk")
@@ -136,12 +137,12 @@ def write_contacts(path: Path, sequence: list[list[tuple[int, int]] | None]) -> 
         run.finish("finished")
 
 
-def rows_of(pairs: list[tuple[int, int]]) -> ContactRows:
+def rows_of(pairs: list[tuple[int, int]]) -> ContactTable:
     i, j = np.array(pairs, np.int32).reshape(-1, 2).T
     c = len(pairs)
     impulse = 1.0 + np.arange(2.0 * c).reshape(c, 2)
     normal = np.tile([-0.6, 0.8], (c, 1))
-    return ContactRows(i, j, normal, np.full(c, 1e-4), impulse, np.zeros(c), np.zeros(c, np.bool_), None, None)
+    return ContactTable(i, j, normal, np.full(c, 1e-4), impulse, np.zeros(c), np.zeros(c, np.bool_), None, None)
 
 
 @pytest.mark.parametrize("counts", [(0, 2, 0, 0, 3, 1, 0), (2, 1), (3, 0), (0, 0, 0), (1,), (0,), (2, 0, 0, 0, 1, 0, 2, 3, 0, 0)])

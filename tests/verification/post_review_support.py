@@ -16,7 +16,8 @@ from numpy.typing import NDArray
 from run_fakes import make_model
 
 from multicor_cli.model import Model, ShapeKind, State, Thermal, Walls, WallShapes
-from multicor_cli.store import ContactRows, Frame, FrameData, Run, RunDirectory, SeriesRow, open_run
+from multicor_cli.model.contacts import ContactTable
+from multicor_cli.store import Frame, FrameData, Run, RunDirectory, SeriesRow, open_run
 
 Floats = NDArray[np.float64]
 
@@ -56,7 +57,7 @@ def random_model(*, is_periodic: bool, seed: int) -> Model:
     )
 
 
-def random_contacts(state: State, model: Model, rng: np.random.Generator) -> ContactRows:
+def random_contacts(state: State, model: Model, rng: np.random.Generator) -> ContactTable:
     """Random pairs; every fifth carries nothing, a tenth hangs on glued grains. Branches stay between the walls."""
     n, count = model.grain_count, 90
     pairs = sorted({(int(a), int(b)) for a, b in np.sort(rng.integers(0, n, (count, 2)), axis=1) if a < b})
@@ -69,12 +70,12 @@ def random_contacts(state: State, model: Model, rng: np.random.Generator) -> Con
     impulse = np.column_stack([rng.exponential(0.1, i.size), rng.normal(0.0, 0.03, i.size)])
     impulse[::5] = 0.0
     none = np.zeros(i.size)
-    return ContactRows(i, j, normal, rng.normal(0.0, 1e-4, i.size), impulse, none, rng.random(i.size) < 0.3)
+    return ContactTable(i, j, normal, rng.normal(0.0, 1e-4, i.size), impulse, none, rng.random(i.size) < 0.3)
 
 
-def no_contacts() -> ContactRows:
+def no_contacts() -> ContactTable:
     none = np.zeros(0, np.int32)
-    return ContactRows(none, none, np.zeros((0, 2)), np.zeros(0), np.zeros((0, 2)), np.zeros(0), np.zeros(0, np.bool_))
+    return ContactTable(none, none, np.zeros((0, 2)), np.zeros(0), np.zeros((0, 2)), np.zeros(0), np.zeros(0, np.bool_))
 
 
 def write_random_run(path: Path, *, is_periodic: bool = True, seed: int = 0, is_finished: bool = True) -> Run:
