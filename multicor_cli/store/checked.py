@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 from multicor_cli.store.atomic import require_regular
 from multicor_cli.store.errors import DamagedRun, StorageError, UnsupportedVersion
 from multicor_cli.store.schema import FORMAT_VERSION, Dataset
-from multicor_cli.store.texts import DIGESTS, read_text, text_digest, text_names
+from multicor_cli.store.texts import DIGESTS, read_text, text_digest
 
 _DEFLATE_RATIO = 1100
 """No deflated stream grows by more than 1032 times."""
@@ -28,7 +28,6 @@ _FILTERS = {h5py.h5z.FILTER_DEFLATE, h5py.h5z.FILTER_SHUFFLE, h5py.h5z.FILTER_FL
 _STRING_LIMIT = 64 << 20
 _BLOCK_BYTES = 16 << 20
 _TYPES: dict[str, tuple[str, ...]] = {"f8": ("<f8",), "float": ("<f8", "<f4"), "i8": ("<i8",), "i4": ("<i4",), "u1": ("|u1",)}
-_FEATURES_SINCE = (1, 1)
 _EDGES = {"frame_edge": "frame", "table_edge": "table"}
 
 
@@ -97,18 +96,16 @@ class CheckedFile:
     @cached_property
     def features(self) -> frozenset[str]:
         """Features of the run that the file belongs to, see ``schema.Feature``; raises `DamagedRun`."""
-        if self.version < _FEATURES_SINCE:
-            return frozenset()
         found = self.json("features")
         if not isinstance(found, list) or not all(isinstance(name, str) for name in found):
             raise DamagedRun(f"{self.path}: attribute 'features' is damaged")
         return frozenset(found)
 
     def text(self, name: str) -> str:
-        """A root attribute that is a string; raises `DamagedRun`."""
+        """A root attribute that is a string, compared with its digest; raises `DamagedRun`."""
         with reading(self.path):
             text = read_text(self._file, name)
-        if self._text_digests is not None and self._text_digests.get(name) != text_digest(text):
+        if self._text_digests.get(name) != text_digest(text):
             raise DamagedRun(f"{self.path}: attribute {name!r} does not match its digest")
         return text
 
@@ -120,17 +117,15 @@ class CheckedFile:
             raise DamagedRun(f"{self.path}: attribute {name!r} is damaged") from error
 
     def check_texts(self) -> None:
-        """Read all root attributes that are texts, and compare them with their digests if they have any; raises `DamagedRun`."""
-        with reading(self.path):
-            names = text_names(self._file) if self._text_digests is None else list(self._text_digests)
-        for name in names:
+        """Read all root attributes that are texts, and compare them with their digests; raises `DamagedRun`."""
+        for name in self._text_digests:
             self.text(name)
 
     @cached_property
-    def _text_digests(self) -> dict[str, Any] | None:
+    def _text_digests(self) -> dict[str, Any]:
         with reading(self.path):
-            found = json.loads(read_text(self._file, DIGESTS)) if DIGESTS in self._file.attrs else None
-        if not isinstance(found, dict | None):
+            found = json.loads(read_text(self._file, DIGESTS))
+        if not isinstance(found, dict):
             raise DamagedRun(f"{self.path}: attribute {DIGESTS!r} is damaged")
         return found
 
@@ -187,12 +182,12 @@ class CheckedFile:
             self.check_digest(spec, digests[spec.path])
 
     def _check_header(self, filetype: str, run_id: str | None) -> tuple[int, int]:
-        found = self.text("filetype")
-        if found != filetype:
-            raise DamagedRun(f"{self.path}: is a {found!r} file, expected {filetype!r}")
         with reading(self.path):
             version = self._version()
         check_version(self.path, version)
+        found = self.text("filetype")
+        if found != filetype:
+            raise DamagedRun(f"{self.path}: is a {found!r} file, expected {filetype!r}")
         if run_id is not None and self.text("run_id") != run_id:
             raise DamagedRun(f"{self.path}: belongs to another run")
         return version[0], version[1]

@@ -14,7 +14,7 @@ from multicor_cli.model import Model, State
 from multicor_cli.model.faults import find_misfit
 from multicor_cli.store import schema
 from multicor_cli.store.atomic import file_digest, kill_point, storage_errors
-from multicor_cli.store.checked import CheckedFile
+from multicor_cli.store.checked import CheckedFile, check_version
 from multicor_cli.store.documents import Document, read_document, write_document
 from multicor_cli.store.errors import DamagedRun, UnsupportedVersion
 from multicor_cli.store.hdf5 import Hdf5Writer, dtype_of, estimate_size, write_hdf5
@@ -24,9 +24,6 @@ from multicor_cli.store.summary import Summary, summarize
 FILETYPE = "multicor-checkpoint"
 KEEP = 2
 """Number of checkpoints kept."""
-
-_SAME_STATE_SINCE = (1, 1)
-"""First format version whose states have the same fields as those of today."""
 
 _NAME = re.compile(r"step-(\d+)(?:\.(\d+))?\.json")
 
@@ -108,7 +105,7 @@ def write_checkpoint(
             writer.write(spec, columns[spec.path])
 
     def verify(temporary: Path, digests: dict[str, str]) -> None:
-        if _read_state(temporary, identity.run_id)[0].digest() != summary["state_digest"]:
+        if _read_state(temporary, identity.run_id).digest() != summary["state_digest"]:
             raise DamagedRun(f"{temporary}: what was read back is not what was written")
 
     attributes = {"filetype": FILETYPE, "run_id": identity.run_id, "state_digest": summary["state_digest"]}
@@ -173,8 +170,7 @@ def load_newest(directory: Path, identity: Identity, segments: Path | None, mode
 def load_checkpoint(sidecar: Path, identity: Identity, model: Model | None = None) -> Checkpoint:
     """Read and check one checkpoint by the name of its ``.json``; arguments and errors as `load_newest`."""
     document = read_document(sidecar)
-    where = str(sidecar)
-    _check_document(document, where, identity)
+    _check_document(document, sidecar, identity)
     path = sidecar.with_suffix(".h5")
     if not path.is_file():
         raise DamagedRun(f"{path}: missing")
@@ -182,26 +178,25 @@ def load_checkpoint(sidecar: Path, identity: Identity, model: Model | None = Non
         size = path.stat().st_size
     if size != document.get("size") or file_digest(path) != document.get("blake2b"):
         raise DamagedRun(f"{path}: damaged (it does not match its digest in {sidecar.name})")
-    state, version = _read_state(path, identity.run_id)
+    state = _read_state(path, identity.run_id)
     misfit = find_misfit(state, model) if model is not None else None
     if state.stage > identity.stages:
         misfit = f"it is in stage {state.stage + 1} of {identity.stages}"
     if misfit is not None:
         raise DamagedRun(f"{path}: does not fit the model: {misfit}")
     try:
-        # The digest of a state covers the names of its fields: one with other fields cannot be compared.
-        if version >= _SAME_STATE_SINCE and state.digest() != document["summary"]["state_digest"]:
+        if state.digest() != document["summary"]["state_digest"]:
             raise DamagedRun(f"{path}: the state does not match its digest")
         return Checkpoint(
             state=state,
-            segments=tuple(Segment.from_document(item, where) for item in document["segments"]),
+            segments=tuple(Segment.from_document(item, str(sidecar)) for item in document["segments"]),
             last_steps=(int(document["last_frame_step"]), int(document["last_series_step"])),
             summary=document["summary"],
             model_digest=str(document["model_digest"]),
             name=sidecar.stem,
         )
     except (KeyError, TypeError, AttributeError) as error:
-        raise DamagedRun(f"{where}: damaged ({error!r})") from error
+        raise DamagedRun(f"{sidecar}: damaged ({error!r})") from error
 
 
 def newest_first(directory: Path) -> list[Path]:
@@ -260,29 +255,18 @@ def _columns(state: State) -> dict[str, NDArray[Any]]:
     return columns
 
 
-def _read_state(path: Path, run_id: str) -> tuple[State, tuple[int, int]]:
-    """The state and the format version of the file; what appeared after that version is as in a run without it."""
+def _read_state(path: Path, run_id: str) -> State:
     with CheckedFile(path, FILETYPE, run_id=run_id) as file:
         file.check_texts()
-        data = _defaults()
-        for spec in schema.CHECKPOINT:
-            if spec.since <= file.version:
-                values = file.read(spec)
-                data[spec.name] = values[0] if spec.dims == ("one",) else values
-    return State.from_dict(data), file.version
+        columns = {spec: file.read(spec) for spec in schema.CHECKPOINT}
+    return State.from_dict({spec.name: values[0] if spec.dims == ("one",) else values for spec, values in columns.items()})
 
 
-def _defaults() -> dict[str, NDArray[Any]]:
-    none = np.zeros((0, 3))
-    return State(none, np.zeros(0, np.int64), none, none, none).as_dict()
-
-
-def _check_document(document: Document, where: str, identity: Identity) -> None:
+def _check_document(document: Document, path: Path, identity: Identity) -> None:
     if document.get("filetype") != FILETYPE:
-        raise DamagedRun(f"{where}: not the description of a checkpoint")
-    if list(document.get("format_version", []))[:1] != [schema.FORMAT_VERSION[0]]:
-        raise UnsupportedVersion(f"{where}: made by an incompatible version of multicor; use that version to continue")
+        raise DamagedRun(f"{path}: not the description of a checkpoint")
+    check_version(path, document.get("format_version"))
     if document.get("run_id") != identity.run_id:
-        raise DamagedRun(f"{where}: belongs to another run")
+        raise DamagedRun(f"{path}: belongs to another run")
     if document.get("scenario_digest") != identity.scenario:
-        raise DamagedRun(f"{where}: belongs to another scenario than scenario.resolved.toml")
+        raise DamagedRun(f"{path}: belongs to another scenario than scenario.resolved.toml")

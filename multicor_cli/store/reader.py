@@ -253,7 +253,6 @@ def _info_of_results(path: Path) -> Document:
         stages = file.strings(next(spec for spec in schema.SCENARIO if spec.name == "stages"))
         frames = int(file.dataset(next(spec for spec in schema.STEPS if spec.name == "step")).shape[0])
         digest = file.text("data_digest")
+    check_types(path, {**texts, **documents})
     results = {"size": path.stat().st_size, "data_digest": digest, "frames": frames}
-    info = {**texts, **documents, "stages": stages, "exit_code": 0, "timings": {}, "results": results}
-    check_types(path, info)
-    return info
+    return {**texts, **documents, "stages": stages, "exit_code": 0, "timings": {}, "results": results}

@@ -96,8 +96,7 @@ def _is_results(value: Any) -> bool:
     return value is None or (
         isinstance(value, dict)
         and all(isinstance(value.get(name), int) for name in ("size", "frames"))
-        and all(isinstance(value.get(name, ""), str) for name in ("data_digest", "blake2b"))
-        and "data_digest" in value
+        and all(isinstance(value.get(name), str) for name in ("data_digest", "blake2b"))
     )
 
 
@@ -109,12 +108,11 @@ def _is_summary(value: Any) -> bool:
     """Whether it has the keys of a summary, whose values are numbers but for the digest and what it does not have."""
     if value is None:
         return True
-    required = empty_summary()
-    heat = required.pop("heat")  # since 1.1
-    if not _is_like(value, required) or not _is_like(value.get("heat", heat), {"books": {}, "temperature": {}}, is_optional=True):
+    heat: dict[str, Any] = {"books": {}, "temperature": {}}
+    if not _is_like(value, empty_summary()) or not _is_like(value["heat"], heat, is_optional=True):
         return False
     counts = [*(value[name] for name in ("step", "time", "stage", "grain_count")), value["solver"]["unconverged_steps"]]
-    temperature = [value["heat"]["temperature"].get(name) for name in ("mean", "min", "max")] if value.get("heat") else []
+    temperature = [value["heat"]["temperature"].get(name) for name in ("mean", "min", "max")] if value["heat"] else []
     return all(_is_number(item) for item in [*counts, *temperature])
 
 
@@ -147,7 +145,7 @@ _TYPES: dict[str, Callable[[Any], bool]] = {
     "timings": lambda value: isinstance(value, dict) and all(map(_is_number, value.values())),
     "started": lambda value: isinstance(value, str),
     "updated": lambda value: isinstance(value, str),
-    "model": _is_file,  # once it is there; earlier versions have not recorded it
+    "model": _is_file,  # once it is there
     "results": _is_results,
     "summary": _is_summary,
 }

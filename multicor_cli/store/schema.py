@@ -12,7 +12,7 @@ from typing import Literal
 
 from multicor_cli.model import BOOK_NAMES, TALLY_NAMES, WINDOW_NAMES, Model
 
-FORMAT_VERSION = (1, 2)
+FORMAT_VERSION = (1, 0)
 """Major and minor version of the file format. A reader refuses another major version and ignores unknown datasets."""
 
 Dim = Literal[
@@ -86,12 +86,12 @@ class Dataset:
 
 
 def _heat(path: str, dtype: DType, dims: tuple[Dim | int, ...], unit: str, long_name: str, *, finite: bool = True) -> Dataset:
-    return Dataset(path, dtype, dims, unit, long_name, finite, (1, 1), "heat")
+    return Dataset(path, dtype, dims, unit, long_name, finite, only_with="heat")
 
 
 def _softening(name: str, unit: str, long_name: str) -> Dataset:
     path, dims = f"model/laws/softening_{name}", ("material", "material")
-    return Dataset(path, "f8", dims, unit, long_name, since=(1, 1), only_with="softening")  # type: ignore[arg-type]
+    return Dataset(path, "f8", dims, unit, long_name, only_with="softening")  # type: ignore[arg-type]
 
 
 MODEL: tuple[Dataset, ...] = (
@@ -293,8 +293,8 @@ RESULTS_TABLE = SCENARIO + MODEL + FRAME_TABLE + SERIES
 
 
 def _state(name: str, dtype: DType, dims: tuple[Dim | int, ...], unit: str, long_name: str) -> Dataset:
-    """A part of the state that appeared with heat; it is there, but empty, in runs without."""
-    return Dataset(f"state/{name}", dtype, dims, unit, long_name, finite=False, since=(1, 1))
+    """A part of the state that belongs to heat; it is there, but empty, in runs without."""
+    return Dataset(f"state/{name}", dtype, dims, unit, long_name, finite=False)
 
 
 CHECKPOINT: tuple[Dataset, ...] = (
@@ -311,7 +311,7 @@ CHECKPOINT: tuple[Dataset, ...] = (
     Dataset("state/window", "f8", (len(WINDOW_NAMES),), "mixed", "sums, in the order of state.WINDOW_NAMES"),
     Dataset("state/window_wall_impulse", "f8", ("wall", 3), "N s, N s, N m s", "impulse on each wall since the last series row"),
     Dataset("state/step", "i8", ("one",), "1", "steps done since the start of the run"),
-    Dataset("state/frozen_steps", "i8", ("one",), "1", "how many of the steps were of frozen stages", since=(1, 1)),
+    Dataset("state/frozen_steps", "i8", ("one",), "1", "how many of the steps were of frozen stages"),
     Dataset("state/stage", "i8", ("one",), "1", "current loading stage"),
     Dataset("state/stage_step", "i8", ("one",), "1", "steps done in this stage"),
     Dataset("state/stage_start", "f8", ("one",), "s", "time at which this stage began"),

@@ -1,28 +1,18 @@
 """Texts beside the datasets of an HDF5 file: attributes of fixed length, each with a digest.
 
 Strings of variable length, as h5py writes them, lie in a global heap: the only structure of HDF5 without a checksum, and
-one in which the library searches forever where an object has no size. Files of format 1.1 and before have such texts; they are read
-after a look at their heaps.
+one in which the library searches forever where an object has no size. They are refused before they are read.
 """
 
 from __future__ import annotations
 
 import hashlib
 import json
-import mmap
-from functools import lru_cache
-from pathlib import Path
 
 import h5py
 
-from multicor_cli.store.errors import DamagedRun
-
 DIGESTS = "attribute_digests"
-"""Root attribute with the digests of all other texts of the root, as JSON; since format 1.2."""
-
-_HEAP = b"GCOL\x01"  # HDF5 does not look at the three bytes behind
-_HEAP_HEADER = 16
-_OBJECT_HEADER = 16
+"""Root attribute with the digests of all other texts of the root, as JSON."""
 
 
 def write_text(node: h5py.HLObject, name: str, text: str) -> None:
@@ -47,61 +37,20 @@ def read_text(node: h5py.HLObject, name: str) -> str:
 
     Raises:
         KeyError: If there is none.
-        TypeError: If it is something else.
+        TypeError: If it is something else, or of variable length.
         UnicodeDecodeError: If it is not text.
-        DamagedRun: If HDF5 would not come back from reading it.
     """
+    if name not in node.attrs:
+        raise KeyError(f"attribute {name!r} is missing")
     info = h5py.check_string_dtype(node.attrs.get_id(name).dtype)
-    if info is None:
-        raise TypeError(f"attribute {name!r} is not a string")
-    if info.length is None:
-        require_finite_heaps(Path(node.file.filename))
+    if info is None or info.length is None:
+        raise TypeError(f"attribute {name!r} is not a string of fixed length")
     value = node.attrs[name]
-    if not isinstance(value, str | bytes):
+    if not isinstance(value, bytes):
         raise TypeError(f"attribute {name!r} is not one string")
-    return value.decode() if isinstance(value, bytes) else value
+    return value.decode()
 
 
 def text_digest(text: str) -> str:
     """BLAKE2b digest of a text."""
-    return hashlib.blake2b(text.encode(errors="surrogateescape"), digest_size=16).hexdigest()
-
-
-def require_finite_heaps(path: Path) -> None:
-    """Refuse a file with a global heap whose objects do not follow each other to its end.
-
-    The layout is that of "Disk Format: Level 1E" in the HDF5 File Format Specification 3.0.
-
-    Raises:
-        DamagedRun: If there is such a heap.
-        OSError: If the file cannot be read.
-    """
-    status = path.stat()
-    _look_at_heaps(path, status.st_ino, status.st_size, status.st_mtime_ns)
-
-
-@lru_cache(maxsize=64)
-def _look_at_heaps(path: Path, *_identity: int) -> None:
-    """Once for each file: it is searched from its beginning to its end."""
-    with path.open("rb") as file, mmap.mmap(file.fileno(), 0, access=mmap.ACCESS_READ) as data:
-        at = data.find(_HEAP)
-        while at >= 0:
-            if not _is_finite(data, at):
-                raise DamagedRun(f"{path}: damaged (a heap of texts has no end)")
-            at = data.find(_HEAP, at + 1)
-
-
-def _is_finite(data: mmap.mmap, heap: int) -> bool:
-    """Whether every object of the heap at ``heap`` ends behind its beginning, and none behind the heap."""
-    size = int.from_bytes(data[heap + 8 : heap + _HEAP_HEADER], "little")
-    at, end = heap + _HEAP_HEADER, heap + size
-    if not _HEAP_HEADER < size <= len(data) - heap:
-        return False
-    while at + _OBJECT_HEADER <= end:
-        index = int.from_bytes(data[at : at + 2], "little")
-        length = int.from_bytes(data[at + 8 : at + _OBJECT_HEADER], "little")
-        step = _OBJECT_HEADER + (length + 7) // 8 * 8 if index else length  # what is free counts its header
-        if not _OBJECT_HEADER <= step <= end - at:
-            return False
-        at += step
-    return True
+    return hashlib.blake2b(text.encode(), digest_size=16).hexdigest()

@@ -154,10 +154,10 @@ def _check_results(path: Path, run_id: str | None, recorded: Document | None) ->
 
 
 def _check_whole(path: Path, recorded: Document) -> None:
-    """Compare the file as a whole; runs of earlier versions have not recorded its digest."""
+    """Compare the file as a whole with its size and digest."""
     if path.stat().st_size != recorded["size"]:
         raise DamagedRun(f"{path}: has {path.stat().st_size} bytes instead of {recorded['size']}")
-    if "blake2b" in recorded and recorded["blake2b"] != file_digest(path):
+    if recorded["blake2b"] != file_digest(path):
         raise DamagedRun(f"{path}: the data are whole, but something beside them has changed since the file was written")
 
 

@@ -16,7 +16,7 @@ from store_support import continue_run, drive, make_model, make_run, replace, ru
 
 from multicor_cli.model import State
 from multicor_cli.store import DamagedRun, RunDirectory, StoreError, UnsupportedVersion, open_run, run_info, schema, verify
-from multicor_cli.store.atomic import file_digest
+from multicor_cli.store.checked import CheckedFile
 from multicor_cli.store.documents import document_line, parse_document, read_document, write_document
 
 FLIPS = 25
@@ -221,51 +221,26 @@ def test_other_versions_are_refused_by_name(copy: Path) -> None:
     assert caught.value.exit_code == 7
 
 
+@pytest.mark.parametrize(("version", "named"), [([2, 0], "2.0"), (3, "3"), (None, "None")])
+def test_checkpoints_of_other_versions_are_refused_by_name(open_copy: Path, version: object, named: str) -> None:
+    edit_document(open_copy / "checkpoints" / "step-00000000040.json", format_version=version)
+    with RunDirectory.resume(open_copy) as run, pytest.raises(UnsupportedVersion, match=f"format version {named}"):
+        run.load_checkpoint()
+
+
 def test_unknown_datasets_of_a_newer_minor_version_are_ignored(copy: Path, finished: Path) -> None:
     with h5py.File(copy / "results.h5", "r+") as file:
         file.attrs["format_version"] = np.array([1, 7])
         set_text(file, "features", '["charge"]')
         file["particles/charge"] = np.zeros(45)
+    with CheckedFile(copy / "results.h5", "multicor-results") as checked:
+        assert checked.version == (1, 7)
     assert everything(copy / "results.h5") == everything(finished)
 
 
-def as_version_1_0(path: Path) -> None:
-    with h5py.File(path, "r+") as file:
-        file.attrs["format_version"] = np.array([1, 0])
-        del file.attrs["features"], file.attrs["attribute_digests"], file["VTKHDF"], file["view"]
-
-
-def test_files_of_version_1_0_are_read_as_they_were(copy: Path, finished: Path) -> None:
-    """They have no features and no summary of heat."""
-    as_version_1_0(copy / "results.h5")
-    summary = read_document(copy / "run.json")["summary"]
-    del summary["heat"]
-    size = (copy / "results.h5").stat().st_size
-    results = read_document(copy / "run.json")["results"] | {"size": size}
-    del results["blake2b"]
-    edit_document(copy / "run.json", format_version=[1, 0], summary=summary, results=results)
-    assert everything(copy) == everything(finished)
-    assert run_info(copy)["heat"] is None
-    assert verify(copy) == []
-
-
-def test_checkpoints_of_version_1_0_are_continued(open_copy: Path, finished: Path) -> None:
-    """The state had no heat then, and its digest did not cover it."""
-    for sidecar in (open_copy / "checkpoints").glob("*.json"):
-        file = sidecar.with_suffix(".h5")
-        replace(file, file.read_bytes())
-        with h5py.File(file, "r+") as data:
-            data.attrs["format_version"] = np.array([1, 0])
-            for spec in schema.CHECKPOINT:
-                if spec.since > (1, 0):
-                    del data[spec.path]
-        document = read_document(sidecar)
-        summary = document["summary"] | {"state_digest": "of version 1.0"}
-        edit_document(sidecar, summary=summary, size=file.stat().st_size, blake2b=file_digest(file), format_version=[1, 0])
-    with open_run(open_copy) as run:
-        state = run.state()
-        assert state is not None
-        assert (state.step, state.heat.size, state.heat_dt) == (40, 0, 0.0)
+def test_a_run_of_a_newer_minor_version_is_continued(open_copy: Path, finished: Path) -> None:
+    for document in (open_copy / "run.json", *(open_copy / "checkpoints").glob("*.json")):
+        edit_document(document, format_version=[1, 7])
     continue_run(open_copy)
     assert run_info(open_copy)["data_digest"] == run_info(finished)["data_digest"]
 

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import json
 import shutil
+from collections.abc import Callable
 from pathlib import Path
 
 import h5py
@@ -13,6 +15,7 @@ from store_support import drive, make_model, make_run, replace, run_whole, set_t
 from multicor_cli.store import DamagedRun, open_run, schema, verify
 from multicor_cli.store.atomic import file_digest
 from multicor_cli.store.documents import document_line, parse_document
+from multicor_cli.store.texts import write_text
 
 HEAT_DATASETS = [spec.path for spec in schema.RESULTS_TABLE if spec.only_with]
 
@@ -91,6 +94,38 @@ def test_foreign_files_are_refused(tmp_path: Path) -> None:
         with pytest.raises(DamagedRun, match=name):
             open_run(tmp_path / name)
         assert [finding.severity for finding in verify(tmp_path / name)] == ["error"]
+
+
+def as_variable_length(node: h5py.HLObject, name: str) -> None:
+    node.attrs[name] = node.attrs[name].decode()
+
+
+def lose_one_digest(file: h5py.File) -> None:
+    digests = json.loads(file.attrs["attribute_digests"])
+    del digests["summary"]
+    write_text(file, "attribute_digests", json.dumps(digests))
+
+
+UNPROTECTED: dict[str, tuple[Callable[[h5py.File], None], str]] = {
+    "text of variable length": (lambda file: as_variable_length(file, "run_id"), "fixed length"),
+    "digests of variable length": (lambda file: as_variable_length(file, "attribute_digests"), "fixed length"),
+    "digest of variable length": (lambda file: as_variable_length(file["model/radius"], "blake2b"), "fixed length"),
+    "digest of the view of variable length": (lambda file: as_variable_length(file["VTKHDF"], "blake2b"), "fixed length"),
+    "texts without digests": (lambda file: file.attrs.__delitem__("attribute_digests"), "attribute_digests"),
+    "text without digest": (lose_one_digest, "summary"),
+    "dataset without digest": (lambda file: file["model/radius"].attrs.__delitem__("blake2b"), "blake2b"),
+    "no view": (lambda file: file.__delitem__("VTKHDF"), "VTKHDF"),
+}
+"""What has no digest, or lies where HDF5 has no checksum and may search forever; and what the message names."""
+
+
+@pytest.mark.parametrize("what", UNPROTECTED)
+def test_what_is_not_protected_is_refused(copy: Path, tmp_path: Path, what: str) -> None:
+    alone = Path(shutil.copy(copy / "results.h5", tmp_path / "alone.h5"))
+    change, named = UNPROTECTED[what]
+    with h5py.File(alone, "r+") as file:
+        change(file)
+    assert [named in finding.message for finding in verify(alone)] == [True]
 
 
 def hostile(change: str, file: h5py.File, elsewhere: Path) -> None:

@@ -1,0 +1,57 @@
+"""Runs that versions of the file format have left, kept in ``tests/data``: read, verified and continued to the bit.
+
+Each archive is made once for its version, by ``tests/support/keep_run.py``: a scenario, a finished run of it, and one that was
+killed at step 60 of 75, after a checkpoint at step 55.
+"""
+
+from __future__ import annotations
+
+import tarfile
+from pathlib import Path
+
+import pytest
+from digest_run import digests_of
+from keep_run import DATA
+from small_run import call, read_info
+
+from multicor_cli.model.nudge import VARIABLE, nudge_seed
+from multicor_cli.store import open_run, verify
+from multicor_cli.store.schema import FORMAT_VERSION
+
+VERSIONS = sorted(path.name.removeprefix("format-").removesuffix(".tar.xz") for path in DATA.glob("format-*.tar.xz"))
+
+END = {"state": "0c19f265f9cbb8fea6d1e7db51c10617", "data": "d669fd016b0dc07bc405b96d1e24d72b"}
+"""Digests with which the unfinished run ends. They are frozen anew when results change (CHANGELOG.md), the archive stays."""
+
+
+@pytest.fixture(params=VERSIONS)
+def kept(request: pytest.FixtureRequest, tmp_path: Path) -> Path:
+    with tarfile.open(DATA / f"format-{request.param}.tar.xz") as archive:
+        archive.extractall(tmp_path, filter="data")
+    return tmp_path
+
+
+def test_the_version_of_now_is_kept() -> None:
+    assert ".".join(map(str, FORMAT_VERSION)) in VERSIONS
+
+
+def test_finished_runs_are_read(kept: Path) -> None:
+    assert verify(kept / "finished") == []
+    info = read_info(kept / "finished")
+    assert (info["status"], info["step"]) == ("finished", 75)
+    with open_run(kept / "finished") as run:
+        assert run.features == {"heat", "softening"}
+        assert run.frames.step.tolist() == [0, 25, 50, 75]
+        assert run.model.grain_count == 120
+        assert run.frames[-1].contacts.conductance.any()
+        assert run.series["heat_stored"][-1] != 0.0
+
+
+@pytest.mark.skipif(nudge_seed() is not None, reason=f"{VARIABLE} moves the positions whose bits are frozen")
+def test_unfinished_runs_are_continued(kept: Path) -> None:
+    assert verify(kept / "unfinished") == []
+    done = call("run", "kept.toml", "-o", "unfinished", cwd=kept)
+    assert done.returncode == 0, done.stderr
+    assert "continuing from step 55" in done.stderr
+    assert verify(kept / "unfinished") == []
+    assert digests_of(kept / "unfinished") == END
