@@ -8,7 +8,7 @@ from multicor_cli.engine.contact.settings import PhysicsError
 from multicor_cli.model import State
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.model.faults import find_absurd_value
-from multicor_cli.store.frames import FrameData, SeriesRow
+from multicor_cli.store.moment import Moment
 from multicor_cli.store.rundir import RunDirectory
 from multicor_cli.store.segments import FrameWriter
 
@@ -23,12 +23,12 @@ class DirectoryRecorder:
     def frame(self, state: State, contacts: ContactTable | None) -> None:
         """Write a frame; without contacts if they are not recorded. Raises as `checkpoint` does."""
         self._require_sound(state)
-        self._writer.frame(FrameData.from_state(state, self._writer.model, contacts))
+        self._writer.frame(Moment(state, self._writer.model, contacts))
 
     def series(self, state: State) -> None:
         """Write the row of the time series that ends the window of ``state``; raises as `frame` does."""
         self._require_sound(state)
-        self._writer.series_row(SeriesRow.from_state(state, self._writer.model))
+        self._writer.series_row(Moment(state, self._writer.model))
 
     def checkpoint(self, state: State) -> None:
         """Commit the output so far, then the state.

@@ -23,9 +23,8 @@ from .errors import (
 from .frame_view import Contacts as Contacts
 from .frame_view import Frame as Frame
 from .frame_view import Frames as Frames
-from .frames import FrameData as FrameData
-from .frames import SeriesRow as SeriesRow
 from .info import run_info as run_info
+from .moment import Moment as Moment
 from .provenance import collect_provenance as collect_provenance
 from .reader import Run as Run
 from .reader import Series as Series

@@ -9,37 +9,28 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.model import ContactLaws, Grains, Model, ShapeKind, Thermal, Walls, WallShapes
+from multicor_cli.model import ContactLaws, Grains, Model, ShapeKind, State, Thermal, Walls, WallShapes
 from multicor_cli.model.faults import LARGEST
 from multicor_cli.store import schema
 from multicor_cli.store.checked import CheckedFile
+from multicor_cli.store.columns import columns_of
 from multicor_cli.store.errors import DamagedRun
-from multicor_cli.store.hdf5 import Hdf5Writer, dtype_of, encode_strings, estimate_size, write_hdf5
+from multicor_cli.store.hdf5 import Hdf5Writer, dtype_of, estimate_size, write_hdf5
+from multicor_cli.store.moment import Moment
 
 Arrays = dict[str, NDArray[Any]]
 
 FILETYPE = "multicor-model"
 
+_NO_STATE = State(np.empty((0, 3)), np.empty(0, np.int64), np.empty((0, 3)), np.empty((0, 3)), np.empty((0, 3)))
+"""What is stored of a model asks for none."""
+
 
 def model_columns(model: Model) -> Arrays:
     """Arrays of a model by path of ``schema.MODEL``, in the order of that table, as far as the model has them."""
-    grains, walls, shapes, laws = model.grains, model.walls, model.shapes, model.laws
-    data: Arrays = {f"model/{name}": getattr(grains, name) for name in ("radius", "mass", "inertia", "material", "group")}
-    data["model/material_names"] = encode_strings(list(model.materials))
-    data["model/group_names"] = encode_strings(list(model.groups))
-    data["model/walls/names"] = encode_strings(list(walls.names))
-    data |= {f"model/walls/{name}": getattr(walls, name) for name in ("mass", "inertia", "length")}
-    data["model/walls/has_gravity"] = walls.has_gravity.astype(np.uint8)
-    data |= {f"model/shapes/{name}": getattr(shapes, name) for name in ("kind", "wall", "geometry", "material")}
-    data |= {f"model/laws/{name}": getattr(laws, name) for name in _LAWS}
-    if laws.depends_on_temperature:
-        data |= {f"model/laws/{name}": getattr(laws, name) for name in _SOFTENING}
-    if model.thermal is not None:
-        data |= {f"model/thermal/{name}": getattr(model.thermal, name) for name in _THERMAL}
-    data["model/period"] = np.array([model.period])
-    data["model/gravity"] = np.asarray(model.gravity)
-    data["model/shape_factor"] = np.array([model.shape_factor])
-    return {spec.path: _as_stored(spec, data[spec.path]) for spec in schema.select(schema.MODEL, schema.features_of(model))}
+    table = schema.select(schema.MODEL, schema.features_of(model))
+    columns = columns_of(table, Moment(_NO_STATE, model))
+    return {spec.path: _as_stored(spec, columns[spec.path]) for spec in table}
 
 
 def _as_stored(spec: schema.Dataset, values: NDArray[Any]) -> NDArray[Any]:

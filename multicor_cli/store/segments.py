@@ -13,9 +13,10 @@ from multicor_cli.model import Model
 from multicor_cli.store import schema
 from multicor_cli.store.atomic import file_digest
 from multicor_cli.store.checked import CheckedFile
-from multicor_cli.store.frames import Columns, FrameData, SeriesRow
+from multicor_cli.store.columns import Columns, columns_of
 from multicor_cli.store.hdf5 import Hdf5Writer, Precision, dtype_of, estimate_size, write_hdf5
 from multicor_cli.store.manifest import Segment, append_segment, segment_name
+from multicor_cli.store.moment import Moment
 from multicor_cli.store.schema import Dataset
 
 FILETYPE = "multicor-segment"
@@ -79,30 +80,33 @@ class FrameWriter:
         """Rows of the time series since the start of the run, committed and pending."""
         return sum(segment.series_rows for segment in self.segments) + len(self._rows)
 
-    def frame(self, frame: FrameData) -> None:
-        """Add a frame (the arrays are copied).
+    def frame(self, moment: Moment) -> None:
+        """Add a frame of a moment (arrays are copied).
 
         Raises:
             ValueError: If a value is not finite, an array has the wrong shape, or the step does not follow the last one.
             StorageFull: If a segment is due and there is no space for it.
             StorageError: If it cannot be written.
         """
-        if frame.step <= self.last_frame_step:
-            raise ValueError(f"frame at step {frame.step} after one at step {self.last_frame_step}")
-        columns = frame.columns()
-        self._check_contacts(columns, frame.step)
-        stored = self._stored(self._frame_rows, columns, f"frame at step {frame.step}")
-        self.last_frame_step = frame.step
+        step = moment.state.step
+        if step <= self.last_frame_step:
+            raise ValueError(f"frame at step {step} after one at step {self.last_frame_step}")
+        columns = columns_of(self._frame_rows, moment)
+        self._check_contacts(columns, step)
+        stored = self._stored(self._frame_rows, columns, f"frame at step {step}")
+        self.last_frame_step = step
         self._frames.append(stored)
         self._grow(stored)
 
-    def series_row(self, row: SeriesRow) -> None:
-        """Add a row of the time series (arrays are copied); raises as `frame` does."""
-        columns = row.columns()
-        step = int(columns["series/step"][0])
+    def series_row(self, moment: Moment) -> None:
+        """Add the row of the time series that ends the window of a moment, which the caller then clears; raises as `frame` does.
+
+        A window without steps (the row at the start of a run) has means, rates and forces of zero.
+        """
+        step = moment.state.step
         if step <= self.last_series_step:
             raise ValueError(f"row of the time series at step {step} after one at step {self.last_series_step}")
-        stored = self._stored(self._series, columns, f"time series at step {step}")
+        stored = self._stored(self._series, columns_of(self._series, moment), f"time series at step {step}")
         self.last_series_step = step
         self._rows.append(stored)
         self._grow(stored)
@@ -126,9 +130,6 @@ class FrameWriter:
             self.flush()
 
     def _stored(self, specs: tuple[Dataset, ...], columns: Columns, where: str) -> Columns:
-        unmatched = columns.keys() ^ {spec.path for spec in specs}
-        if unmatched:
-            raise ValueError(f"{where}: unknown or missing quantities {sorted(unmatched)}")
         dims = dict(self._dims)
         return {spec.path: self._copy(spec, columns[spec.path], dims, where) for spec in specs}
 

@@ -6,7 +6,7 @@ from typing import Any
 
 from multicor_cli.model import BOOK_NAMES, HEAT_BOOK_NAMES, TALLY_NAMES, Model, State
 from multicor_cli.model.model import Thermal
-from multicor_cli.store.frames import mean_temperature
+from multicor_cli.store.moment import mean_temperature
 
 Summary = dict[str, Any]
 

@@ -10,7 +10,7 @@ from run_fakes import make_model
 
 from multicor_cli.model import HEAT_BOOK_NAMES, Model, State, Thermal
 from multicor_cli.model.contacts import ContactTable
-from multicor_cli.store import FrameData, RunDirectory, SeriesRow
+from multicor_cli.store import Moment, RunDirectory
 
 GRAINS = 10
 RADIUS = 0.05
@@ -48,8 +48,8 @@ def write_heated_run(
             if frame:
                 _advance(state, model, walls)
             rows = contact_rows(state) if contacts else None
-            writer.frame(FrameData.from_state(state, model, rows))
-            writer.series_row(SeriesRow.from_state(state, model))
+            writer.frame(Moment(state, model, rows))
+            writer.series_row(Moment(state, model))
         run.checkpoint(state, writer)
         run.finish("finished")
     return model

@@ -14,7 +14,7 @@ import numpy as np
 from heat_run import GRAINS, RADIUS, contact_rows, heated_model
 
 from multicor_cli.model import Model, State
-from multicor_cli.store import FrameData, RunDirectory, SeriesRow
+from multicor_cli.store import Moment, RunDirectory
 
 EVIL = "</script><script>window.broken = 1</script><img src=x onerror='window.broken = 2'>&amp;"
 """What must arrive in the page as text and nothing else; JSON and TOML strings may hold it as it is."""
@@ -40,8 +40,8 @@ def write_evil_run(path: Path, *, frames: int = 6, is_finished: bool = True, is_
         for frame in range(frames):
             if frame:
                 _advance(state, model, is_crossing)
-            writer.frame(FrameData.from_state(state, model, contact_rows(state)))
-            writer.series_row(SeriesRow.from_state(state, model))
+            writer.frame(Moment(state, model, contact_rows(state)))
+            writer.series_row(Moment(state, model))
         run.checkpoint(state, writer)
         if is_finished:
             run.finish("finished")

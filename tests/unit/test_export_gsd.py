@@ -17,7 +17,7 @@ from store_support import make_model, run_whole
 
 from multicor_cli.export import ExportError, ExportRefused, MissingLibrary, export_gsd
 from multicor_cli.model import State
-from multicor_cli.store import FrameData, Run, RunDirectory, SeriesRow, StorageError, open_run
+from multicor_cli.store import Moment, Run, RunDirectory, StorageError, open_run
 
 hoomd = pytest.importorskip("gsd.hoomd")
 
@@ -115,8 +115,8 @@ def test_frames_without_contacts_do_not_repeat_those_of_the_first_one(tmp_path: 
         fields = {field.name: getattr(loaded, field.name) for field in dataclasses.fields(loaded)}
         empty = dataclasses.replace(loaded, **{name: values[:0] for name, values in fields.items()})
         for rows in (loaded, empty, None, loaded):
-            writer.frame(FrameData.from_state(state, model, rows))
-            writer.series_row(SeriesRow.from_state(state, model))
+            writer.frame(Moment(state, model, rows))
+            writer.series_row(Moment(state, model))
             state.step, state.time = state.step + 1, state.time + 0.1
         run.checkpoint(state, writer)
         run.finish("finished")

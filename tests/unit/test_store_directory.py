@@ -22,7 +22,7 @@ from store_support import PROVENANCE, RESOLVED, SOURCE, continue_run, drive, mak
 from multicor_cli.store import (
     DamagedRun,
     DirectoryRefused,
-    FrameData,
+    Moment,
     RunDirectory,
     RunLocked,
     StorageError,
@@ -171,7 +171,7 @@ def test_stopped_and_failed_runs_can_be_continued(tmp_path: Path) -> None:
         state = drive(run, model, steps=18, checkpoint_every=5, finish=False)
         state.step += 2
         assert run._writer is not None
-        run._writer.frame(FrameData.from_state(state, run._writer.model))
+        run._writer.frame(Moment(state, run._writer.model))
         run.finish("failed", stop_reason="step 19: grain 3 is not finite", exit_code=4)
     with open_run(path) as reader:
         assert reader.status == "failed"
@@ -342,7 +342,7 @@ def test_full_disk_is_noticed_before_a_file_is_begun(tmp_path: Path, monkeypatch
         writer, state = run.writer(model), start(model)
         run.checkpoint(state, writer)
         state.step += 1
-        writer.frame(FrameData.from_state(state, model))
+        writer.frame(Moment(state, model))
         monkeypatch.setattr(os, "statvfs", lambda _: SimpleNamespace(f_bavail=300, f_frsize=4096))
         before = listing(tmp_path / "run")
         with pytest.raises(StorageFull, match="no space left") as caught:
@@ -484,7 +484,7 @@ def test_what_reads_back_differently_is_not_committed(tmp_path: Path, monkeypatc
         assert run._writer is not None
         with pytest.raises(DamagedRun):
             run.checkpoint(state, run._writer)
-        run._writer.frame(FrameData.from_state(state, run._writer.model))
+        run._writer.frame(Moment(state, run._writer.model))
         with pytest.raises(DamagedRun):
             run._writer.flush()
         monkeypatch.undo()

@@ -17,7 +17,7 @@ from run_fakes import make_model
 
 from multicor_cli.model import Model, ShapeKind, State, Thermal, Walls, WallShapes
 from multicor_cli.model.contacts import ContactTable
-from multicor_cli.store import Frame, FrameData, Run, RunDirectory, SeriesRow, open_run
+from multicor_cli.store import Frame, Moment, Run, RunDirectory, open_run
 
 Floats = NDArray[np.float64]
 
@@ -89,7 +89,7 @@ def write_random_run(path: Path, *, is_periodic: bool = True, seed: int = 0, is_
             if frame:
                 advance(state, model, frame, rng, writer)
             contacts = no_contacts() if frame in WITHOUT_CONTACTS else random_contacts(state, model, rng)
-            writer.frame(FrameData.from_state(state, model, contacts))
+            writer.frame(Moment(state, model, contacts))
             if frame % 4 == 0:
                 run.checkpoint(state, writer)
         run.checkpoint(state, writer)
@@ -116,7 +116,7 @@ def advance(state: State, model: Model, frame: int, rng: np.random.Generator, wr
         state.window[0] = 0.5 * lapse
         state.window_wall_impulse[:] = rng.normal([0.3, 0.0, 0.0], 0.1, (4, 3)) * 0.5 * lapse
         state.window_wall_impulse[0, 1], state.window_wall_impulse[1] = -lapse, [-0.3 * lapse, 1.1 * lapse, 0.0]
-        writer.series_row(SeriesRow.from_state(state, model))  # type: ignore[attr-defined]
+        writer.series_row(Moment(state, model))  # type: ignore[attr-defined]
     state.last_dt = 0.01
     state.position[:, :2] = random_places(model, frame, rng)
     state.position[:, 2] += rng.normal(-0.2, 0.1, GRAINS)
