@@ -20,7 +20,7 @@ from multicor_cli.bench.scenes import SCENES
 from multicor_cli.engine import Engine
 from multicor_cli.engine import step as engine_module
 from multicor_cli.engine.contact.settings import Settings
-from multicor_cli.engine.contact.solve import Scale
+from multicor_cli.engine.contact.solve import ResidualScale
 from multicor_cli.engine.contact.sweep import System, add_impulses
 from multicor_cli.engine.jit.cache import cache_name
 from multicor_cli.model.model import Floats, Ints
@@ -43,7 +43,7 @@ class Problem:
 
     name: str
     system: System
-    scale: Scale
+    scale: ResidualScale
 
     @property
     def contacts(self) -> int:
@@ -90,11 +90,11 @@ def column(count: int = 116) -> Problem:
         velocity, np.zeros((count + 1, 3)), pair, frame, np.zeros((count, 2)), np.array([0, count]), np.array([0, 1]),
         np.empty((0, 2), np.int32), np.empty((0, 7)), np.empty((0, 4)), np.empty((0, 2)), 2.0,
     )  # fmt: skip
-    return Problem(f"column of {count}, cold", system, Scale(9.81e-3, 0.5 * count * 9.81e-3**2))
+    return Problem(f"column of {count}, cold", system, ResidualScale(9.81e-3, 0.5 * count * 9.81e-3**2))
 
 
 @contextmanager
-def _listening(heard: list[tuple[System, Scale]]) -> Iterator[None]:
+def _listening(heard: list[tuple[System, ResidualScale]]) -> Iterator[None]:
     """While this lasts, every problem that an engine hands to its solver is copied before it is solved."""
     names = vars(engine_module)
     assemble: Callable[..., Any] = names["assemble"]
@@ -106,7 +106,7 @@ def _listening(heard: list[tuple[System, Scale]]) -> Iterator[None]:
         places[:] = [ordered.place]
         return ordered
 
-    def listen(system: System, scale: Scale, *rest: Any, **named: Any) -> Any:
+    def listen(system: System, scale: ResidualScale, *rest: Any, **named: Any) -> Any:
         heard.append((_by_grain(system, places[0]), scale))
         return solve(system, scale, *rest, **named)
 
@@ -128,34 +128,34 @@ def _by_grain(system: System, place: Ints) -> System:
     return copied._replace(inverse=inverse, pair=name[system.pair], general_pair=name[system.general_pair])
 
 
-def _record_scene(name: str, grains: int, seed: int, steps: int) -> list[tuple[System, Scale]]:
+def _record_scene(name: str, grains: int, seed: int, steps: int) -> list[tuple[System, ResidualScale]]:
     prepared = prepare(SCENES[name], grains, seed=seed)
     prepared.take(SCENES[name].warm_steps)
-    heard: list[tuple[System, Scale]] = []
+    heard: list[tuple[System, ResidualScale]] = []
     with _listening(heard):
         prepared.take(steps)
     return heard
 
 
-def _record_deposited(grains: int, seed: int) -> list[tuple[System, Scale]]:
+def _record_deposited(grains: int, seed: int) -> list[tuple[System, ResidualScale]]:
     """The first step of a bed whose grains were dropped one by one, each rolling to rest: nothing is known of its forces."""
     scene = SCENES["bed"]
     copies = max(1, round(grains / scene.tile))
     scenario = parse_scenario(scene.text(scene.tile, seed, copies), "deposited.toml", ['particles.0.packing={kind="deposited"}'])
     engine = Engine(*build(scenario), Settings(), threads=1)
-    heard: list[tuple[System, Scale]] = []
+    heard: list[tuple[System, ResidualScale]] = []
     with _listening(heard):
         engine.step(float(scenario.stage_solver(0).dt), 0.0)
     return heard
 
 
-def _record_run(directory: Path) -> list[tuple[System, Scale]]:
+def _record_run(directory: Path) -> list[tuple[System, ResidualScale]]:
     """The step that a run would take next with its walls held: that after its last step, if its grains no longer move."""
     with open_run(directory) as run:
         model, state = run.model, run.state()
     if state is None or state.last_dt <= 0.0:
         raise ValueError(f"{directory}: the run has not moved a grain yet")
-    heard: list[tuple[System, Scale]] = []
+    heard: list[tuple[System, ResidualScale]] = []
     with _listening(heard):
         Engine(model, state, threads=1).step(state.last_dt, 0.0)
     return heard[:1]
@@ -216,6 +216,6 @@ def _load(path: Path, name: str) -> list[Problem]:
         for number in range(int(data["count"])):
             fields = {field: data[f"{number}.{field}"] for field in System._fields}
             fields["spin_factor"] = float(fields["spin_factor"])
-            scale = Scale(*(float(value) for value in data[f"{number}.scale"]))
+            scale = ResidualScale(*(float(value) for value in data[f"{number}.scale"]))
             problems.append(Problem(name, System(**fields), scale))
     return problems

@@ -9,10 +9,10 @@ from methods.operators import COLUMNS, Log, distance
 from problems import Problem
 
 from multicor_cli.engine.contact.acceleration import start_momentum
-from multicor_cli.engine.contact.pace import Pace
 from multicor_cli.engine.contact.settings import Settings
 from multicor_cli.engine.contact.solve import solve_system
 from multicor_cli.engine.contact.sweep import System
+from multicor_cli.engine.contact.thread_choice import ThreadChoice
 from multicor_cli.model.model import Floats
 
 RMS = 1e-6
@@ -49,7 +49,7 @@ def solve_closely(problem: Problem) -> Reference:
     best = system.velocity.copy()
     for rms in _STAGES:
         settings = Settings(tolerance_rms=rms, tolerance_max=np.inf, tolerance_energy=np.inf, max_sweeps=left)
-        outcome = solve_system(system, problem.scale, settings, Pace())
+        outcome = solve_system(system, problem.scale, settings, ThreadChoice())
         left -= int(outcome.sweeps)
         if outcome.rms < reached:
             best, reached = system.velocity.copy(), outcome.rms

@@ -13,9 +13,9 @@ from methods.operators import DISTANCE, TIME, WORK, distance
 from problems import Problem
 from reference import Reference
 
-from multicor_cli.engine.contact.pace import Pace
 from multicor_cli.engine.contact.settings import Settings
 from multicor_cli.engine.contact.solve import Outcome, solve_system
+from multicor_cli.engine.contact.thread_choice import ThreadChoice
 from multicor_cli.model.model import Floats
 
 _TIMED = 5
@@ -108,7 +108,7 @@ def _measure_program(problems: Sequence[Problem], references: Sequence[Reference
         for number, (problem, reference) in enumerate(zip(problems, references, strict=True)):
             system = problem.copy()
             started = time.perf_counter()
-            outcomes.append(solve_system(system, problem.scale, settings, Pace()))
+            outcomes.append(solve_system(system, problem.scale, settings, ThreadChoice()))
             seconds[turn, number] = time.perf_counter() - started
             distances[number] = distance(system.velocity, reference.velocity, reference.weight) / problem.scale.velocity
     work = np.array([outcome.sweeps for outcome in outcomes])

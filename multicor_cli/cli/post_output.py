@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 _TERMINAL = Path("term")  # the name of a figure that means the terminal
 
 
-class Table(Protocol):
+class ShownTable(Protocol):
     """What all tables of `post` have."""
 
     @property
@@ -55,7 +55,7 @@ class Output:
         if self.plot not in (None, _TERMINAL) and self.plot.suffix.lower() not in (".png", ".svg", ".pdf"):
             raise typer.BadParameter(f"'{self.plot}' does not end in .png, .svg or .pdf", param_hint="--plot")
 
-    def draw(self, table: Table, **options: Any) -> None:
+    def draw(self, table: ShownTable, **options: Any) -> None:
         """Draw the figure of a table if one was asked for, and say so.
 
         Args:
@@ -72,7 +72,7 @@ class Output:
             plots.plot(table, self.plot, **options)
             say(f"wrote {self.plot}")
 
-    def deliver(self, table: Table, about: str, *, run: Path | None = None, is_detailed: bool = False, **content: Any) -> None:
+    def deliver(self, table: ShownTable, about: str, *, run: Path | None = None, is_detailed: bool = False, **content: Any) -> None:
         """Print a table.
 
         Args:

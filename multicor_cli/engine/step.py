@@ -13,14 +13,14 @@ import numpy as np
 
 from multicor_cli.arithmetic import hypot
 from multicor_cli.arithmetic.sums import column_totals, total
-from multicor_cli.engine.contact.detection import Contacts, WarmStart, find_missed, measure_pairs, warm_rows
+from multicor_cli.engine.contact.detection import StepContacts, WarmStart, find_missed, measure_pairs, warm_rows
 from multicor_cli.engine.contact.gathering import gather_contacts
-from multicor_cli.engine.contact.pace import Pace
 from multicor_cli.engine.contact.problem import ContactProblem, problem_of_step
 from multicor_cli.engine.contact.settings import PhysicsError, Settings, StepReport
-from multicor_cli.engine.contact.solve import Outcome, Scale, solve_system
+from multicor_cli.engine.contact.solve import Outcome, ResidualScale, solve_system
 from multicor_cli.engine.contact.system import OrderedSystem, assemble
 from multicor_cli.engine.contact.table import tabulate_contacts
+from multicor_cli.engine.contact.thread_choice import ThreadChoice
 from multicor_cli.engine.energy import account
 from multicor_cli.engine.energy.books import book_step, start_books, switch_wall_kinetic
 from multicor_cli.engine.geometry.drift import fit_drift
@@ -85,8 +85,8 @@ class Engine:
         self._mass = total(model.grains.mass)
         self._material = np.concatenate([model.grains.material, model.shapes.material]).astype(np.int32)
         self.shape_temperature: Floats = np.empty(0)
-        self._pace = Pace(self.threads)
-        self._contacts: Contacts | None = None
+        self._pace = ThreadChoice(self.threads)
+        self._contacts: StepContacts | None = None
         self._after: Floats = np.empty((0, 4))
         self._last_scene: Scene | None = None
 
@@ -149,7 +149,7 @@ class Engine:
         return self._finish(scene, contacts, after, outcome, reach, dt)
 
     @property
-    def moved(self) -> tuple[Scene, Contacts, Floats] | None:
+    def moved(self) -> tuple[Scene, StepContacts, Floats] | None:
         """Shapes at q_m, contacts and velocities v⁺ of the last step, valid until the next; None if there is none."""
         if self._last_scene is None or self._contacts is None:
             return None
@@ -176,7 +176,7 @@ class Engine:
         """The contact problem of the next step as the sweep sees it, without taking the step. Arguments as `step`."""
         return self._assemble(*self._next_contacts(dt, t))
 
-    def _next_contacts(self, dt: float, t: float) -> tuple[Scene, Contacts]:
+    def _next_contacts(self, dt: float, t: float) -> tuple[Scene, StepContacts]:
         """Shapes and contacts of the next step, as `step` finds them at first."""
         scene, reach = self._predict(dt, t)
         self._list.update(self._middle, scene.world, reach)
@@ -226,7 +226,7 @@ class Engine:
 
     def _solve(
         self, scene: Scene, margin: float, dt: float, should_stop: Callable[[], bool] | None
-    ) -> tuple[Contacts, Floats, Outcome]:
+    ) -> tuple[StepContacts, Floats, Outcome]:
         """Contacts with a gap up to ``margin``, their impulses and the velocities v⁺."""
         with self._timed("prepare"):
             contacts, scale = self._gather(scene, margin, dt)
@@ -235,11 +235,11 @@ class Engine:
             outcome = solve_system(ordered.system, scale, self.settings, self._pace, should_stop)
         return contacts, ordered.collect(contacts), outcome
 
-    def _assemble(self, scene: Scene, contacts: Contacts) -> OrderedSystem:
+    def _assemble(self, scene: Scene, contacts: StepContacts) -> OrderedSystem:
         model, motion = self.model, self._motion
         return assemble(scene, contacts, self._free, motion.inverse, motion.is_free, model.mean_diameter, model.shape_factor)
 
-    def _gather(self, scene: Scene, margin: float, dt: float) -> tuple[Contacts, Scale]:
+    def _gather(self, scene: Scene, margin: float, dt: float) -> tuple[StepContacts, ResidualScale]:
         """Contacts with a gap up to ``margin``, with their warm start, and the scale of the residuals."""
         state, model, lists = self.state, self.model, self._list
         warm = WarmStart(warm_rows(model.grain_count, state.contact_i), state.contact_j, state.contact_impulse)
@@ -251,7 +251,7 @@ class Engine:
             contacts.impulse[:] = 0.0
         return contacts, scale
 
-    def _scale(self, dt: float, squares: float, closing: float) -> Scale:
+    def _scale(self, dt: float, squares: float, closing: float) -> ResidualScale:
         """u_ref = max(rms Δt|F|/m, Δt P d̄/m̄, rms of the closing velocities), and ½ M u_ref² (theory §5.3)."""
         model = self.model
         mean_mass = self._mass / model.grain_count
@@ -260,9 +260,9 @@ class Engine:
             dt * self._motion.pressure() * model.mean_diameter / mean_mass,
             math.sqrt(squares / closing) if closing else 0.0,
         )
-        return Scale(reference, 0.5 * self._mass * (reference * reference))
+        return ResidualScale(reference, 0.5 * self._mass * (reference * reference))
 
-    def _finish(self, scene: Scene, contacts: Contacts, after: Floats, outcome: Outcome, reach: float, dt: float) -> StepReport:
+    def _finish(self, scene: Scene, contacts: StepContacts, after: Floats, outcome: Outcome, reach: float, dt: float) -> StepReport:
         """Books, motion and position correction; from here on the state changes."""
         state, model = self.state, self.model
         n = model.grain_count

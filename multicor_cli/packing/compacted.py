@@ -23,7 +23,7 @@ from multicor_cli.model.columns import NORMAL, SPIN, X, Y
 from multicor_cli.model.model import Floats
 from multicor_cli.packing.bodies import SHAPE_FACTOR, Shape, inertias, masses
 from multicor_cli.packing.errors import PackingError
-from multicor_cli.packing.region import Region
+from multicor_cli.packing.region import Area
 from multicor_cli.packing.walls import box, join_shapes, join_walls, plane
 
 _STEP = 0.1  # of √(m/P), the time in which the load moves a grain by its size
@@ -40,7 +40,7 @@ _LID = 1  # index of the lid; the floor is wall 0
 def compact(
     position: Floats,
     radius: Floats,
-    region: Region,
+    region: Area,
     *,
     density: float,
     shape: Shape,
@@ -140,7 +140,7 @@ class _Press:
         self._start(replace(self.model, laws=higher))
 
 
-def _press(position: Floats, radius: Floats, mass: Floats, region: Region, shape: Shape, friction: float) -> tuple[Model, State]:
+def _press(position: Floats, radius: Floats, mass: Floats, region: Area, shape: Shape, friction: float) -> tuple[Model, State]:
     """Grains between a floor and a lid, with sides unless the region is periodic."""
     extent = (region.width, region.height)
     low, high = np.array([region.left, region.bottom]), np.array([region.right, region.top])

@@ -18,7 +18,7 @@ from multicor_cli.packing.from_run import read_frame
 from multicor_cli.packing.lattice import lattice, lattice_capacity
 from multicor_cli.packing.obstacles import Obstacles
 from multicor_cli.packing.random import DEFAULT_ATTEMPTS, random_packing
-from multicor_cli.packing.region import Region, spans_period
+from multicor_cli.packing.region import Area, spans_period
 from multicor_cli.packing.size_tables import sizes_of
 from multicor_cli.packing.sizes import Sizes, disc_area, draw_to_total
 from multicor_cli.packing.streams import Purpose, Stream, Table, stream
@@ -55,7 +55,7 @@ class _Task:
     sizes: Sizes
     count: int | None
     fill: float | None
-    region: Region
+    region: Area
     obstacles: Obstacles
     random: Callable[[Purpose], Stream]
     is_periodic_in_y: bool = False
@@ -93,17 +93,17 @@ def make_group(scenario: Scenario, index: int, obstacles: Obstacles) -> Brought:
     return replace(brought, velocity=velocity)
 
 
-def region_of_group(scenario: Scenario, group: ParticleGroup) -> Region:
+def region_of_group(scenario: Scenario, group: ParticleGroup) -> Area:
     """The rectangle of a group; periodic if the domain is and the rectangle spans it."""
     table, domain = scenario.region(group), scenario.domain
     period = domain.size[0] if domain.periodic else 0.0
     is_periodic = spans_period(table.min[0], table.max[0], period)
     if is_periodic:  # exactly, so that nothing is lost between the two ends
-        return Region(table.min[0], table.min[1], table.min[0] + period, table.max[1], True)
-    return Region(*table.min, *table.max)
+        return Area(table.min[0], table.min[1], table.min[0] + period, table.max[1], True)
+    return Area(*table.min, *table.max)
 
 
-def _place(scenario: Scenario, group: ParticleGroup, index: int, region: Region, obstacles: Obstacles) -> Brought:
+def _place(scenario: Scenario, group: ParticleGroup, index: int, region: Area, obstacles: Obstacles) -> Brought:
     packing = group.packing
     if isinstance(packing, FilePacking):
         return read_grains(scenario.resolve_path(packing.path), packing.shift)
@@ -127,7 +127,7 @@ def _tile(
     group: ParticleGroup,
     packing: TilePacking,
     sizes: Sizes,
-    region: Region,
+    region: Area,
     random: Callable[[Purpose], Stream],
 ) -> Brought:
     """One tile, periodic in x (a random one in y too), and its copies."""
@@ -139,7 +139,7 @@ def _tile(
     if width < 8.0 * sizes.largest:
         text = f"a tile of width {width:g} m is too narrow for grains of diameter {2.0 * sizes.largest:g} m"
         raise PackingError(text, "make it at least four of the largest diameters wide", ("packing", "tile"))
-    one = Region(0.0, 0.0, width, height, True)
+    one = Area(0.0, 0.0, width, height, True)
     is_random = isinstance(source, RandomPacking)
     if is_random and height < 8.0 * sizes.largest and packing.repeat[1] > 1:
         text = f"a tile of height {height:g} m is too low for grains of diameter {2.0 * sizes.largest:g} m"
@@ -175,7 +175,7 @@ def _lattice(packing: LatticePacking, task: _Task) -> Brought:
 
 
 def _compacted(
-    scenario: Scenario, group: ParticleGroup, packing: CompactedPacking, region: Region, radius: Floats, loose: Floats
+    scenario: Scenario, group: ParticleGroup, packing: CompactedPacking, region: Area, radius: Floats, loose: Floats
 ) -> Floats:
     friction = packing.friction
     if friction is None:

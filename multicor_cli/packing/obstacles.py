@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from multicor_cli.model.model import Floats, Ints, ShapeKind
-from multicor_cli.packing.region import Region
+from multicor_cli.packing.region import Area
 
 
 @dataclass(frozen=True)
@@ -42,7 +42,7 @@ class Obstacles:
         rows[:, :3] = discs
         return self._append(ShapeKind.DISC, rows)
 
-    def with_sides(self, region: Region, bottom: bool = True, top: bool = True) -> Obstacles:
+    def with_sides(self, region: Area, bottom: bool = True, top: bool = True) -> Obstacles:
         """Append planes along the closed sides of ``region``; left and right unless it is periodic."""
         planes = []
         if not region.is_periodic:
@@ -53,7 +53,7 @@ class Obstacles:
             planes.append((region.left, region.top, 0.0, -1.0))
         return self._append(ShapeKind.PLANE, np.array(planes).reshape(-1, 4))
 
-    def around(self, region: Region, period: float) -> Obstacles:
+    def around(self, region: Area, period: float) -> Obstacles:
         """Make the obstacles of a periodic domain fit for ``region``, which may cover only a part of the period.
 
         A region that spans the period is packed with its own periodicity and nothing changes. Any other is packed as if space

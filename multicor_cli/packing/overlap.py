@@ -17,7 +17,7 @@ from multicor_cli.packing.obstacles import Obstacles
 from multicor_cli.packing.pairs import find_pairs, size_class
 from multicor_cli.packing.walls import Front
 
-LARGEST = 1e-3
+LARGEST_OVERLAP = 1e-3
 """Largest overlap that is accepted, over the smaller radius."""
 
 CROWD = 32
@@ -49,7 +49,7 @@ def _relative_gaps(
 
 
 def overlapping_pairs(position: Floats, radius: Floats, shapes: Obstacles, period: float) -> tuple[Ints, Ints, Floats]:
-    """Pairs that overlap by more than `LARGEST`: worst first.
+    """Pairs that overlap by more than `LARGEST_OVERLAP`: worst first.
 
     Args:
         position: Centers [m], shape ``(n, 2)``.
@@ -60,11 +60,11 @@ def overlapping_pairs(position: Floats, radius: Floats, shapes: Obstacles, perio
     Returns:
         First grain, second grain or n + wall shape, and overlap over the smaller radius.
     """
-    pairs = find_pairs(position, radius, shapes, -0.999 * LARGEST * float(radius.min()), period)
+    pairs = find_pairs(position, radius, shapes, -0.999 * LARGEST_OVERLAP * float(radius.min()), period)
     i = np.repeat(np.arange(radius.size, dtype=np.int32), np.diff(pairs.row))
     gap = np.empty(i.size)
     _relative_gaps(position, radius, i, pairs.partner, shapes.kind, shapes.world, period, gap)
-    order = np.flatnonzero(gap < -LARGEST)
+    order = np.flatnonzero(gap < -LARGEST_OVERLAP)
     order = order[np.lexsort((pairs.partner[order], i[order], gap[order]))]
     return i[order], pairs.partner[order], -gap[order]
 

@@ -15,7 +15,7 @@ from multicor_cli.packing.obstacles import Obstacles
 MAX_LEVELS = 10
 
 
-class Pairs(NamedTuple):
+class DiscPairs(NamedTuple):
     """Partners of each grain: ``partner[row[i]:row[i+1]]``; below n a grain with a higher number, else obstacle − n.
 
     Attributes:
@@ -80,7 +80,7 @@ def make_grids(radius: Floats, low: Floats, high: Floats, period: float, margin:
     return Grids(level, extent / shape, reach, np.array(low, float), start, shape)
 
 
-def find_pairs(position: Floats, radius: Floats, obstacles: Obstacles, cutoff: float, period: float) -> Pairs:
+def find_pairs(position: Floats, radius: Floats, obstacles: Obstacles, cutoff: float, period: float) -> DiscPairs:
     """All pairs with a gap below ``cutoff`` [m], which may be negative (then pairs that overlap by more).
 
     Args:
@@ -106,7 +106,7 @@ def find_pairs(position: Floats, radius: Floats, obstacles: Obstacles, cutoff: f
         radius.size, center, radii, shape_of, others, obstacles.kind, obstacles.world, cutoff, period,
         grids.cells, grids.radius, grids.origin, grids.start, grids.shape, start, order,
     )  # fmt: skip
-    return Pairs(np.asarray(row, np.int64), partner)
+    return DiscPairs(np.asarray(row, np.int64), partner)
 
 
 def wrap(x: Floats, period: float) -> Floats:

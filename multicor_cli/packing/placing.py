@@ -18,7 +18,7 @@ from multicor_cli.model.columns import RADIUS, X, Y
 from multicor_cli.model.model import Floats, Ints, ShapeKind
 from multicor_cli.packing.obstacles import Obstacles
 from multicor_cli.packing.pairs import Grids, make_grids, wrap
-from multicor_cli.packing.region import Region
+from multicor_cli.packing.region import Area
 
 _DISC = int(ShapeKind.DISC)
 _FALLS = -1
@@ -27,7 +27,7 @@ _SIDE = -3
 _MOST_ROLLS = 100_000
 
 
-class Field(NamedTuple):
+class PlacedDiscs(NamedTuple):
     """Discs that are already there, as linked lists by cell, and the fixed shapes.
 
     Attributes:
@@ -54,20 +54,20 @@ class Field(NamedTuple):
 
 
 @kernel
-def _column_of(x: float, field: Field, level: int) -> int:
+def _column_of(x: float, field: PlacedDiscs, level: int) -> int:
     columns = field.grids.shape[level, X]
     return int(min(max(np.floor((x - field.grids.origin[X]) / field.grids.cells[level, X]), 0.0), columns - 1.0))
 
 
 @kernel
-def _row_of(y: float, field: Field, level: int) -> int:
+def _row_of(y: float, field: PlacedDiscs, level: int) -> int:
     rows = field.grids.shape[level, Y]
     # Clamped before it becomes an integer: y may be infinite.
     return int(min(max(np.floor((y - field.grids.origin[Y]) / field.grids.cells[level, Y]), 0.0), rows - 1.0))
 
 
 @kernel
-def _columns_between(low: float, high: float, field: Field, level: int) -> tuple[int, int]:
+def _columns_between(low: float, high: float, field: PlacedDiscs, level: int) -> tuple[int, int]:
     """First and last column that [low, high] touches; with a period they may be outside and stand for their remainder."""
     columns = field.grids.shape[level, X]
     first = int(np.floor((low - field.grids.origin[X]) / field.grids.cells[level, X]))
@@ -78,7 +78,7 @@ def _columns_between(low: float, high: float, field: Field, level: int) -> tuple
 
 
 @kernel
-def file_disc(field: Field, d: int) -> None:
+def file_disc(field: PlacedDiscs, d: int) -> None:
     """Put disc ``d`` into its cell."""
     level = field.grids.level[d]
     column, row = _column_of(field.disc[d, X], field, level), _row_of(field.disc[d, Y], field, level)
@@ -90,13 +90,13 @@ def file_disc(field: Field, d: int) -> None:
 
 
 @kernel
-def _file_first(field: Field, count: int) -> None:
+def _file_first(field: PlacedDiscs, count: int) -> None:
     for d in range(count):
         file_disc(field, d)
 
 
 @kernel
-def _hits_disc(x: float, y: float, radius: float, field: Field) -> bool:
+def _hits_disc(x: float, y: float, radius: float, field: PlacedDiscs) -> bool:
     """Whether a disc at (x, y) overlaps one that is already filed."""
     for k in range(field.grids.radius.size):
         reach = radius + field.grids.radius[k]
@@ -117,7 +117,7 @@ def _hits_disc(x: float, y: float, radius: float, field: Field) -> bool:
 
 
 @kernel
-def _is_free(x: float, y: float, radius: float, field: Field) -> bool:
+def _is_free(x: float, y: float, radius: float, field: PlacedDiscs) -> bool:
     for shape in range(field.kind.size):
         if field.kind[shape] != _DISC and gap_to_shape(x, y, radius, shape, field.kind, field.world, field.period)[0] < 0.0:
             return False
@@ -126,7 +126,7 @@ def _is_free(x: float, y: float, radius: float, field: Field) -> bool:
 
 @kernel
 def insert_at_random(
-    field: Field, fixed: int, first: int, tried: int, attempts: int, uniform: Floats, box: Floats, blocked: Ints
+    field: PlacedDiscs, fixed: int, first: int, tried: int, attempts: int, uniform: Floats, box: Floats, blocked: Ints
 ) -> tuple[int, int]:
     """Place grains at random, from number ``first`` on, until all are placed or the random numbers run out.
 
@@ -161,7 +161,7 @@ def insert_at_random(
 
 
 @kernel
-def _fall(x: float, y: float, radius: float, left_disc: int, floor: float, field: Field) -> tuple[float, int]:
+def _fall(x: float, y: float, radius: float, left_disc: int, floor: float, field: PlacedDiscs) -> tuple[float, int]:
     """Where a grain falling from (x, y) lands: the height of its center [m] and the disc, or `_FLOOR`.
 
     ``left_disc`` is the disc it has just rolled off, or -1; ``floor`` the height of the floor [m].
@@ -219,7 +219,7 @@ def _meeting(angle: float, rolling: float, dx: float, dy: float, near: float) ->
 
 @kernel
 def _roll(
-    x: float, y: float, radius: float, j: int, side: float, floor: float, left: float, right: float, field: Field
+    x: float, y: float, radius: float, j: int, side: float, floor: float, left: float, right: float, field: PlacedDiscs
 ) -> tuple[float, float, int]:
     """Roll a grain at (x, y) down around disc ``j`` towards ``side`` (±1).
 
@@ -265,7 +265,9 @@ def _wrapped(x: float, period: float) -> float:
 
 
 @kernel
-def _settle(x: float, top: float, radius: float, floor: float, left: float, right: float, field: Field) -> tuple[float, float]:
+def _settle(
+    x: float, top: float, radius: float, floor: float, left: float, right: float, field: PlacedDiscs
+) -> tuple[float, float]:
     """Where a grain dropped at ``x`` comes to rest [m]."""
     y, j = _fall(x, top, radius, -1, floor, field)
     side = 0.0
@@ -289,7 +291,7 @@ def _settle(x: float, top: float, radius: float, floor: float, left: float, righ
 
 @kernel
 def drop_and_roll(
-    field: Field, fixed: int, first: int, tried: int, attempts: int, uniform: Floats, sides: Floats
+    field: PlacedDiscs, fixed: int, first: int, tried: int, attempts: int, uniform: Floats, sides: Floats
 ) -> tuple[int, int]:
     """Drop grains one after another, from number ``first`` on, until all rest, one does not fit, or the random numbers run out.
 
@@ -324,7 +326,7 @@ def drop_and_roll(
     return i, tried
 
 
-def make_field(radius: Floats, region: Region, obstacles: Obstacles) -> tuple[Field, int]:
+def make_field(radius: Floats, region: Area, obstacles: Obstacles) -> tuple[PlacedDiscs, int]:
     """A field for grains of these radii that holds the obstacles so far, and how many discs the obstacles have."""
     period = region.period
     left = 0.0 if region.is_periodic else region.left
@@ -341,7 +343,7 @@ def make_field(radius: Floats, region: Region, obstacles: Obstacles) -> tuple[Fi
     disc = np.concatenate([discs, np.column_stack([np.zeros((radius.size, 2)), radius])])
     grids = make_grids(disc[:, 2], low, high, period, 0.0)
     columns = np.concatenate([[0], np.cumsum(grids.shape[:, X])]).astype(np.int32)
-    field = Field(
+    field = PlacedDiscs(
         disc=disc,
         head=np.full(int(grids.start[-1]), -1, np.int32),
         next=np.full(len(disc), -1, np.int32),

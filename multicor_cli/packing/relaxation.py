@@ -19,8 +19,8 @@ from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.model.columns import X, Y
 from multicor_cli.model.model import Floats, Ints
 from multicor_cli.packing.obstacles import Obstacles
-from multicor_cli.packing.pairs import Pairs, find_pairs, wrap
-from multicor_cli.packing.region import Region
+from multicor_cli.packing.pairs import DiscPairs, find_pairs, wrap
+from multicor_cli.packing.region import Area
 
 INFLATION = 5e-4
 """Radii are enlarged by this share while relaxing, so that what is left over at the end is a small gap and no overlap."""
@@ -62,7 +62,7 @@ class Relaxed:
 
 
 @kernel
-def _repel(position: Floats, radius: Floats, pairs: Pairs, kind: Ints, world: Floats, period: float, force: Floats) -> float:
+def _repel(position: Floats, radius: Floats, pairs: DiscPairs, kind: Ints, world: Floats, period: float, force: Floats) -> float:
     """Forces [m] (unit stiffness) into ``force``, shape ``(n, 2)``; returns the largest overlap over the smaller radius."""
     count = radius.size
     worst = 0.0
@@ -130,7 +130,7 @@ def _descend(
     position: Floats,
     velocity: Floats,
     radius: Floats,
-    pairs: Pairs,
+    pairs: DiscPairs,
     kind: Ints,
     world: Floats,
     ghosts: Ghosts,
@@ -183,7 +183,7 @@ def _descend(
     return steps, worst, False
 
 
-def _ghosts(position: Floats, radius: Floats, region: Region, obstacles: Obstacles, skin: float) -> tuple[Ghosts, Obstacles]:
+def _ghosts(position: Floats, radius: Floats, region: Area, obstacles: Obstacles, skin: float) -> tuple[Ghosts, Obstacles]:
     """Images of the grains near the lower and upper side, and the obstacles with them."""
     reach = 2.0 * radius.max() + skin
     low = np.flatnonzero(position[:, Y] < region.bottom + reach)
@@ -198,7 +198,7 @@ def _ghosts(position: Floats, radius: Floats, region: Region, obstacles: Obstacl
 def relax(
     position: Floats,
     radius: Floats,
-    region: Region,
+    region: Area,
     obstacles: Obstacles,
     *,
     iterations: int = 20_000,

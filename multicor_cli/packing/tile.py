@@ -6,12 +6,12 @@ import numpy as np
 
 from multicor_cli.packing.brought import Brought
 from multicor_cli.packing.errors import PackingError
-from multicor_cli.packing.region import Region
+from multicor_cli.packing.region import Area
 
 _SLACK = 1e-9
 
 
-def repeat_tile(tile: Brought, size: tuple[float, float], repeat: tuple[int, int], region: Region) -> Brought:
+def repeat_tile(tile: Brought, size: tuple[float, float], repeat: tuple[int, int], region: Area) -> Brought:
     """Copies of a tile side by side, from the lower left corner of ``region``.
 
     Grains may stick out of a tile: they reach into the next one. Where there is no next one, because the tiles do not close the

@@ -8,7 +8,7 @@ import numpy as np
 
 from multicor_cli.model.model import Floats
 from multicor_cli.plots.style import COLUMN, PAGE
-from multicor_cli.post.scene import Scene, images
+from multicor_cli.post.scene import GrainScene, images
 
 WALL = "0.35"
 """Color of walls."""
@@ -34,7 +34,7 @@ class Place(NamedTuple):
     bar: Any
 
 
-def place_scene(figure: Any, scene: Scene, *, has_bar: bool = True, top: float = _TOP, width: float = 0.0) -> Place:
+def place_scene(figure: Any, scene: GrainScene, *, has_bar: bool = True, top: float = _TOP, width: float = 0.0) -> Place:
     """Give a figure the size that a scene needs, and axes that fill it: nothing is left empty, no label is cut.
 
     Args:
@@ -71,13 +71,13 @@ def _add_axes(figure: Any, left: float, bottom: float, width: float, height: flo
     return figure.add_axes((left / across, bottom / upwards, width / across, height / upwards))
 
 
-def is_wide(scene: Scene) -> bool:
+def is_wide(scene: GrainScene) -> bool:
     """Whether the scene is wider than high."""
     across, upwards = (scene.box[1] - scene.box[0]).tolist()
     return bool(across > 1.3 * upwards)
 
 
-def draw_discs(axes: Any, scene: Scene, *, value: Floats | None = None, color: str = "none", **style: Any) -> Any:
+def draw_discs(axes: Any, scene: GrainScene, *, value: Floats | None = None, color: str = "none", **style: Any) -> Any:
     """Draw the grains: colored by ``value`` [shape ``(n,)``], or all in one color; returns the collection of matplotlib."""
     which, shift = images(scene.center[:, 0], scene.radius, scene.period)
     center = scene.center[which] + np.column_stack([shift, np.zeros_like(shift)])
@@ -86,7 +86,7 @@ def draw_discs(axes: Any, scene: Scene, *, value: Floats | None = None, color: s
     return _add_discs(axes, center, scene.radius[which], **{**edge, **filling, **style})
 
 
-def draw_walls(axes: Any, scene: Scene) -> None:
+def draw_walls(axes: Any, scene: GrainScene) -> None:
     """Draw walls and glued grains, and set limits, aspect and labels of the axes."""
     from matplotlib.collections import LineCollection
 
@@ -115,7 +115,7 @@ def _add_discs(axes: Any, center: Floats, radius: Floats, **style: Any) -> Any:
     return discs
 
 
-def _lines(scene: Scene) -> Floats:
+def _lines(scene: GrainScene) -> Floats:
     """Straight walls and the visible part of endless ones, shape ``(k, 2, 2)``."""
     point, normal = scene.planes[:, :2], scene.planes[:, 2:]
     along = np.column_stack([-normal[:, 1], normal[:, 0]]) * float(np.hypot(*(scene.box[1] - scene.box[0]))) * 2.0

@@ -11,7 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.plots.style import house_style
-from multicor_cli.post.scene import Scene
+from multicor_cli.post.scene import GrainScene
 
 _DPI = 72.0  # a pixel is a point: lines are at least a pixel wide
 _RAMP = " .:-=+*#%@"  # from white to black
@@ -32,7 +32,7 @@ class Terminal:
     colors: str | None = None
 
 
-def draw_picture(scene: Scene, draw: Callable[[Any], Any], terminal: Terminal) -> str:
+def draw_picture(scene: GrainScene, draw: Callable[[Any], Any], terminal: Terminal) -> str:
     """A scene as lines of text that fit into a terminal; a letter is two pixels high and one wide.
 
     Args:

@@ -8,7 +8,7 @@ from multicor_cli.post.forces import ForceNetwork, force_network
 from multicor_cli.post.grain_map import MAP_FIELDS, GrainMap, MapField, grain_map
 from multicor_cli.post.profile import ProfileSet, ProfileTable, profile, profiles
 from multicor_cli.post.rheology import Rheology, rheology
-from multicor_cli.post.scene import Scene, make_scene
+from multicor_cli.post.scene import GrainScene, make_scene
 from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Selection, frame_index
 from multicor_cli.post.theta_eta import ThetaTable, theta_eta
 
@@ -25,13 +25,13 @@ __all__ = [
     "FrameSource",
     "GrainFrame",
     "GrainMap",
+    "GrainScene",
     "MapField",
     "PostError",
     "ProfilePair",
     "ProfileSet",
     "ProfileTable",
     "Rheology",
-    "Scene",
     "Selection",
     "ThetaTable",
     "angular_distribution",

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
 from multicor_cli.post.contacts import loaded_contacts, with_forces
-from multicor_cli.post.scene import Scene, make_scene
+from multicor_cli.post.scene import GrainScene, make_scene
 from multicor_cli.post.source import FrameSource, frame_index
 
 
@@ -31,7 +31,7 @@ class ForceNetwork:
         time: Time of the frame [s].
     """
 
-    scene: Scene
+    scene: GrainScene
     i: NDArray[Any]
     j: NDArray[Any]
     normal: Floats

@@ -12,7 +12,7 @@ from multicor_cli.model.model import Floats
 from multicor_cli.post.contacts import loaded_contacts, with_forces
 from multicor_cli.post.flow import mean_flow
 from multicor_cli.post.profile import make_bins
-from multicor_cli.post.scene import Scene, make_scene
+from multicor_cli.post.scene import GrainScene, make_scene
 from multicor_cli.post.source import FrameSource, GrainFrame, PostError, frame_index, need_heat
 
 Scale = Literal["linear", "centered", "logarithmic"]
@@ -54,7 +54,7 @@ class GrainMap:
     """
 
     field: MapField
-    scene: Scene
+    scene: GrainScene
     value: Floats
     vector: Floats | None
     frame: int

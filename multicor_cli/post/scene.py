@@ -16,7 +16,7 @@ _MARGIN = 0.02
 
 
 @dataclass(frozen=True)
-class Scene:
+class GrainScene:
     """Where the grains and walls of a frame are.
 
     Attributes:
@@ -40,7 +40,7 @@ class Scene:
     box: Floats
 
 
-def make_scene(source: FrameSource, frame: GrainFrame) -> Scene:
+def make_scene(source: FrameSource, frame: GrainFrame) -> GrainScene:
     """The scene of a frame; x is wrapped into the period."""
     model = source.model
     center = np.array(np.asarray(frame.position, np.float64)[:, :2])
@@ -53,7 +53,7 @@ def make_scene(source: FrameSource, frame: GrainFrame) -> Scene:
     box = _find_box(center, model.grains.radius, [_corners(glued), _corners(circles), np.sort(segments, axis=1)])
     if model.period > 0.0:
         box[:, 0] = 0.0, model.period
-    return Scene(center, model.grains.radius, glued, segments, circles, shapes[ShapeKind.PLANE], model.period, box)
+    return GrainScene(center, model.grains.radius, glued, segments, circles, shapes[ShapeKind.PLANE], model.period, box)
 
 
 def images(x: Floats, reach: Floats, period: float) -> tuple[NDArray[np.int64], Floats]:

@@ -47,7 +47,7 @@ class Chunk:
 
 
 @dataclass(frozen=True)
-class Packing:
+class Packed:
     """The frames in the page.
 
     Attributes:
@@ -79,7 +79,7 @@ class Packing:
         """Bytes of the packed frames."""
         return sum(len(chunk.data) for chunk in self.chunks) + len(self.radii)
 
-    def thinned(self, wanted: int) -> Packing:
+    def thinned(self, wanted: int) -> Packed:
         """The same with fewer frames."""
         kept = choose_frames(len(self.chunks), wanted)
         return replace(self, chunks=tuple(self.chunks[int(k)] for k in kept), walls=self.walls[kept])
@@ -94,7 +94,7 @@ class _Plan:
     contacts: int | None
 
 
-def pack_frames(run: Run, budget: int, frames: int | None = None, progress: Progress = lambda done, total: None) -> Packing:
+def pack_frames(run: Run, budget: int, frames: int | None = None, progress: Progress = lambda done, total: None) -> Packed:
     """Pack as many frames of a run as fit.
 
     Everything is kept if it fits. Otherwise values are stored with 8 instead of 16 bits, then only the strongest contacts of
@@ -120,7 +120,7 @@ def pack_frames(run: Run, budget: int, frames: int | None = None, progress: Prog
         views.append((replace(view, contacts=limited), total))
         progress(number + 1, chosen.size)
     codes = _make_codes([view for view, _ in views], run, plan.width)
-    packing = Packing(
+    packing = Packed(
         chunks=tuple(_pack(view, codes, total, run.model.grain_count) for view, total in views),
         fields=tuple(field for field in fields_of(run) if field.name != "heat" or codes["heat"].high > 0.0),
         codes=codes,

@@ -17,7 +17,7 @@ from multicor_cli import __version__
 from multicor_cli.plots.small_rises import rise_reference
 from multicor_cli.post.energy import HEAT, MECHANICAL, EnergyTable
 from multicor_cli.report.figures import Figure
-from multicor_cli.report.pack import Packing
+from multicor_cli.report.pack import Packed
 from multicor_cli.report.tables import Row, describe_books, describe_quality, describe_run, pretty
 from multicor_cli.store import Run
 
@@ -29,7 +29,7 @@ _SCRIPTS = ("data.js", "scale.js", "picture.js", "viewer.js")
 _LONGEST = 200  # letters of a name; longer ones stand whole in the scenario at the end of the page
 
 
-def make_page(run: Run, info: dict[str, Any], books: EnergyTable | None, packing: Packing, figures: list[Figure] | None) -> bytes:
+def make_page(run: Run, info: dict[str, Any], books: EnergyTable | None, packing: Packed, figures: list[Figure] | None) -> bytes:
     """The page as UTF-8.
 
     Args:
@@ -88,7 +88,7 @@ def _header(name: str, description: str, info: dict[str, Any]) -> str:
     )
 
 
-def _note(packing: Packing) -> str:
+def _note(packing: Packed) -> str:
     shown, count = len(packing.chunks), packing.frame_count
     frames = f"{shown:,} of {count:,} frames of the run"
     if shown == count:
@@ -169,7 +169,7 @@ def _scenario_of(resolved: str) -> dict[str, Any]:
     return found if isinstance(found, dict) else {}
 
 
-def _meta(run: Run, packing: Packing) -> dict[str, Any]:
+def _meta(run: Run, packing: Packed) -> dict[str, Any]:
     """What the scripts need to know besides the packed numbers."""
     model, frames = run.model, run.frames
     times, steps, stages = np.asarray(frames.time), np.asarray(frames.step), np.asarray(frames.stage)
@@ -211,7 +211,7 @@ def _code(code: Any) -> dict[str, Any]:
     return {"low": code.low, "high": code.high, "largest": code.largest, "spacing": code.spacing}
 
 
-def _field(packing: Packing, number: int) -> dict[str, Any]:
+def _field(packing: Packed, number: int) -> dict[str, Any]:
     """A field for the scripts; temperatures that hardly differ are shown as millikelvins above a round temperature."""
     field = packing.fields[number]
     low, high = packing.colors[field.name]

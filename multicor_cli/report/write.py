@@ -12,7 +12,7 @@ from multicor_cli.export.target import refuse_files_of_runs
 from multicor_cli.post.energy import energy
 from multicor_cli.post.source import PostError
 from multicor_cli.report.figures import make_figures
-from multicor_cli.report.pack import Packing, Progress, pack_frames
+from multicor_cli.report.pack import Packed, Progress, pack_frames
 from multicor_cli.report.page import MARK, make_page
 from multicor_cli.store import StoreError, open_run, run_info
 from multicor_cli.store.atomic import commit_result
@@ -117,5 +117,5 @@ def _head(path: Path) -> str:
         return file.read(400).decode("utf-8", "replace")
 
 
-def _summary(path: Path, size: int, packing: Packing, has_figures: bool) -> ReportSummary:
+def _summary(path: Path, size: int, packing: Packed, has_figures: bool) -> ReportSummary:
     return ReportSummary(path, size, len(packing.chunks), packing.frame_count, packing.contact_limit, has_figures)

@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
-from multicor_cli.engine.motion.drives import Constant, DofDrive, Ramp, Shifted, Sine, Table, WallDrive
+from multicor_cli.engine.motion.drives import Constant, DofDrive, Interpolated, Ramp, Shifted, Sine, WallDrive
 from multicor_cli.engine.motion.drives import Signal as EngineSignal
 from multicor_cli.scenario.loading import AnyDof, FixedDof, ForceDof, Stage
 from multicor_cli.scenario.signals import AnySignal, RampSignal, SineSignal, TableSignal
@@ -125,7 +125,7 @@ def engine_signal(signal: AnySignal) -> EngineSignal:
         wave = signal.sine
         return Sine(wave.mean, wave.amplitude, wave.period, wave.phase)
     if isinstance(signal, TableSignal):
-        return Table(signal.times, signal.values)
+        return Interpolated(signal.times, signal.values)
     return Constant(signal)
 
 

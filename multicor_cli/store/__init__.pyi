@@ -32,5 +32,5 @@ from .reader import open_run as open_run
 from .rundir import RunDirectory as RunDirectory
 from .segments import FrameWriter as FrameWriter
 from .summary import summarize as summarize
-from .verification import Finding as Finding
+from .verification import FileFinding as FileFinding
 from .verification import verify as verify

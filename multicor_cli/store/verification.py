@@ -31,7 +31,7 @@ from multicor_cli.store.vtkhdf import check_view
 
 
 @dataclass(frozen=True)
-class Finding:
+class FileFinding:
     """Something wrong, or worth knowing.
 
     Attributes:
@@ -50,7 +50,7 @@ Check = Callable[[], None]
 _CONTACT_BLOCK = 1 << 20
 
 
-def verify(path: Path | str) -> list[Finding]:
+def verify(path: Path | str) -> list[FileFinding]:
     """Read everything that a run has stored and compare it with its digests; changes nothing.
 
     Args:
@@ -70,7 +70,7 @@ def verify(path: Path | str) -> list[Finding]:
     try:
         document = read_run_document(path)
     except DamagedRun as error:
-        return [Finding("error", str(path / layout.RUN), str(error))]
+        return [FileFinding("error", str(path / layout.RUN), str(error))]
     findings = _run_checks(_scenario_checks(path, document))
     if document["results"]:
         results = path / layout.RESULTS
@@ -80,20 +80,20 @@ def verify(path: Path | str) -> list[Finding]:
     return findings + _verify_checkpoints(path, document) + list(_leftovers(path, document))
 
 
-def _missing_run_document(path: Path) -> list[Finding]:
+def _missing_run_document(path: Path) -> list[FileFinding]:
     """Results may lie alone in a directory; beside other files of their run its description is missing."""
     if not any((path / name).exists() for name in (layout.SOURCE, layout.RESOLVED, layout.MODEL, layout.CHECKPOINTS)):
         return []
-    return [Finding("error", str(path / layout.RUN), "missing: the run cannot be continued; results.h5 can be read without it")]
+    return [FileFinding("error", str(path / layout.RUN), "missing: the run cannot be continued; results.h5 can be read without it")]
 
 
-def _run_checks(checks: list[tuple[Path, Check]]) -> list[Finding]:
+def _run_checks(checks: list[tuple[Path, Check]]) -> list[FileFinding]:
     findings = []
     for file, check in checks:
         try:
             check()
         except StoreError as error:
-            findings.append(Finding("error", str(file), str(error)))
+            findings.append(FileFinding("error", str(file), str(error)))
     return findings
 
 
@@ -108,12 +108,12 @@ def _discard(_: Any) -> None:
     return None
 
 
-def _verify_segments(path: Path, document: Document) -> list[Finding]:
+def _verify_segments(path: Path, document: Document) -> list[FileFinding]:
     directory, file, run_id = path / layout.SEGMENTS, path / layout.MODEL, str(document["run_id"])
     try:
         segments = committed_segments(path)
     except StoreError as error:
-        return [Finding("error", str(path), str(error))]
+        return [FileFinding("error", str(path), str(error))]
     if not segments and not file.exists():
         return []
     try:
@@ -121,7 +121,7 @@ def _verify_segments(path: Path, document: Document) -> list[Finding]:
         if "model" in document:
             _check_whole(file, document["model"])
     except StoreError as error:
-        return [Finding("error", str(file), str(error))]
+        return [FileFinding("error", str(file), str(error))]
     limits = Limits.of(model, len(document["stages"]))
     return _run_checks([(directory / s.name, _segment_check(directory, s, run_id, limits)) for s in segments])
 
@@ -232,7 +232,7 @@ def _check_contacts(file: CheckedFile, limits: Limits) -> None:
             raise DamagedRun(f"{file.path}: contacts/kind does not fit contacts/j")
 
 
-def _verify_checkpoints(path: Path, document: Document) -> list[Finding]:
+def _verify_checkpoints(path: Path, document: Document) -> list[FileFinding]:
     directory = path / layout.CHECKPOINTS
     identity = Identity(str(document["run_id"]), str(document["resolved_sha256"]), len(document["stages"]))
     sidecars = newest_first(directory)
@@ -240,7 +240,7 @@ def _verify_checkpoints(path: Path, document: Document) -> list[Finding]:
     findings = _run_checks([(sidecar, _checkpoint_check(sidecar, identity)) for sidecar in sidecars])
     if named > max((step_of(sidecar) for sidecar in sidecars), default=-1):
         message = f"{directory}: the checkpoint at step {named}, of which {layout.RUN} knows, is missing"
-        findings.append(Finding("error", str(directory), message))
+        findings.append(FileFinding("error", str(directory), message))
     return findings
 
 
@@ -248,13 +248,13 @@ def _checkpoint_check(sidecar: Path, identity: Identity) -> Check:
     return lambda: _discard(load_checkpoint(sidecar, identity))
 
 
-def _leftovers(path: Path, document: Document) -> Iterator[Finding]:
+def _leftovers(path: Path, document: Document) -> Iterator[FileFinding]:
     for entry in layout.temporaries(path):
         if entry.exists():
-            yield Finding("warning", str(entry), "left by an interrupted write; the next start removes it")
+            yield FileFinding("warning", str(entry), "left by an interrupted write; the next start removes it")
     for entry in sorted((path / layout.SEGMENTS).glob("*.orphan")):
-        yield Finding("warning", str(entry), "written after the checkpoint from which the run was continued; not used")
+        yield FileFinding("warning", str(entry), "written after the checkpoint from which the run was continued; not used")
     if document["results"] and (path / layout.SEGMENTS).exists() and document["status"] == "finished":
         is_ours = bool(layout.own_files(path, layout.SEGMENTS))
         remedy = "the next start removes it" if is_ours else "it is a link or holds files that no run has made, and stays"
-        yield Finding("warning", str(path / layout.SEGMENTS), f"not needed beside results.h5; {remedy}")
+        yield FileFinding("warning", str(path / layout.SEGMENTS), f"not needed beside results.h5; {remedy}")

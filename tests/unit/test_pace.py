@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import pytest
 
-from multicor_cli.engine.contact.pace import PARALLEL_FROM, SLICE, Pace
+from multicor_cli.engine.contact.thread_choice import PARALLEL_FROM, SLICE, ThreadChoice
 
 MANY = PARALLEL_FROM
 
 
-def carry_out(pace: Pace, slices: int, cost: dict[bool, float], relaxations: float = float(SLICE)) -> list[bool]:
+def carry_out(pace: ThreadChoice, slices: int, cost: dict[bool, float], relaxations: float = float(SLICE)) -> list[bool]:
     """What is chosen for some slices, on a machine where a relaxation costs so much on one thread and on several."""
     chosen = []
     for _ in range(slices):
@@ -22,16 +22,16 @@ def carry_out(pace: Pace, slices: int, cost: dict[bool, float], relaxations: flo
 @pytest.mark.parametrize("threads_pay", [True, False])
 def test_the_faster_way_is_taken_nearly_always(threads_pay: bool) -> None:
     cost = {threads_pay: 5e-9, not threads_pay: 2e-8}
-    chosen = carry_out(Pace(2), 2000, cost)
+    chosen = carry_out(ThreadChoice(2), 2000, cost)
     assert chosen.count(threads_pay) > 1950
     tried = chosen.count(not threads_pay)
     assert 3 < tried < 50
     assert tried * cost[not threads_pay] < 0.1 * 2000 * 5e-9  # what the tries cost
-    assert Pace(2).favorite == 2
+    assert ThreadChoice(2).favorite == 2
 
 
 def test_compilation_in_the_first_slice_misleads_nobody() -> None:
-    pace = Pace(2)
+    pace = ThreadChoice(2)
     way = pace.choose(MANY)
     pace.note(MANY, way, float(SLICE), 20.0)
     chosen = carry_out(pace, 200, {True: 5e-9, False: 1e-8})
@@ -39,7 +39,7 @@ def test_compilation_in_the_first_slice_misleads_nobody() -> None:
 
 
 def test_it_follows_what_changes() -> None:
-    pace = Pace(2)
+    pace = ThreadChoice(2)
     carry_out(pace, 100, {True: 5e-9, False: 1e-8})
     assert pace.favorite == 2
     assert carry_out(pace, 300, {True: 1e-7, False: 1e-8})[-50:].count(False) >= 49  # another program has come
@@ -49,14 +49,14 @@ def test_it_follows_what_changes() -> None:
 
 
 def test_work_counts_not_calls() -> None:
-    pace = Pace(2)
+    pace = ThreadChoice(2)
     chosen = carry_out(pace, 400, {True: 5e-9, False: 1e-8}, relaxations=SLICE / 100.0)
     assert all(chosen)  # four slices' worth of work: too early to try anything else
 
 
 def test_one_thread_and_small_problems_need_no_choice() -> None:
-    assert not Pace(1).choose(10**6)
-    pace = Pace(8)
+    assert not ThreadChoice(1).choose(10**6)
+    pace = ThreadChoice(8)
     assert not pace.choose(PARALLEL_FROM - 1)
     pace.note(PARALLEL_FROM - 1, False, 1e9, 1.0)
     assert pace.choose(PARALLEL_FROM)

@@ -38,7 +38,7 @@ from multicor_cli.post import (
     rheology,
 )
 from multicor_cli.post.grain_map import MAP_FIELDS, GrainMap
-from multicor_cli.post.scene import Scene
+from multicor_cli.post.scene import GrainScene
 from multicor_cli.store import Run, open_run
 
 ALL = Selection(start=0.0)
@@ -122,7 +122,7 @@ def make_vortex(n: int = 4000) -> GrainMap:
     center = rng.random((n, 2))
     vector = np.column_stack([0.5 - center[:, 1], center[:, 0] - 0.5])
     none = np.zeros((0, 3))
-    scene = Scene(
+    scene = GrainScene(
         center, np.full(n, 0.005), none, np.zeros((0, 2, 2)), none, np.zeros((0, 4)), 0.0, np.array([[0.0, 0.0], [1.0, 1.0]])
     )
     return GrainMap(MAP_FIELDS["fluctuation"], scene, np.hypot(*vector.T), vector, 0, 0.0)

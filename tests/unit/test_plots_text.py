@@ -13,7 +13,7 @@ from multicor_cli.plots import Terminal, show
 from multicor_cli.plots.text_chart import TextLine, draw_text
 from multicor_cli.plots.text_picture import draw_picture
 from multicor_cli.post import (
-    Scene,
+    GrainScene,
     Selection,
     angular_distribution,
     compare,
@@ -66,10 +66,10 @@ def test_logarithmic_axes() -> None:
     assert chart.splitlines()[-1].split() == ["0.01", "x", "1"]  # the point at 0 is left out
 
 
-def scene(across: float, upwards: float) -> Scene:
+def scene(across: float, upwards: float) -> GrainScene:
     nothing = np.zeros((0, 2))
     box = np.array([[0.0, 0.0], [across, upwards]])
-    return Scene(nothing, np.zeros(0), np.zeros((0, 3)), np.zeros((0, 2, 2)), np.zeros((0, 3)), np.zeros((0, 4)), 0.0, box)
+    return GrainScene(nothing, np.zeros(0), np.zeros((0, 3)), np.zeros((0, 2, 2)), np.zeros((0, 3)), np.zeros((0, 4)), 0.0, box)
 
 
 def quarters(axes: Any) -> None:

@@ -3,7 +3,7 @@
 import pytest
 from scenario_text import SHEAR
 
-from multicor_cli.engine.motion.drives import Constant, DofDrive, Ramp, Shifted, Sine, Table, WallDrive
+from multicor_cli.engine.motion.drives import Constant, DofDrive, Interpolated, Ramp, Shifted, Sine, WallDrive
 from multicor_cli.scenario import parse_scenario
 from multicor_cli.scenario.drives import NEVER
 
@@ -23,7 +23,7 @@ def test_signals_and_forces_are_carried_over():
     assert compress.walls[TOP].y == DofDrive(force=Constant(-0.015), damping=0.02)
     assert compress.walls[PADDLE].spin == DofDrive(force=Sine(0.0, 1e-6, 0.1, 0.0))
     assert shear.walls[TOP].x == DofDrive(velocity=Ramp(0.0, 0.1, 0.02))
-    assert last.walls[BOTTOM].x == DofDrive(velocity=Table((0.0, 1.0), (0.0, 0.5)))
+    assert last.walls[BOTTOM].x == DofDrive(velocity=Interpolated((0.0, 1.0), (0.0, 0.5)))
 
 
 def test_what_is_not_named_is_kept():
@@ -64,4 +64,4 @@ def test_walls_come_in_the_order_asked_for():
 
 
 def test_a_shifted_signal_knows_its_past():
-    assert Shifted(Table((0.0, 1.0), (0.0, 2.0)), 0.25).value(0.25) == pytest.approx(1.0)
+    assert Shifted(Interpolated((0.0, 1.0), (0.0, 2.0)), 0.25).value(0.25) == pytest.approx(1.0)

@@ -16,11 +16,11 @@ from multicor_cli.engine.heat.gas import Gas, batchelor_conductance, parallel_co
 from multicor_cli.engine.heat.radiation import STEFAN_BOLTZMANN, Radiation
 from multicor_cli.engine.heat.settings import HeatSettings, WallHeat
 from multicor_cli.engine.heat.step import HeatEngine
-from multicor_cli.engine.motion.drives import Constant, DofDrive, Sine, Table, WallDrive
+from multicor_cli.engine.motion.drives import Constant, DofDrive, Interpolated, Sine, WallDrive
 from multicor_cli.model import State
 
 RADIUS = 1e-4
-FLOW_TABLE = Table((0.0, 20.0, 21.0, 26.0, 27.0, 1e4), (0.0, 0.0, 10.0, 10.0, 0.0, 0.0))
+FLOW_TABLE = Interpolated((0.0, 20.0, 21.0, 26.0, 27.0, 1e4), (0.0, 0.0, 10.0, 10.0, 0.0, 0.0))
 """60 J within 7 s, in the middle of a step of 60 s."""
 
 

@@ -22,7 +22,7 @@ from multicor_cli.model.columns import BIAS, GAP, MU, NORMAL, NX, NY, SURFACE, T
 from multicor_cli.model.model import ContactLaws, Floats, Ints
 
 
-class Contacts(NamedTuple):
+class StepContacts(NamedTuple):
     """Contacts of one step, sorted by (i, j); ``c`` rows.
 
     Attributes:
@@ -155,7 +155,16 @@ def _softened(laws: ContactLaws, a: int, b: int, mu: float, first: float, second
 
 @formula
 def _fill_contact(
-    c: int, i: int, j: int, scene: Scene, laws: ContactLaws, start: Floats, dt: float, warm: WarmStart, scale: float, out: Contacts
+    c: int,
+    i: int,
+    j: int,
+    scene: Scene,
+    laws: ContactLaws,
+    start: Floats,
+    dt: float,
+    warm: WarmStart,
+    scale: float,
+    out: StepContacts,
 ) -> float:
     """Fill row ``c`` of ``out``; returns min(u_n⁻, 0) if the contact closes within the step, else 0."""
     count = scene.radius.size
@@ -198,7 +207,7 @@ def fill_contacts(
     dt: float,
     warm: WarmStart,
     scale: float,
-    out: Contacts,
+    out: StepContacts,
     closing: Floats,
 ) -> None:
     """Fill the contacts of a step, sorted by (i, j).
@@ -275,7 +284,7 @@ def find_missed(
 
 
 @formula
-def contact_after(c: int, scene: Scene, contacts: Contacts, after: Floats) -> tuple[float, float]:
+def contact_after(c: int, scene: Scene, contacts: StepContacts, after: Floats) -> tuple[float, float]:
     """u_n⁺ and u_t⁺ of a contact, in the frame at q_m [m/s]."""
     i, j = contacts.i[c], contacts.j[c]
     count = scene.radius.size

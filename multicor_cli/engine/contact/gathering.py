@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from multicor_cli.arithmetic.sums import column_totals
-from multicor_cli.engine.contact.detection import Contacts, WarmStart, count_contacts, fill_contacts
+from multicor_cli.engine.contact.detection import StepContacts, WarmStart, count_contacts, fill_contacts
 from multicor_cli.engine.geometry.neighbor_list import NeighborList
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.jit.chunks import chunks_for
@@ -22,14 +22,14 @@ def gather_contacts(
     dt: float,
     warm: WarmStart,
     ratio: float,
-) -> tuple[Contacts, Floats]:
+) -> tuple[StepContacts, Floats]:
     """Contacts with a gap up to ``margin`` [m], sorted by key; arguments as `multicor_cli.engine.contact.detection.fill_contacts`.
 
     Also returns the sum of min(u_n⁻, 0)² over closing contacts [m²/s²] and their number, shape ``(2,)``.
     """
     kept = count_contacts(lists.row, gap, margin)
     count = int(kept[-1])
-    contacts = Contacts(
+    contacts = StepContacts(
         np.empty(count, np.int32), np.empty(count, np.int32), np.empty((count, 5)), np.empty((count, 2)),
         np.empty((count, 2)), np.empty((count, 2)),
     )  # fmt: skip

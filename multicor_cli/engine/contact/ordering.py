@@ -3,7 +3,7 @@
 The order is a pure function of the contacts and positions of the step, hence the same for any number of threads. Within a tile
 the contacts are ordered by key, which keeps the propagation of a serial sweep, cut into `STREAMS` parts from which one contact is
 taken in turn: neighbors by key share a grain, and a processor would wait for the one before it could begin the next (15 to 20 %
-of a sweep). Tiles also keep the bodies of a thread in its cache. Contacts with fixed or prescribed walls do not tie
+of a sweep). Tiles also keep the bodies of a thread in its cache. StepContacts with fixed or prescribed walls do not tie
 tiles together. Heavy grains (many contacts) come last, serially.
 """
 
@@ -12,7 +12,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.engine.contact.detection import Contacts
+from multicor_cli.engine.contact.detection import StepContacts
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
 from multicor_cli.model.columns import (
@@ -45,7 +45,7 @@ STREAMS = 4  # parts of a tile whose contacts take turns
 
 @kernel
 def classify_contacts(
-    scene: Scene, contacts: Contacts, wall_is_free: NDArray[np.bool_]
+    scene: Scene, contacts: StepContacts, wall_is_free: NDArray[np.bool_]
 ) -> tuple[NDArray[np.int8], float, NDArray[np.int64]]:
     """Say how each contact is relaxed.
 
@@ -80,7 +80,7 @@ def classify_contacts(
 @kernel
 def order_contacts(
     scene: Scene,
-    contacts: Contacts,
+    contacts: StepContacts,
     classes: NDArray[np.int8],
     sizes: NDArray[np.int64],
     columns: int,
@@ -93,7 +93,7 @@ def order_contacts(
 
     Args:
         scene: Positions at q_m.
-        contacts: Contacts sorted by key.
+        contacts: StepContacts sorted by key.
         classes: From `classify_contacts`.
         sizes: From `classify_contacts`.
         columns: Number of tiles in x; even or 1 if the domain is periodic.
@@ -103,7 +103,7 @@ def order_contacts(
         height: Height of a tile [m].
 
     Returns:
-        Contacts of classes 0 and 1 in the order of the sweep; those of class 2; the start of each tile in the order, shape
+        StepContacts of classes 0 and 1 in the order of the sweep; those of class 2; the start of each tile in the order, shape
         ``(tiles + 1,)``; the first tile of each color, shape ``(5,)``.
     """
     # Tiles are numbered color by color, so that sorting by tile number sorts by color too.
@@ -166,7 +166,7 @@ def _interleave(order: Ints, start: NDArray[np.int64]) -> None:
 
 
 @kernel
-def number_wall_contacts(scene: Scene, contacts: Contacts, order: Ints) -> Ints:
+def number_wall_contacts(scene: Scene, contacts: StepContacts, order: Ints) -> Ints:
     """Running number of each ordered contact with a prescribed wall, -1 for grain–grain contacts, shape ``(len(order),)``."""
     number = np.empty(order.size, np.int32)
     found = 0
@@ -180,7 +180,7 @@ def number_wall_contacts(scene: Scene, contacts: Contacts, order: Ints) -> Ints:
 
 
 @kernel
-def number_grains(contacts: Contacts, order: Ints, general: Ints, count: int) -> Ints:
+def number_grains(contacts: StepContacts, order: Ints, general: Ints, count: int) -> Ints:
     """Rows of the ``count`` grains in the velocities of the sweep, in the order in which the sweep first meets them.
 
     However grains are numbered, a tile then reads and writes one piece of memory: three times faster where the velocities of all
@@ -207,7 +207,7 @@ def number_grains(contacts: Contacts, order: Ints, general: Ints, count: int) ->
 @parallel_kernel
 def pack_contacts(
     scene: Scene,
-    contacts: Contacts,
+    contacts: StepContacts,
     free: Floats,
     place: Ints,
     order: Ints,
@@ -225,10 +225,10 @@ def pack_contacts(
 
     Args:
         scene: Shapes at q_m.
-        contacts: Contacts sorted by key.
+        contacts: StepContacts sorted by key.
         free: Free velocities of grains and walls, shape ``(bodies, 4)``.
         place: From `number_grains`.
-        order: Contacts in the order of the sweep, shape ``(k,)``.
+        order: StepContacts in the order of the sweep, shape ``(k,)``.
         wall_number: From `number_wall_contacts`.
         first_anchor: Row of the first anchor in ``velocity``.
         velocity: Bodies, then anchors, shape ``(bodies + anchors, 4)``. **Modified.**
@@ -262,15 +262,15 @@ def pack_contacts(
 
 @kernel
 def pack_general(
-    scene: Scene, contacts: Contacts, place: Ints, general: Ints, inverse: Floats
+    scene: Scene, contacts: StepContacts, place: Ints, general: Ints, inverse: Floats
 ) -> tuple[Ints, Floats, Floats, Floats]:
     """Arrays of the contacts with walls that have a free degree of freedom, as in `multicor_cli.engine.contact.sweep.System`.
 
     Args:
         scene: Shapes at q_m.
-        contacts: Contacts sorted by key.
+        contacts: StepContacts sorted by key.
         place: From `number_grains`.
-        general: Contacts of class 2, shape ``(g,)``.
+        general: StepContacts of class 2, shape ``(g,)``.
         inverse: Inverse mass per degree of freedom of grains and walls, shape ``(n + w, 3)``.
 
     Returns:
@@ -303,7 +303,7 @@ def unpack(order: Ints, impulse: Floats, place: Ints, velocity: Floats, by_conta
     """Back from the arrays of the sweep.
 
     Args:
-        order: Contacts in the order of the sweep, shape ``(k,)``.
+        order: StepContacts in the order of the sweep, shape ``(k,)``.
         impulse: Their impulses, shape ``(k, 2)``.
         place: From `number_grains`, shape ``(n,)``.
         velocity: Bodies as in `pack_contacts`.

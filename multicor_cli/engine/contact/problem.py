@@ -9,11 +9,11 @@ from pathlib import Path
 import numpy as np
 
 from multicor_cli.arithmetic.sums import mean, total
-from multicor_cli.engine.contact.detection import Contacts
-from multicor_cli.engine.contact.pace import Pace
+from multicor_cli.engine.contact.detection import StepContacts
 from multicor_cli.engine.contact.settings import Settings
-from multicor_cli.engine.contact.solve import Scale, solve_system
+from multicor_cli.engine.contact.solve import ResidualScale, solve_system
 from multicor_cli.engine.contact.sweep import System, add_impulses
+from multicor_cli.engine.contact.thread_choice import ThreadChoice
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.model.columns import (
     BIAS,
@@ -172,7 +172,7 @@ def solve_contacts(
     movable = problem.inverse_mass[:, X] > 0.0
     energy = 0.5 * total(1.0 / problem.inverse_mass[movable, X]) * (reference_velocity * reference_velocity)
     add_impulses(system)
-    outcome = solve_system(system, Scale(reference_velocity, energy), settings, Pace())
+    outcome = solve_system(system, ResidualScale(reference_velocity, energy), settings, ThreadChoice())
     velocity = system.velocity[: len(problem.velocity), :INVERSE_MASS].copy()
     if arm is not None:
         spin = velocity[:, SURFACE] / np.where(arm > 0.0, arm, 1.0)
@@ -262,12 +262,12 @@ def _disc_system(problem: ContactProblem, impulse: Floats) -> tuple[System, Floa
     return system, arm
 
 
-def problem_of_step(scene: Scene, contacts: Contacts, free: Floats, wall_inverse: Floats, spin_factor: float) -> ContactProblem:
+def problem_of_step(scene: Scene, contacts: StepContacts, free: Floats, wall_inverse: Floats, spin_factor: float) -> ContactProblem:
     """The contact problem of a step of the engine, in physical velocities; bodies are the grains, then the walls.
 
     Args:
         scene: Shapes at q_m.
-        contacts: Contacts sorted by key.
+        contacts: StepContacts sorted by key.
         free: Free velocities (v_x, v_y, a ω or Ω, 1/m), shape ``(n + w, 4)``.
         wall_inverse: Inverse masses of the walls, shape ``(w, 3)``.
         spin_factor: β = m a²/I.

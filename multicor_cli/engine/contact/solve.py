@@ -10,13 +10,13 @@ import numba
 import numpy as np
 
 from multicor_cli.engine.contact.acceleration import Tolerances, iterate, start_loop, start_momentum
-from multicor_cli.engine.contact.pace import SLICE, Pace
 from multicor_cli.engine.contact.settings import Settings
 from multicor_cli.engine.contact.sweep import BIPOTENTIAL, EXACT, System
+from multicor_cli.engine.contact.thread_choice import SLICE, ThreadChoice
 
 
 @dataclass(frozen=True)
-class Scale:
+class ResidualScale:
     """What residuals are measured against: u_ref [m/s], and ½ M u_ref² [J]."""
 
     velocity: float
@@ -40,16 +40,16 @@ class Interrupted(Exception):
 
 def solve_system(
     system: System,
-    scale: Scale,
+    scale: ResidualScale,
     settings: Settings,
-    pace: Pace,
+    pace: ThreadChoice,
     should_stop: Callable[[], bool] | None = None,
 ) -> Outcome:
     """Sweep until the three tolerances are met or the cap is reached.
 
     Args:
         system: The problem, with velocities that match its impulses. **Impulses and velocities modified.**
-        scale: Scale of the residuals.
+        scale: ResidualScale of the residuals.
         settings: Method, tolerances, cap.
         pace: Decides between one thread and several, and takes note of what they cost.
         should_stop: Asked between slices.

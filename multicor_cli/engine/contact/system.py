@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.engine.contact.detection import Contacts
+from multicor_cli.engine.contact.detection import StepContacts
 from multicor_cli.engine.contact.ordering import (
     classify_contacts,
     number_grains,
@@ -41,7 +41,7 @@ class OrderedSystem:
     general: Ints
     place: Ints
 
-    def collect(self, contacts: Contacts) -> Floats:
+    def collect(self, contacts: StepContacts) -> Floats:
         """Write the impulses back into ``contacts``; returns the velocities of grains and walls, shape ``(n + w, 4)``."""
         after = np.empty((self.system.inverse.shape[0], 4))
         unpack(self.order, self.system.impulse, self.place, self.system.velocity, contacts.impulse, after)
@@ -51,7 +51,7 @@ class OrderedSystem:
 
 def assemble(
     scene: Scene,
-    contacts: Contacts,
+    contacts: StepContacts,
     free: Floats,
     wall_inverse: Floats,
     wall_is_free: NDArray[np.bool_],
@@ -62,7 +62,7 @@ def assemble(
 
     Args:
         scene: Shapes at q_m.
-        contacts: Contacts sorted by key, with the warm start in ``impulse``.
+        contacts: StepContacts sorted by key, with the warm start in ``impulse``.
         free: Free velocities of grains and walls, shape ``(n + w, 4)``.
         wall_inverse: Inverse mass per degree of freedom of the walls, shape ``(w, 3)``.
         wall_is_free: Walls with a driven degree of freedom, shape ``(w,)``.

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from multicor_cli.engine.contact.detection import Contacts, contact_after
+from multicor_cli.engine.contact.detection import StepContacts, contact_after
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.model.columns import GAP, MU, NX, NY
@@ -13,14 +13,14 @@ from multicor_cli.model.model import Floats
 
 
 @kernel
-def _slips(scene: Scene, contacts: Contacts, after: Floats) -> Floats:
+def _slips(scene: Scene, contacts: StepContacts, after: Floats) -> Floats:
     slip = np.empty(contacts.i.size)
     for c in range(contacts.i.size):
         slip[c] = contact_after(c, scene, contacts, after)[1]
     return slip
 
 
-def tabulate_contacts(scene: Scene | None, contacts: Contacts | None, after: Floats) -> ContactTable:
+def tabulate_contacts(scene: Scene | None, contacts: StepContacts | None, after: Floats) -> ContactTable:
     """Make the table; empty if there has been no step."""
     if scene is None or contacts is None:
         return ContactTable.empty()

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from multicor_cli.arithmetic.sums import column_totals
-from multicor_cli.engine.contact.detection import Contacts, contact_after
+from multicor_cli.engine.contact.detection import StepContacts, contact_after
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.jit.chunks import CHUNK, chunks_for
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
@@ -29,7 +29,7 @@ class ContactSums(NamedTuple):
 
 
 @formula
-def _account_one(c: int, scene: Scene, contacts: Contacts, after: Floats, total: Floats, wall_impulse: Floats) -> None:
+def _account_one(c: int, scene: Scene, contacts: StepContacts, after: Floats, total: Floats, wall_impulse: Floats) -> None:
     p_n, p_t = contacts.impulse[c, NORMAL], contacts.impulse[c, TANGENTIAL]
     if p_n == 0.0:
         return
@@ -60,7 +60,7 @@ def _account_one(c: int, scene: Scene, contacts: Contacts, after: Floats, total:
 
 
 @parallel_kernel
-def _account_chunks(scene: Scene, contacts: Contacts, after: Floats, partial: Floats, partial_wall: Floats) -> None:
+def _account_chunks(scene: Scene, contacts: StepContacts, after: Floats, partial: Floats, partial_wall: Floats) -> None:
     count = contacts.i.size
     for chunk in prange(partial.shape[0]):
         total, wall_impulse = partial[chunk], partial_wall[chunk]
@@ -68,14 +68,14 @@ def _account_chunks(scene: Scene, contacts: Contacts, after: Floats, partial: Fl
             _account_one(c, scene, contacts, after, total, wall_impulse)
 
 
-def account_contacts(scene: Scene, contacts: Contacts, after: Floats) -> ContactSums:
+def account_contacts(scene: Scene, contacts: StepContacts, after: Floats) -> ContactSums:
     """Sum losses, virial and wall impulses over the contacts of a step, in fixed chunks.
 
     The losses are −p·½(u⁻+u⁺), exact for the scheme whether or not the solver has converged (Moreau–Jean energy identity).
 
     Args:
         scene: Shapes at q_m.
-        contacts: Contacts with their impulses, sorted by key.
+        contacts: StepContacts with their impulses, sorted by key.
         after: Body velocities v⁺, shape ``(bodies, 4)``.
     """
     partial = chunks_for(contacts.i.size, SUMS)
@@ -87,7 +87,7 @@ def account_contacts(scene: Scene, contacts: Contacts, after: Floats) -> Contact
 
 
 @kernel
-def loaded_contacts(contacts: Contacts) -> tuple[Ints, Ints, Floats]:
+def loaded_contacts(contacts: StepContacts) -> tuple[Ints, Ints, Floats]:
     """Shapes i, j and impulses [N s] of the contacts that carry an impulse, in the same order: shapes ``(k,), (k,), (k, 2)``."""
     found = 0
     for c in range(contacts.i.size):

@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.arithmetic import power
-from multicor_cli.engine.contact.detection import Contacts
+from multicor_cli.engine.contact.detection import StepContacts
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.heat.laws import HeatLaws
 from multicor_cli.engine.heat.pairs import pair_radius
@@ -124,14 +124,14 @@ def impact_exchange(
 
 @kernel
 def collide(
-    scene: Scene, mass: Floats, contacts: Contacts, is_known: NDArray[np.bool_], laws: HeatLaws, dt: float, conductance: Floats
+    scene: Scene, mass: Floats, contacts: StepContacts, is_known: NDArray[np.bool_], laws: HeatLaws, dt: float, conductance: Floats
 ) -> None:
     """Replace the conductance of contacts that are new in this step by that of an impact, spread over the step (Sun & Chen).
 
     Args:
         scene: Shapes.
         mass: Masses of the grains [kg], shape ``(n,)``.
-        contacts: Contacts with their impulses.
+        contacts: StepContacts with their impulses.
         is_known: Whether a contact carried an impulse in the step before, shape ``(c,)``.
         laws: Properties of materials.
         dt: Time step [s].

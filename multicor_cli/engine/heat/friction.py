@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from multicor_cli.engine.contact.detection import Contacts, contact_after
+from multicor_cli.engine.contact.detection import StepContacts, contact_after
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.heat.wear import rubbing_of
 from multicor_cli.engine.jit.chunks import CHUNK
@@ -34,7 +34,7 @@ def sliding_power(mu: float, normal_force: float, slip_speed: float) -> float:
 
 @parallel_kernel
 def generated_heat(
-    scene: Scene, contacts: Contacts, after: Floats, rule: int, has_impact: bool, heat: Floats, rubbing: Floats
+    scene: Scene, contacts: StepContacts, after: Floats, rule: int, has_impact: bool, heat: Floats, rubbing: Floats
 ) -> None:
     """Heat generated in each contact of a step, and the product of force and slipped distance that wears.
 
@@ -43,7 +43,7 @@ def generated_heat(
 
     Args:
         scene: Shapes at q_m.
-        contacts: Contacts with their impulses.
+        contacts: StepContacts with their impulses.
         after: Body velocities v⁺, shape ``(bodies, 4)``.
         rule: Rule of the heat of friction.
         has_impact: Whether the energy of impacts counts.

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from multicor_cli.arithmetic import expm1
-from multicor_cli.engine.contact.detection import Contacts, warm_rows
+from multicor_cli.engine.contact.detection import StepContacts, warm_rows
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.heat.conduction import contact_spots
 from multicor_cli.engine.heat.laws import HeatLaws
@@ -38,7 +38,7 @@ class Spots:
     conductance: Floats
 
 
-def forces_of_step(state: State, contacts: Contacts, settings: HeatSettings, dt: float) -> Floats:
+def forces_of_step(state: State, contacts: StepContacts, settings: HeatSettings, dt: float) -> Floats:
     """Normal forces of the Hertz radii [N], shape ``(c,)``; keeps the running averages of ``state`` where they are used.
 
     An average counts the time without force, and ends when the pair leaves the reach of the contact solver. It is divided by

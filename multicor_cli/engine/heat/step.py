@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from multicor_cli.arithmetic.sums import column_totals, total
-from multicor_cli.engine.contact.detection import Contacts, warm_rows
+from multicor_cli.engine.contact.detection import StepContacts, warm_rows
 from multicor_cli.engine.contact.settings import PhysicsError
 from multicor_cli.engine.geometry.neighbor_list import NeighborList
 from multicor_cli.engine.geometry.neighbors import place_shapes
@@ -47,14 +47,14 @@ class MovedContacts:
 
     Attributes:
         scene: Shapes at q_m.
-        contacts: Contacts with their impulses.
+        contacts: StepContacts with their impulses.
         after: Body velocities v⁺, shape ``(bodies, 4)``.
-        loaded_i: Contacts that carried an impulse in the step before: first shapes, ascending.
+        loaded_i: StepContacts that carried an impulse in the step before: first shapes, ascending.
         loaded_j: Second shapes.
     """
 
     scene: Scene
-    contacts: Contacts
+    contacts: StepContacts
     after: Floats
     loaded_i: Ints
     loaded_j: Ints

@@ -75,7 +75,7 @@ class Sine:
 
 
 @dataclass(frozen=True)
-class Table:
+class Interpolated:
     """Linear interpolation between ``(times, values)``; constant before the first and after the last time."""
 
     times: tuple[float, ...]
@@ -105,7 +105,7 @@ class Table:
 class Shifted:
     """A signal of an earlier stage that goes on; ``offset`` [s] is the time from that stage's start to this stage's."""
 
-    signal: Constant | Ramp | Sine | Table
+    signal: Constant | Ramp | Sine | Interpolated
     offset: float
 
     def value(self, t: float) -> float:
@@ -121,7 +121,7 @@ class Shifted:
         return [t - self.offset for t in self.signal.corners(self.offset + start, self.offset + end)]
 
 
-Signal = Constant | Ramp | Sine | Table | Shifted
+Signal = Constant | Ramp | Sine | Interpolated | Shifted
 
 
 @dataclass(frozen=True)

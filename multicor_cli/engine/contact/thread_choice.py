@@ -14,7 +14,7 @@ _LATEST = 0.3  # weight of the latest measurement in the running average
 _PATIENCE = 40.0  # work between two tries of the other way, in units of `SLICE`; more if it was much slower
 
 
-class Pace:
+class ThreadChoice:
     """Learns what a contact relaxation costs on one thread and on several.
 
     On idle cores, threads pay from some thousand contacts on. On cores that other programs use too, they can cost
