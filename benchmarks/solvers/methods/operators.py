@@ -14,7 +14,7 @@ import numpy as np
 
 from multicor_cli.engine.contact.residual import measure_residual
 from multicor_cli.engine.contact.sweep import EXACT, Relaxation, System, general_velocity, relax_general, relax_light
-from multicor_cli.engine.jit.compile import F, scalar
+from multicor_cli.engine.jit.formulas import F, formula
 from multicor_cli.model.columns import BIAS, FIRST, MU, NORMAL, NX, NY, SECOND, TANGENTIAL, W_NN, W_TT
 from multicor_cli.model.model import Floats
 
@@ -80,7 +80,7 @@ def sweep_backward(s: System) -> float:
     return total
 
 
-@scalar
+@formula
 def _push(body: np.uint32, px: float, py: float, spin: float, bodies: Floats, velocity: Floats) -> None:
     """Change the velocity of a body of a light contact by an impulse [N s]; ``bodies`` has the inverse mass."""
     inverse = bodies[body, 3]
@@ -172,7 +172,7 @@ def set_impulses(s: System, impulse: Floats) -> None:
     s.general_impulse[:] = impulse[lights:]
 
 
-@scalar
+@formula
 def cut_to_cone(p_n: float, p_t: float, mu: float) -> tuple[float, float]:
     """The nearest impulses along the tangent that Coulomb's law allows: p_n ≥ 0, then \\|p_t\\| ≤ μ p_n."""
     new_n = p_n if p_n > 0.0 else 0.0
