@@ -113,8 +113,8 @@ def test_reflection_gives_the_mirror_image():
 
 def test_thread_count_does_not_change_a_bit(monkeypatch):
     """Tiled sweeps, chunked sums: one digest for 1, 2 and more threads, and for the parallel and the serial sweep."""
-    from multicor_cli.engine.contact import thread_choice
     from multicor_cli.engine import step as engine_module
+    from multicor_cli.engine.contact import thread_choice
 
     monkeypatch.setattr(engine_module, "PARALLEL_GRAINS", 1)
     digests = set()
