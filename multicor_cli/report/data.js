@@ -27,8 +27,8 @@ function joinPlanes(bytes, offset, width, count) {
   if (width === 1) return bytes.subarray(offset, offset + count);
   const numbers = width === 2 ? new Uint16Array(count) : new Uint32Array(count);
   for (let plane = 0; plane < width; plane++) {
-    const start = offset + plane * count;
-    for (let k = 0; k < count; k++) numbers[k] |= bytes[start + k] << (8 * plane);
+    const begin = offset + plane * count;
+    for (let k = 0; k < count; k++) numbers[k] |= bytes[begin + k] << (8 * plane);
   }
   return numbers;
 }

@@ -172,12 +172,12 @@ class Picture {
     context.fillText(`${format(length * factor)} ${unit}`, x, y - 6 * pixel);
   }
 
-  /** Call draw(x) for a thing and for its images that cross the ends of the period. */
-  withImages(x, reach, draw) {
-    draw(x);
+  /** Call paint(x) for a thing and for its images that cross the ends of the period. */
+  withImages(x, reach, paint) {
+    paint(x);
     if (meta.period <= 0) return;
-    if (x + reach > meta.period) draw(x - meta.period);
-    if (x - reach < 0) draw(x + meta.period);
+    if (x + reach > meta.period) paint(x - meta.period);
+    if (x - reach < 0) paint(x + meta.period);
   }
 
   /** Corners of what is visible [m], with some room. */
