@@ -200,14 +200,14 @@ function onPointerMove(event) {
     showTip(event);
     return;
   }
-  const start = pointers.size === 2 ? spread() : null;
+  const held = pointers.size === 2 ? spread() : null;
   pointers.set(event.pointerId, { x: event.clientX, y: event.clientY });
   moved += Math.hypot(event.clientX - before.x, event.clientY - before.y);
-  if (start) {
+  if (held) {
     const now = spread();
     hideTip();
-    state.picture.pan(now.x - start.x, now.y - start.y);
-    zoom(now.distance / Math.max(start.distance, 1), now.x, now.y);
+    state.picture.pan(now.x - held.x, now.y - held.y);
+    zoom(now.distance / Math.max(held.distance, 1), now.x, now.y);
   } else if (moved > 4) {
     hideTip();
     pan(event.clientX - before.x, event.clientY - before.y);
@@ -298,12 +298,14 @@ function listenToPrinting() {
   });
 }
 
+/** Whether a quantity differs among nearly all grains of the frame shown. */
+function differs({ name, range }) {
+  const values = (state.frame.values[name] || new Float64Array(1)).toSorted(), last = values.length - 1;
+  return values[Math.round(0.99 * last)] - values[Math.round(0.01 * last)] > 0.02 * (range[1] - range[0]);
+}
+
 /** The first quantity that differs among nearly all grains of the frame shown, or else in the course of the run. */
 function chooseField() {
-  const differs = ({ name, range }) => {
-    const values = (state.frame.values[name] || new Float64Array(1)).slice().sort(), last = values.length - 1;
-    return values[Math.round(0.99 * last)] - values[Math.round(0.01 * last)] > 0.02 * (range[1] - range[0]);
-  };
   const changes = ({ name }) => meta.codes[name].high > meta.codes[name].low;
   return meta.fields.find(differs) || meta.fields.find(changes) || meta.fields[0];
 }
