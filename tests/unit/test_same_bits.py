@@ -23,7 +23,7 @@ def _words(text: str) -> set[str]:
 
 
 MATH = _words("ceil copysign floor frexp fsum inf isfinite isnan ldexp nan pi prod sqrt")  # fsum rounds once; prod: of integers
-TYPES = _words("bool_ bytes_ dtype float64 generic int8 int32 int64 ndarray uint8 uint32 uint64 inf nan newaxis pi")
+TYPES = _words("bool_ bytes_ dtype float64 generic int8 int32 int64 ndarray uint8 uint32 uint64 void inf nan newaxis pi")
 LAYOUT = _words(
     """append arange array asarray ascontiguousarray atleast_1d column_stack concatenate empty errstate fill_diagonal full load
     loadtxt meshgrid ones ones_like repeat reshape roll savez_compressed stack tile tril_indices where zeros zeros_like"""
