@@ -88,7 +88,7 @@ def column(count: int = 116) -> Problem:
     frame[:, 2] = 1.0 / (velocity[pair[:, 0], 3] + velocity[pair[:, 1], 3])
     system = System(
         velocity, np.zeros((count + 1, 3)), pair, frame, np.zeros((count, 2)), np.array([0, count]), np.array([0, 1]),
-        np.empty((0, 2), np.int32), np.empty((0, 7)), np.empty((0, 4)), np.empty((0, 2)), 2.0,
+        np.empty((0, 2), np.int32), np.empty((0, 7)), np.empty((0, 2, 2)), np.empty((0, 2)), 2.0,
     )  # fmt: skip
     return Problem(f"column of {count}, cold", system, ResidualScale(9.81e-3, 0.5 * count * 9.81e-3**2))
 

@@ -228,7 +228,7 @@ def test_files_are_not_overwritten(evil: Path, tmp_path: Path) -> None:
         write_report(evil, target)
     write_report(evil, target, is_overwriting=True)
     target.write_text("<!doctype html><title>mine</title>")
-    with pytest.raises(ReportExists, match="no report"):
+    with pytest.raises(ReportExists, match="not a report"):
         write_report(evil, target, is_overwriting=True)
     assert "mine" in target.read_text()
     assert [file.name for file in tmp_path.iterdir()] == ["page.html"]
