@@ -52,7 +52,7 @@ def read_text(node: h5py.HLObject, name: str) -> str:
         DamagedRun: If HDF5 would not come back from reading it.
     """
     info = h5py.check_string_dtype(node.attrs.get_id(name).dtype)
-    if info is None or info.length is None:
+    if info is None:
         raise TypeError(f"attribute {name!r} is not a string")
     if info.length is None:
         require_finite_heaps(Path(node.file.filename))
