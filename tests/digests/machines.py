@@ -1,14 +1,15 @@
 """Frozen digests on as many machines as this one can pretend to be: a table of what holds.
 
-    python tests/digests/machines.py [--oldest] [--aarch64 FOLDER]
+    python tests/digests/machines.py [--oldest] [--aarch64 FOLDER] [--only TEXT]
 
 ``--oldest`` makes an environment with the oldest dependencies that pyproject.toml admits; ``--aarch64`` takes a root directory that
-`tests/digests/aarch64.sh` has made.
+`tests/digests/aarch64.sh` has made; ``--only`` leaves out machines whose names do not contain a text.
 """
 
 from __future__ import annotations
 
 import argparse
+import functools
 import os
 import platform
 import shutil
@@ -16,6 +17,7 @@ import subprocess
 import sys
 import tempfile
 import tomllib
+from collections.abc import Callable, Iterator
 from importlib import metadata
 from pathlib import Path
 
@@ -85,27 +87,31 @@ def emulated(root: Path) -> str:
     return "; ".join(lines) if lines else f"failed: {done.stderr.strip()[-300:]}"
 
 
+def _results(options: argparse.Namespace, folder: Path) -> Iterator[tuple[str, Callable[[], str]]]:
+    """Names of machines, and how each is asked."""
+    for name, (environment, threads) in machines().items():
+        yield name, functools.partial(check, [sys.executable], environment, threads)
+    if options.oldest:
+        cache = {"NUMBA_CACHE_DIR": str(folder / "cache")}
+        yield "oldest dependencies", lambda: check([oldest(folder / "venv")], cache, 2)
+    if options.aarch64:
+        yield "AArch64 (QEMU)", lambda: emulated(options.aarch64)
+
+
 def main(arguments: list[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="python tests/digests/machines.py", description=__doc__.splitlines()[0])
     parser.add_argument("--oldest", action="store_true", help="the oldest dependencies too")
     parser.add_argument("--aarch64", type=Path, metavar="FOLDER", help="a root directory of AArch64 too (tests/digests/aarch64.sh)")
+    parser.add_argument("--only", default="", metavar="TEXT", help="only machines whose names contain it")
     options = parser.parse_args(arguments)
     versions = ", ".join(f"{name} {metadata.version(name)}" for name in ("numpy", "numba", "h5py"))
     print(f"{platform.machine()}, Python {platform.python_version()}, {versions}\n\n| machine | digests |\n|---|---|", flush=True)
     found = []
-
-    def tell(name: str, result: str) -> None:
-        found.append(result)
-        print(f"| {name} | {result} |", flush=True)
-
-    for name, (environment, threads) in machines().items():
-        tell(name, check([sys.executable], environment, threads))
-    if options.oldest:
-        with tempfile.TemporaryDirectory() as folder:
-            cache = {"NUMBA_CACHE_DIR": str(Path(folder) / "cache")}
-            tell("oldest dependencies", check([oldest(Path(folder) / "venv")], cache, 2))
-    if options.aarch64:
-        tell("AArch64 (QEMU)", emulated(options.aarch64))
+    with tempfile.TemporaryDirectory() as folder:
+        for name, result in _results(options, Path(folder)):
+            if options.only in name:
+                found.append(result())
+                print(f"| {name} | {found[-1]} |", flush=True)
     return 0 if all(result.split()[0] == result.split()[2] for result in found) else 1
 
 
