@@ -49,6 +49,7 @@ def test_number_of_threads_does_not_matter(threads: int, finished: Path, tmp_pat
     assert found["data_digest"] == expected["data_digest"]
 
 
+@pytest.mark.reliability
 def test_kills_and_signals_leave_no_trace(finished: Path, tmp_path: Path) -> None:
     """Stopped at random moments in three ways, the same command goes on; at the end every dataset is the same to the bit."""
     write_small(tmp_path)

@@ -107,7 +107,9 @@ def verify_quietly(run: Path) -> bool:
     return all(finding.severity == "warning" for finding in verify(run))
 
 
-@trials(short=1, long=100)
+@pytest.mark.reliability
+@pytest.mark.timeout(3600)
+@pytest.mark.parametrize("count", [100])
 def test_killed_at_any_moment(tmp_path: Path, reference: Reference, count: int) -> None:
     """Up to three kills a run, each at a random time after its start."""
     rng, killed = random.Random(1), 0

@@ -27,7 +27,9 @@ def digests(run: Path) -> tuple[str, str]:
     return info["data_digest"], info["state_digest"]
 
 
-@trials(short=2, long=30)
+@pytest.mark.reliability
+@pytest.mark.timeout(3600)
+@pytest.mark.parametrize("count", [30])
 def test_threads_and_layers(tmp_path: Path, count: int) -> None:
     """1, 2, 3, 4, 7 threads with both threading layers, each three times: the same bits."""
     choices = [(threads, layer) for _ in range(3) for threads in (2, 1, 3, 4, 7) for layer in ("workqueue", "omp")][:count]
