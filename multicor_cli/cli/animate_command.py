@@ -11,7 +11,7 @@ import typer
 from multicor_cli.cli.console import say
 from multicor_cli.cli.options import RunPath
 from multicor_cli.cli.post_options import Frames, parse_frames
-from multicor_cli.cli.work_progress import show_progress
+from multicor_cli.cli.progress import show_progress
 
 if TYPE_CHECKING:
     from multicor_cli.post import GrainMap

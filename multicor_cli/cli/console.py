@@ -9,16 +9,13 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
+from multicor_cli.text import printable
+
 
 def say(text: str = "") -> None:
     """A line for people, on stderr; if no one can read it anymore (a closed pipe, a closed terminal), nothing happens."""
     with contextlib.suppress(OSError):
         print(printable(text), file=sys.stderr, flush=True)
-
-
-def printable(text: str) -> str:
-    """Names out of files made elsewhere must not command the terminal: control characters as their escapes."""
-    return "".join(c if c.isprintable() or c in "\n\t" else c.encode("unicode_escape").decode() for c in text)
 
 
 def complain(text: str) -> None:

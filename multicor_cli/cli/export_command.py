@@ -10,7 +10,7 @@ import typer
 from multicor_cli.cli.console import format_bytes, say
 from multicor_cli.cli.options import RunPath, count_noun
 from multicor_cli.cli.post_options import Frames, OneFrame, parse_frames
-from multicor_cli.cli.work_progress import show_progress
+from multicor_cli.cli.progress import show_progress
 
 export = typer.Typer(
     no_args_is_help=True,

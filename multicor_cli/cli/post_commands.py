@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import typer
+from typer.core import TyperCommand
 
 from multicor_cli.cli.animate_command import animate
 from multicor_cli.cli.post_contact_commands import forces, rheology
@@ -26,8 +27,22 @@ COMMANDS = {
 """Commands by name."""
 
 
+class _Command(TyperCommand):
+    """A command whose help names the quantities that there are: asked for only then, since they take numpy to load."""
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        from multicor_cli.post import MAPPED, PROFILE_GROUPS, PROFILED
+
+        names: dict[str, dict[str, Any]] = {"{profiled}": PROFILED, "{groups}": PROFILE_GROUPS, "{mapped}": MAPPED}
+        for parameter in self.params:
+            for place, known in names.items():
+                if place in (getattr(parameter, "help", None) or ""):
+                    parameter.help = parameter.help.replace(place, ", ".join(known))  # type: ignore[attr-defined]
+        super().format_help(ctx, formatter)
+
+
 def register(app: typer.Typer, wrap: Any) -> None:
     """Add the commands."""
     for name, command in COMMANDS.items():
-        post.command(name)(wrap(command))
+        post.command(name, cls=_Command)(wrap(command))
     app.add_typer(post, name="post")

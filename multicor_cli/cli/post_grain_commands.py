@@ -25,13 +25,12 @@ ProfileOf = Annotated[
     typer.Option(
         "--of",
         metavar="FIELD",
-        help="What to average: velocity, spin, temperature, heat, solid-fraction, granular-temperature, coordination, pressure, "
-        "stress (or stress-xx, -xy, -yx, -yy), kinetic-stress (or kinetic-stress-xx, -xy, -yy).",
+        help="What to average: {profiled}, or all components with {groups}.",
     ),
 ]
 MapOf = Annotated[
     str,
-    typer.Option("--of", metavar="FIELD", help="What to show: temperature, velocity, fluctuation, heat, stress, spin."),
+    typer.Option("--of", metavar="FIELD", help="What to show: {mapped}."),
 ]
 Normalized = Annotated[
     bool,

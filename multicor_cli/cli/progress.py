@@ -1,22 +1,24 @@
-"""Showing a run: a bar on a terminal, a line every half minute in a log, nothing but warnings if asked to be quiet."""
+"""Showing what takes a while: a bar on a terminal, an occasional line in a log, nothing but warnings if asked to be quiet."""
 
 from __future__ import annotations
 
 import contextlib
 import sys
 import time
+from collections.abc import Callable, Iterator
 from typing import TYPE_CHECKING
 
+from multicor_cli.cli.bar import Bar
 from multicor_cli.cli.console import format_seconds, say
 
 if TYPE_CHECKING:
     from multicor_cli.running.observer import Observer, Status
 
 LINE_INTERVAL = 30.0
-"""Wall-clock time between two lines in a log [s]."""
+"""Wall-clock time between two lines of a run in a log [s]."""
 
-BAR_INTERVAL = 0.2
-"""Wall-clock time between two updates of the bar [s]."""
+WORK_INTERVAL = 10.0
+"""The same for shorter work [s]."""
 
 
 def make_observer(*, is_quiet: bool) -> Observer:
@@ -69,26 +71,11 @@ class BarObserver(QuietObserver):
     """A progress bar; messages appear above it."""
 
     def __init__(self) -> None:
-        from rich.console import Console
-        from rich.progress import BarColumn, Progress, TextColumn
-
-        self._console = Console(stderr=True, highlight=False)
-        self._progress = Progress(
-            TextColumn("{task.description}", markup=False),
-            BarColumn(bar_width=20),
-            TextColumn("{task.percentage:5.1f} %"),
-            TextColumn("{task.fields[line]}", markup=False),
-            console=self._console,
-            auto_refresh=False,
-        )
-        self._task = self._progress.add_task("", total=1.0, line="")
-        self._is_running = False
-        self._next = 0.0
+        self._bar = Bar()
 
     def message(self, text: str) -> None:
         """Show it above the bar."""
-        with contextlib.suppress(OSError):
-            self._console.print(text, markup=False, soft_wrap=True)
+        self._bar.message(text)
 
     def warning(self, text: str) -> None:
         """Show it above the bar."""
@@ -96,23 +83,38 @@ class BarObserver(QuietObserver):
 
     def stepped(self, status: Status) -> None:
         """Update the bar if it is time for that."""
-        now = time.monotonic()
-        if now < self._next and status.progress < 1.0:
-            return
-        self._next = now + BAR_INTERVAL
-        with contextlib.suppress(OSError):
-            line = describe(status, with_stage=False) + _remaining(status)
-            self._progress.update(self._task, completed=status.progress, description=status.stage, line=line)
-            if not self._is_running:
-                self._is_running = True
-                self._progress.start()
-            self._progress.refresh()
+        if self._bar.is_due(status.progress):
+            self._bar.update(status.progress, status.stage, describe(status, with_stage=False) + _remaining(status))
 
     def closed(self) -> None:
         """Give the terminal back."""
-        with contextlib.suppress(OSError):
-            if self._is_running:
-                self._progress.stop()
+        self._bar.close()
+
+
+@contextlib.contextmanager
+def show_progress(noun: str) -> Iterator[Callable[[int, int], None]]:
+    """Give a function that is told how many things are done, and of how many; it writes to stderr.
+
+    Args:
+        noun: What is counted, in the singular.
+    """
+    bar = Bar(is_transient=True) if sys.stderr.isatty() else None
+    following = time.monotonic() + WORK_INTERVAL
+
+    def update(done: int, total: int) -> None:
+        nonlocal following
+        text = f"{noun} {done} of {total}"
+        if bar is not None and bar.is_due(done / total):
+            bar.update(done / total, text, "")
+        elif bar is None and time.monotonic() >= following:
+            following = time.monotonic() + WORK_INTERVAL
+            say(text)
+
+    try:
+        yield update
+    finally:
+        if bar is not None:
+            bar.close()
 
 
 def describe(status: Status, *, with_stage: bool = True) -> str:

@@ -9,7 +9,7 @@ import typer
 
 from multicor_cli.cli.console import format_bytes, say
 from multicor_cli.cli.options import RunPath
-from multicor_cli.cli.work_progress import show_progress
+from multicor_cli.cli.progress import show_progress
 
 PageFile = Annotated[
     Optional[Path],  # noqa: UP045  (evaluated by typer)

@@ -6,6 +6,7 @@ from collections.abc import Callable
 
 from multicor_cli.export.errors import ExportError
 from multicor_cli.store import Frame, Run
+from multicor_cli.store.frame_view import NoFrame
 
 Progress = Callable[[int, int], None]
 """Is told how many frames are done, and of how many."""
@@ -23,7 +24,7 @@ def choose_frames(run: Run, frames: slice | None) -> list[Frame]:
     """
     chosen = run.frames[frames or slice(None)]
     if not chosen:
-        raise ExportError(f"{run.path}: the run has no such frames; {_range(run)}")
+        raise ExportError(f"{run.path}: there are no such frames: the run has {len(run.frames)}")
     return chosen
 
 
@@ -33,11 +34,7 @@ def choose_frame(run: Run, number: int) -> Frame:
     Raises:
         ExportError: If there is no such frame.
     """
-    if not -len(run.frames) <= number < len(run.frames):
-        raise ExportError(f"{run.path}: the run has no frame {number}; {_range(run)}")
-    return run.frames[number]
-
-
-def _range(run: Run) -> str:
-    count = len(run.frames)
-    return f"it has {count}, from 0 to {count - 1}" if count else "it has none yet"
+    try:
+        return run.frames[number]
+    except NoFrame as error:
+        raise ExportError(f"{run.path}: {error}") from None

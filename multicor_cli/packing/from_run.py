@@ -26,19 +26,20 @@ def read_frame(path: Path, frame: int) -> Brought:
         PackingError: There is no readable run, or no such frame, or it holds what no grain can have.
     """
     from multicor_cli.store import StoreError, open_run
+    from multicor_cli.store.frame_view import NoFrame
 
     try:
         with open_run(path) as run:
-            count = len(run.frames)
-            if not -count <= frame < count:
-                text = f"the run '{path}' has no frame {frame}"
-                raise PackingError(text, f"it has {count}, from 0 to {count - 1}" if count else "it has none", ("packing", "frame"))
             chosen = run.frames[frame]
             position = np.column_stack([chosen.position, chosen.angle]).astype(float)
             velocity = np.column_stack([chosen.velocity, chosen.spin]).astype(float)
             warmth = chosen.temperature
             temperature = None if warmth is None else np.array(warmth, float)
             radius = np.array(run.model.grains.radius, float)
+    except NoFrame as error:
+        raise PackingError(
+            f"the run '{path}' cannot be taken from: {error}", "choose another frame", ("packing", "frame")
+        ) from None
     except StoreError as error:
         raise PackingError(f"the run '{path}' cannot be read: {error}", "give the directory of a run", _KEY) from None
     sizes = {len(radius), len(position), len(velocity), len(radius if temperature is None else temperature)}

@@ -8,13 +8,14 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from multicor_cli.engine.geometry.grids import classify
 from multicor_cli.engine.geometry.neighbors import gap_to_shape
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.model.columns import RADIUS, X, Y
 from multicor_cli.model.model import Floats, Ints, ShapeKind
 from multicor_cli.packing.errors import PackingError
 from multicor_cli.packing.obstacles import Obstacles
-from multicor_cli.packing.pairs import find_pairs, size_class
+from multicor_cli.packing.pairs import find_pairs
 from multicor_cli.packing.walls import Front
 
 LARGEST_OVERLAP = 1e-3
@@ -79,8 +80,8 @@ def thin_crowds(position: Floats, radius: Floats) -> NDArray[np.int64]:
     Returns:
         Indices, ascending; all of them if nothing is crowded.
     """
-    level = size_class(radius)
-    width = 2.0 * np.ldexp(float(radius.max()), -level)
+    level, largest = classify(radius)
+    width = 2.0 * largest[level]
     cell = np.clip(np.floor(position[:, :2] / width[:, None]), -_FAR, _FAR).astype(np.int64)
     order = np.lexsort((cell[:, Y], cell[:, X], level))
     is_new = np.ones(radius.size, bool)

@@ -12,12 +12,13 @@ import numpy as np
 
 from multicor_cli.arithmetic import acos, asin, atan2, cos, sin
 from multicor_cli.engine.geometry.gaps import minimum_image
+from multicor_cli.engine.geometry.grids import Grids, classify, make_grids
 from multicor_cli.engine.geometry.neighbors import gap_to_shape
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.model.columns import RADIUS, X, Y
 from multicor_cli.model.model import Floats, Ints, ShapeKind
 from multicor_cli.packing.obstacles import Obstacles
-from multicor_cli.packing.pairs import Grids, make_grids, wrap
+from multicor_cli.packing.pairs import wrap
 from multicor_cli.packing.region import Area
 
 _DISC = int(ShapeKind.DISC)
@@ -341,7 +342,7 @@ def make_field(radius: Floats, region: Area, obstacles: Obstacles) -> tuple[Plac
     near = np.all((discs[:, :2] + discs[:, 2:] > low) & (discs[:, :2] - discs[:, 2:] < high), axis=1)
     discs = discs[near]
     disc = np.concatenate([discs, np.column_stack([np.zeros((radius.size, 2)), radius])])
-    grids = make_grids(disc[:, 2], low, high, period, 0.0)
+    grids = make_grids(classify(disc[:, 2]), low, high, period, 0.0)
     columns = np.concatenate([[0], np.cumsum(grids.shape[:, X])]).astype(np.int32)
     field = PlacedDiscs(
         disc=disc,

@@ -10,17 +10,9 @@ import numpy as np
 from multicor_cli.plots.scene import Place, draw_discs, draw_walls, is_wide, place_scene
 from multicor_cli.plots.small_rises import rise_formatter, rise_label, rise_reference
 from multicor_cli.plots.streamlines import draw_streamlines
-from multicor_cli.plots.style import COLUMN, figure_file
+from multicor_cli.plots.style import COLUMN, color_map, figure_file
 from multicor_cli.post.grain_map import GrainMap
 
-_MAPS = {
-    "temperature": "plasma",
-    "velocity": "viridis",
-    "fluctuation": "viridis",
-    "heat": "magma",
-    "stress": "cividis",
-    "spin": "RdBu_r",
-}
 _ARROWS = 1500  # at most this many arrows, or they cannot be told apart
 _LONG = 0.95  # this part of the arrows are as long as their velocity says; longer ones are cut to this length
 _LENGTH = 2.0  # length of the longest arrow over the mean distance of arrows
@@ -53,7 +45,7 @@ def draw_map(place: Place, table: GrainMap, *, has_streamlines: bool = True) -> 
 
 def draw_values(axes: Any, table: GrainMap, norm: Any, *, has_streamlines: bool = True) -> Any:
     """Draw the grains, walls and vectors of a map in the colors of ``norm``; returns the collection of the grains."""
-    discs = draw_discs(axes, table.scene, value=table.value, cmap=_MAPS[table.field.name], norm=norm)
+    discs = draw_discs(axes, table.scene, value=table.value, cmap=color_map(table.field.colors), norm=norm)
     draw_walls(axes, table.scene)
     if table.vector is not None:
         (draw_streamlines if has_streamlines else _draw_arrows)(axes, table)

@@ -57,6 +57,14 @@ _RC: Any = {
 }
 
 
+_BALANCE = "RdBu_r"  # matplotlib's nearest to what the page calls balance
+
+
+def color_map(name: str) -> str:
+    """The name that matplotlib has for the colors of a quantity."""
+    return _BALANCE if name == "balance" else name
+
+
 class PlotError(Exception):
     """A figure cannot be made: one message for the user."""
 

@@ -2,35 +2,35 @@
 
 from multicor_cli.post.compare import Comparison, ProfilePair, compare
 from multicor_cli.post.energy import EnergyTable, energy
-from multicor_cli.post.fields import FIELD_GROUPS, FIELDS, Field
 from multicor_cli.post.force_statistics import AngularDistribution, ForceDistribution, angular_distribution, force_distribution
 from multicor_cli.post.forces import ForceNetwork, force_network
-from multicor_cli.post.grain_map import MAP_FIELDS, GrainMap, MapField, grain_map
+from multicor_cli.post.grain_map import GrainMap, grain_map
 from multicor_cli.post.profile import ProfileSet, ProfileTable, profile, profiles
+from multicor_cli.post.quantities import MAPPED, PROFILE_GROUPS, PROFILED, QUANTITIES, Quantity
 from multicor_cli.post.rheology import Rheology, rheology
 from multicor_cli.post.scene import GrainScene, make_scene
 from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Selection, frame_index
 from multicor_cli.post.theta_eta import ThetaTable, theta_eta
 
 __all__ = [
-    "FIELDS",
-    "FIELD_GROUPS",
-    "MAP_FIELDS",
+    "MAPPED",
+    "PROFILED",
+    "PROFILE_GROUPS",
+    "QUANTITIES",
     "AngularDistribution",
     "Comparison",
     "EnergyTable",
-    "Field",
     "ForceDistribution",
     "ForceNetwork",
     "FrameSource",
     "GrainFrame",
     "GrainMap",
     "GrainScene",
-    "MapField",
     "PostError",
     "ProfilePair",
     "ProfileSet",
     "ProfileTable",
+    "Quantity",
     "Rheology",
     "Selection",
     "ThetaTable",

@@ -10,11 +10,11 @@ from numpy.typing import NDArray
 from multicor_cli.model import Model, ShapeKind
 from multicor_cli.model.model import Floats
 from multicor_cli.post.binning import area_below, part_between
+from multicor_cli.post.bins import heights
 from multicor_cli.post.contacts import LoadedContacts, has_forces, loaded_contacts
 from multicor_cli.post.extent import Extent
 from multicor_cli.post.flow import MeanFlow
 from multicor_cli.post.source import FrameSource, GrainFrame, PostError
-from multicor_cli.post.sums import heights
 
 MARGIN = 8.0
 """Mean diameters next to a wall that do not count as bulk: a rough wall disturbs the spins that far."""

@@ -4,57 +4,14 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats, Model, ShapeKind
 from multicor_cli.post.source import FrameSource, GrainFrame, PostError
-
-
-class ContactRows(Protocol):
-    """The contacts of a frame, as far as they are needed here; ``c`` of them."""
-
-    @property
-    def recorded(self) -> bool:
-        """Whether they are in the file."""
-
-    @property
-    def i(self) -> NDArray[Any]:
-        """First grain, shape ``(c,)``."""
-
-    @property
-    def j(self) -> NDArray[Any]:
-        """Second grain, or wall shape (not below the number of grains), shape ``(c,)``."""
-
-    @property
-    def normal(self) -> NDArray[Any]:
-        """Unit normal from j to i, shape ``(c, 2)``."""
-
-    @property
-    def gap(self) -> NDArray[Any]:
-        """Gap [m], shape ``(c,)``."""
-
-    @property
-    def force(self) -> NDArray[Any]:
-        """Normal and tangential force on i [N], shape ``(c, 2)``."""
-
-    @property
-    def sliding(self) -> NDArray[Any]:
-        """Whether the contact slides, shape ``(c,)``."""
-
-
-class ContactFrame(GrainFrame, Protocol):
-    """A frame with its contacts."""
-
-    @property
-    def dt(self) -> float:
-        """Length of the last step [s]."""
-
-    @property
-    def contacts(self) -> ContactRows:
-        """Contacts of the last step."""
+from multicor_cli.store.frame_view import Contacts
 
 
 @dataclass(frozen=True)
@@ -75,7 +32,7 @@ class LoadedContacts:
     j: NDArray[Any]
     force: Floats
     row: NDArray[np.int64]
-    rows: ContactRows
+    rows: Contacts
     reach_of: Floats
     grain_count: int
 
@@ -118,16 +75,30 @@ class LoadedContacts:
         between = self.j[~self.is_wall]
         return np.bincount(self.i, minlength=self.grain_count) + np.bincount(between, minlength=self.grain_count)
 
+    @property
+    def loads(self) -> Floats:
+        """Sum of the normal forces on each grain [N], shape ``(n,)``."""
+        n, between = self.grain_count, ~self.is_wall
+        load = np.bincount(self.i, self.force[:, 0], minlength=n)
+        return np.asarray(load + np.bincount(self.j[between], self.force[between, 0], minlength=n))
+
+    @property
+    def largest(self) -> Floats:
+        """Largest normal force on each grain [N], shape ``(n,)``."""
+        found, between = np.zeros(self.grain_count), ~self.is_wall
+        np.maximum.at(found, self.i, self.force[:, 0])
+        np.maximum.at(found, self.j[between], self.force[between, 0])
+        return found
+
 
 def has_forces(frame: GrainFrame) -> bool:
     """Whether contact forces belong to a frame: they were recorded, and a step was done before it."""
-    chosen: ContactFrame = frame  # type: ignore[assignment]
-    return bool(chosen.contacts.recorded) and chosen.dt > 0.0
+    return bool(frame.contacts.recorded) and frame.dt > 0.0
 
 
 def loaded_contacts(frame: GrainFrame, model: Model) -> LoadedContacts:
     """The contacts of a frame that carry a force."""
-    contacts: ContactRows = frame.contacts  # type: ignore[attr-defined]
+    contacts = frame.contacts
     force = np.asarray(contacts.force, np.float64)
     row = np.flatnonzero(force[:, 0] > 0.0)
     glued = np.where(model.shapes.kind == ShapeKind.DISC, model.shapes.geometry[:, 2], 0.0)
@@ -149,7 +120,7 @@ def with_forces(source: FrameSource, chosen: NDArray[np.int64]) -> NDArray[np.in
 
 def refuse_frame(source: FrameSource, index: int, name: str) -> None:
     """Say why no forces belong to a frame; raises `PostError` if that is so."""
-    frame: ContactFrame = source.frames[index]  # type: ignore[assignment]
+    frame = source.frames[index]
     if not frame.contacts.recorded:
         raise PostError(f"the contacts of {name} were not recorded; set contacts = true in [output] and run it again")
     if not frame.dt > 0.0:

@@ -9,9 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
+from multicor_cli.post.bins import Bins, heights, make_bins
 from multicor_cli.post.extent import Extent
 from multicor_cli.post.source import FrameSource, GrainFrame
-from multicor_cli.post.sums import Bins, heights
 
 _CELL_LIMIT = 1000
 _SMOOTHING = 1e-12  # weight of the slopes beside that of the grains: it decides only what no grain does
@@ -80,6 +80,14 @@ def mean_flow(source: FrameSource, chosen: NDArray[np.int64], bins: Bins) -> Mea
     smoothing = _SMOOTHING * weight.sum() * chosen.size / count
     matrix = _tridiagonal(below + smoothing, above + smoothing, across - smoothing)
     return MeanFlow(extent, np.asarray(np.linalg.solve(matrix, right), np.float64))
+
+
+def fluctuations(source: FrameSource, frame: int) -> Floats:
+    """Velocities relative to the mean horizontal flow of the same frame at the height of each grain [m/s], shape ``(n, 2)``."""
+    chosen = np.array([frame])
+    flow = mean_flow(source, chosen, make_bins(source, chosen))
+    flow.velocity[:, 1] = 0.0
+    return flow.fluctuation(source.frames[frame])
 
 
 def _tridiagonal(below: Floats, above: Floats, across: Floats) -> Floats:

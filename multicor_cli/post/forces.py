@@ -139,7 +139,7 @@ def force_network(source: FrameSource, frame: int = -1) -> ForceNetwork:
         start,
         start - loaded.branch,
         loaded.force,
-        np.asarray(chosen.contacts.sliding, np.bool_)[loaded.row],  # type: ignore[attr-defined]
+        np.asarray(chosen.contacts.sliding, np.bool_)[loaded.row],
         index,
         float(np.asarray(source.frames.time)[index]),
     )

@@ -2,42 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, Literal
+from typing import Any
 
 import numpy as np
 
 from multicor_cli.model.model import Floats
-from multicor_cli.post.contacts import loaded_contacts, with_forces
-from multicor_cli.post.flow import mean_flow
-from multicor_cli.post.profile import make_bins
+from multicor_cli.post.quantities import MAPPED, Quantity
 from multicor_cli.post.scene import GrainScene, make_scene
-from multicor_cli.post.source import FrameSource, GrainFrame, PostError, frame_index, need_heat
-
-Scale = Literal["linear", "centered", "logarithmic"]
-"""How values become colors: ``centered`` scales are symmetric about zero."""
-
-
-@dataclass(frozen=True)
-class MapField:
-    """A quantity that can be mapped.
-
-    Attributes:
-        name: Name on the command line.
-        label: Name in figures.
-        symbol: Symbol in figures (TeX).
-        unit: SI unit.
-        values: Values of the grains, shape ``(n,)``, or ``(n, 2)`` for vectors, of a frame of a run.
-        scale: How values become colors.
-    """
-
-    name: str
-    label: str
-    symbol: str
-    unit: str
-    values: Callable[[FrameSource, int], Floats]
-    scale: Scale = "linear"
+from multicor_cli.post.source import FrameSource, PostError, frame_index
 
 
 @dataclass(frozen=True)
@@ -53,7 +26,7 @@ class GrainMap:
         time: Time of the frame [s].
     """
 
-    field: MapField
+    field: Quantity
     scene: GrainScene
     value: Floats
     vector: Floats | None
@@ -107,18 +80,18 @@ def grain_map(source: FrameSource, of: str, frame: int = -1) -> GrainMap:
 
     Args:
         source: The run.
-        of: Name of the quantity, one of `MAP_FIELDS`.
+        of: Name of the quantity, one of `MAPPED`.
         frame: Index of the frame; negative counts from the last one.
 
     Raises:
         PostError: If there is no such quantity or frame, or the run has no heat and the quantity needs it.
         StoreError: If the run cannot be read.
     """
-    chosen = MAP_FIELDS.get(of)
-    if chosen is None:
-        raise PostError(f"there is no map of '{of}'; choose from: {', '.join(MAP_FIELDS)}")
+    chosen = MAPPED.get(of)
+    if chosen is None or chosen.of_grain is None:
+        raise PostError(f"there is no map of '{of}'; choose from: {', '.join(MAPPED)}")
     index = frame_index(source.frames, frame)
-    values = chosen.values(source, index)
+    values = chosen.of_grain(source, index)
     vector = values if values.ndim == 2 else None
     return GrainMap(
         chosen,
@@ -128,51 +101,3 @@ def grain_map(source: FrameSource, of: str, frame: int = -1) -> GrainMap:
         index,
         float(np.asarray(source.frames.time)[index]),
     )
-
-
-def _of_frame(values: Callable[[GrainFrame], Any]) -> Callable[[FrameSource, int], Floats]:
-    return lambda source, frame: np.array(values(source.frames[frame]), np.float64)
-
-
-def _heat_rates(source: FrameSource, frame: int) -> Floats:
-    """Mean heat of friction and impacts that each grain has received per time since the frame before [W], shape ``(n,)``."""
-    after = need_heat(source.frames[frame].generated)
-    if frame == 0:
-        raise PostError("the map of heat shows what was generated since the frame before; frame 0 has none")
-    times = np.asarray(source.frames.time)
-    return np.asarray((after - need_heat(source.frames[frame - 1].generated)) / float(times[frame] - times[frame - 1]))
-
-
-def _pressures(source: FrameSource, frame: int) -> Floats:
-    """Mean pressure in each grain by its contact forces [N/m], shape ``(n,)``.
-
-    Half the trace of its virial Σ f⊗ℓ/(π a²), ℓ from where it is touched to its center: Σ f_n/(2π a).
-    """
-    with_forces(source, np.array([frame]))
-    contacts = loaded_contacts(source.frames[frame], source.model)
-    n, between = source.model.grain_count, ~contacts.is_wall
-    load = np.bincount(contacts.i, contacts.force[:, 0], minlength=n)
-    load += np.bincount(contacts.j[between], contacts.force[between, 0], minlength=n)
-    return np.asarray(load / (2.0 * np.pi * source.model.grains.radius))
-
-
-def _fluctuations(source: FrameSource, frame: int) -> Floats:
-    """Velocities relative to the mean horizontal flow of the same frame at the height of each grain [m/s], shape ``(n, 2)``."""
-    chosen = np.array([frame])
-    flow = mean_flow(source, chosen, make_bins(source, chosen))
-    flow.velocity[:, 1] = 0.0
-    return flow.fluctuation(source.frames[frame])
-
-
-MAP_FIELDS: dict[str, MapField] = {
-    field.name: field
-    for field in (
-        MapField("temperature", "temperature", "T", "K", _of_frame(lambda frame: need_heat(frame.temperature))),
-        MapField("velocity", "velocity", "v_x", "m/s", _of_frame(lambda frame: frame.velocity[:, 0])),
-        MapField("fluctuation", "velocity fluctuation", r"|v - \langle v_x \rangle|", "m/s", _fluctuations),
-        MapField("heat", "generated heat", r"\dot{Q}", "W", _heat_rates, "logarithmic"),
-        MapField("stress", "contact pressure", "p", "N/m", _pressures, "logarithmic"),
-        MapField("spin", "spin", r"\omega", "rad/s", _of_frame(lambda frame: frame.spin), "centered"),
-    )
-}
-"""All quantities that can be mapped, by name."""

@@ -10,14 +10,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
+from multicor_cli.post.bins import Bins, make_bins
 from multicor_cli.post.contacts import with_forces
-from multicor_cli.post.extent import find_extent
-from multicor_cli.post.fields import FIELD_GROUPS, FIELDS, Field
 from multicor_cli.post.flow import RelativeFrame, mean_flow
+from multicor_cli.post.quantities import PROFILE_GROUPS, PROFILED, Quantity
 from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Selection
 from multicor_cli.post.sums import (
-    NOTHING,
-    Bins,
     Sums,
     Values,
     average,
@@ -29,8 +27,6 @@ from multicor_cli.post.sums import (
     sum_shares,
 )
 
-BIN_LIMIT = 100_000
-
 
 @dataclass(frozen=True)
 class ProfileTable:
@@ -38,8 +34,8 @@ class ProfileTable:
 
     The value of a bin is the average over the grains in it and over the frames, weighted by the area of each grain that lies in
     the bin. Rates, shares and stresses are per area of the plane instead, and contacts per grain an average over grains that count
-    alike (see `multicor_cli.post.fields.Kind`, and `multicor_cli.post.fields.FIELDS` for the quantities). Between two walls the
-    bins move and stretch with the walls, so that in every frame they end at the walls.
+    alike (see `multicor_cli.post.quantities`: `Kind`, and `QUANTITIES` for the quantities). Between two walls the bins move and
+    stretch with the walls, so that in every frame they end at the walls.
 
     The standard error comes from the scatter between up to ten blocks of consecutive frames (for rates: of intervals between
     frames); it is nan with one of them, rough with a few, and too small where the blocks are shorter than the flow remembers:
@@ -63,7 +59,7 @@ class ProfileTable:
             bins hold, for values per area: the area of the grains, the heat per time [W], the sum of f ℓ [N m].
     """
 
-    field: Field
+    field: Quantity
     y: Floats
     value: Floats
     error: Floats
@@ -129,7 +125,7 @@ class ProfileTable:
         if self.is_normalized:
             return self
         if self.field.scaling == "none":
-            choice = ", ".join(name for name, field in FIELDS.items() if field.scaling != "none")
+            choice = ", ".join(name for name, field in PROFILED.items() if field.scaling != "none")
             raise PostError(f"there is no normalized {self.field.label}; choose from: {choice}")
         low, scale = self._shear_scale() if self.field.scaling == "shear" else self._wall_scale()
         return replace(
@@ -228,7 +224,7 @@ def profile(
 
     Args:
         source: The run.
-        of: Name of the field, one of `FIELDS`.
+        of: Name of the field, one of `PROFILED`.
         selection: Which frames; default: the later half of the last stage.
         bins: Number of bins; default: as many as make a bin about ``bin_width`` wide.
         bin_width: Width of a bin in mean diameters, rounded so that a whole number of bins fits; default: 1.
@@ -240,8 +236,8 @@ def profile(
             field needs heat or contacts and the run has none.
         StoreError: If the run cannot be read.
     """
-    if of in FIELD_GROUPS:
-        raise PostError(f"'{of}' has several components: choose one of {', '.join(FIELD_GROUPS[of])}")
+    if of in PROFILE_GROUPS:
+        raise PostError(f"'{of}' has several components: choose one of {', '.join(PROFILE_GROUPS[of])}")
     return profiles(source, of, selection, bins, bin_width=bin_width, exclude_walls=exclude_walls).first
 
 
@@ -254,15 +250,15 @@ def profiles(
     bin_width: float | None = None,
     exclude_walls: float = 0.0,
 ) -> ProfileSet:
-    """As `profile`, for a field or for all fields of one of `FIELD_GROUPS`, reading every frame once."""
+    """As `profile`, for a field or for all fields of one of `PROFILE_GROUPS`, reading every frame once."""
     fields = _find_fields(of)
     chosen = (selection or Selection()).indices(source.frames)
     kind = fields[0].kind
     if any(field.needs_contacts for field in fields):
         chosen = with_forces(source, chosen)
     for field in fields:
-        if field.of_grains is not None:
-            field.of_grains(source.frames[int(chosen[0])], source.model)  # a run without heat is refused before anything else
+        if field.averaged is not None:
+            field.averaged(source.frames[int(chosen[0])], source.model)  # a run without heat is refused before anything else
     if kind == "rate" and chosen.size < 2:
         label = fields[0].label
         raise PostError(f"{label} is a rate and needs two frames; only one is selected: choose more with --from or --frames")
@@ -283,15 +279,15 @@ _SUMS: dict[str, Callable[[FrameSource, NDArray[np.int64], Bins, Sequence[Values
 }
 
 
-def _find_fields(of: str) -> tuple[Field, ...]:
-    names = FIELD_GROUPS.get(of, (of,))
-    if names[0] not in FIELDS:
-        known = [name for name in FIELDS if not any(name in group for group in FIELD_GROUPS.values())]
-        raise PostError(f"there is no profile of '{of}'; choose from: {', '.join([*known, *FIELD_GROUPS])}")
-    return tuple(FIELDS[name] for name in names)
+def _find_fields(of: str) -> tuple[Quantity, ...]:
+    names = PROFILE_GROUPS.get(of, (of,))
+    if names[0] not in PROFILED:
+        known = [name for name in PROFILED if not any(name in group for group in PROFILE_GROUPS.values())]
+        raise PostError(f"there is no profile of '{of}'; choose from: {', '.join([*known, *PROFILE_GROUPS])}")
+    return tuple(PROFILED[name] for name in names)
 
 
-def _make_table(source: FrameSource, field: Field, sums: Sums, chosen: NDArray[np.int64], bins: Bins) -> ProfileTable:
+def _make_table(source: FrameSource, field: Quantity, sums: Sums, chosen: NDArray[np.int64], bins: Bins) -> ProfileTable:
     value, error = average(sums)
     extent = bins.extent
     walls, speeds = _at_walls(source, field, chosen, (extent.lower, extent.upper))
@@ -314,7 +310,7 @@ def _make_table(source: FrameSource, field: Field, sums: Sums, chosen: NDArray[n
     )
 
 
-def _bin_area(source: FrameSource, field: Field, sums: Sums, chosen: NDArray[np.int64], bins: Bins) -> float:
+def _bin_area(source: FrameSource, field: Quantity, sums: Sums, chosen: NDArray[np.int64], bins: Bins) -> float:
     """Area of a bin, averaged over the frames, or over the time of a rate [m²]."""
     if field.kind in ("mean", "number"):
         frames = (source.frames[int(k)] for k in chosen)
@@ -323,51 +319,18 @@ def _bin_area(source: FrameSource, field: Field, sums: Sums, chosen: NDArray[np.
     return float(sums.weight[:, 0].sum() / (times[-1] - times[0] if field.kind == "rate" else chosen.size))
 
 
-def make_bins(
-    source: FrameSource,
-    chosen: NDArray[np.int64],
-    bins: int | None = None,
-    *,
-    bin_width: float | None = None,
-    exclude_walls: float = 0.0,
-) -> Bins:
-    """Bins over the extent of the frames ``chosen``, each about ``bin_width`` mean diameters wide unless their number is given.
-
-    Raises:
-        PostError: If there are too few or too many, or nothing is left between the walls.
-    """
-    extent = find_extent(source, chosen)
-    diameter = source.model.mean_diameter
-    if not exclude_walls >= 0.0:
-        raise PostError(f"{exclude_walls:g} mean diameters cannot be left out at the walls: choose 0 or more")
-    edge = exclude_walls * diameter
-    bottom = edge if extent.lower is not None else 0.0
-    height = extent.height - bottom - (edge if extent.upper is not None else 0.0)
-    if not height > NOTHING * extent.height:
-        raise PostError(
-            f"nothing is left between the walls: they are {extent.height / diameter:.3g} mean diameters apart and "
-            f"{exclude_walls:g} are to be left out at each"
-        )
-    if bin_width is not None and not bin_width > 0.0:
-        raise PostError(f"bins cannot be {bin_width:g} mean diameters wide: choose more than 0")
-    count = bins if bins is not None else max(round(min(height / ((bin_width or 1.0) * diameter), 2.0 * BIN_LIMIT)), 1)
-    if not 1 <= count <= BIN_LIMIT:
-        raise PostError(f"{count} bins: choose between 1 and {BIN_LIMIT}")
-    return Bins(extent, height / count, count, bottom)
-
-
-def _values_of(source: FrameSource, fields: tuple[Field, ...], chosen: NDArray[np.int64], bins: Bins) -> list[Values]:
+def _values_of(source: FrameSource, fields: tuple[Quantity, ...], chosen: NDArray[np.int64], bins: Bins) -> list[Values]:
     is_relative = any(field.is_relative for field in fields)
     flow = mean_flow(source, chosen, bins) if is_relative else None
 
-    def values_of(field: Field) -> Values:
-        of_grains = field.of_grains
-        assert of_grains is not None
+    def values_of(field: Quantity) -> Values:
+        averaged = field.averaged
+        assert averaged is not None
 
         def values(frame: GrainFrame) -> Floats:
             if flow is not None:
                 frame = RelativeFrame(frame, flow.fluctuation(frame))
-            return np.asarray(of_grains(frame, source.model), np.float64)
+            return np.asarray(averaged(frame, source.model), np.float64)
 
         return values
 
@@ -375,7 +338,7 @@ def _values_of(source: FrameSource, fields: tuple[Field, ...], chosen: NDArray[n
 
 
 def _at_walls(
-    source: FrameSource, field: Field, chosen: NDArray[np.int64], walls: tuple[int | None, int | None]
+    source: FrameSource, field: Quantity, chosen: NDArray[np.int64], walls: tuple[int | None, int | None]
 ) -> tuple[tuple[float, float], tuple[float, float]]:
     """Means over the frames of the field and of the velocity at the lower and upper wall; nan where there is none."""
     found = np.full((chosen.size, 2, 2), np.nan)

@@ -12,10 +12,10 @@ from numpy.typing import NDArray
 
 from multicor_cli.model import Model
 from multicor_cli.model.model import Floats
+from multicor_cli.post.bins import make_bins
 from multicor_cli.post.bulk import SUM_NAMES, Band, find_band, interval_sums
 from multicor_cli.post.extent import Extent, find_extent
 from multicor_cli.post.flow import mean_flow
-from multicor_cli.post.profile import make_bins
 from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Selection
 from multicor_cli.post.sums import block_rows, standard_error
 

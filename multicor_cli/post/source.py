@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats, Model
+from multicor_cli.store.frame_view import Contacts, NoFrame, frame_number
 
 
 class PostError(Exception):
@@ -41,6 +42,14 @@ class GrainFrame(Protocol):
     @property
     def wall_temperature(self) -> NDArray[Any] | None:
         """Temperatures of the walls [K], nan where none is prescribed, shape ``(w,)``."""
+
+    @property
+    def dt(self) -> float:
+        """Length of the last step [s]; 0 before the first."""
+
+    @property
+    def contacts(self) -> Contacts:
+        """Contacts of the last step."""
 
     @property
     def wall_position(self) -> NDArray[Any]:
@@ -87,12 +96,10 @@ def need_heat(values: NDArray[Any] | None) -> Floats:
 
 def frame_index(frames: FrameSequence, frame: int) -> int:
     """A frame counted from the first one, of one that may count from the last (negative); raises `PostError`."""
-    count = np.asarray(frames.time).size
-    if not count:
-        raise PostError("the run has no frames yet")
-    if not -count <= frame < count:
-        raise PostError(f"there is no frame {frame}: the run has {count}, from 0 to {count - 1}")
-    return frame % count
+    try:
+        return frame_number(np.asarray(frames.time).size, frame)
+    except NoFrame as error:
+        raise PostError(str(error)) from None
 
 
 _ROUNDING = 1e-9  # times are sums of steps, and a frame at 0.06 s may say 0.060000000000000005

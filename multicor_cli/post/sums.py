@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -11,10 +10,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
-from multicor_cli.post.binning import Shares, share_discs, share_lines
+from multicor_cli.post.bins import Bins, Place, heights
 from multicor_cli.post.contacts import LoadedContacts, loaded_contacts
-from multicor_cli.post.extent import Extent
-from multicor_cli.post.source import FrameSource, GrainFrame, PostError
+from multicor_cli.post.source import FrameSource, GrainFrame
 
 BLOCKS = 10
 """Number of blocks of consecutive rows whose scatter gives the standard error (fewer if there are fewer rows)."""
@@ -26,69 +24,6 @@ Values = Callable[[GrainFrame], Floats]
 
 ContactValues = Callable[[LoadedContacts], Floats]
 """Values of the contacts of a frame, shape ``(c,)``."""
-
-NOTHING = 1e-9
-"""A height below this share of the distance of the walls is the rounding of nothing: bins in it would be without number."""
-
-
-class Place(NamedTuple):
-    """Where the bins are in a frame.
-
-    Attributes:
-        bottom: Lower edge of the first bin [m].
-        width: Width of a bin [m].
-    """
-
-    bottom: float
-    width: float
-
-
-@dataclass(frozen=True)
-class Bins:
-    """Horizontal bins of equal width.
-
-    Between two walls that approach each other or move apart they become narrower or wider with the distance, so that they end at
-    the walls in every frame; what is left out next to the walls keeps its width.
-
-    Attributes:
-        extent: Where heights are measured from.
-        width: Width of a bin, averaged over the frames [m].
-        count: Number of bins b.
-        bottom: Lower edge of the first bin above the origin [m].
-    """
-
-    extent: Extent
-    width: float
-    count: int
-    bottom: float = 0.0
-
-    @property
-    def centers(self) -> Floats:
-        """Centers above the origin, averaged over the frames [m], shape ``(b,)``."""
-        return np.asarray(self.bottom + (np.arange(self.count) + 0.5) * self.width)
-
-    def place(self, frame: GrainFrame) -> Place:
-        """Where the bins are in a frame; raises `PostError` if the walls come too near to each other."""
-        width = self.width + (self.extent.span(frame) - self.extent.height) / self.count
-        if not width * self.count > NOTHING * self.extent.height:
-            raise PostError(
-                f"nothing is left between the walls where they come nearest, {self.extent.span(frame):.4g} m: "
-                "leave out less at the walls, or choose other frames"
-            )
-        return Place(self.extent.origin(frame) + self.bottom, width)
-
-    def share(self, y: Floats, radius: Floats, place: Place) -> Shares:
-        """Which grain lies in which bin with which area."""
-        return share_discs(y, radius, *place, self.count)
-
-    def share_branches(self, contacts: LoadedContacts, y: Floats, place: Place) -> Shares:
-        """Which branch of a contact lies in which bin with which part of its length; ``y`` are the heights of the grains [m]."""
-        start = y[contacts.i]
-        return share_lines(start, start - contacts.branch[:, 1], *place, self.count)
-
-    def total(self, shares: Shares, values: Floats) -> Floats:
-        """Sum of values of the shares in each bin, shape ``(b,)``."""
-        return np.asarray(np.bincount(shares.bin, weights=values, minlength=self.count), np.float64)
 
 
 class Sums(NamedTuple):
@@ -221,11 +156,6 @@ def standard_error(means: Floats) -> Floats:
         error = np.sqrt(variance / number)
     rounding = _ROUNDING * np.abs(np.where(known, means, 0.0)).max(axis=0, initial=0.0)
     return np.asarray(np.where(number < 2, np.nan, np.where(error <= rounding, 0.0, error)), np.float64)
-
-
-def heights(frame: GrainFrame) -> Floats:
-    """Heights y of the grains [m], shape ``(n,)``."""
-    return np.asarray(frame.position, np.float64)[:, 1]
 
 
 def _empty(rows: int, bins: Bins) -> Floats:

@@ -9,10 +9,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
+from multicor_cli.post.bins import BIN_LIMIT
 from multicor_cli.post.extent import wall_spans
 from multicor_cli.post.source import FrameSource, GrainFrame, PostError, frame_index, need_heat
-
-BIN_LIMIT = 100_000
 
 _ROUNDING = 1e-12  # of a mean of equal temperatures, which is to be that temperature
 

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
 from multicor_cli.post.scene import make_scene
-from multicor_cli.report.fields import VIEW_FIELDS, ViewField
+from multicor_cli.report.fields import fields_of, values_of
 from multicor_cli.store import Run
 
 Singles = NDArray[np.float32]
@@ -61,11 +61,6 @@ class FrameView:
     box: Floats
 
 
-def fields_of(run: Run) -> tuple[ViewField, ...]:
-    """The fields that a run can have."""
-    return tuple(field for field in VIEW_FIELDS if run.model.thermal is not None or not field.needs_heat)
-
-
 def choose_frames(count: int, wanted: int) -> NDArray[np.int64]:
     """Numbers of about ``wanted`` of ``count`` frames, evenly spaced; the last one is always among them."""
     if wanted >= count:
@@ -79,7 +74,7 @@ def read_frame(run: Run, index: int) -> FrameView:
     scene = make_scene(run, frame)
     values = {}
     for field in fields_of(run):
-        found = field.values(run, index)
+        found = values_of(field, run, index)
         if found is not None:
             # Temperatures may differ by millikelvins only, which single precision does not resolve.
             values[field.name] = np.asarray(found, np.float64 if field.unit == "K" else np.float32)

@@ -11,8 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
-from multicor_cli.report.collect import ContactsView, FrameView, choose_frames, fields_of, read_frame
-from multicor_cli.report.fields import ViewField
+from multicor_cli.post import Quantity
+from multicor_cli.report.collect import ContactsView, FrameView, choose_frames, read_frame
+from multicor_cli.report.fields import SPACINGS, fields_of
 from multicor_cli.report.quantize import Code, compress
 from multicor_cli.store import Run
 
@@ -64,7 +65,7 @@ class Packed:
     """
 
     chunks: tuple[Chunk, ...]
-    fields: tuple[ViewField, ...]
+    fields: tuple[Quantity, ...]
     codes: dict[str, Code]
     colors: dict[str, tuple[float, float]]
     mean_force: float
@@ -164,8 +165,8 @@ def _make_codes(views: Sequence[FrameView], run: Run, width: int) -> dict[str, C
         found = [view.values[field.name] for view in views if field.name in view.values]
         low, high = _ends(found)
         most = max(abs(low), abs(high))
-        ends = {"even": (low, high), "square": (0.0, high), "signed": (-most, most)}[field.spacing]
-        codes[field.name] = Code(*ends, width, field.spacing)
+        ends = {"even": (low, high), "square": (0.0, high), "signed": (-most, most)}[SPACINGS[field.name]]
+        codes[field.name] = Code(*ends, width, SPACINGS[field.name])
     contacts = [view.contacts.force for view in views if view.contacts is not None]
     codes["contact"] = Code(0.0, _ends(contacts)[1], width, "square")
     return codes
@@ -207,7 +208,7 @@ def _contact_arrays(contacts: ContactsView, code: Code, grains: int) -> dict[str
     }
 
 
-def _color_ranges(fields: tuple[ViewField, ...], views: list[FrameView]) -> dict[str, tuple[float, float]]:
+def _color_ranges(fields: tuple[Quantity, ...], views: list[FrameView]) -> dict[str, tuple[float, float]]:
     found = {}
     for field in fields:
         values = [view.values[field.name] for view in views if field.name in view.values]
@@ -215,7 +216,7 @@ def _color_ranges(fields: tuple[ViewField, ...], views: list[FrameView]) -> dict
     return found
 
 
-def _color_range(field: ViewField, values: NDArray[Any], grains: int) -> tuple[float, float]:
+def _color_range(field: Quantity, values: NDArray[Any], grains: int) -> tuple[float, float]:
     """About as in the figures of `multicor post map`, for all frames together."""
     values = _sane(values)
     if not values.size:
@@ -230,7 +231,7 @@ def _color_range(field: ViewField, values: NDArray[Any], grains: int) -> tuple[f
         low, high = (low if low >= inner[0] - room else inner[0]), (high if high <= inner[1] + room else inner[1])
     if field.scale == "centered":
         low, high = -max(abs(low), abs(high)), max(abs(low), abs(high))
-    elif field.spacing == "square":
+    elif SPACINGS[field.name] == "square":
         return 0.0, high or 1.0
     if low == high:
         low, high = low - (abs(low) * 1e-3 or 1.0), high + (abs(high) * 1e-3 or 1.0)

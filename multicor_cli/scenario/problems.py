@@ -9,6 +9,8 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
+from multicor_cli.text import one_line
+
 KeyPath = tuple[str | int, ...]
 """Path of a key in the document: names of tables and keys, 0-based indices of array elements."""
 
@@ -54,7 +56,7 @@ class Problem:
         """``file:line:column: key: what is wrong; remedy``, always one line."""
         where = f"{self.file}:{self.line}:{self.column}" if self.line else self.file
         what = f"{self.message}; {self.remedy}" if self.remedy else self.message
-        return printable(": ".join(part for part in (where, self.key, what) if part))
+        return one_line(": ".join(part for part in (where, self.key, what) if part))
 
     def excerpt(self) -> str:
         """The quoted source line with a caret under the column, as two lines; empty if there is no source line."""
@@ -62,7 +64,7 @@ class Problem:
             return ""
         column = max(self.column, 1) - 1
         start = max(0, column - _MAX_LINE * 2 // 3) if len(self.source_line) > _MAX_LINE else 0
-        quoted = printable(self.source_line[start : start + _MAX_LINE].replace("\t", " "))
+        quoted = one_line(self.source_line[start : start + _MAX_LINE].replace("\t", " "))
         return f"    {quoted}\n    {' ' * (column - start)}^"
 
 
@@ -78,11 +80,6 @@ class ScenarioError(Exception):
         super().__init__("\n".join(str(problem) for problem in self.problems))
 
 
-def printable(text: str) -> str:
-    """``text`` on one line without characters that could confuse a terminal."""
-    return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)
-
-
 def format_key(path: KeyPath) -> str:
     """Dotted form of a path, as ``loading.1.drives.lid``; parts that are not bare keys are quoted."""
     return ".".join(_format_part(part) for part in path)
@@ -96,7 +93,7 @@ def _format_part(part: str | int) -> str:
 
 def _quote(text: str) -> str:
     short = text if len(text) <= _MAX_SHOWN else text[:_MAX_SHOWN] + "…"
-    return printable(json.dumps(short, ensure_ascii=False))
+    return one_line(json.dumps(short, ensure_ascii=False))
 
 
 def show(value: Any) -> str:

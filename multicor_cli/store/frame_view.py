@@ -263,8 +263,21 @@ class ModelFacts:
         return self.grain_count + self._model().shape_count
 
 
+class NoFrame(IndexError):
+    """There is no such frame: the message says which there are."""
+
+
+def frame_number(count: int, number: int) -> int:
+    """The number, from 0, of one of ``count`` frames that may be counted from the end (negative); raises `NoFrame`."""
+    if not count:
+        raise NoFrame("the run has no frames yet")
+    if not -count <= number < count:
+        raise NoFrame(f"there is no frame {number}: the run has {count}, from 0 to {count - 1}")
+    return number % count
+
+
 class Frames(Sequence[Frame]):
-    """All frames of a run: a sequence of `Frame`; a slice gives a list of lazy frames."""
+    """All frames of a run: a sequence of `Frame`; a slice gives a list of lazy frames; `NoFrame` where there is none."""
 
     def __init__(self, parts: Parts, facts: ModelFacts) -> None:
         self._parts, self.facts = parts, facts
@@ -279,10 +292,7 @@ class Frames(Sequence[Frame]):
     def __getitem__(self, index: int | slice) -> Frame | list[Frame]:
         if isinstance(index, slice):
             return [self[k] for k in range(*index.indices(len(self)))]
-        count = len(self)
-        if not -count <= index < count:
-            raise IndexError(f"frame {index} of a run with {count} frames")
-        return Frame(self._parts, index % count, self.facts)
+        return Frame(self._parts, frame_number(len(self), index), self.facts)
 
     def __iter__(self) -> Iterator[Frame]:
         return (self[k] for k in range(len(self)))

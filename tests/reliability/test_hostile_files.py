@@ -17,9 +17,9 @@ import pytest
 from small_run import call, command, environment
 from trials import thinned
 
-from multicor_cli.cli.console import printable
 from multicor_cli.store import DamagedRun, StoreError, open_run, run_info, verify
 from multicor_cli.store.documents import read_document, write_document
+from multicor_cli.text import printable
 
 READERS = ("info {}", "verify {}", "export csv {} -o out", "export fclib {} -o out.h5")
 """Commands that read a run, and how they are called."""

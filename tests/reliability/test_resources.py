@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 import resource
 import subprocess
 import sys
@@ -101,6 +100,20 @@ def test_too_little_memory(tmp_path: Path, count: int) -> None:
 
 
 SOAK = WARM.replace("count = 150", "count = 12").replace('"deposited"', '"random"')
+SAMPLES = 80
+WATCHED_RUN = f"""
+import os, sys
+from multicor_cli import run
+from multicor_cli.running.observer import SilentObserver
+
+class Samples(SilentObserver):
+    def stepped(self, status):
+        if status.state.step % (int(sys.argv[1]) // {SAMPLES}) == 0:
+            pages = int(open("/proc/self/statm").read().split()[1])
+            print(pages * os.sysconf("SC_PAGE_SIZE"), len(os.listdir("/proc/self/fd")))
+
+run("soak.toml", "run", overrides=["output.checkpoint_interval=1.0"], observer=Samples())
+"""
 
 
 @trials(short=1_000, long=1_000_000)
@@ -112,47 +125,21 @@ def test_soak(tmp_path: Path, count: int) -> None:
     text = text.replace("frame_interval = 2e-3\nseries_interval = 1e-3", intervals)
     (tmp_path / "soak.toml").write_text(text)
     call("run", "soak.toml", "--dry-run", cwd=tmp_path)
-    process = subprocess.Popen(
-        command("run", "soak.toml", "-o", "run", "--set", "output.checkpoint_interval=1.0"),
-        cwd=tmp_path,
-        env=environment(),
-        stderr=subprocess.DEVNULL,
-    )
-    samples: list[tuple[int, int]] = []
-    while process.poll() is None:
-        try:
-            process.wait(0.1 if count < 100_000 else 2.0)
-        except subprocess.TimeoutExpired:
-            if 0.1 * count < steps_done(tmp_path / "run") < 0.95 * count:  # neither compiling nor writing results.h5
-                samples.append(looked_at(process.pid))
-    assert process.returncode == 0
+    watched = [sys.executable, "-c", WATCHED_RUN, str(count)]
+    done = subprocess.run(watched, cwd=tmp_path, env=environment(), capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
     info = read_info(tmp_path / "run")
     assert info["step"] >= count
     assert info["energy_closure"] < 1e-9
     assert info["heat_closure"] < 1e-9
     with open_run(tmp_path / "run") as run:
         assert len(run.frames) >= 100
-    memory, files = (np.array_split([sample[k] for sample in samples if sample[0]], 8) for k in (0, 1))
+    samples = np.array([line.split() for line in done.stdout.splitlines()], int)
+    assert len(samples) >= SAMPLES
+    memory, files = samples[SAMPLES // 10 :].T
     print(f"{info['step']} steps: closures {info['energy_closure']:.1e} and {info['heat_closure']:.1e}")
-    print("memory in eighths of the run [MB]:", *(f"{np.median(part) / 1e6:.1f}" for part in memory))
-    print("most open files in eighths of the run:", *(max(part) for part in files))
+    print("memory in eighths of the run [MB]:", *(f"{np.median(part) / 1e6:.1f}" for part in np.array_split(memory, 8)))
     growth = 1.02 if count >= 100_000 else 1.1  # machine code is loaded when it is first needed
-    assert np.median(memory[-1]) < growth * np.median(memory[0])
-    assert max(files[-1]) <= max(files[0]) + 1
-
-
-def steps_done(run: Path) -> int:
-    """What the run says of itself; 0 before it says anything."""
-    try:
-        return int(json.loads((run / "progress.json").read_text())["step"])
-    except FileNotFoundError:
-        return 0
-
-
-def looked_at(pid: int) -> tuple[int, int]:
-    """Resident memory [bytes] and open files of a process; zeros if it has just ended."""
-    try:
-        pages = int(Path(f"/proc/{pid}/statm").read_text().split()[1])
-        return pages * os.sysconf("SC_PAGE_SIZE"), len(list(Path(f"/proc/{pid}/fd").iterdir()))
-    except (OSError, IndexError):
-        return 0, 0
+    eighth = len(memory) // 8
+    assert np.median(memory[-eighth:]) < growth * np.median(memory[:eighth])
+    assert files[-eighth:].max() <= files[:eighth].max() + 1

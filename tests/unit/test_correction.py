@@ -6,7 +6,7 @@ from scene_parts import FLOOR, make_engine, make_model
 
 from multicor_cli.engine.geometry.scene import Scene, pair_geometry
 from multicor_cli.engine.motion import correction
-from multicor_cli.engine.motion.separation import near_pairs, separate, surround
+from multicor_cli.engine.motion.separation import pairs_within, separate, surround
 from multicor_cli.model.model import ShapeKind
 
 ROW = np.array([0, 1, 2, 3, 4, 5, 6], np.int64)  # a chain: grain k is near grain k + 1, and the last near a wall
@@ -14,7 +14,7 @@ PARTNER = np.array([1, 2, 3, 4, 5, 7], np.int32)
 
 
 def test_rings_grow_along_near_pairs_only():
-    i, j = near_pairs(ROW, PARTNER, np.array([0.1, 0.1, 0.1, 0.9, 0.1, 0.1]), 0.5)
+    i, j = pairs_within(ROW, PARTNER, np.array([0.1, 0.1, 0.1, 0.9, 0.1, 0.1]), 0.5)
     assert list(zip(i.tolist(), j.tolist(), strict=True)) == [(0, 1), (1, 2), (2, 3), (4, 5), (5, 7)]
     marked = np.array([False, True, False, False, False, False])
     assert surround(i, j, 1, marked) == 3

@@ -161,7 +161,7 @@ def test_temperatures_of_a_frame(tmp_path):
 
 def test_missing_run_or_frame(tmp_path):
     run_whole(tmp_path / "run", steps=20)
-    with pytest.raises(PackingError, match=r"no frame 5.*it has 5, from 0 to 4") as caught:
+    with pytest.raises(PackingError, match=r"no frame 5.*the run has 5, from 0 to 4") as caught:
         read_frame(tmp_path / "run", 5)
     assert caught.value.key == ("packing", "frame")
     with pytest.raises(PackingError, match="cannot be read"):

@@ -14,7 +14,7 @@ from multicor_cli.plots.forces import line_widths, segments
 from multicor_cli.plots.grain_map import color_scale
 from multicor_cli.plots.scene import place_scene
 from multicor_cli.plots.style import COLORS, house_style
-from multicor_cli.post import MAP_FIELDS, GrainMap, force_network, grain_map, theta_eta
+from multicor_cli.post import MAPPED, GrainMap, force_network, grain_map, theta_eta
 from multicor_cli.store import Run, open_run
 
 
@@ -40,7 +40,7 @@ def mapped(table: GrainMap):
     return place.axes
 
 
-@pytest.mark.parametrize("of", MAP_FIELDS)
+@pytest.mark.parametrize("of", MAPPED)
 def test_map_shows_every_grain_and_names_its_colors(run: Run, of: str) -> None:
     with house_style():
         table = grain_map(run, of)

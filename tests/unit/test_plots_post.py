@@ -28,6 +28,8 @@ from multicor_cli.plots.scene import place_scene
 from multicor_cli.plots.streamlines import smooth_field
 from multicor_cli.plots.style import house_style
 from multicor_cli.post import (
+    MAPPED,
+    GrainMap,
     Selection,
     angular_distribution,
     compare,
@@ -37,7 +39,6 @@ from multicor_cli.post import (
     profiles,
     rheology,
 )
-from multicor_cli.post.grain_map import MAP_FIELDS, GrainMap
 from multicor_cli.post.scene import GrainScene
 from multicor_cli.store import Run, open_run
 
@@ -125,7 +126,7 @@ def make_vortex(n: int = 4000) -> GrainMap:
     scene = GrainScene(
         center, np.full(n, 0.005), none, np.zeros((0, 2, 2)), none, np.zeros((0, 4)), 0.0, np.array([[0.0, 0.0], [1.0, 1.0]])
     )
-    return GrainMap(MAP_FIELDS["fluctuation"], scene, np.hypot(*vector.T), vector, 0, 0.0)
+    return GrainMap(MAPPED["fluctuation"], scene, np.hypot(*vector.T), vector, 0, 0.0)
 
 
 def test_smooth_field_is_the_local_mean() -> None:

@@ -11,13 +11,13 @@ import pytest
 from multicor_cli.plots import PlotError, draw_profile, plot_profile
 from multicor_cli.plots.profile import axis_labels
 from multicor_cli.plots.style import COLUMN, house_style
-from multicor_cli.post import FIELDS, ProfileTable
+from multicor_cli.post import PROFILED, ProfileTable
 
 
 def make_table(*, error: float = 0.01, low: float = 0.0) -> ProfileTable:
     y = np.linspace(0.05, 0.95, 10)
     return ProfileTable(
-        FIELDS["velocity"],
+        PROFILED["velocity"],
         y,
         0.3 * y,
         np.full(10, error),

@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from multicor_cli.plots.profile import draw_profile
 from multicor_cli.plots.small_rises import rise_formatter, rise_label, rise_reference
 from multicor_cli.plots.style import house_style
-from multicor_cli.post import FIELDS, ProfileTable
+from multicor_cli.post import PROFILED, ProfileTable
 
 
 @pytest.mark.parametrize(
@@ -44,7 +44,7 @@ def test_numbers_are_millikelvin_above_it() -> None:
 def test_profile_of_a_small_rise_has_no_offset_beside_its_label() -> None:
     y = np.linspace(0.05, 0.95, 10)
     table = ProfileTable(
-        FIELDS["temperature"], y, 298.15 + 5e-3 * y, np.full(10, 1e-5), np.ones(10), 0.1, 1.0, (298.15, 298.15),
+        PROFILED["temperature"], y, 298.15 + 5e-3 * y, np.full(10, 1e-5), np.ones(10), 0.1, 1.0, (298.15, 298.15),
         ("bottom", "top"), 1.0, np.arange(5), (0.0, 1.0),
     )  # fmt: skip
     with house_style():

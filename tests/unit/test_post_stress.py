@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from small_run import SMALL
 
 import multicor_cli as multicor
-from multicor_cli.post import FIELD_GROUPS, PostError, Selection, grain_map, profile, profiles, rheology
+from multicor_cli.post import PROFILE_GROUPS, PostError, Selection, grain_map, profile, profiles, rheology
 from multicor_cli.post.binning import part_between, share_lines
 from multicor_cli.post.contacts import loaded_contacts
 from multicor_cli.store import Run, open_run
@@ -189,7 +189,7 @@ def test_bins_by_width_and_without_the_walls(column: Run) -> None:
 
 def test_groups_of_fields_come_as_one_table(column: Run) -> None:
     found = profiles(column, "stress", ALL, 4)
-    assert [table.field.name for table in found.tables] == list(FIELD_GROUPS["stress"])
+    assert [table.field.name for table in found.tables] == list(PROFILE_GROUPS["stress"])
     assert len(found.headings) == len(found.rows[0]) == 10
     assert found.as_dict()["fields"]["stress-yy"]["value"] == profile(column, "stress-yy", ALL, 4).value.tolist()
     assert profiles(column, "velocity", ALL).as_dict() == profile(column, "velocity", ALL).as_dict()
@@ -218,7 +218,7 @@ def test_stress_equals_wall_forces_per_area(flows: list[Run]) -> None:
     ratios = []
     for run in flows:
         chosen = Selection(start=0.4 * float(run.frames.time[-1]))
-        layer = {of: float(profile(run, of, chosen, 1, exclude_walls=2.0).value[0]) for of in FIELD_GROUPS["stress"]}
+        layer = {of: float(profile(run, of, chosen, 1, exclude_walls=2.0).value[0]) for of in PROFILE_GROUPS["stress"]}
         rows = run.series["time"] >= chosen.start
         force = run.series["wall_force"][rows].mean(axis=0) / run.period
         shear_force, press = 0.5 * (force[1, 0] - force[0, 0]), 0.5 * (force[1, 1] - force[0, 1])

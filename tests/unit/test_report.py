@@ -20,11 +20,11 @@ from report_run import EVIL, decode, read_page, write_evil_run
 from store_support import drive, make_model, run_whole
 
 from multicor_cli.export import ExportRefused
-from multicor_cli.post import PostError
+from multicor_cli.post import QUANTITIES, PostError
 from multicor_cli.post.energy import HEAT, EnergyTable
 from multicor_cli.report import ReportExists, write_report
 from multicor_cli.report.collect import ContactsView, choose_frames
-from multicor_cli.report.fields import VIEW_FIELDS, largest_forces
+from multicor_cli.report.fields import values_of
 from multicor_cli.report.figures import _book_lines, _Thinning
 from multicor_cli.report.pack import _color_range, _ends, pack_frames
 from multicor_cli.report.quantize import Code, compress
@@ -148,8 +148,9 @@ def test_temperatures_that_hardly_differ_count_from_a_round_one(page: str) -> No
 
 def test_largest_force_of_a_grain(evil: Path) -> None:
     with open_run(evil) as run:
-        assert largest_forces(run, 2) == pytest.approx(1.0 + np.arange(GRAINS))
-        assert largest_forces(run, 0) is None
+        force = QUANTITIES["force"]
+        assert values_of(force, run, 2) == pytest.approx(1.0 + np.arange(GRAINS))
+        assert values_of(force, run, 0) is None
 
 
 def test_nothing_of_the_user_becomes_markup(page: str) -> None:
@@ -262,9 +263,6 @@ def test_run_without_walls_with_one_grain(tmp_path: Path) -> None:
     assert decode(meta, "x", frames[-1]["x"]).shape == (1,)
 
 
-FIELDS = {field.name: field for field in VIEW_FIELDS}
-
-
 @pytest.mark.parametrize(
     ("name", "values", "grains", "expected"),
     [
@@ -278,7 +276,7 @@ FIELDS = {field.name: field for field in VIEW_FIELDS}
     ],
 )
 def test_colors_span(name: str, values: np.ndarray, grains: int, expected: tuple[float, float]) -> None:
-    assert _color_range(FIELDS[name], values, grains) == pytest.approx(expected, abs=0.01)
+    assert _color_range(QUANTITIES[name], values, grains) == pytest.approx(expected, abs=0.01)
 
 
 def test_books_of_rounding_errors_are_not_drawn_but_those_that_do_not_close_are() -> None:

@@ -20,7 +20,7 @@ from post_review_support import (
     write_random_run,
 )
 
-from multicor_cli.post import FIELDS, PostError, Selection, profile
+from multicor_cli.post import PROFILED, PostError, Selection, profile
 from multicor_cli.store import Run
 
 ALL = Selection(frames=slice(None))
@@ -81,7 +81,7 @@ def direct(run: Run, of: str, chosen: list[int], count: int, left_out: float) ->
             gain = (second.generated - first.generated) / (np.pi * radius**2)
             plane = 0.5 * (layers[before].plane + layers[after].plane)
             rows.append((gain @ inside, np.diff(edges) * plane * (second.time - first.time)))
-    elif FIELDS[of].of_contacts is not None:
+    elif PROFILED[of].of_contacts is not None:
         rows = [(_contact_sum(run, of, k, layers[k].edges), np.diff(layers[k].edges) * layers[k].plane) for k in chosen]
     else:
         spacing = min(mean / count, float(2.0 * radius.mean()))
@@ -98,13 +98,13 @@ def direct(run: Run, of: str, chosen: list[int], count: int, left_out: float) ->
     return value, block_error(rows)
 
 
-@pytest.mark.parametrize("of", list(FIELDS))
+@pytest.mark.parametrize("of", list(PROFILED))
 @pytest.mark.parametrize(
     ("frames", "count", "left_out"), [(slice(None), 9, 0.0), (slice(2, 12, 3), 30, 0.0), (slice(5, 9), 4, 2.0)]
 )
 def test_profile_agrees_with_plain_loops(run: Run, of: str, frames: slice, count: int, left_out: float) -> None:
     chosen = list(range(FRAMES)[frames])
-    if FIELDS[of].needs_contacts:
+    if PROFILED[of].needs_contacts:
         chosen = [k for k in chosen if k not in BEFORE_FORCES]
     table = profile(run, of, Selection(frames=frames), count, exclude_walls=left_out)
     assert table.frames.tolist() == chosen

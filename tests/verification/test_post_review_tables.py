@@ -18,9 +18,9 @@ from typer.testing import CliRunner
 from multicor_cli.cli.app import app
 from multicor_cli.model import ShapeKind, WallShapes
 from multicor_cli.post import (
-    FIELD_GROUPS,
-    FIELDS,
-    MAP_FIELDS,
+    MAPPED,
+    PROFILE_GROUPS,
+    PROFILED,
     PostError,
     Selection,
     angular_distribution,
@@ -411,10 +411,10 @@ def _with_scenario(run: Run) -> Any:
 
 
 COMMANDS: list[list[str]] = [
-    *(["profile", "--of", of, "--frames", ":"] for of in (*FIELDS, *FIELD_GROUPS)),
+    *(["profile", "--of", of, "--frames", ":"] for of in (*PROFILED, *PROFILE_GROUPS)),
     ["profile", "--of", "stress-yy", "--frames", "4:5"],
     ["theta-eta", "--wall", "floor"],
-    *(["map", "--of", of] for of in MAP_FIELDS),
+    *(["map", "--of", of] for of in MAPPED),
     ["forces"],
     ["forces", "--frame", "4"],
     ["forces", "--distribution", "--frames", ":"],

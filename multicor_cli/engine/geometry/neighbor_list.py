@@ -7,7 +7,8 @@ from numpy.typing import NDArray
 
 from multicor_cli import arithmetic
 from multicor_cli.engine.geometry.drift import bound_closing, fit_drift
-from multicor_cli.engine.geometry.neighbors import bin_discs, list_pairs
+from multicor_cli.engine.geometry.grids import cell_count, cells_for, classify, make_grids
+from multicor_cli.engine.geometry.neighbors import find_near
 from multicor_cli.engine.jit.elementwise import hypot
 from multicor_cli.model.columns import X, Y
 from multicor_cli.model.model import Floats, Ints, Model, ShapeKind
@@ -41,7 +42,7 @@ class NeighborList:
         self._shape_of = (model.grain_count + self._disc_shapes).astype(np.int32)
         self._radius = np.concatenate([model.grains.radius, model.shapes.geometry[self._disc_shapes, 2]])
         self.largest = 2.0 * float(self._radius.max())
-        self._level, self._level_radius = _size_classes(self._radius)
+        self._classes = classify(self._radius)
         self._skin = SKIN * model.mean_diameter
         self._cutoff = -1.0
         self._reference = np.empty((0, 2))
@@ -89,29 +90,10 @@ class NeighborList:
         if model.period > 0.0:
             centers[:, X] %= model.period
         low, high = self._box(centers, cutoff)
-        size = np.maximum(high - low, 2.0 * self._level_radius.max() + cutoff)
-        if model.period > 0.0:
-            low[X], size[X] = 0.0, model.period
-        cells, shape = self._grids(size, cutoff)
-        start = np.concatenate([[0], np.cumsum(shape.prod(axis=1))]).astype(np.int32)
-        cell_start, cell_disc = bin_discs(centers, self._level, cells, low, start, shape)
-        self.row, self.partner = list_pairs(  # type: ignore[assignment]
-            model.grain_count,
-            centers,
-            self._radius,
-            self._shape_of,
-            self._others,
-            model.shapes.kind,
-            world,
-            cutoff,
-            model.period,
-            cells,
-            self._level_radius,
-            low,
-            start,
-            shape,
-            cell_start,
-            cell_disc,
+        grids = make_grids(self._classes, low, high, model.period, cutoff)
+        shapes = model.shapes
+        self.row, self.partner = find_near(
+            grids, model.grain_count, centers, self._radius, self._shape_of, self._others, shapes.kind, world, cutoff, model.period
         )
         self.gap, self.gap_after = np.empty(self.partner.size), np.empty(self.partner.size)
         self._cutoff = cutoff
@@ -124,39 +106,8 @@ class NeighborList:
     def _box(self, centers: Floats, cutoff: float) -> tuple[Floats, Floats]:
         """Corners of what the grids cover. What lies beyond is found in the cells at the edge."""
         low, high = centers.min(axis=0), centers.max(axis=0)
-        width = 2.0 * float(self._level_radius.min()) + cutoff
-        if _product((high - low) / width + 1.0) > _cells_for(len(centers)):
+        if cell_count(high - low, 2.0 * float(self._classes.radius.min()) + cutoff) > cells_for(len(centers)):
             # A few grains that have flown far away must not make all cells large, and all grains neighbors.
             few = int(OUTSIDE * len(centers))
             low, high = np.partition(centers, (few, len(centers) - 1 - few), axis=0)[[few, -1 - few]]
         return low, high
-
-    def _grids(self, size: Floats, cutoff: float) -> tuple[Floats, Ints]:
-        """Cell sizes and numbers of cells of each level; no more cells than a few per disc, however far grains fly apart."""
-        cells = np.empty((self._level_radius.size, 2))
-        shape = np.empty((self._level_radius.size, 2), np.int32)
-        for k, radius in enumerate(self._level_radius):
-            width = 2.0 * radius + cutoff
-            allowed = _cells_for(int(np.count_nonzero(self._level == k)))
-            while _product(np.floor(size / width) + 1.0) > allowed:
-                width *= 1.5
-            shape[k] = np.maximum(1, np.floor(size / width))
-            cells[k] = size / shape[k]
-        return cells, shape
-
-
-def _cells_for(discs: int) -> int:
-    """Most cells of a grid."""
-    return 64 + 4 * discs
-
-
-def _product(pair: Floats) -> float:
-    return float(pair[0] * pair[1])
-
-
-def _size_classes(radius: Floats) -> tuple[Ints, Floats]:
-    """Class of each disc by radius, factor two apart, and the largest radius of each class that occurs."""
-    exponent = np.frexp(radius / (radius.min() * (1.0 - 1e-9)))[1]
-    _, level = np.unique(exponent, return_inverse=True)
-    largest = np.array([radius[level == k].max() for k in range(level.max() + 1)])
-    return level.astype(np.int32), largest

@@ -7,9 +7,11 @@ small ones large. Each grain owns the row of its partners with a higher shape nu
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from multicor_cli.arithmetic import cos, sin
 from multicor_cli.engine.geometry.gaps import disc_circle, disc_disc, disc_plane, minimum_image, nearest_image, segment_parameter
+from multicor_cli.engine.geometry.grids import Grids
 from multicor_cli.engine.jit.chunks import CHUNK
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
 from multicor_cli.engine.jit.formulas import formula
@@ -332,3 +334,25 @@ def list_pairs(
         for p in range(row[min(grain_count, (chunk + 1) * CHUNK)] - begin_row):
             partner[begin_row + p] = found_pairs[begin[chunk] + p]
     return row, partner
+
+
+def find_near(
+    grids: Grids,
+    grain_count: int,
+    center: Floats,
+    radius: Floats,
+    shape_of: Ints,
+    others: Ints,
+    kind: Ints,
+    world: Floats,
+    cutoff: float,
+    period: float,
+) -> tuple[NDArray[np.int64], Ints]:
+    """All pairs with a gap below ``cutoff`` [m], whatever the grids are; arguments and result as of `list_pairs`."""
+    _, cells, largest, origin, start, shape = grids
+    cell_start, cell_disc = bin_discs(center, grids.level, cells, origin, start, shape)
+    row, partner = list_pairs(
+        grain_count, center, radius, shape_of, others, kind, world, cutoff, period,
+        cells, largest, origin, start, shape, cell_start, cell_disc,
+    )  # fmt: skip
+    return row.astype(np.int64, copy=False), partner

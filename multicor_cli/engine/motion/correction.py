@@ -23,7 +23,7 @@ from multicor_cli.engine.geometry.neighbors import place_shapes
 from multicor_cli.engine.geometry.scene import Scene, pair_geometry
 from multicor_cli.engine.jit.chunks import chunks_for
 from multicor_cli.engine.motion.overlaps import measure_overlaps
-from multicor_cli.engine.motion.separation import near_pairs, separate, surround
+from multicor_cli.engine.motion.separation import pairs_within, separate, surround
 from multicor_cli.engine.motion.walls import WallMotion
 from multicor_cli.model.columns import X, Y
 from multicor_cli.model.model import Floats, Model
@@ -110,7 +110,7 @@ def _correct_once(
 
     ``inverse`` are the inverse masses of the walls in x and y, shape ``(w, 2)``; they move with everything only.
     """
-    i, j = near_pairs(lists.row, lists.partner, lists.gap_after, near)
+    i, j = pairs_within(lists.row, lists.partner, lists.gap_after, near)
     sweeps = LOCAL_SWEEPS
     if not is_local or surround(i, j, RINGS, flagged) > LOCAL_SHARE * model.grain_count:
         flagged[:], sweeps = True, SWEEPS

@@ -25,7 +25,7 @@ GROWTH = 1.5  # of the change per sweep, at which the momentum restarts
 
 
 @kernel
-def near_pairs(row: NDArray[np.int64], partner: Ints, gap: Floats, near: float) -> tuple[Ints, Ints]:
+def pairs_within(row: NDArray[np.int64], partner: Ints, gap: Floats, near: float) -> tuple[Ints, Ints]:
     """Pairs of the neighbor list with a ``gap`` up to ``near`` [m]: grains i, and grains or wall shapes j."""
     found = 0
     for p in range(partner.size):

@@ -1,0 +1,233 @@
+"""Every quantity that grains or contacts have for post-processing, once: what profiles, maps, the page and the help know of it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import numpy as np
+
+from multicor_cli.model.model import Floats, Model
+from multicor_cli.post.contacts import LoadedContacts, loaded_contacts, with_forces
+from multicor_cli.post.flow import fluctuations
+from multicor_cli.post.source import FrameSource, GrainFrame, PostError, need_heat
+
+Kind = Literal["mean", "number", "rate", "share", "contact"]
+"""How grains or contacts add up to the value of a bin.
+
+``mean``: average over the grains, weighted by their area in the bin. ``number``: average over the grains, which count alike, each
+with the part of its area that lies in the bin. ``rate``: increase of what the grains hold from frame to frame, over the time
+between and the area of the bin. ``share``: area of the grains in the bin times their value, over the area of the bin. ``contact``:
+what contacts carry, spread evenly along the branch that joins the centers of two grains, free or glued (or the center of a grain
+and the point where it touches a smooth wall), over the area of the bin. The area of a bin is its width times the period, or, where
+there is none, times how far the grains of the frame reach in x.
+"""
+
+Scaling = Literal["walls", "shear", "none"]
+"""What a normalized profile is divided by.
+
+``walls``: from 0 at the lower to 1 at the upper wall. ``shear``: by the shear rate of the walls, the difference of their
+velocities over their distance. ``none``: there is no normalized form.
+"""
+
+Colors = Literal["viridis", "plasma", "magma", "cividis", "balance"]
+"""Color maps; ``balance`` goes from blue through white to red."""
+
+Scale = Literal["linear", "centered", "logarithmic"]
+"""How values become colors: ``centered`` scales are symmetric about zero."""
+
+
+@dataclass(frozen=True)
+class Quantity:
+    """A quantity that every grain, or every contact, has.
+
+    Attributes:
+        name: Name on the command line.
+        label: Name in tables and figures.
+        symbol: Symbol in figures (TeX).
+        unit: SI unit.
+        of_grain: Values of the grains of a frame, shape ``(n,)``, or ``(n, 2)`` for vectors: what a map shows; None if there is
+            no map.
+        colors: Color map of its maps.
+        scale: How values become colors.
+        needs_heat: Whether only runs with heat have it.
+        averaged: Values of the grains of a frame that a profile averages, shape ``(n,)``; what they hold since the start of the run
+            for a rate; None if contacts have the values, or there is no profile.
+        of_walls: Values of the walls of a frame, shape ``(w,)``, or None where walls have none.
+        kind: How grains add up in a profile.
+        scaling: What a normalized profile is divided by.
+        is_relative: Whether ``averaged`` wants the velocities relative to the mean flow at the height of each grain.
+        of_contacts: Values of the contacts of a frame that carry a force, shape ``(c,)``; for the kind ``contact``.
+        needs_contacts: Whether profiles leave out frames without contact forces.
+        per_area: Symbol and unit of a profile, where they are not those of a grain.
+    """
+
+    name: str
+    label: str
+    symbol: str
+    unit: str
+    of_grain: Callable[[FrameSource, int], Floats] | None = None
+    colors: Colors = "viridis"
+    scale: Scale = "linear"
+    needs_heat: bool = False
+    averaged: Callable[[GrainFrame, Model], Floats] | None = None
+    of_walls: Callable[[GrainFrame, Model], Floats] | None = None
+    kind: Kind = "mean"
+    scaling: Scaling = "none"
+    is_relative: bool = False
+    of_contacts: Callable[[LoadedContacts], Floats] | None = None
+    needs_contacts: bool = False
+    per_area: tuple[str, str] | None = None
+
+    @property
+    def is_profiled(self) -> bool:
+        """Whether there are profiles of it."""
+        return self.averaged is not None or self.of_contacts is not None
+
+    def of_profile(self) -> Quantity:
+        """The same with the symbol and the unit of its profiles."""
+        return self if self.per_area is None else replace(self, symbol=self.per_area[0], unit=self.per_area[1])
+
+
+def _each(values: Callable[[GrainFrame], Any]) -> dict[str, Any]:
+    """What a map shows and a profile averages, where that is the same."""
+    return {
+        "of_grain": lambda source, frame: np.array(values(source.frames[frame]), np.float64),
+        "averaged": lambda frame, _model: np.asarray(values(frame), np.float64),
+    }
+
+
+def _wall(column: int) -> Callable[[GrainFrame, Model], Floats]:
+    return lambda frame, _model: np.asarray(frame.wall_velocity[:, column], np.float64)
+
+
+def _speeds(source: FrameSource, frame: int) -> Floats:
+    return np.asarray(np.hypot(*np.asarray(source.frames[frame].velocity, np.float64).T[:2]))
+
+
+def _heat_rates(source: FrameSource, frame: int) -> Floats:
+    """Mean heat of friction and impacts that each grain has received per time since the frame before [W], shape ``(n,)``."""
+    after = need_heat(source.frames[frame].generated)
+    if frame == 0:
+        raise PostError("the map of heat shows what was generated since the frame before; frame 0 has none")
+    times = np.asarray(source.frames.time)
+    return np.asarray((after - need_heat(source.frames[frame - 1].generated)) / float(times[frame] - times[frame - 1]))
+
+
+def _contacts_of(source: FrameSource, frame: int) -> LoadedContacts:
+    with_forces(source, np.array([frame]))
+    return loaded_contacts(source.frames[frame], source.model)
+
+
+def _of_contacts(values: Callable[[LoadedContacts], Any]) -> Callable[[FrameSource, int], Floats]:
+    return lambda source, frame: np.asarray(values(_contacts_of(source, frame)), np.float64)
+
+
+def _pressures(source: FrameSource, frame: int) -> Floats:
+    """Mean pressure in each grain by its contact forces [N/m], shape ``(n,)``.
+
+    Half the trace of its virial Σ f⊗ℓ/(π a²), ℓ from where it is touched to its center: Σ f_n/(2π a).
+    """
+    return np.asarray(_contacts_of(source, frame).loads / (2.0 * np.pi * source.model.grains.radius))
+
+
+def _granular_temperature(frame: GrainFrame, _model: Model) -> Floats:
+    velocity = np.asarray(frame.velocity, np.float64)[:, :2]
+    return np.asarray(0.5 * (velocity**2).sum(axis=1))
+
+
+def _one(_frame: GrainFrame, model: Model) -> Floats:
+    return np.ones(model.grain_count)
+
+
+def _coordination(frame: GrainFrame, model: Model) -> Floats:
+    return loaded_contacts(frame, model).counts.astype(np.float64)
+
+
+def _mean_pressure(contacts: LoadedContacts) -> Floats:
+    return np.asarray(0.5 * (contacts.virial(0, 0) + contacts.virial(1, 1)))
+
+
+def _stress(a: int, b: int) -> Quantity:
+    """Contact stress σ_ab = Σ f_a ℓ_b / area: force on a grain times the branch towards it, compression positive."""
+    axes = "xy"[a] + "xy"[b]
+    return Quantity(
+        f"stress-{axes}",
+        f"contact stress {axes}",
+        rf"\sigma_{{{axes}}}",
+        "N/m",
+        kind="contact",
+        of_contacts=lambda contacts: contacts.virial(a, b),
+        needs_contacts=True,
+    )
+
+
+def _kinetic_stress(a: int, b: int) -> Quantity:
+    """Kinetic stress Σ m v'_a v'_b / area of velocities relative to the mean flow."""
+    axes = "xy"[a] + "xy"[b]
+
+    def averaged(frame: GrainFrame, model: Model) -> Floats:
+        velocity, grains = np.asarray(frame.velocity, np.float64), model.grains
+        return np.asarray(grains.mass * velocity[:, a] * velocity[:, b] / (np.pi * grains.radius**2))
+
+    symbol = rf"\sigma^\mathrm{{kin}}_{{{axes}}}"
+    name, label = f"kinetic-stress-{axes}", f"kinetic stress {axes}"
+    return Quantity(name, label, symbol, "N/m", averaged=averaged, kind="share", is_relative=True)
+
+
+QUANTITIES: dict[str, Quantity] = {
+    quantity.name: quantity
+    for quantity in (
+        Quantity(
+            "velocity", "velocity", "v_x", "m/s", **_each(lambda frame: frame.velocity[:, 0]), of_walls=_wall(0), scaling="walls"
+        ),
+        Quantity("speed", "speed", r"|v|", "m/s", _speeds),
+        Quantity(
+            "spin", "spin", r"\omega", "rad/s", **_each(lambda frame: frame.spin),
+            of_walls=_wall(2), scaling="shear", colors="balance", scale="centered",
+        ),
+        Quantity(
+            "temperature", "temperature", "T", "K", **_each(lambda frame: need_heat(frame.temperature)),
+            of_walls=lambda frame, _model: need_heat(frame.wall_temperature), scaling="walls", colors="plasma", needs_heat=True,
+        ),
+        Quantity(
+            "heat", "generated heat", r"\dot{Q}", "W", _heat_rates, "magma", "logarithmic", needs_heat=True,
+            averaged=lambda frame, _model: need_heat(frame.generated), kind="rate", per_area=(r"\dot{q}", "W/m2"),
+        ),
+        Quantity("fluctuation", "velocity fluctuation", r"|v - \langle v_x \rangle|", "m/s", fluctuations),
+        Quantity("solid-fraction", "solid fraction", r"\phi", "1", averaged=_one, kind="share"),
+        Quantity("granular-temperature", "granular temperature", r"T_g", "m2/s2", averaged=_granular_temperature, is_relative=True),
+        Quantity(
+            "coordination", "contacts per grain", "Z", "1", _of_contacts(lambda contacts: contacts.counts),
+            averaged=_coordination, kind="number", needs_contacts=True,
+        ),
+        Quantity("force", "largest contact force", r"f_\mathrm{max}", "N", _of_contacts(lambda contacts: contacts.largest)),
+        Quantity("stress", "contact pressure", "p", "N/m", _pressures, "cividis", "logarithmic"),
+        Quantity("pressure", "contact pressure", "p", "N/m", kind="contact", of_contacts=_mean_pressure, needs_contacts=True),
+        *(_stress(a, b) for a in (0, 1) for b in (0, 1)),
+        *(_kinetic_stress(a, b) for a, b in ((0, 0), (0, 1), (1, 1))),
+    )
+}  # fmt: skip
+"""All quantities, by name.
+
+Only free grains count, not those glued to walls: the solid fraction is the area of the free grains (of spheres their cross-section)
+over that of the plane. Heat is that of friction and impacts which the grains receive; what goes into walls is left out. The
+granular temperature is ½⟨v'·v'⟩ per unit of mass (per degree of freedom in the plane) with velocities v' relative to the mean flow
+of all selected frames at the height of the grain (`multicor_cli.post.flow.MeanFlow`). Contacts are those with a positive normal
+force; Z is their number at each grain, those with walls included, averaged over all grains, rattlers included. Stresses are forces
+per length, compression positive: σ_ab is the flux of the momentum along a through a line across b, so a flow in which the upper
+layers move towards +x has σ_xy < 0. The pressure is half the trace of the contact stress.
+"""
+
+PROFILED: dict[str, Quantity] = {name: quantity.of_profile() for name, quantity in QUANTITIES.items() if quantity.is_profiled}
+"""What a profile can be taken of, by name."""
+
+MAPPED: dict[str, Quantity] = {name: quantity for name, quantity in QUANTITIES.items() if quantity.of_grain is not None}
+"""What can be shown as a map of the grains, by name."""
+
+PROFILE_GROUPS: dict[str, tuple[str, ...]] = {
+    "stress": ("stress-xx", "stress-xy", "stress-yx", "stress-yy"),
+    "kinetic-stress": ("kinetic-stress-xx", "kinetic-stress-xy", "kinetic-stress-yy"),
+}
+"""Profiles that are asked for together, by the name of the group."""
