@@ -31,14 +31,18 @@ class _Command(TyperCommand):
     """A command whose help names the quantities that there are: asked for only then, since they take numpy to load."""
 
     def format_help(self, ctx: Any, formatter: Any) -> None:
-        from multicor_cli.post import MAPPED, PROFILE_GROUPS, PROFILED
-
-        names: dict[str, dict[str, Any]] = {"{profiled}": PROFILED, "{groups}": PROFILE_GROUPS, "{mapped}": MAPPED}
         for parameter in self.params:
-            for place, known in names.items():
-                if place in (getattr(parameter, "help", None) or ""):
-                    parameter.help = parameter.help.replace(place, ", ".join(known))  # type: ignore[attr-defined]
+            text = getattr(parameter, "help", None) or ""
+            if "{" in text:
+                parameter.help = _named(text)  # type: ignore[attr-defined]
         super().format_help(ctx, formatter)
+
+
+def _named(text: str) -> str:
+    """A help text with the names of the quantities."""
+    from multicor_cli.post import MAPPED, PROFILE_GROUPS, PROFILED
+
+    return text.format(profiled=", ".join(PROFILED), groups=", ".join(PROFILE_GROUPS), mapped=", ".join(MAPPED))
 
 
 def register(app: typer.Typer, wrap: Any) -> None:

@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from multicor_cli.export.errors import ExportError
 from multicor_cli.store import Frame, Run
-from multicor_cli.store.frame_view import NoFrame
+from multicor_cli.store.frame_view import NoFrame, what_frames
 
 Progress = Callable[[int, int], None]
 """Is told how many frames are done, and of how many."""
@@ -24,7 +24,7 @@ def choose_frames(run: Run, frames: slice | None) -> list[Frame]:
     """
     chosen = run.frames[frames or slice(None)]
     if not chosen:
-        raise ExportError(f"{run.path}: there are no such frames: the run has {len(run.frames)}")
+        raise ExportError(f"{run.path}: there are no such frames: {what_frames(len(run.frames))}")
     return chosen
 
 

@@ -269,11 +269,14 @@ class NoFrame(IndexError):
 
 def frame_number(count: int, number: int) -> int:
     """The number, from 0, of one of ``count`` frames that may be counted from the end (negative); raises `NoFrame`."""
-    if not count:
-        raise NoFrame("the run has no frames yet")
-    if not -count <= number < count:
-        raise NoFrame(f"there is no frame {number}: the run has {count}, from 0 to {count - 1}")
+    if not count or not -count <= number < count:
+        raise NoFrame(f"there is no frame {number}: {what_frames(count)}")
     return number % count
+
+
+def what_frames(count: int) -> str:
+    """What frames a run has, in words."""
+    return f"the run has {count}, from 0 to {count - 1}" if count else "the run has no frames yet"
 
 
 class Frames(Sequence[Frame]):

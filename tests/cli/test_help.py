@@ -33,12 +33,17 @@ def loaded_after(code: str) -> set[str]:
     return set(done.stderr.split())
 
 
-@pytest.mark.parametrize("arguments", [["--help"], ["run", "--help"], ["post", "profile", "--help"], ["--version"]])
+@pytest.mark.parametrize("arguments", [["--help"], ["run", "--help"], ["post", "energy", "--help"], ["--version"]])
 def test_help_imports_nothing_heavy(arguments: list[str]) -> None:
     modules = loaded_after(f"sys.argv = ['multicor', *{arguments}]; from multicor_cli.cli.app import main; main()")
     assert "typer" in modules
     # The command-line library itself looks for pydantic as soon as a command has options.
     assert not modules & (HEAVY - {"pydantic"} if len(arguments) > 1 else HEAVY)
+
+
+def test_help_names_quantities_and_compiles_nothing() -> None:
+    modules = loaded_after("sys.argv = ['multicor', 'post', 'map', '--help']; from multicor_cli.cli.app import main; main()")
+    assert not modules & (HEAVY - {"pydantic", "numpy"})
 
 
 def test_importing_the_package_imports_nothing_heavy() -> None:
