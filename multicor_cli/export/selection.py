@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 from multicor_cli.export.errors import ExportError
 from multicor_cli.store import Frame, Run
-from multicor_cli.store.frame_view import NoFrame, what_frames
+from multicor_cli.store.errors import NoFrame, what_frames
 
 Progress = Callable[[int, int], None]
 """Is told how many frames are done, and of how many."""

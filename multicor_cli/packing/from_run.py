@@ -26,7 +26,7 @@ def read_frame(path: Path, frame: int) -> Brought:
         PackingError: There is no readable run, or no such frame, or it holds what no grain can have.
     """
     from multicor_cli.store import StoreError, open_run
-    from multicor_cli.store.frame_view import NoFrame
+    from multicor_cli.store.errors import NoFrame
 
     try:
         with open_run(path) as run:

@@ -4,14 +4,16 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats, Model, ShapeKind
 from multicor_cli.post.source import FrameSource, GrainFrame, PostError
-from multicor_cli.store.frame_view import Contacts
+
+if TYPE_CHECKING:
+    from multicor_cli.store.frame_view import Contacts
 
 
 @dataclass(frozen=True)

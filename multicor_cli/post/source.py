@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats, Model
-from multicor_cli.store.frame_view import Contacts, NoFrame, frame_number
+from multicor_cli.store.errors import NoFrame, frame_number
+
+if TYPE_CHECKING:
+    from multicor_cli.store.frame_view import Contacts
 
 
 class PostError(Exception):

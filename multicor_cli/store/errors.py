@@ -63,3 +63,19 @@ class DamagedRun(StoreError):
 
 class UnsupportedVersion(DamagedRun):
     """A file was made by an incompatible version of the program (exit code 7)."""
+
+
+class NoFrame(IndexError):
+    """There is no such frame: the message says which there are."""
+
+
+def frame_number(count: int, number: int) -> int:
+    """The number, from 0, of one of ``count`` frames that may be counted from the end (negative); raises `NoFrame`."""
+    if not count or not -count <= number < count:
+        raise NoFrame(f"there is no frame {number}: {what_frames(count)}")
+    return number % count
+
+
+def what_frames(count: int) -> str:
+    """What frames a run has, in words."""
+    return f"the run has {count}, from 0 to {count - 1}" if count else "the run has no frames yet"

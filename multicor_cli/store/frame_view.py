@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from multicor_cli.model import Model
 from multicor_cli.store import schema
-from multicor_cli.store.errors import DamagedRun
+from multicor_cli.store.errors import DamagedRun, frame_number
 from multicor_cli.store.parts import Parts
 
 Array = NDArray[Any]
@@ -261,22 +261,6 @@ class ModelFacts:
     def shape_count(self) -> int:
         """Number of grains and wall shapes n + m."""
         return self.grain_count + self._model().shape_count
-
-
-class NoFrame(IndexError):
-    """There is no such frame: the message says which there are."""
-
-
-def frame_number(count: int, number: int) -> int:
-    """The number, from 0, of one of ``count`` frames that may be counted from the end (negative); raises `NoFrame`."""
-    if not count or not -count <= number < count:
-        raise NoFrame(f"there is no frame {number}: {what_frames(count)}")
-    return number % count
-
-
-def what_frames(count: int) -> str:
-    """What frames a run has, in words."""
-    return f"the run has {count}, from 0 to {count - 1}" if count else "the run has no frames yet"
 
 
 class Frames(Sequence[Frame]):
