@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from small_run import call, write_small
 
-FIRST = ("test_digests", "test_store", "test_vtkhdf")
+FIRST = ("test_digests", "test_types", "test_store", "test_vtkhdf")
 """Beginnings of the names of files to begin with: one process compiles the kernels with the first, for all, while another does
 without kernels what comes next."""
 

@@ -49,8 +49,8 @@ def _terminable() -> Iterator[None]:
             signal.signal(number, signal.SIG_DFL)
 
 
-def set_crash_directory(path: Path) -> None:
-    """Where ``crash.txt`` goes if the command crashes; the directory must be a run of ours by then."""
+def set_crash_directory(path: Path | None) -> None:
+    """Where ``crash.txt`` goes if the command crashes: a directory that is a run of ours by then, or None: a temporary one."""
     global _crash_directory  # noqa: PLW0603  (one command per process)
     _crash_directory = path
 

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from small_run import call, read_info, write_small
+from small_run import call, call_outside, read_info, write_small
 from store_support import continue_run, drive, make_model, make_run
 from system_calls import hooked
 from trials import thinned, trials
@@ -223,7 +223,7 @@ RESULTS = {
 def test_full_disk_leaves_nothing_of_what_is_made_of_a_run(command: tuple[str, ...], small_disk: Path, finished: Path) -> None:
     (small_disk / "data").write_bytes(bytes(56_000))
     words = [word.replace("RUN", str(finished)).replace("DISK", str(small_disk)) for word in command]
-    done = call(*words, cwd=finished.parent)
+    done = call_outside(*words, cwd=finished.parent)
     assert done.returncode == 5, done.stderr
     assert "no space left" in done.stderr
     assert str(small_disk) in done.stderr

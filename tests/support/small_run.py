@@ -2,12 +2,18 @@
 
 from __future__ import annotations
 
+import contextlib
+import io
 import json
 import os
 import subprocess
 import sys
 from pathlib import Path
 from typing import Any
+from unittest import mock
+
+from multicor_cli.cli.app import main
+from multicor_cli.cli.guard import set_crash_directory
 
 ROOT = Path(__file__).parents[2]
 
@@ -92,7 +98,28 @@ def command(*arguments: object) -> list[str]:
 
 
 def call(*arguments: object, cwd: Path, **extra: str) -> subprocess.CompletedProcess[str]:
-    """Run a command to its end."""
+    """Run a command to its end: in this process, which need not start another, or in one of its own if it is to be different."""
+    if extra or "--threads" in arguments:
+        return call_outside(*arguments, cwd=cwd, **extra)
+    words, out, err = ["multicor", *map(str, arguments)], io.StringIO(), io.StringIO()
+    set_crash_directory(None)
+    with (
+        contextlib.chdir(cwd),
+        mock.patch.dict(os.environ, environment(), clear=True),
+        mock.patch.object(sys, "argv", words),
+        contextlib.redirect_stdout(out),
+        contextlib.redirect_stderr(err),
+    ):
+        try:
+            main()
+            code = 0
+        except SystemExit as leave:
+            code = leave.code if isinstance(leave.code, int) else int(leave.code is not None)
+    return subprocess.CompletedProcess(words, code, out.getvalue(), err.getvalue())
+
+
+def call_outside(*arguments: object, cwd: Path, **extra: str) -> subprocess.CompletedProcess[str]:
+    """Run a command to its end in a process of its own."""
     return subprocess.run(
         command(*arguments), cwd=cwd, env=environment(**extra), capture_output=True, text=True, timeout=300, check=False
     )
