@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.model.model import Floats, Model, ShapeKind
+from multicor_cli.model.model import Floats, Model
+from multicor_cli.model.shapes import ShapeKind
 from multicor_cli.post.source import FrameSource, GrainFrame, PostError
 from multicor_cli.store.frame_view import Contacts
 
