@@ -103,15 +103,15 @@ def gap_to_shape(
     return disc_disc(dx, dy, radius)
 
 
-@kernel
-def gap_to_whole_shape(x: float, y: float, radius: float, shape: int, kind: Ints, world: Floats, period: float) -> float:
-    """Gap [m] of a grain at (x, y) against a wall shape with its ends, whichever shape of the wall is closest.
+@formula
+def is_near_shape(x: float, y: float, radius: float, shape: int, kind: Ints, world: Floats, period: float, cutoff: float) -> bool:
+    """Whether a grain at (x, y) is nearer than ``cutoff`` [m] to a wall shape with its ends, even if another shape is closer.
 
-    It changes by no more than grain and shape move: this is what tells which shapes a grain may touch soon.
+    Where a gap is infinite it may be small after a little motion: the gap does not tell which shapes a grain may touch soon.
     """
     what = kind[shape]
     if what != _SEGMENT and what != _VERTEX:
-        return gap_to_shape(x, y, radius, shape, kind, world, period)[0]
+        return gap_to_shape(x, y, radius, shape, kind, world, period)[0] < cutoff
     g0, g1, g2, g3 = world[shape, 0], world[shape, 1], world[shape, 2], world[shape, 3]
     dx = nearest_image(x - g0, period)
     dy = y - g1
@@ -119,4 +119,5 @@ def gap_to_whole_shape(x: float, y: float, radius: float, shape: int, kind: Ints
         foot = min(max(segment_parameter(g0 + dx, y, g0, g1, g2, g3), 0.0), 1.0)
         dx -= foot * (g2 - g0)
         dy -= foot * (g3 - g1)
-    return disc_disc(dx, dy, radius)[0]
+    reach = radius + cutoff
+    return dx * dx + dy * dy < reach * reach

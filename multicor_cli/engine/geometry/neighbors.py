@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.engine.geometry.gaps import gap_to_whole_shape, minimum_image
+from multicor_cli.engine.geometry.gaps import is_near_shape, minimum_image
 from multicor_cli.engine.geometry.grids import Grids
 from multicor_cli.engine.jit.chunks import CHUNK
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
@@ -140,7 +140,7 @@ def _scan_shapes(
     found = 0
     for k in range(others.size):
         shape = others[k]
-        if gap_to_whole_shape(center[i, X], center[i, Y], radius[i], shape, kind, world, period) < cutoff:
+        if is_near_shape(center[i, X], center[i, Y], radius[i], shape, kind, world, period, cutoff):
             if offset >= 0:
                 out[offset + found] = grain_count + shape
             found += 1
