@@ -59,7 +59,7 @@ class Outline:
         return np.array([self.points.min(axis=1) - reach, self.points.max(axis=1) + reach])
 
 
-class Shape(NamedTuple):
+class ShapeType(NamedTuple):
     """What is known about a kind of shape.
 
     Attributes:
@@ -80,23 +80,23 @@ class Shape(NamedTuple):
 
 
 SHAPES = {
-    ShapeKind.DISC: Shape(
+    ShapeKind.DISC: ShapeType(
         "disc", "a glued grain", "x, y, radius, –", Tail.NUMBERS,
         lambda g: Outline(g[:, np.newaxis, :2], radius=g[:, RADIUS], is_grain=True),
     ),
-    ShapeKind.PLANE: Shape(
+    ShapeKind.PLANE: ShapeType(
         "plane", "a half-plane", "x, y of a point; unit normal towards the grains", Tail.DIRECTION,
         lambda g: Outline(g[:, np.newaxis, :2], normal=g[:, 2:]),
     ),
-    ShapeKind.SEGMENT: Shape(
+    ShapeKind.SEGMENT: ShapeType(
         "segment", "a straight line, both sides solid, without its ends", "x, y of one end; x, y of the other", Tail.POINT,
         lambda g: Outline(g.reshape(-1, 2, 2)), is_thin=True,
     ),
-    ShapeKind.VERTEX: Shape(
+    ShapeKind.VERTEX: ShapeType(
         "vertex", "an end of segments", "x, y; numbers of the segments that end and begin here (−1: none)", Tail.SHAPES,
         lambda g: Outline(g[:, np.newaxis, :2]), is_thin=True,
     ),
-    ShapeKind.CIRCLE: Shape(
+    ShapeKind.CIRCLE: ShapeType(
         "circle (inside)", "the inside of a circle", "x, y, radius, –", Tail.NUMBERS,
         lambda g: Outline(g[:, np.newaxis, :2], radius=g[:, RADIUS]),
     ),
@@ -107,7 +107,7 @@ TAIL = np.array([shape.tail for shape in SHAPES.values()])
 """`Tail` of each kind."""
 
 IS_THIN = np.array([shape.is_thin for shape in SHAPES.values()])
-"""`Shape.is_thin` of each kind."""
+"""`ShapeType.is_thin` of each kind."""
 
 
 def outlines(kind: Ints, geometry: Floats) -> Iterator[tuple[NDArray[np.int64], Outline]]:
