@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from multicor_cli.model import Grains, Model, ShapeKind, State, Thermal, WallShapes
 from multicor_cli.model.model import Floats, Ints
+from multicor_cli.model.shapes import TAIL, Tail
 
 
 def repeat_scene(model: Model, state: State, copies: int) -> tuple[Model, State]:
@@ -53,8 +54,8 @@ def _repeat_shapes(model: Model, shape_copies: NDArray[np.int64]) -> WallShapes:
     geometry = np.repeat(shapes.geometry, shape_copies, axis=0)
     shift = np.concatenate([np.arange(k) for k in shape_copies] or [np.zeros(0)]) * model.period
     geometry[:, 0] += shift
-    is_segment = np.repeat(shapes.kind == ShapeKind.SEGMENT, shape_copies)
-    geometry[is_segment, 2] += shift[is_segment]
+    has_end = np.repeat(TAIL[shapes.kind] == Tail.POINT, shape_copies)
+    geometry[has_end, 2] += shift[has_end]
     kind, wall, material = (np.repeat(values, shape_copies) for values in (shapes.kind, shapes.wall, shapes.material))
     return WallShapes(kind, wall, geometry, material)
 

@@ -25,8 +25,7 @@ from multicor_cli.engine.energy import account
 from multicor_cli.engine.energy.books import book_step, start_books, switch_wall_kinetic
 from multicor_cli.engine.geometry.drift import fit_drift
 from multicor_cli.engine.geometry.neighbor_list import NeighborList
-from multicor_cli.engine.geometry.neighbors import place_shapes
-from multicor_cli.engine.geometry.scene import Scene
+from multicor_cli.engine.geometry.scene import Scene, place_shapes
 from multicor_cli.engine.jit.chunks import chunks_for
 from multicor_cli.engine.motion.correction import correct_positions
 from multicor_cli.engine.motion.drives import WallDrive

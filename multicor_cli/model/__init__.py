@@ -1,6 +1,7 @@
 """What the engine computes with: the constant `Model` and the time-varying `State`."""
 
-from multicor_cli.model.model import ContactLaws, Grains, Model, ShapeKind, Thermal, Walls, WallShapes
+from multicor_cli.model.model import ContactLaws, Grains, Model, Thermal, Walls, WallShapes
+from multicor_cli.model.shapes import ShapeKind, WallBody
 from multicor_cli.model.state import BOOK_NAMES, HEAT_BOOK_NAMES, TALLY_NAMES, WINDOW_NAMES, State
 
 __all__ = [
@@ -14,6 +15,7 @@ __all__ = [
     "ShapeKind",
     "State",
     "Thermal",
+    "WallBody",
     "WallShapes",
     "Walls",
 ]

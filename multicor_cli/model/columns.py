@@ -9,7 +9,7 @@
 | pairs of bodies | `FIRST`, `SECOND` |
 | frames of contacts | `NX`, `NY`, `GAP` [m], `BIAS` [m/s], `MU` |
 | frames of contacts in a sweep | `NX`, `NY`, `MASS` = 1/W_nn [kg] or `W_NN`, `BIAS`, `MU`, and `W_NT`, `W_TT` [1/kg] |
-| geometry of wall shapes | `X`, `Y`; discs, circles: `RADIUS`; planes: `NORMAL_X`, `NORMAL_Y`; segments: `X_END`, `Y_END` |
+| geometry of wall shapes | `X`, `Y`; discs, circles: `RADIUS`; see `multicor_cli.model.shapes.SHAPES` |
 """
 
 from __future__ import annotations
@@ -26,5 +26,4 @@ GAP = MASS = W_NN = 2
 W_NT, W_TT = 5, 6
 """Normal, bias and friction have the same columns in the frames of all kinds of contacts."""
 
-RADIUS = NORMAL_X = X_END = 2
-NORMAL_Y = Y_END = 3
+RADIUS = 2

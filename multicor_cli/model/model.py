@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import functools
 from dataclasses import dataclass
-from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
@@ -18,16 +17,6 @@ from multicor_cli.arithmetic.sums import mean
 
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
-
-
-class ShapeKind(IntEnum):
-    """Geometry of one wall shape; the meaning of its four numbers, in the frame of its wall."""
-
-    DISC = 0  # (x, y, radius, -): a glued grain
-    PLANE = 1  # (x, y, nx, ny): half-plane through (x, y), unit normal towards the grains
-    SEGMENT = 2  # (x0, y0, x1, y1): both sides are solid; its ends belong to VERTEX shapes
-    VERTEX = 3  # (x, y, previous, next): end of the wall shapes with these numbers (-1: none)
-    CIRCLE = 4  # (x, y, radius, -): the inside of a circle (a drum)
 
 
 @dataclass(frozen=True)
@@ -54,9 +43,9 @@ class WallShapes:
     """Discs, lines and circles carried by the walls, in the frame of their wall.
 
     Attributes:
-        kind: `ShapeKind` of each shape, shape ``(m,)``.
+        kind: `multicor_cli.model.ShapeKind` of each shape, shape ``(m,)``.
         wall: Index of the wall that carries it, shape ``(m,)``.
-        geometry: Four numbers whose meaning `ShapeKind` gives [m], shape ``(m, 4)``.
+        geometry: Four numbers whose meaning the kind gives [m], shape ``(m, 4)``.
         material: Index of the material, shape ``(m,)``.
     """
 

@@ -19,7 +19,6 @@ from multicor_cli.packing.overlap import behind_problem, overlap_problems
 from multicor_cli.packing.pairs import wrap
 from multicor_cli.packing.thermal import group_thermal, joined, sizes_problems, softening_law
 from multicor_cli.packing.wall_tables import BuiltWalls, build_walls
-from multicor_cli.packing.walls import in_world
 from multicor_cli.scenario import Scenario, ScenarioError
 from multicor_cli.scenario.models import FrictionTable
 
@@ -40,7 +39,7 @@ def build(scenario: Scenario) -> tuple[Model, State]:
         walls = build_walls(scenario)
     except PackingError as error:
         raise _refusal(scenario, [error]) from error
-    solid = Obstacles(walls.shapes.kind, in_world(walls.shapes, walls.origins))
+    solid = walls.obstacles()
     groups = _make_groups(scenario, solid)
     model = replace(_model(scenario, walls, groups), thermal=_thermal(scenario, groups))
     state = _state(model, walls, groups)
@@ -106,7 +105,7 @@ def _model(scenario: Scenario, walls: BuiltWalls, groups: list[Brought]) -> Mode
         laws=contact_laws(names, touching, lambda a, b: _law(scenario, a, b)),
         materials=tuple(names),
         groups=tuple(group.name for group in scenario.particles),
-        period=domain.size[0] if domain.periodic else 0.0,
+        period=domain.period,
         gravity=np.array(domain.gravity, float),
         shape_factor=SHAPE_FACTOR[scenario.particles[0].shape],
     )
@@ -161,7 +160,7 @@ def _state(model: Model, walls: BuiltWalls, groups: list[Brought]) -> State:
     if model.period > 0.0:
         state.position[:, 0] = wrap(state.position[:, 0], model.period)
     state.velocity = np.concatenate([group.velocity for group in groups])
-    state.wall_position[:, :2] = walls.origins
+    state.wall_position[:] = walls.position
     return state
 
 
@@ -169,8 +168,8 @@ def _check(model: Model, state: State, walls: BuiltWalls, solid: Obstacles) -> l
     """Overlaps of all bodies, and grains on the wrong side of rough walls."""
     radius, names = model.grains.radius, model.walls.names
     problems = overlap_problems(state.position, radius, model.grains.group, solid, model.shapes.wall, names, model.period)
-    for w, body in enumerate(walls.bodies):
-        if body.front is not None:
-            found = behind_problem(state.position, body.front, names[w], w, model.period)
+    for w, front in enumerate(walls.fronts):
+        if front is not None:
+            found = behind_problem(state.position, front, names[w], w, model.period)
             problems += [found] if found else []
     return problems

@@ -18,13 +18,13 @@ import numpy as np
 
 from multicor_cli.arithmetic.sums import mean, total
 from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
-from multicor_cli.model import ContactLaws, Grains, Model, State
+from multicor_cli.model import ContactLaws, Grains, Model, ShapeKind, State, WallBody
 from multicor_cli.model.columns import NORMAL, SPIN, X, Y
 from multicor_cli.model.model import Floats
 from multicor_cli.packing.bodies import SHAPE_FACTOR, Shape, inertias, masses
 from multicor_cli.packing.errors import PackingError
 from multicor_cli.packing.region import Area
-from multicor_cli.packing.walls import box, join_shapes, join_walls, plane
+from multicor_cli.packing.walls import join_shapes, join_walls
 
 _STEP = 0.1  # of √(m/P), the time in which the load moves a grain by its size
 _APPROACH = 0.03  # speed of the unhindered lid over H/√(m/P)
@@ -35,6 +35,7 @@ _PATIENCE = 600  # steps of creep before the grains are held
 _HOLDING_FRICTION = 0.5
 _ALL_THREADS = 5_000  # grains from which several threads pay
 _LID = 1  # index of the lid; the floor is wall 0
+_UP, _DOWN = (0.0, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0, -1.0)  # planes
 
 
 def compact(
@@ -142,15 +143,14 @@ class _Press:
 
 def _press(position: Floats, radius: Floats, mass: Floats, region: Area, shape: Shape, friction: float) -> tuple[Model, State]:
     """Grains between a floor and a lid, with sides unless the region is periodic."""
-    extent = (region.width, region.height)
-    low, high = np.array([region.left, region.bottom]), np.array([region.right, region.top])
-    bodies = [
-        plane(low, np.array([0.0, 1.0]), extent),
-        plane(np.array([region.left, region.top]), np.array([0.0, -1.0]), extent),
-    ]
+    floor, lid = WallBody.empty((region.left, region.bottom), region.width), WallBody.empty((region.left, region.top), region.width)
+    bodies = [floor.with_shapes(ShapeKind.PLANE, [_UP]), lid.with_shapes(ShapeKind.PLANE, [_DOWN])]
     names = ["floor", "lid"]
     if not region.is_periodic:
-        bodies.append(box(low, high, ("bottom", "top")))
+        half = 0.5 * region.width
+        middle = 0.5 * (region.left + region.right), 0.5 * (region.bottom + region.top)
+        sides = [(-half, 0.0, 1.0, 0.0), (half, 0.0, -1.0, 0.0)]
+        bodies.append(WallBody.empty(middle, 2.0 * region.height).with_shapes(ShapeKind.PLANE, sides))
         names.append("sides")
     # As heavy as one layer of grains: it neither rattles nor drags.
     lid_mass = mean(mass) * region.width / (2.0 * mean(radius))

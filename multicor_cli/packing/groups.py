@@ -18,7 +18,7 @@ from multicor_cli.packing.from_run import read_frame
 from multicor_cli.packing.lattice import lattice, lattice_capacity
 from multicor_cli.packing.obstacles import Obstacles
 from multicor_cli.packing.random import DEFAULT_ATTEMPTS, random_packing
-from multicor_cli.packing.region import Area, spans_period
+from multicor_cli.packing.region import Area
 from multicor_cli.packing.size_tables import sizes_of
 from multicor_cli.packing.sizes import Sizes, disc_area, draw_to_total
 from multicor_cli.packing.streams import Purpose, Stream, Table, stream
@@ -96,10 +96,8 @@ def make_group(scenario: Scenario, index: int, obstacles: Obstacles) -> Brought:
 def region_of_group(scenario: Scenario, group: ParticleGroup) -> Area:
     """The rectangle of a group; periodic if the domain is and the rectangle spans it."""
     table, domain = scenario.region(group), scenario.domain
-    period = domain.size[0] if domain.periodic else 0.0
-    is_periodic = spans_period(table.min[0], table.max[0], period)
-    if is_periodic:  # exactly, so that nothing is lost between the two ends
-        return Area(table.min[0], table.min[1], table.min[0] + period, table.max[1], True)
+    if domain.is_spanned(table.min[0], table.max[0]):  # exactly, so that nothing is lost between the two ends
+        return Area(table.min[0], table.min[1], table.min[0] + domain.period, table.max[1], True)
     return Area(*table.min, *table.max)
 
 
@@ -117,8 +115,7 @@ def _place(scenario: Scenario, group: ParticleGroup, index: int, region: Area, o
     sizes = sizes_of(group.sizes, group.shape)
     if isinstance(packing, TilePacking):
         return _tile(scenario, group, packing, sizes, region, random)
-    period = scenario.domain.size[0] if scenario.domain.periodic else 0.0
-    task = _Task(sizes, group.count, group.fill, region, obstacles.around(region, period), random)
+    task = _Task(sizes, group.count, group.fill, region, obstacles.around(region, scenario.domain.period), random)
     return _make(scenario, group, packing, task)
 
 

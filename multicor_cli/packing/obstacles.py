@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from multicor_cli.model.model import Floats, Ints, ShapeKind
+from multicor_cli.model.model import Floats, Ints
+from multicor_cli.model.shapes import ShapeKind
 from multicor_cli.packing.region import Area
 
 

@@ -8,11 +8,12 @@ from collections.abc import Sequence
 import numpy as np
 from numpy.typing import NDArray
 
+from multicor_cli.engine.geometry.gaps import gap_to_shape
 from multicor_cli.engine.geometry.grids import classify
-from multicor_cli.engine.geometry.neighbors import gap_to_shape
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.model.columns import RADIUS, X, Y
-from multicor_cli.model.model import Floats, Ints, ShapeKind
+from multicor_cli.model.model import Floats, Ints
+from multicor_cli.model.shapes import ShapeKind
 from multicor_cli.packing.errors import PackingError
 from multicor_cli.packing.obstacles import Obstacles
 from multicor_cli.packing.pairs import find_pairs

@@ -11,12 +11,12 @@ from typing import NamedTuple
 import numpy as np
 
 from multicor_cli.arithmetic import acos, asin, atan2, cos, sin
-from multicor_cli.engine.geometry.gaps import minimum_image
+from multicor_cli.engine.geometry.gaps import gap_to_shape, minimum_image
 from multicor_cli.engine.geometry.grids import Grids, classify, make_grids
-from multicor_cli.engine.geometry.neighbors import gap_to_shape
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.model.columns import RADIUS, X, Y
-from multicor_cli.model.model import Floats, Ints, ShapeKind
+from multicor_cli.model.model import Floats, Ints
+from multicor_cli.model.shapes import ShapeKind
 from multicor_cli.packing.obstacles import Obstacles
 from multicor_cli.packing.pairs import wrap
 from multicor_cli.packing.region import Area

@@ -12,7 +12,8 @@ import math
 import numpy as np
 
 from multicor_cli.arithmetic.sums import mean, total
-from multicor_cli.model.model import Floats, ShapeKind
+from multicor_cli.model.model import Floats
+from multicor_cli.model.shapes import IS_THIN
 from multicor_cli.packing.errors import PackingError
 from multicor_cli.packing.obstacles import Obstacles
 from multicor_cli.packing.pairs import find_pairs
@@ -106,7 +107,7 @@ def _fraction(radius: Floats, region: Area, obstacles: Obstacles) -> float:
     x = region.left + (np.arange(_PROBES) + 0.5) / _PROBES * region.width
     y = region.bottom + (np.arange(_PROBES) + 0.5) / _PROBES * region.height
     points = np.stack(np.meshgrid(x, y), axis=-1).reshape(-1, 2)
-    # Segments have no area, and a point is never inside one: treated as points, only discs, planes and circles cover anything.
+    # A point is never inside a thin shape.
     pairs = find_pairs(points, np.full(len(points), 1e-9 * radius.min()), _solid(obstacles), 0.0, region.period)
     covered = np.zeros(len(points), bool)
     owner = np.repeat(np.arange(len(points)), np.diff(pairs.row))
@@ -116,5 +117,5 @@ def _fraction(radius: Floats, region: Area, obstacles: Obstacles) -> float:
 
 
 def _solid(obstacles: Obstacles) -> Obstacles:
-    keep = np.isin(obstacles.kind, (ShapeKind.DISC, ShapeKind.PLANE, ShapeKind.CIRCLE))
+    keep = ~IS_THIN[obstacles.kind]
     return Obstacles(obstacles.kind[keep], obstacles.world[keep])

@@ -34,8 +34,3 @@ class Area:
     def period(self) -> float:
         """Period in x [m]; 0 if the region is not periodic."""
         return self.width if self.is_periodic else 0.0
-
-
-def spans_period(left: float, right: float, period: float) -> bool:
-    """Whether an interval of x covers the period exactly (to 1e-9 of it); never if ``period`` is 0."""
-    return period > 0.0 and abs(right - left - period) <= 1e-9 * period

@@ -2,39 +2,23 @@
 
 from __future__ import annotations
 
-import math
 from typing import NamedTuple
 
 import numpy as np
 
+from multicor_cli.engine.geometry.scene import place_shapes
+from multicor_cli.model import WallBody
 from multicor_cli.model.model import Floats, Walls, WallShapes
 from multicor_cli.packing.bodies import Shape
 from multicor_cli.packing.chain import chain_in_circle, chain_on_line
 from multicor_cli.packing.errors import PackingError
-from multicor_cli.packing.region import spans_period
+from multicor_cli.packing.obstacles import Obstacles
 from multicor_cli.packing.size_tables import sizes_of
 from multicor_cli.packing.streams import Purpose, Stream, Table, stream
-from multicor_cli.packing.walls import (
-    WallBody,
-    box,
-    circle,
-    glued_inertia,
-    join_shapes,
-    join_walls,
-    plane,
-    polyline,
-    rough_circle,
-    rough_line,
-)
+from multicor_cli.packing.walls import Front, glued_inertia, join_shapes, join_walls, with_glued
 from multicor_cli.scenario import Scenario
-from multicor_cli.scenario.models import (
-    BoxGeometry,
-    CircleGeometry,
-    ParticleGroup,
-    PlaneGeometry,
-    RoughGeometry,
-    Wall,
-)
+from multicor_cli.scenario.gluing import Glued, Ring
+from multicor_cli.scenario.models import ParticleGroup, Wall
 
 
 class BuiltWalls(NamedTuple):
@@ -42,15 +26,23 @@ class BuiltWalls(NamedTuple):
 
     Attributes:
         bodies: One for each wall.
+        fronts: Where the flow is, for each wall that is a row of glued grains; None for the others.
         walls: Their inertia.
         shapes: Their shapes.
-        origins: Their reference points in the world [m], shape ``(w, 2)``.
+        position: Their reference points in the world [m] and angles, which are 0, shape ``(w, 3)``.
     """
 
     bodies: list[WallBody]
+    fronts: list[Front | None]
     walls: Walls
     shapes: WallShapes
-    origins: Floats
+    position: Floats
+
+    def obstacles(self) -> Obstacles:
+        """The shapes in the world."""
+        world = np.empty(self.shapes.geometry.shape)
+        place_shapes(self.shapes.kind, self.shapes.wall, self.shapes.geometry, self.position, world)
+        return Obstacles(self.shapes.kind, world)
 
 
 def build_walls(scenario: Scenario) -> BuiltWalls:
@@ -60,50 +52,41 @@ def build_walls(scenario: Scenario) -> BuiltWalls:
         PackingError: Glued grains cannot be made; its key begins at the wall.
     """
     materials = list(scenario.materials)
-    bodies = [_body(scenario, k, wall) for k, wall in enumerate(scenario.walls)]
+    made = [_make(scenario, k, wall) for k, wall in enumerate(scenario.walls)]
+    bodies = [body for body, _ in made]
     inertia = [_inertia(scenario, wall, body) for wall, body in zip(scenario.walls, bodies, strict=True)]
     names = [wall.name for wall in scenario.walls]
     return BuiltWalls(
         bodies,
+        [front for _, front in made],
         join_walls(names, bodies, inertia, [wall.gravity for wall in scenario.walls]),
         join_shapes(bodies, [materials.index(wall.material) for wall in scenario.walls]),
-        np.array([body.origin for body in bodies]).reshape(-1, 2),
+        np.array([[*body.origin, 0.0] for body in bodies]).reshape(-1, 3),
     )
 
 
-def _body(scenario: Scenario, index: int, wall: Wall) -> WallBody:
-    geometry, domain = wall.geometry, scenario.domain
-    if isinstance(geometry, PlaneGeometry):
-        return plane(np.array(geometry.point), np.array(geometry.normal), domain.size)
-    if isinstance(geometry, BoxGeometry):
-        return box(np.array(geometry.min), np.array(geometry.max), geometry.open)
-    if isinstance(geometry, CircleGeometry) and geometry.rough is None:
-        return circle(np.array(geometry.center), geometry.radius)
-    if isinstance(geometry, RoughGeometry | CircleGeometry):
-        try:
-            return _rough(scenario, index, wall, geometry)
-        except PackingError as error:
-            raise PackingError(error.message, error.remedy, ("walls", index, "geometry", *error.key)) from error
-    return polyline(np.array(geometry.points), geometry.closed)
+def _make(scenario: Scenario, index: int, wall: Wall) -> tuple[WallBody, Front | None]:
+    body, glued = wall.geometry.body(scenario.domain), wall.geometry.glued(scenario.domain)
+    if glued is None:
+        return body, None
+    try:
+        return _glue(scenario, index, wall, body, glued)
+    except PackingError as error:
+        raise PackingError(error.message, error.remedy, ("walls", index, "geometry", *error.key)) from error
 
 
-def _rough(scenario: Scenario, index: int, wall: Wall, geometry: RoughGeometry | CircleGeometry) -> WallBody:
+def _glue(scenario: Scenario, index: int, wall: Wall, body: WallBody, glued: Glued) -> tuple[WallBody, Front | None]:
     table = scenario.glued_sizes(wall)
     assert table is not None  # the scenario has been checked
-    sizes = sizes_of(table, _shape(scenario))
+    sizes, place = sizes_of(table, _shape(scenario)), glued.place
 
     def restart() -> Stream:
         return stream(scenario.seed, Table.WALLS, index, Purpose.SIZES)
 
-    if isinstance(geometry, CircleGeometry):
-        return rough_circle(np.array(geometry.center), geometry.radius, chain_in_circle(geometry.radius, sizes, restart))
-    start, end = np.array(geometry.start), np.array(geometry.end)
-    period = scenario.domain.size[0] if scenario.domain.periodic else 0.0
-    is_level = abs(end[1] - start[1]) <= 1e-9 * abs(end[0] - start[0])
-    spans = is_level and spans_period(min(start[0], end[0]), max(start[0], end[0]), period)
-    if spans:  # exactly, so that the last glued grain touches the first
-        end = start + np.array([math.copysign(period, end[0] - start[0]), 0.0])
-    return rough_line(start, end, geometry.side == "left", chain_on_line(start, end, sizes, restart), spans)
+    if isinstance(place, Ring):
+        return with_glued(body, chain_in_circle(place.radius, sizes, restart)), None
+    chain = chain_on_line(np.array(place.start), np.array(place.end), sizes, restart)
+    return with_glued(body, chain - np.append(body.origin, 0.0)), Front.of(place, chain)
 
 
 def _shape(scenario: Scenario) -> Shape:
@@ -126,7 +109,8 @@ def _inertia(scenario: Scenario, wall: Wall, body: WallBody) -> tuple[float, flo
 
 def _model_group(scenario: Scenario, wall: Wall) -> ParticleGroup:
     """The group whose thickness glued grains have: the one they take their sizes from, else the first of their material."""
-    named = wall.glued_sizes
+    glued = wall.geometry.glued()
+    named = None if glued is None else glued.sizes
     if isinstance(named, str):
         return next(group for group in scenario.particles if group.name == named)
     if named is None:

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from multicor_cli.model.model import Floats
+from multicor_cli.model.shapes import Outline
 from multicor_cli.plots.style import COLUMN, PAGE
 from multicor_cli.post.scene import GrainScene, images
 
@@ -88,13 +89,8 @@ def draw_discs(axes: Any, scene: GrainScene, *, value: Floats | None = None, col
 
 def draw_walls(axes: Any, scene: GrainScene) -> None:
     """Draw walls and glued grains, and set limits, aspect and labels of the axes."""
-    from matplotlib.collections import LineCollection
-
-    which, shift = images(scene.glued[:, 0], scene.glued[:, 2], scene.period)
-    center = scene.glued[which, :2] + np.column_stack([shift, np.zeros_like(shift)])
-    _add_discs(axes, center, scene.glued[which, 2], facecolors="0.7", edgecolors=WALL, linewidths=0.3, zorder=2)
-    axes.add_collection(LineCollection(list(_lines(scene)), colors=WALL, linewidths=1.0, zorder=2))
-    _add_discs(axes, scene.circles[:, :2], scene.circles[:, 2], facecolors="none", edgecolors=WALL, linewidths=1.0, zorder=2)
+    for outline in scene.walls:
+        _draw_outline(axes, scene, outline)
     axes.set_xlim(*scene.box[:, 0])
     axes.set_ylim(*scene.box[:, 1])
     axes.set_aspect("equal")
@@ -115,9 +111,23 @@ def _add_discs(axes: Any, center: Floats, radius: Floats, **style: Any) -> Any:
     return discs
 
 
-def _lines(scene: GrainScene) -> Floats:
-    """Straight walls and the visible part of endless ones, shape ``(k, 2, 2)``."""
-    point, normal = scene.planes[:, :2], scene.planes[:, 2:]
-    along = np.column_stack([-normal[:, 1], normal[:, 0]]) * float(np.hypot(*(scene.box[1] - scene.box[0]))) * 2.0
-    nearest = point + (((scene.box.mean(axis=0) - point) * along).sum(axis=1) / (along**2).sum(axis=1))[:, np.newaxis] * along
-    return np.concatenate([scene.segments, np.stack([nearest - along, nearest + along], axis=1)])
+def _draw_outline(axes: Any, scene: GrainScene, outline: Outline) -> None:
+    from matplotlib.collections import LineCollection
+
+    if outline.radius is None:
+        lines = outline.points if outline.normal is None else _visible_part(outline.points[:, 0], outline.normal, scene.box)
+        axes.add_collection(LineCollection(list(lines), colors=WALL, linewidths=1.0, zorder=2))
+    elif outline.is_grain:
+        center = outline.points[:, 0]
+        which, shift = images(center[:, 0], outline.radius, scene.period)
+        center = center[which] + np.column_stack([shift, np.zeros_like(shift)])
+        _add_discs(axes, center, outline.radius[which], facecolors="0.7", edgecolors=WALL, linewidths=0.3, zorder=2)
+    else:
+        _add_discs(axes, outline.points[:, 0], outline.radius, facecolors="none", edgecolors=WALL, linewidths=1.0, zorder=2)
+
+
+def _visible_part(point: Floats, normal: Floats, box: Floats) -> Floats:
+    """Ends of what is to be seen of endless lines [m], shape ``(k, 2, 2)``."""
+    along = np.column_stack([-normal[:, 1], normal[:, 0]]) * float(np.hypot(*(box[1] - box[0]))) * 2.0
+    nearest = point + (((box.mean(axis=0) - point) * along).sum(axis=1) / (along**2).sum(axis=1))[:, np.newaxis] * along
+    return np.stack([nearest - along, nearest + along], axis=1)

@@ -9,7 +9,8 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.model.model import Floats, Model, ShapeKind
+from multicor_cli.model.model import Floats, Model
+from multicor_cli.model.shapes import ShapeKind
 from multicor_cli.post.source import FrameSource, GrainFrame, PostError
 
 if TYPE_CHECKING:

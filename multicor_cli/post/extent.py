@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.model import Model, ShapeKind
+from multicor_cli.model import Model
 from multicor_cli.model.model import Floats
+from multicor_cli.model.shapes import outlines
 from multicor_cli.post.source import FrameSource, GrainFrame
 
 _LEVEL = 0.7  # a plane bounds the grains in y if its normal points within 45 degrees up or down
@@ -101,12 +102,12 @@ def wall_spans(model: Model) -> tuple[Floats, Floats]:
     low, high = np.full((model.wall_count, 2), np.inf), np.full((model.wall_count, 2), -np.inf)
     is_upright = np.zeros(model.wall_count, np.bool_)
     shapes = model.shapes
-    for kind, wall, g in zip(shapes.kind, shapes.wall, shapes.geometry, strict=True):
-        reach = g[2] if kind == ShapeKind.CIRCLE else 0.0
-        end = g[2:] if kind == ShapeKind.SEGMENT else g[:2]
-        low[wall] = np.minimum(low[wall], np.minimum(g[:2], end) - reach)
-        high[wall] = np.maximum(high[wall], np.maximum(g[:2], end) + reach)
-        is_upright[wall] |= kind == ShapeKind.PLANE and abs(g[3]) < _LEVEL
+    for which, outline in outlines(shapes.kind, shapes.geometry):
+        corners = (replace(outline, radius=None) if outline.is_grain else outline).corners()  # of glued grains the centers count
+        np.minimum.at(low, shapes.wall[which], corners[0])
+        np.maximum.at(high, shapes.wall[which], corners[1])
+        if outline.normal is not None:
+            np.logical_or.at(is_upright, shapes.wall[which], np.abs(outline.normal[:, 1]) < _LEVEL)
     # Infinities of walls without shapes stay what they are: nothing bounds nothing.
     size = np.where(np.isfinite(low), high, 0.0) - np.where(np.isfinite(low), low, 0.0)
     is_upright |= size[:, 1] > size[:, 0]

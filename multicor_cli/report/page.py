@@ -14,6 +14,8 @@ from typing import Any
 import numpy as np
 
 from multicor_cli import __version__
+from multicor_cli.model.model import Floats
+from multicor_cli.model.shapes import outlines
 from multicor_cli.plots.small_rises import rise_reference
 from multicor_cli.post.energy import HEAT, MECHANICAL, EnergyTable
 from multicor_cli.report.figures import Figure
@@ -183,11 +185,16 @@ def _meta(run: Run, packing: Packed) -> dict[str, Any]:
         "frameCount": packing.frame_count,
         "codes": {name: _code(code) for name, code in packing.codes.items()},
         "fields": [_field(packing, k) for k in range(len(packing.fields))],
-        "shapes": {
-            "kind": model.shapes.kind.tolist(),
-            "wall": model.shapes.wall.tolist(),
-            "geometry": [[float(f"{value:.7g}") for value in row] for row in model.shapes.geometry.tolist()],
-        },
+        "shapes": [
+            {
+                "wall": model.shapes.wall[which].tolist(),
+                "points": _short(outline.points),
+                "radius": None if outline.radius is None else _short(outline.radius),
+                "normal": None if outline.normal is None else _short(outline.normal),
+                "isGrain": outline.is_grain,
+            }
+            for which, outline in outlines(model.shapes.kind, model.shapes.geometry)
+        ],
         "frames": [
             {
                 "index": chunk.index,
@@ -201,6 +208,11 @@ def _meta(run: Run, packing: Packed) -> dict[str, Any]:
             for k, chunk in enumerate(packing.chunks)
         ],
     }
+
+
+def _short(values: Floats) -> Any:
+    """Numbers of an array as lists, with as many digits as a picture needs."""
+    return np.array([float(f"{value:.7g}") for value in values.ravel().tolist()]).reshape(values.shape).tolist()
 
 
 def _stage_name(run: Run, stage: int) -> str:

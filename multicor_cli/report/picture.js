@@ -9,7 +9,6 @@ const COLORS = {
 const STEPS = 256;
 const CRISP = 20000; // with more grains a picture has two pixels per point at most
 const LEAST = 0.6; // smallest radius of a grain, in points
-const KIND = { disc: 0, plane: 1, segment: 2, circle: 4 };
 
 /** Some 256 colors as CSS texts, from evenly spaced ones. */
 function makeColors(name) {
@@ -225,21 +224,23 @@ class Picture {
   }
 
   drawWalls(poses) {
-    const context = this.context, { kind, wall, geometry } = meta.shapes;
+    const context = this.context;
     context.strokeStyle = this.ink("--wall");
     context.fillStyle = this.ink("--glued");
     const width = 2 * this.pixels / this.scale;
-    kind.forEach((which, shape) => {
-      const [dx, dy, angle] = poses[wall[shape]], g = geometry[shape];
-      const c = Math.cos(angle), s = Math.sin(angle);
-      const turn = (x, y) => [c * x - s * y, s * x + c * y];
-      const move = (x, y) => turn(x, y).map((value, axis) => value + [dx, dy][axis]);
-      context.lineWidth = width;
-      if (which === KIND.disc) this.drawGlued(move(g[0], g[1]), g[2]);
-      else if (which === KIND.circle) this.strokeCircle(move(g[0], g[1]), g[2]);
-      else if (which === KIND.segment) this.strokeLine(move(g[0], g[1]), move(g[2], g[3]));
-      else if (which === KIND.plane) this.drawPlane(move(g[0], g[1]), turn(g[2], g[3]));
-    });
+    for (const { wall, points, radius, normal, isGrain } of meta.shapes) {
+      points.forEach((local, shape) => {
+        const [dx, dy, angle] = poses[wall[shape]];
+        const c = Math.cos(angle), s = Math.sin(angle);
+        const turn = ([x, y]) => [c * x - s * y, s * x + c * y];
+        const placed = local.map(turn).map(([x, y]) => [x + dx, y + dy]);
+        context.lineWidth = width;
+        if (isGrain) this.drawGlued(placed[0], radius[shape]);
+        else if (radius) this.strokeCircle(placed[0], radius[shape]);
+        else if (normal) this.drawEndless(placed[0], turn(normal[shape]));
+        else this.strokeLine(...placed);
+      });
+    }
   }
 
   drawGlued([x, y], a) {
@@ -260,15 +261,14 @@ class Picture {
     this.context.stroke();
   }
 
-  strokeLine(from, to) {
+  strokeLine(...corners) {
     this.context.beginPath();
-    this.context.moveTo(...from);
-    this.context.lineTo(...to);
+    for (const corner of corners) this.context.lineTo(...corner);
     this.context.stroke();
   }
 
   /** The visible part of an endless wall. */
-  drawPlane([x, y], [nx, ny]) {
+  drawEndless([x, y], [nx, ny]) {
     const far = 3 * Math.hypot(meta.box[1][0] - meta.box[0][0], meta.box[1][1] - meta.box[0][1]);
     this.strokeLine([x - far * ny, y + far * nx], [x + far * ny, y - far * nx]);
   }

@@ -8,6 +8,7 @@ import numpy as np
 
 from multicor_cli.model import BOOK_NAMES, Model, ShapeKind, State
 from multicor_cli.model.model import Floats
+from multicor_cli.model.shapes import TAIL, Tail
 
 ROUNDING = 1e-9
 """Relative amount by which an accumulated strain may miss its goal: the sum of 10⁶ rounded increments."""
@@ -109,8 +110,8 @@ def wall_heights(model: Model) -> Floats:
     """Height y of each wall in its frame: the mean over its shapes [m], shape ``(w,)``; 0 without shapes."""
     shapes = model.shapes
     height = shapes.geometry[:, 1].copy()
-    is_segment = shapes.kind == ShapeKind.SEGMENT
-    height[is_segment] = 0.5 * (shapes.geometry[is_segment, 1] + shapes.geometry[is_segment, 3])
+    has_end = TAIL[shapes.kind] == Tail.POINT
+    height[has_end] = 0.5 * (shapes.geometry[has_end, 1] + shapes.geometry[has_end, 3])
     counted = shapes.kind != ShapeKind.VERTEX
     total = np.bincount(shapes.wall[counted], weights=height[counted], minlength=model.wall_count)
     number = np.bincount(shapes.wall[counted], minlength=model.wall_count)

@@ -54,14 +54,7 @@ from multicor_cli.scenario.temperatures import (
     ValuesTemperature,
 )
 from multicor_cli.scenario.wall_heat import FlowCondition, InsulatedCondition, TemperatureCondition
-from multicor_cli.scenario.walls import (
-    BoxGeometry,
-    CircleGeometry,
-    PlaneGeometry,
-    PolylineGeometry,
-    RoughGeometry,
-    Wall,
-)
+from multicor_cli.scenario.walls import Wall
 
 
 class ScenarioModel(Table):
@@ -91,8 +84,6 @@ __all__ = [
     "AnySizes",
     "AnyTemperature",
     "AverageForce",
-    "BoxGeometry",
-    "CircleGeometry",
     "CompactedPacking",
     "ContactPair",
     "DepositedPacking",
@@ -114,8 +105,6 @@ __all__ = [
     "Material",
     "Output",
     "ParticleGroup",
-    "PlaneGeometry",
-    "PolylineGeometry",
     "PowerSizes",
     "PrescribedForce",
     "Radiation",
@@ -123,7 +112,6 @@ __all__ = [
     "RandomPacking",
     "Region",
     "RegionsTemperature",
-    "RoughGeometry",
     "RunPacking",
     "ScenarioModel",
     "SineSignal",

@@ -129,14 +129,14 @@ class Scenario:
 
     def glued_sizes(self, wall: Wall) -> AnySizes | None:
         """Sizes of the glued grains of a wall; ``None`` if it has no glued grains."""
-        if not wall.has_glued_grains:
+        glued = wall.geometry.glued()
+        if glued is None:
             return None
-        named = wall.glued_sizes
-        if named is None:
+        if glued.sizes is None:
             return self.particles[0].sizes
-        if isinstance(named, str):
-            return next(group.sizes for group in self.particles if group.name == named)
-        return named
+        if isinstance(glued.sizes, str):
+            return next(group.sizes for group in self.particles if group.name == glued.sizes)
+        return glued.sizes
 
     def stage_solver(self, stage: int) -> Solver:
         """``[solver]`` with what the stage of this index overrides, its time step included.

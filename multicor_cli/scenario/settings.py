@@ -39,6 +39,15 @@ class Domain(Table):
     periodic: bool = Field(False, description="whether the domain repeats in x")
     gravity: Vector = Field((0.0, -9.81), description="acceleration of gravity [m/s²]")
 
+    @property
+    def period(self) -> float:
+        """Period in x [m]; 0 if the domain is not periodic."""
+        return self.size[0] if self.periodic else 0.0
+
+    def is_spanned(self, left: float, right: float) -> bool:
+        """Whether an interval of x covers the period exactly (to 1e-9 of it); never if there is none."""
+        return self.period > 0.0 and abs(right - left - self.period) <= 1e-9 * self.period
+
 
 class Solver(Table):
     """``[solver]``: time step and contact solver."""

@@ -1,21 +1,60 @@
-"""Walls: their geometry and their inertia."""
+"""Walls: their geometry and their inertia.
+
+Each geometry says of what shapes it consists. They lie in a frame whose origin is the reference point of the wall: the center of
+a circle or box, the mean of the points of a polyline, the middle of a row of glued grains, the given point of a plane. Torques and
+spins refer to it.
+"""
 
 from __future__ import annotations
 
+import math
+from abc import abstractmethod
+from collections.abc import Iterator
 from typing import Annotated, Literal, Self
 
-from pydantic import Discriminator, Field, Strict, Tag, ValidationInfo, field_validator, model_validator
+import numpy as np
+from pydantic import Field, Strict, ValidationInfo, field_validator, model_validator
 
 from multicor_cli.arithmetic import hypot
-from multicor_cli.scenario.base import Length, Name, Point, Table, Vector, refuse, tag_table
-from multicor_cli.scenario.sizes import Sizes
+from multicor_cli.arithmetic.sums import column_totals, total
+from multicor_cli.model import ShapeKind, WallBody
+from multicor_cli.scenario.base import Length, Name, Point, Table, Vector, refuse
+from multicor_cli.scenario.gluing import Glued, Ring, Row, SizesOrGroup
+from multicor_cli.scenario.problems import Finding
+from multicor_cli.scenario.settings import Domain
 from multicor_cli.scenario.wall_heat import WallCondition
 
 Side = Literal["left", "right", "bottom", "top"]
-SizesOrGroup = Annotated[Annotated[Name, Tag("<plain>")] | Annotated[Sizes, Tag("<table>")], Discriminator(tag_table)]
+_LEVEL = 1e-9  # slope that counts as none
 
 
-class PlaneGeometry(Table):
+class WallGeometry(Table):
+    """What the rest of the program asks of every geometry."""
+
+    @abstractmethod
+    def body(self, domain: Domain) -> WallBody:
+        """Its shapes without glued grains."""
+
+    def glued(self, domain: Domain | None = None) -> Glued | None:
+        """Its glued grains; None if it has none. Without a domain, nothing is fitted to the period."""
+        return None
+
+    def misfits(self, domain: Domain) -> Iterator[Finding]:
+        """What does not fit to the domain; keys count from the table of the geometry."""
+        yield from ()
+
+    @property
+    def spans_period(self) -> bool:
+        """Whether it reaches from one period of a periodic domain to the next, so that it cannot turn."""
+        return False
+
+    @property
+    def height(self) -> float | None:
+        """Height y at which it bounds a layer [m]; None if it has no definite one."""
+        return None
+
+
+class PlaneGeometry(WallGeometry):
     """An infinite straight line."""
 
     kind: Literal["plane"]
@@ -29,8 +68,30 @@ class PlaneGeometry(Table):
             raise refuse(f"the normal {list(normal)} has no direction", "give a direction towards the grains, as [0, 1]")
         return normal
 
+    def body(self, domain: Domain) -> WallBody:
+        """A half-plane; a load spreads over its part in the domain."""
+        nx, ny = (value / hypot(*self.normal) for value in self.normal)
+        length = abs(ny) * domain.size[0] + abs(nx) * domain.size[1]
+        return WallBody.empty(self.point, length).with_shapes(ShapeKind.PLANE, [(0.0, 0.0, nx, ny)])
 
-class RoughGeometry(Table):
+    def misfits(self, domain: Domain) -> Iterator[Finding]:
+        """In a periodic domain planes are level."""
+        if domain.periodic and abs(self.normal[0]) > _LEVEL * abs(self.normal[1]):
+            what = f"a plane with normal {list(self.normal)} crosses the periodic domain"
+            yield Finding(("normal",), what, "use [0, 1] or [0, -1], or periodic = false")
+
+    @property
+    def spans_period(self) -> bool:
+        """Whether it is level."""
+        return self.normal[0] == 0.0
+
+    @property
+    def height(self) -> float:
+        """Height of its point [m]."""
+        return self.point[1]
+
+
+class RoughGeometry(WallGeometry):
     """A row of touching glued grains with their centers on a line."""
 
     kind: Literal["rough"]
@@ -48,13 +109,37 @@ class RoughGeometry(Table):
             raise refuse(f"the line begins and ends at {list(end)}", "give two different points")
         return end
 
+    def body(self, domain: Domain) -> WallBody:
+        """No shapes but the glued grains."""
+        row = self._row(domain)
+        return WallBody.empty(row.middle, row.length)
+
+    def glued(self, domain: Domain | None = None) -> Glued:
+        """A row of them."""
+        return Glued(self._row(domain), self.sizes, "sizes")
+
+    def _row(self, domain: Domain | None) -> Row:
+        start, end, is_left = self.start, self.end, self.side == "left"
+        way = end[0] - start[0]
+        is_level = abs(end[1] - start[1]) <= _LEVEL * abs(way)
+        if domain is None or not is_level or not domain.is_spanned(min(start[0], end[0]), max(start[0], end[0])):
+            return Row(start, end, is_left, is_closed=False)
+        # Exactly, so that the last glued grain touches the first.
+        end = start[0] + math.copysign(domain.period, way), start[1]
+        return Row(start, end, is_left, is_closed=True)
+
     @property
-    def length(self) -> float:
-        """Length of the line of centers [m]."""
-        return hypot(self.end[0] - self.start[0], self.end[1] - self.start[1])
+    def spans_period(self) -> bool:
+        """As a rule it does."""
+        return True
+
+    @property
+    def height(self) -> float:
+        """Height of its middle [m]."""
+        return 0.5 * (self.start[1] + self.end[1])
 
 
-class BoxGeometry(Table):
+class BoxGeometry(WallGeometry):
     """A rectangular container around the grains: one body with up to four sides."""
 
     kind: Literal["box"]
@@ -81,8 +166,33 @@ class BoxGeometry(Table):
             raise refuse("all four sides are open: nothing is left of the box", "remove the wall or close a side")
         return sides
 
+    def body(self, domain: Domain) -> WallBody:
+        """A half-plane for each closed side."""
+        (left, bottom), (right, top) = self.min, self.max
+        half_width, half_height = 0.5 * (right - left), 0.5 * (top - bottom)
+        sides = {
+            "left": (2.0 * half_height, (-half_width, 0.0, 1.0, 0.0)),
+            "right": (2.0 * half_height, (half_width, 0.0, -1.0, 0.0)),
+            "bottom": (2.0 * half_width, (0.0, -half_height, 0.0, 1.0)),
+            "top": (2.0 * half_width, (0.0, half_height, 0.0, -1.0)),
+        }
+        lengths, planes = zip(*(side for name, side in sides.items() if name not in self.open), strict=True)
+        middle = 0.5 * (left + right), 0.5 * (bottom + top)
+        return WallBody.empty(middle, math.fsum(lengths)).with_shapes(ShapeKind.PLANE, planes)
 
-class CircleGeometry(Table):
+    def misfits(self, domain: Domain) -> Iterator[Finding]:
+        """In a periodic domain a box has no sides at left and right."""
+        if domain.periodic and not {"left", "right"} <= set(self.open):
+            what = f"the box has sides at left or right of a periodic domain: open = {list(self.open)}"
+            yield Finding(("open",), what, 'add "left" and "right", or use periodic = false')
+
+    @property
+    def spans_period(self) -> bool:
+        """Its bottom and top do."""
+        return True
+
+
+class CircleGeometry(WallGeometry):
     """The inside of a circle: a drum."""
 
     kind: Literal["circle"]
@@ -92,8 +202,23 @@ class CircleGeometry(Table):
         None, description="sizes of grains glued to the inside: name of a group of particles, or a table; default: smooth"
     )
 
+    def body(self, domain: Domain) -> WallBody:
+        """The smooth circle."""
+        smooth = WallBody.empty(self.center, 2.0 * math.pi * self.radius)
+        return smooth.with_shapes(ShapeKind.CIRCLE, [(0.0, 0.0, self.radius, 0.0)])
 
-class PolylineGeometry(Table):
+    def glued(self, domain: Domain | None = None) -> Glued | None:
+        """A ring of them, if it is rough."""
+        return None if self.rough is None else Glued(Ring(self.center, self.radius), self.rough, "rough")
+
+    def misfits(self, domain: Domain) -> Iterator[Finding]:
+        """It fits into the period."""
+        if domain.periodic and 2.0 * self.radius > domain.size[0]:
+            what = f"the circle of radius {self.radius:g} m is wider than the period of {domain.size[0]:g} m"
+            yield Finding(("radius",), what, "use periodic = false")
+
+
+class PolylineGeometry(WallGeometry):
     """Straight segments from point to point, solid on both sides: hoppers, chutes, obstacles."""
 
     kind: Literal["polyline"]
@@ -119,6 +244,22 @@ class PolylineGeometry(Table):
                 "points",
             )
         return self
+
+    def body(self, domain: Domain) -> WallBody:
+        """Segments from point to point, and a vertex at every point that knows the segments it ends."""
+        points = np.array(self.points)
+        origin = column_totals(points) / len(points)
+        local = points - origin
+        ends = np.roll(local, -1, axis=0) if self.closed else local[1:]
+        segments = np.column_stack([local[: len(ends)], ends])
+        number = np.arange(len(points), dtype=float)
+        before, after = number - 1.0, np.where(number < len(segments), number, -1.0)
+        if self.closed:
+            before[0] = len(segments) - 1.0
+        vertices = np.column_stack([local, before, after])
+        length = total(np.array([hypot(*way) for way in (segments[:, 2:] - segments[:, :2]).tolist()]))
+        body = WallBody.empty(origin.tolist(), length)
+        return body.with_shapes(ShapeKind.SEGMENT, segments).with_shapes(ShapeKind.VERTEX, vertices)
 
 
 Geometry = Annotated[
@@ -147,17 +288,3 @@ class Wall(Table):
         description="thermal condition from the start of the run: { temperature = 323.15 }, { flow = 5.0 } or { insulated = true } "
         "(the default)",
     )
-
-    @property
-    def has_glued_grains(self) -> bool:
-        """Whether the wall carries glued grains, whose mass is its default mass."""
-        return isinstance(self.geometry, RoughGeometry) or (
-            isinstance(self.geometry, CircleGeometry) and self.geometry.rough is not None
-        )
-
-    @property
-    def glued_sizes(self) -> SizesOrGroup | None:
-        """What the scenario says about the sizes of the glued grains; ``None``: as the first group (or no glued grains)."""
-        if isinstance(self.geometry, RoughGeometry):
-            return self.geometry.sizes
-        return self.geometry.rough if isinstance(self.geometry, CircleGeometry) else None

@@ -13,6 +13,7 @@ from typing import Any, Literal
 
 from multicor_cli.model import BOOK_NAMES, TALLY_NAMES, WINDOW_NAMES, Model
 from multicor_cli.model.columns import ANGLE, SPIN
+from multicor_cli.model.shapes import SHAPES
 from multicor_cli.store.moment import Moment, in_plane, mean_temperature
 
 FORMAT_VERSION = (1, 0)
@@ -142,7 +143,7 @@ MODEL: tuple[Dataset, ...] = (
         "model/walls/length", "f8", ("wall",), "m", "length over which a load on the wall spreads", lambda m: m.model.walls.length,
     ),
     Dataset(
-        "model/shapes/kind", "i4", ("shape",), "1", "0 disc, 1 plane, 2 segment, 3 vertex, 4 circle (inside)",
+        "model/shapes/kind", "i4", ("shape",), "1", ", ".join(f"{kind:d} {shape.name}" for kind, shape in SHAPES.items()),
         lambda m: m.model.shapes.kind,
     ),
     Dataset(

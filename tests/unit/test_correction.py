@@ -7,7 +7,7 @@ from scene_parts import FLOOR, make_engine, make_model
 from multicor_cli.engine.geometry.scene import Scene, pair_geometry
 from multicor_cli.engine.motion import correction
 from multicor_cli.engine.motion.separation import pairs_within, separate, surround
-from multicor_cli.model.model import ShapeKind
+from multicor_cli.model.shapes import ShapeKind
 
 ROW = np.array([0, 1, 2, 3, 4, 5, 6], np.int64)  # a chain: grain k is near grain k + 1, and the last near a wall
 PARTNER = np.array([1, 2, 3, 4, 5, 7], np.int32)

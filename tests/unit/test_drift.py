@@ -7,7 +7,7 @@ from scipy.spatial import cKDTree
 
 from multicor_cli.engine.geometry.drift import bound_closing, fit_drift
 from multicor_cli.engine.geometry.neighbor_list import NeighborList
-from multicor_cli.model.model import ShapeKind
+from multicor_cli.model.shapes import ShapeKind
 
 
 def sheared(height, rng, rate=3.0, rest=0.01):

@@ -6,12 +6,14 @@ import numpy as np
 import pytest
 from packing_support import generator, scenario, wall
 
-from multicor_cli.model import ShapeKind
+from multicor_cli.model import ShapeKind, WallBody
 from multicor_cli.packing.chain import chain_in_circle, chain_on_line
 from multicor_cli.packing.errors import PackingError
 from multicor_cli.packing.sizes import list_sizes, uniform_sizes
 from multicor_cli.packing.wall_tables import build_walls
-from multicor_cli.packing.walls import box, circle, in_world, join_shapes, plane, polyline
+from multicor_cli.packing.walls import join_shapes
+from multicor_cli.scenario.settings import Domain
+from multicor_cli.scenario.walls import BoxGeometry, CircleGeometry, PlaneGeometry, PolylineGeometry, WallGeometry
 
 SIZES = {
     "equal": list_sizes(np.array([1e-3]), None, "number", 2),
@@ -59,8 +61,12 @@ def test_line_shorter_than_a_grain_is_refused():
         chain_on_line(np.zeros(2), np.array([1e-3, 0.0]), SIZES["equal"], generator)
 
 
+def body_of(geometry: WallGeometry) -> WallBody:
+    return geometry.body(Domain(size=(2.0, 1.0)))
+
+
 def test_open_polyline_corners_name_their_segments():
-    body = polyline(np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 2.0]]), False)
+    body = body_of(PolylineGeometry(kind="polyline", points=((0.0, 0.0), (1.0, 0.0), (1.0, 2.0))))
     assert body.kind.tolist() == [ShapeKind.SEGMENT] * 2 + [ShapeKind.VERTEX] * 3
     assert body.geometry[2:, 2:].tolist() == [[-1, 0], [0, 1], [1, -1]]
     np.testing.assert_allclose(body.origin, [2 / 3, 2 / 3])
@@ -72,13 +78,17 @@ def test_open_polyline_corners_name_their_segments():
 
 
 def test_closed_polyline_has_no_loose_end():
-    body = polyline(np.array([[0.0, 0.0], [1.0, 0.0], [0.0, 1.0]]), True)
+    body = body_of(PolylineGeometry(kind="polyline", points=((0.0, 0.0), (1.0, 0.0), (0.0, 1.0)), closed=True))
     assert body.geometry[3:, 2:].tolist() == [[2, 0], [0, 1], [1, 2]]
     assert body.length == pytest.approx(2 + math.sqrt(2))
 
 
 def test_corners_refer_to_rows_of_the_joined_table():
-    bodies = [plane(np.zeros(2), np.array([0.0, 2.0]), (1.0, 1.0)), polyline(np.array([[0.0, 0.0], [1.0, 0.0]]), False)]
+    geometries = [
+        PlaneGeometry(kind="plane", point=(0.0, 0.0), normal=(0.0, 2.0)),
+        PolylineGeometry(kind="polyline", points=((0.0, 0.0), (1.0, 0.0))),
+    ]
+    bodies = [body_of(geometry) for geometry in geometries]
     shapes = join_shapes(bodies, [0, 1])
     assert shapes.geometry[2:, 2:].tolist() == [[-1, 1], [1, -1]]
     assert bodies[1].geometry[1:, 2:].tolist() == [[-1, 0], [0, -1]]  # the body itself is not changed
@@ -86,20 +96,29 @@ def test_corners_refer_to_rows_of_the_joined_table():
     assert shapes.material.tolist() == [0, 1, 1, 1]
 
 
-def test_simple_shapes_in_the_world():
-    bodies = [
-        plane(np.array([0.3, 0.1]), np.array([3.0, 4.0]), (2.0, 1.0)),
-        box(np.array([0.0, 0.0]), np.array([2.0, 1.0]), ("top",)),
-        circle(np.array([0.5, 0.6]), 0.25),
-    ]
-    shapes = join_shapes(bodies, [0, 0, 0])
-    world = in_world(shapes, np.array([body.origin for body in bodies]))
-    np.testing.assert_allclose(world[0], [0.3, 0.1, 0.6, 0.8])
-    assert bodies[0].length == pytest.approx(0.8 * 2.0 + 0.6 * 1.0)
-    np.testing.assert_allclose(world[1:4], [[0, 0.5, 1, 0], [2, 0.5, -1, 0], [1, 0, 0, 1]])
-    assert bodies[1].length == 4.0
-    np.testing.assert_allclose(world[4], [0.5, 0.6, 0.25, 0])
-    assert bodies[2].length == pytest.approx(math.pi / 2)
+def test_bodies_of_simple_geometries():
+    plane = body_of(PlaneGeometry(kind="plane", point=(0.3, 0.1), normal=(3.0, 4.0)))
+    np.testing.assert_allclose(plane.origin, [0.3, 0.1])
+    np.testing.assert_allclose(plane.geometry, [[0, 0, 0.6, 0.8]])
+    assert plane.length == pytest.approx(0.8 * 2.0 + 0.6 * 1.0)
+    box = body_of(BoxGeometry(kind="box", min=(0.0, 0.0), max=(2.0, 1.0), open=("top",)))
+    np.testing.assert_allclose(box.origin, [1.0, 0.5])
+    np.testing.assert_allclose(box.geometry, [[-1, 0, 1, 0], [1, 0, -1, 0], [0, -0.5, 0, 1]])
+    assert box.length == 4.0
+    circle = body_of(CircleGeometry(kind="circle", center=(0.5, 0.6), radius=0.25))
+    np.testing.assert_allclose(circle.origin, [0.5, 0.6])
+    np.testing.assert_allclose(circle.geometry, [[0, 0, 0.25, 0]])
+    assert circle.length == pytest.approx(math.pi / 2)
+
+
+def test_shapes_stand_in_the_world_before_grains_are_placed():
+    corners = "[[0.01, 0.0], [0.03, 0.0], [0.02, 0.03]]"
+    walls = wall("a", 'kind = "plane", point = [0.0, 0.0], normal = [0.0, 1.0]') + wall(
+        "b", f'kind = "polyline", points = {corners}'
+    )
+    solid = build_walls(scenario(extra=walls)).obstacles()
+    expected = [[0, 0, 0, 1], [0.01, 0, 0.03, 0], [0.03, 0, 0.02, 0.03], [0.01, 0, -1, 1], [0.03, 0, 1, 2], [0.02, 0.03, 2, -1]]
+    np.testing.assert_allclose(solid.world, expected, atol=1e-15)
 
 
 ROUGH = 'kind = "rough", from = [0.0, 0.0], to = [0.06, 0.0], side = "left"'
@@ -117,7 +136,7 @@ def test_mass_of_a_rough_wall_is_that_of_its_glued_grains():
     about = 0.5 * mass * glued[:, 2] ** 2 + mass * (glued[:, 0] ** 2 + glued[:, 1] ** 2)
     assert result.walls.inertia[0] == pytest.approx(about.sum(), rel=1e-12)
     assert result.walls.length[0] == pytest.approx(0.06)
-    np.testing.assert_allclose(result.origins, [[0.03, 0.0]])
+    np.testing.assert_allclose(result.position, [[0.03, 0.0, 0.0]])
 
 
 def test_given_mass_wins_and_scales_the_inertia():

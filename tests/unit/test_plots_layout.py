@@ -111,9 +111,9 @@ def reshaped(table: Any, across: float, upwards: float) -> Any:
     stretch = np.array([across, upwards]) / (high - low)
     center = (scene.center - low) * stretch
     box = np.array([[0.0, 0.0], [across, upwards]])
-    nothing = np.zeros((0, 3))
+    lines = [outline for outline in scene.walls if outline.radius is None]
     radius = scene.radius * stretch.min()
-    return replace(table, scene=replace(scene, center=center, radius=radius, glued=nothing, circles=nothing, period=0.0, box=box))
+    return replace(table, scene=replace(scene, center=center, radius=radius, walls=lines, period=0.0, box=box))
 
 
 @pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: f"{shape[0]:g}x{shape[1]:g}")

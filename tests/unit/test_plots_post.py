@@ -122,10 +122,7 @@ def make_vortex(n: int = 4000) -> GrainMap:
     rng = np.random.default_rng(0)
     center = rng.random((n, 2))
     vector = np.column_stack([0.5 - center[:, 1], center[:, 0] - 0.5])
-    none = np.zeros((0, 3))
-    scene = GrainScene(
-        center, np.full(n, 0.005), none, np.zeros((0, 2, 2)), none, np.zeros((0, 4)), 0.0, np.array([[0.0, 0.0], [1.0, 1.0]])
-    )
+    scene = GrainScene(center, np.full(n, 0.005), [], 0.0, np.array([[0.0, 0.0], [1.0, 1.0]]))
     return GrainMap(MAPPED["fluctuation"], scene, np.hypot(*vector.T), vector, 0, 0.0)
 
 

@@ -67,9 +67,8 @@ def test_logarithmic_axes() -> None:
 
 
 def scene(across: float, upwards: float) -> GrainScene:
-    nothing = np.zeros((0, 2))
     box = np.array([[0.0, 0.0], [across, upwards]])
-    return GrainScene(nothing, np.zeros(0), np.zeros((0, 3)), np.zeros((0, 2, 2)), np.zeros((0, 3)), np.zeros((0, 4)), 0.0, box)
+    return GrainScene(np.zeros((0, 2)), np.zeros(0), [], 0.0, box)
 
 
 def quarters(axes: Any) -> None:

@@ -97,10 +97,14 @@ def test_walls_are_turned_and_moved_with_their_frame() -> None:
     kinds = [ShapeKind.DISC, ShapeKind.SEGMENT, ShapeKind.PLANE, ShapeKind.CIRCLE, ShapeKind.VERTEX]
     geometry = [[1, 0, 0.1, 0], [0, 0, 2, 0], [1, 0, 1, 0], [0, 0, 3, 0], [0, 0, -1, -1]]
     scene = scene_of(kinds, geometry, [1.0, 2.0, np.pi / 2])
-    assert scene.glued == pytest.approx(np.array([[1.0, 3.0, 0.1]]))
-    assert scene.segments == pytest.approx(np.array([[[1.0, 2.0], [1.0, 4.0]]]))
-    assert scene.planes == pytest.approx(np.array([[1.0, 3.0, 0.0, 1.0]]), abs=1e-12)
-    assert scene.circles == pytest.approx(np.array([[1.0, 2.0, 3.0]]))
+    glued, plane, segment, _, circle = scene.walls  # in the order of their kinds
+    assert glued.points == pytest.approx(np.array([[[1.0, 3.0]]]))
+    assert (glued.radius, glued.is_grain) == ([0.1], True)
+    assert segment.points == pytest.approx(np.array([[[1.0, 2.0], [1.0, 4.0]]]))
+    assert plane.points == pytest.approx(np.array([[[1.0, 3.0]]]))
+    assert plane.normal == pytest.approx(np.array([[0.0, 1.0]]), abs=1e-12)
+    assert circle.points == pytest.approx(np.array([[[1.0, 2.0]]]))
+    assert (circle.radius, circle.is_grain) == ([3.0], False)
 
 
 def test_box_holds_the_grains_and_the_walls_nearby() -> None:
@@ -111,4 +115,4 @@ def test_box_holds_the_grains_and_the_walls_nearby() -> None:
     assert far.box[1, 1] < 1.5
     periodic = scene_of([ShapeKind.DISC], [[9.0, 0.0, 0.3, 0.0]], [0.0, 0.0, 0.0], period=5.0)
     assert periodic.box[:, 0].tolist() == [0.0, 5.0]
-    assert periodic.glued[0, 0] == pytest.approx(4.0)
+    assert periodic.walls[0].points[0, 0, 0] == pytest.approx(4.0)

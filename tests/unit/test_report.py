@@ -259,7 +259,7 @@ def test_run_without_walls_with_one_grain(tmp_path: Path) -> None:
     run_whole(tmp_path / "run", make_model(1, walls=False), steps=10)
     write_report(tmp_path / "run", tmp_path / "page.html")
     meta, frames, _ = read_page((tmp_path / "page.html").read_text(encoding="utf-8"))
-    assert meta["shapes"]["kind"] == []
+    assert meta["shapes"] == []
     assert decode(meta, "x", frames[-1]["x"]).shape == (1,)
 
 

@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 from store_support import RESOLVED, SOURCE, advance, contact_rows, drive, make_model, make_run, run_whole, start
 
-from multicor_cli.model import BOOK_NAMES, HEAT_BOOK_NAMES, Model, State
+from multicor_cli.model import BOOK_NAMES, HEAT_BOOK_NAMES, Model, State, shapes
 from multicor_cli.store import Moment, RunDirectory, open_run, run_info, schema, summarize, verify
 from multicor_cli.store.columns import columns_of
 from multicor_cli.store.model_file import model_digest
@@ -371,6 +371,7 @@ def test_format_pages_hold_the_tables_of_the_schema(page: str) -> None:
     tables = {"results": ("SCENARIO", "MODEL", "FRAME_TABLE", "SERIES"), "checkpoint": ("CHECKPOINT",)}[page]
     for name in tables:
         assert f"<!-- table {name} -->\n{schema.markdown(getattr(schema, name))}\n<!-- end -->" in text
+    assert page != "results" or f"<!-- table SHAPES -->\n{shapes.markdown()}\n<!-- end -->" in text
     assert "version " + ".".join(map(str, schema.FORMAT_VERSION)) in text
 
 

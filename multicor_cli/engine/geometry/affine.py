@@ -8,7 +8,8 @@ from multicor_cli.engine.jit.chunks import CHUNK
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.model.columns import SPIN, X, Y
-from multicor_cli.model.model import Floats, Ints, ShapeKind
+from multicor_cli.model.model import Floats, Ints
+from multicor_cli.model.shapes import ShapeKind
 
 _DISC = int(ShapeKind.DISC)
 _PLANE = int(ShapeKind.PLANE)

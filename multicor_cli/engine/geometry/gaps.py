@@ -2,9 +2,18 @@
 
 from __future__ import annotations
 
-from math import floor, sqrt
+from math import floor, inf, sqrt
 
+from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.formulas import formula
+from multicor_cli.model.model import Floats, Ints
+from multicor_cli.model.shapes import ShapeKind
+
+_DISC = int(ShapeKind.DISC)
+_PLANE = int(ShapeKind.PLANE)
+_SEGMENT = int(ShapeKind.SEGMENT)
+_VERTEX = int(ShapeKind.VERTEX)
+_CIRCLE = int(ShapeKind.CIRCLE)
 
 
 @formula
@@ -56,3 +65,59 @@ def disc_circle(dx: float, dy: float, circle_radius: float, radius: float) -> tu
     if distance == 0.0:
         return circle_radius - radius, 0.0, 1.0
     return circle_radius - distance - radius, -dx / distance, -dy / distance
+
+
+@kernel
+def _past_end(x: float, y: float, world: Floats, segment: int, is_start: bool) -> bool:
+    """Whether the point of the segment closest to (x, y) is that end."""
+    s = world[segment]
+    foot = segment_parameter(x, y, s[0], s[1], s[2], s[3])
+    return foot <= 0.0 if is_start else foot >= 1.0
+
+
+@kernel
+def gap_to_shape(
+    x: float, y: float, radius: float, shape: int, kind: Ints, world: Floats, period: float
+) -> tuple[float, float, float]:
+    """Gap [m] and unit normal of a grain at (x, y) against a wall shape; ``inf`` where another shape of the wall is closer."""
+    what = kind[shape]
+    g0, g1, g2, g3 = world[shape, 0], world[shape, 1], world[shape, 2], world[shape, 3]
+    dx = nearest_image(x - g0, period)
+    dy = y - g1
+    if what == _DISC:
+        return disc_disc(dx, dy, radius + g2)
+    if what == _PLANE:
+        return disc_plane(dx, dy, g2, g3, radius)
+    if what == _CIRCLE:
+        return disc_circle(dx, dy, g2, radius)
+    px, py = g0 + dx, g1 + dy
+    if what == _SEGMENT:
+        foot = segment_parameter(px, py, g0, g1, g2, g3)
+        if foot <= 0.0 or foot >= 1.0:
+            return inf, 0.0, 1.0
+        return disc_disc(px - g0 - foot * (g2 - g0), py - g1 - foot * (g3 - g1), radius)
+    if g2 >= 0.0 and not _past_end(px, py, world, int(g2), False):
+        return inf, 0.0, 1.0
+    if g3 >= 0.0 and not _past_end(px, py, world, int(g3), True):
+        return inf, 0.0, 1.0
+    return disc_disc(dx, dy, radius)
+
+
+@formula
+def is_near_shape(x: float, y: float, radius: float, shape: int, kind: Ints, world: Floats, period: float, cutoff: float) -> bool:
+    """Whether a grain at (x, y) is nearer than ``cutoff`` [m] to a wall shape with its ends, even if another shape is closer.
+
+    Where a gap is infinite it may be small after a little motion: the gap does not tell which shapes a grain may touch soon.
+    """
+    what = kind[shape]
+    if what != _SEGMENT and what != _VERTEX:
+        return gap_to_shape(x, y, radius, shape, kind, world, period)[0] < cutoff
+    g0, g1, g2, g3 = world[shape, 0], world[shape, 1], world[shape, 2], world[shape, 3]
+    dx = nearest_image(x - g0, period)
+    dy = y - g1
+    if what == _SEGMENT:
+        foot = min(max(segment_parameter(g0 + dx, y, g0, g1, g2, g3), 0.0), 1.0)
+        dx -= foot * (g2 - g0)
+        dy -= foot * (g3 - g1)
+    reach = radius + cutoff
+    return dx * dx + dy * dy < reach * reach

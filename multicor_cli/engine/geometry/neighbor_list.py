@@ -11,7 +11,8 @@ from multicor_cli.engine.geometry.grids import cell_count, cells_for, classify, 
 from multicor_cli.engine.geometry.neighbors import find_near
 from multicor_cli.engine.jit.elementwise import hypot
 from multicor_cli.model.columns import X, Y
-from multicor_cli.model.model import Floats, Ints, Model, ShapeKind
+from multicor_cli.model.model import Floats, Ints, Model
+from multicor_cli.model.shapes import ShapeKind
 
 OUTSIDE = 0.005  # share of the grains on each side that a grid may leave outside
 SKIN = 0.3  # of the mean diameter: what is listed beyond the reach of a step
@@ -38,7 +39,6 @@ class NeighborList:
         self._disc_shapes = np.flatnonzero(kind == ShapeKind.DISC).astype(np.int32)
         self._others = np.flatnonzero(kind != ShapeKind.DISC).astype(np.int32)
         self._planes = np.flatnonzero(kind == ShapeKind.PLANE)
-        self._segments = np.flatnonzero(kind == ShapeKind.SEGMENT)
         self._shape_of = (model.grain_count + self._disc_shapes).astype(np.int32)
         self._radius = np.concatenate([model.grains.radius, model.shapes.geometry[self._disc_shapes, 2]])
         self.largest = 2.0 * float(self._radius.max())
@@ -74,11 +74,10 @@ class NeighborList:
         drift = fit_drift(position, self._reference, self._model.period, self._reference)
         change = world - self._reference_world
         turn = np.zeros(len(world))
+        turn[self._others] = hypot(change[self._others, 2], change[self._others, 3])  # see `Tail`
         if self._planes.size:  # a tilting plane moves in proportion to the distance from its point
-            tilt, move = change[self._planes, 2:], change[self._planes, :2]
-            far = self._extent + hypot(move[:, X], move[:, Y]) + arithmetic.hypot(*drift.largest.tolist())
-            turn[self._planes] = hypot(tilt[:, 0], tilt[:, 1]) * far
-        turn[self._segments] = hypot(change[self._segments, 2], change[self._segments, 3])  # their other end
+            move = change[self._planes, :2]
+            turn[self._planes] *= self._extent + hypot(move[:, X], move[:, Y]) + arithmetic.hypot(*drift.largest.tolist())
         kind = self._model.shapes.kind
         closing = bound_closing(kind, drift, self._reference_world, np.ascontiguousarray(change[:, :2]), turn)
         # Discs that are not listed are at least this far apart; for those farther apart there is more room than they can lose.

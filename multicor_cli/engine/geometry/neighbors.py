@@ -9,87 +9,15 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.arithmetic import cos, sin
-from multicor_cli.engine.geometry.gaps import disc_circle, disc_disc, disc_plane, minimum_image, nearest_image, segment_parameter
+from multicor_cli.engine.geometry.gaps import is_near_shape, minimum_image
 from multicor_cli.engine.geometry.grids import Grids
 from multicor_cli.engine.jit.chunks import CHUNK
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
 from multicor_cli.engine.jit.formulas import formula
-from multicor_cli.model.columns import ANGLE, X, Y
-from multicor_cli.model.model import Floats, Ints, ShapeKind
-
-_DISC = int(ShapeKind.DISC)
-_PLANE = int(ShapeKind.PLANE)
-_SEGMENT = int(ShapeKind.SEGMENT)
-_VERTEX = int(ShapeKind.VERTEX)
-_CIRCLE = int(ShapeKind.CIRCLE)
+from multicor_cli.model.columns import X, Y
+from multicor_cli.model.model import Floats, Ints
 
 CROWDED = 100  # discs side by side in cells, above which those near a grain are counted one by one
-
-
-@kernel
-def place_shapes(kind: Ints, wall: Ints, local: Floats, wall_position: Floats, world: Floats) -> None:
-    """Move the wall shapes from the frame of their wall to the world.
-
-    Args:
-        kind: `ShapeKind` of each shape, shape ``(m,)``.
-        wall: Wall of each shape, shape ``(m,)``.
-        local: Geometry in the wall's frame [m], shape ``(m, 4)``.
-        wall_position: Frames: origin [m] and angle [rad], shape ``(w, 3)``.
-        world: Geometry in the world [m], shape ``(m, 4)``. **Modified.**
-    """
-    for k in range(kind.size):
-        frame = wall_position[wall[k]]
-        c, s = cos(frame[ANGLE]), sin(frame[ANGLE])
-        x, y = local[k, 0], local[k, 1]
-        world[k, 0] = frame[X] + c * x - s * y
-        world[k, 1] = frame[Y] + s * x + c * y
-        u, v = local[k, 2], local[k, 3]
-        if kind[k] == _PLANE:
-            world[k, 2] = c * u - s * v
-            world[k, 3] = s * u + c * v
-        elif kind[k] == _SEGMENT:
-            world[k, 2] = frame[X] + c * u - s * v
-            world[k, 3] = frame[Y] + s * u + c * v
-        else:
-            world[k, 2] = u
-            world[k, 3] = v
-
-
-@kernel
-def _past_end(x: float, y: float, world: Floats, segment: int, is_start: bool) -> bool:
-    """Whether the point of the segment closest to (x, y) is that end."""
-    s = world[segment]
-    foot = segment_parameter(x, y, s[0], s[1], s[2], s[3])
-    return foot <= 0.0 if is_start else foot >= 1.0
-
-
-@kernel
-def gap_to_shape(
-    x: float, y: float, radius: float, shape: int, kind: Ints, world: Floats, period: float
-) -> tuple[float, float, float]:
-    """Gap [m] and unit normal of a grain at (x, y) against a wall shape; ``inf`` where another shape of the wall is closer."""
-    what = kind[shape]
-    g0, g1, g2, g3 = world[shape, 0], world[shape, 1], world[shape, 2], world[shape, 3]
-    dx = nearest_image(x - g0, period)
-    dy = y - g1
-    if what == _DISC:
-        return disc_disc(dx, dy, radius + g2)
-    if what == _PLANE:
-        return disc_plane(dx, dy, g2, g3, radius)
-    if what == _CIRCLE:
-        return disc_circle(dx, dy, g2, radius)
-    px, py = g0 + dx, g1 + dy
-    if what == _SEGMENT:
-        foot = segment_parameter(px, py, g0, g1, g2, g3)
-        if foot <= 0.0 or foot >= 1.0:
-            return np.inf, 0.0, 1.0
-        return disc_disc(px - g0 - foot * (g2 - g0), py - g1 - foot * (g3 - g1), radius)
-    if g2 >= 0.0 and not _past_end(px, py, world, int(g2), False):
-        return np.inf, 0.0, 1.0
-    if g3 >= 0.0 and not _past_end(px, py, world, int(g3), True):
-        return np.inf, 0.0, 1.0
-    return disc_disc(dx, dy, radius)
 
 
 @kernel
@@ -212,23 +140,7 @@ def _scan_shapes(
     found = 0
     for k in range(others.size):
         shape = others[k]
-        near = False
-        if kind[shape] == _SEGMENT:
-            g0, g1, g2, g3 = world[shape, 0], world[shape, 1], world[shape, 2], world[shape, 3]
-            px = g0 + nearest_image(center[i, X] - g0, period)
-            py = center[i, Y]
-            foot = min(max(segment_parameter(px, py, g0, g1, g2, g3), 0.0), 1.0)
-            dx, dy = px - g0 - foot * (g2 - g0), py - g1 - foot * (g3 - g1)
-            reach = radius[i] + cutoff
-            near = dx * dx + dy * dy < reach * reach
-        elif kind[shape] == _VERTEX:
-            dx = nearest_image(center[i, X] - world[shape, 0], period)
-            dy = center[i, Y] - world[shape, 1]
-            reach = radius[i] + cutoff
-            near = dx * dx + dy * dy < reach * reach
-        else:
-            near = gap_to_shape(center[i, X], center[i, Y], radius[i], shape, kind, world, period)[0] < cutoff
-        if near:
+        if is_near_shape(center[i, X], center[i, Y], radius[i], shape, kind, world, period, cutoff):
             if offset >= 0:
                 out[offset + found] = grain_count + shape
             found += 1

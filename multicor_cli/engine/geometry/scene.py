@@ -6,12 +6,16 @@ from typing import NamedTuple
 
 import numpy as np
 
-from multicor_cli.engine.geometry.gaps import disc_disc, minimum_image
-from multicor_cli.engine.geometry.neighbors import gap_to_shape
+from multicor_cli.arithmetic import cos, sin
+from multicor_cli.engine.geometry.gaps import disc_disc, gap_to_shape, minimum_image
+from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.formulas import formula
-from multicor_cli.model.columns import X, Y
+from multicor_cli.model.columns import ANGLE, X, Y
 from multicor_cli.model.model import Floats, Ints
+from multicor_cli.model.shapes import TAIL, Tail
 
+_DIRECTION = int(Tail.DIRECTION)
+_POINT = int(Tail.POINT)
 _NO_TEMPERATURE = np.empty(0)
 
 
@@ -40,6 +44,36 @@ class Scene(NamedTuple):
     wall_position: Floats
     period: float
     temperature: Floats = _NO_TEMPERATURE
+
+
+@kernel
+def place_shapes(kind: Ints, wall: Ints, local: Floats, wall_position: Floats, world: Floats) -> None:
+    """Move the wall shapes from the frame of their wall to the world.
+
+    Args:
+        kind: `ShapeKind` of each shape, shape ``(m,)``.
+        wall: Wall of each shape, shape ``(m,)``.
+        local: Geometry in the wall's frame [m], shape ``(m, 4)``.
+        wall_position: Frames: origin [m] and angle [rad], shape ``(w, 3)``.
+        world: Geometry in the world [m], shape ``(m, 4)``. **Modified.**
+    """
+    for k in range(kind.size):
+        frame = wall_position[wall[k]]
+        c, s = cos(frame[ANGLE]), sin(frame[ANGLE])
+        x, y = local[k, 0], local[k, 1]
+        world[k, 0] = frame[X] + c * x - s * y
+        world[k, 1] = frame[Y] + s * x + c * y
+        u, v = local[k, 2], local[k, 3]
+        tail = TAIL[kind[k]]
+        if tail == _DIRECTION:
+            world[k, 2] = c * u - s * v
+            world[k, 3] = s * u + c * v
+        elif tail == _POINT:
+            world[k, 2] = frame[X] + c * u - s * v
+            world[k, 3] = frame[Y] + s * u + c * v
+        else:
+            world[k, 2] = u
+            world[k, 3] = v
 
 
 @formula

@@ -19,7 +19,8 @@ from multicor_cli.engine.heat.rates import Network
 from multicor_cli.engine.heat.settings import HeatSettings, WallHeat
 from multicor_cli.engine.heat.spots import Spots
 from multicor_cli.model.columns import RADIUS
-from multicor_cli.model.model import Floats, Ints, Model, ShapeKind
+from multicor_cli.model.model import Floats, Ints, Model
+from multicor_cli.model.shapes import ShapeKind
 
 _INSULATED, _KNOWN, _FLOW = 0, 1, 2
 _KINDS = {"insulated": _INSULATED, "temperature": _KNOWN, "flow": _FLOW}

@@ -10,7 +10,8 @@ from multicor_cli.engine.geometry.scene import Scene, pair_geometry
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.model.columns import RADIUS, X, Y
-from multicor_cli.model.model import Floats, Ints, ShapeKind
+from multicor_cli.model.model import Floats, Ints
+from multicor_cli.model.shapes import ShapeKind
 
 _DISC = int(ShapeKind.DISC)
 

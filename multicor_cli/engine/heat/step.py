@@ -13,8 +13,7 @@ from multicor_cli.arithmetic.sums import column_totals, total
 from multicor_cli.engine.contact.detection import StepContacts, warm_rows
 from multicor_cli.engine.contact.settings import PhysicsError
 from multicor_cli.engine.geometry.neighbor_list import NeighborList
-from multicor_cli.engine.geometry.neighbors import place_shapes
-from multicor_cli.engine.geometry.scene import Scene
+from multicor_cli.engine.geometry.scene import Scene, place_shapes
 from multicor_cli.engine.heat.books import book_flow, book_generated, note_contacts, strike_balance
 from multicor_cli.engine.heat.collision import collide
 from multicor_cli.engine.heat.explicit import advance_explicit

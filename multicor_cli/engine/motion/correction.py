@@ -19,8 +19,7 @@ from numpy.typing import NDArray
 from multicor_cli.arithmetic.sums import total
 from multicor_cli.engine.contact.settings import PhysicsError
 from multicor_cli.engine.geometry.neighbor_list import NeighborList
-from multicor_cli.engine.geometry.neighbors import place_shapes
-from multicor_cli.engine.geometry.scene import Scene, pair_geometry
+from multicor_cli.engine.geometry.scene import Scene, pair_geometry, place_shapes
 from multicor_cli.engine.jit.chunks import chunks_for
 from multicor_cli.engine.motion.overlaps import measure_overlaps
 from multicor_cli.engine.motion.separation import pairs_within, separate, surround

@@ -8,10 +8,7 @@ from multicor_cli.engine.jit.chunks import CHUNK
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
 from multicor_cli.model.columns import ANGLE, INVERSE_MASS, SPIN, SURFACE, X, Y
 from multicor_cli.model.faults import LARGEST
-from multicor_cli.model.model import Floats, ShapeKind
-
-_DISC = int(ShapeKind.DISC)
-_PLANE = int(ShapeKind.PLANE)
+from multicor_cli.model.model import Floats
 
 
 @parallel_kernel

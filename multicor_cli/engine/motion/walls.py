@@ -11,7 +11,9 @@ from multicor_cli.engine.geometry.affine import shape_velocities
 from multicor_cli.engine.geometry.drift import Closing, Drift, bound_closing
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.motion.drives import WallDrive
-from multicor_cli.model.model import Floats, Model, ShapeKind
+from multicor_cli.model.columns import RADIUS
+from multicor_cli.model.model import Floats, Model
+from multicor_cli.model.shapes import TAIL, ShapeKind, Tail
 
 
 class WallMotion:
@@ -102,12 +104,12 @@ def _extents(model: Model) -> Floats:
     """How far the shapes of each wall reach from its reference point; planes reach across all grains and are given 1 m."""
     extent = np.zeros(model.wall_count)
     for kind, wall, g in zip(model.shapes.kind, model.shapes.wall, model.shapes.geometry, strict=True):
-        reach = hypot(float(g[0]), float(g[1]))
-        if kind == ShapeKind.SEGMENT:
-            reach = max(reach, hypot(float(g[2]), float(g[3])))
-        elif kind == ShapeKind.PLANE:
-            reach += 1.0
+        reach, tail = hypot(*g[:2].tolist()), hypot(*g[2:].tolist())
+        if TAIL[kind] == Tail.POINT:
+            reach = max(reach, tail)
+        elif TAIL[kind] == Tail.DIRECTION:
+            reach += tail
         elif kind == ShapeKind.DISC:
-            reach += float(g[2])
+            reach += float(g[RADIUS])
         extent[wall] = max(extent[wall], reach)
     return extent

@@ -11,7 +11,7 @@ from multicor_cli.scenario.loading import AnyDof, ForceDof, Stage, UntilStrain, 
 from multicor_cli.scenario.problems import Finding, KeyPath, name_list, show
 from multicor_cli.scenario.signals import AnySignal, RampSignal, SineSignal, TableSignal
 from multicor_cli.scenario.translate import did_you_mean
-from multicor_cli.scenario.walls import BoxGeometry, PlaneGeometry, RoughGeometry, Wall
+from multicor_cli.scenario.walls import Wall
 
 
 def check(draft: Draft) -> Iterator[Finding]:
@@ -47,12 +47,8 @@ def _unknown_walls(path: KeyPath, stage: Stage, draft: Draft) -> Iterator[Findin
 
 def _check_turning(wall: Wall, draft: Draft) -> Iterator[Finding]:
     """A wall that reaches from one period to the next has no center to turn about."""
-    if draft.domain is None or not draft.domain.periodic:
+    if draft.domain is None or not draft.domain.periodic or not wall.geometry.spans_period:
         return
-    if not isinstance(wall.geometry, PlaneGeometry | RoughGeometry | BoxGeometry):
-        return
-    if isinstance(wall.geometry, PlaneGeometry) and wall.geometry.normal[0] != 0.0:
-        return  # refused as it stands
     for k, stage in _stages(draft):
         drives = stage.drives.get(wall.name)
         if drives is not None and drives.spin is not None and _moves(drives.spin):
@@ -63,16 +59,17 @@ def _check_turning(wall: Wall, draft: Draft) -> Iterator[Finding]:
 def _check_inertia(path: KeyPath, wall: Wall, draft: Draft) -> Iterator[Finding]:
     """A wall that forces drive has a mass; gravity acts only on such walls."""
     driven: dict[str, int] = {}
+    has_glued_grains = wall.geometry.glued() is not None
     for k, stage in _stages(draft):
         drives = stage.drives.get(wall.name)
         for dof in DOF_NAMES:
             if drives is not None and isinstance(getattr(drives, dof), ForceDof):
                 driven.setdefault(dof, k)
     moved = [dof for dof in ("x", "y") if dof in driven]
-    if moved and wall.mass is None and not wall.has_glued_grains:
+    if moved and wall.mass is None and not has_glued_grains:
         what = f"the wall '{wall.name}' has no mass, but a force drives its {moved[0]} in loading.{driven[moved[0]]}"
         yield Finding((*path, "mass"), what, "add mass [kg]")
-    if "spin" in driven and wall.inertia is None and not wall.has_glued_grains:
+    if "spin" in driven and wall.inertia is None and not has_glued_grains:
         what = f"the wall '{wall.name}' has no moment of inertia, but a torque drives its spin in loading.{driven['spin']}"
         yield Finding((*path, "inertia"), what, "add inertia [kg m²]")
     if wall.gravity and not moved and None not in draft.loading:
@@ -101,7 +98,7 @@ def _check_strain(
     if lower == upper:
         yield Finding((*path, "walls"), f"'{lower}' is named twice", "name two different walls")
         return
-    heights = [_height(walls[name]) for name in (lower, upper)]
+    heights = [walls[name].geometry.height for name in (lower, upper)]
     if heights[0] is not None and heights[0] == heights[1]:
         what = f"'{lower}' and '{upper}' both lie at y = {heights[0]:g}: there is no strain between them"
         yield Finding((*path, "walls"), what, "name two walls at different heights")
@@ -112,15 +109,6 @@ def _check_strain(
     elif stage.duration is None and not any(_keeps_moving(drive) for drive in drives):
         what = f"'{lower}' and '{upper}' come to a stop, so that the stage may never end"
         yield Finding(path, what, "give duration [s] too, as its upper bound")
-
-
-def _height(wall: Wall) -> float | None:
-    geometry = wall.geometry
-    if isinstance(geometry, PlaneGeometry):
-        return geometry.point[1]
-    if isinstance(geometry, RoughGeometry):
-        return 0.5 * (geometry.start[1] + geometry.end[1])
-    return None
 
 
 def _moves(dof: AnyDof) -> bool:

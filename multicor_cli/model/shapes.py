@@ -1,0 +1,161 @@
+"""The kinds of shapes that walls are made of: everything about them that is not compiled.
+
+A new kind is one more `ShapeKind` with its row of `SHAPES`, and its gap in `engine/geometry/gaps.py`. Everything else follows from
+the row, but for two kinds: a disc is a grain that is glued to a wall, and a plane is the only shape without ends.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from multicor_cli.model.columns import RADIUS
+from multicor_cli.model.model import Floats, Ints
+
+
+class ShapeKind(IntEnum):
+    """Kind of a wall shape; the number is that of the files. `SHAPES` gives the meaning of the four numbers of each shape."""
+
+    DISC = 0
+    PLANE = 1
+    SEGMENT = 2
+    VERTEX = 3
+    CIRCLE = 4
+
+
+class Tail(IntEnum):
+    """What the last two numbers of a shape are. The first two are a point of it, which turns and moves with the wall."""
+
+    NUMBERS = 0  # they stay as they are, and the shape with them: it looks the same from all sides
+    DIRECTION = 1  # a vector, which turns with the wall; at least as long as the shape reaches from its point, unless a plane
+    POINT = 2  # a point, which turns and moves with the wall
+    SHAPES = 3  # numbers of other shapes of the wall, or -1
+
+
+@dataclass(frozen=True)
+class Outline:
+    """What k shapes of one kind look like: polygonal lines, circles or endless lines.
+
+    Attributes:
+        points: Corners of each line, or the center of each circle, or a point of each endless line [m], shape ``(k, p, 2)``.
+        radius: Radii of circles [m], shape ``(k,)``.
+        normal: Unit normals of endless lines, shape ``(k, 2)``.
+        is_grain: Whether the circles are grains.
+    """
+
+    points: Floats
+    radius: Floats | None = None
+    normal: Floats | None = None
+    is_grain: bool = False
+
+    def corners(self) -> Floats:
+        """Lower left and upper right corner around each shape [m], shape ``(2, k, 2)``; of an endless line its point."""
+        reach = 0.0 if self.radius is None else self.radius[:, np.newaxis]
+        return np.array([self.points.min(axis=1) - reach, self.points.max(axis=1) + reach])
+
+
+class ShapeType(NamedTuple):
+    """What is known about a kind of shape.
+
+    Attributes:
+        name: Name in the description of the files.
+        meaning: What it is.
+        numbers: What its four numbers are, in the frame of its wall [m].
+        tail: How the last two of them move.
+        outline: What shapes with these numbers, shape ``(k, 4)``, look like.
+        is_thin: Whether it has no inside that it keeps grains out of.
+    """
+
+    name: str
+    meaning: str
+    numbers: str
+    tail: Tail
+    outline: Callable[[Floats], Outline]
+    is_thin: bool = False
+
+
+SHAPES = {
+    ShapeKind.DISC: ShapeType(
+        "disc", "a glued grain", "x, y, radius, –", Tail.NUMBERS,
+        lambda g: Outline(g[:, np.newaxis, :2], radius=g[:, RADIUS], is_grain=True),
+    ),
+    ShapeKind.PLANE: ShapeType(
+        "plane", "a half-plane", "x, y of a point; unit normal towards the grains", Tail.DIRECTION,
+        lambda g: Outline(g[:, np.newaxis, :2], normal=g[:, 2:]),
+    ),
+    ShapeKind.SEGMENT: ShapeType(
+        "segment", "a straight line, both sides solid, without its ends", "x, y of one end; x, y of the other", Tail.POINT,
+        lambda g: Outline(g.reshape(-1, 2, 2)), is_thin=True,
+    ),
+    ShapeKind.VERTEX: ShapeType(
+        "vertex", "an end of segments", "x, y; numbers of the segments that end and begin here (−1: none)", Tail.SHAPES,
+        lambda g: Outline(g[:, np.newaxis, :2]), is_thin=True,
+    ),
+    ShapeKind.CIRCLE: ShapeType(
+        "circle (inside)", "the inside of a circle", "x, y, radius, –", Tail.NUMBERS,
+        lambda g: Outline(g[:, np.newaxis, :2], radius=g[:, RADIUS]),
+    ),
+}  # fmt: skip
+"""All kinds, in the order of their numbers."""
+
+TAIL = np.array([shape.tail for shape in SHAPES.values()])
+"""`Tail` of each kind."""
+
+IS_THIN = np.array([shape.is_thin for shape in SHAPES.values()])
+"""`ShapeType.is_thin` of each kind."""
+
+
+def outlines(kind: Ints, geometry: Floats) -> Iterator[tuple[NDArray[np.int64], Outline]]:
+    """What shapes look like, kind by kind: which of them, ascending, and their outlines.
+
+    Args:
+        kind: `ShapeKind` of each shape, shape ``(m,)``.
+        geometry: Their four numbers [m], shape ``(m, 4)``.
+    """
+    for number, shape in SHAPES.items():
+        which = np.flatnonzero(kind == number)
+        if which.size:
+            yield which, shape.outline(geometry[which])
+
+
+def markdown() -> str:
+    """The table of kinds of the format documents."""
+    rows = [f"| {kind:d} | {shape.name} | {shape.meaning} | {shape.numbers} |" for kind, shape in SHAPES.items()]
+    return "\n".join(["| kind | name | what it is | four numbers |", "|---|---|---|---|", *rows])
+
+
+@dataclass(frozen=True)
+class WallBody:
+    """One wall on its own.
+
+    Attributes:
+        origin: Reference point in the world [m], shape ``(2,)``: origin of the frame of the wall.
+        kind: `ShapeKind` of each shape, shape ``(k,)``.
+        geometry: Four numbers of each in the frame of the wall [m], shape ``(k, 4)``; shapes count from the first of this wall.
+        length: Length over which a load spreads [m].
+    """
+
+    origin: Floats
+    kind: Ints
+    geometry: Floats
+    length: float
+
+    @classmethod
+    def empty(cls, origin: Sequence[float], length: float) -> WallBody:
+        """A wall without shapes."""
+        return cls(np.array(origin, float), np.zeros(0, np.int32), np.zeros((0, 4)), length)
+
+    def with_shapes(self, kind: ShapeKind, geometry: Sequence[Sequence[float]] | Floats) -> WallBody:
+        """The wall with more shapes of one kind: their four numbers [m], shape ``(k, 4)``."""
+        kinds = np.append(self.kind, np.full(len(geometry), kind, np.int32))
+        return WallBody(self.origin, kinds, np.concatenate([self.geometry, geometry]), self.length)
+
+    @property
+    def glued(self) -> Floats:
+        """x, y and radius of the glued grains [m], shape ``(g, 3)``."""
+        return self.geometry[self.kind == ShapeKind.DISC, :3]

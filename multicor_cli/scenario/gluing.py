@@ -1,0 +1,90 @@
+"""Where grains are glued to walls: in a row on a line, or in a ring on the inside of a circle."""
+
+from __future__ import annotations
+
+import math
+from typing import Annotated, NamedTuple
+
+from pydantic import Discriminator, Tag
+
+from multicor_cli.arithmetic import hypot
+from multicor_cli.scenario.base import Name, tag_table
+from multicor_cli.scenario.sizes import Sizes
+
+Pair = tuple[float, float]
+SizesOrGroup = Annotated[Annotated[Name, Tag("<plain>")] | Annotated[Sizes, Tag("<table>")], Discriminator(tag_table)]
+
+
+class Row(NamedTuple):
+    """Touching grains with their centers on a line.
+
+    Attributes:
+        start: Where the line begins [m].
+        end: Where it ends [m].
+        is_left: Whether the flow is on the left, looking from start to end.
+        is_closed: Whether the line spans the period, so that the last grain touches the first.
+    """
+
+    start: Pair
+    end: Pair
+    is_left: bool
+    is_closed: bool
+
+    @property
+    def length(self) -> float:
+        """Length of the line [m]."""
+        return hypot(self.end[0] - self.start[0], self.end[1] - self.start[1])
+
+    @property
+    def middle(self) -> Pair:
+        """Middle of the line [m]."""
+        return 0.5 * (self.start[0] + self.end[0]), 0.5 * (self.start[1] + self.end[1])
+
+    @property
+    def least(self) -> float:
+        """Smallest length, over the diameter of the largest grain."""
+        return 1.0
+
+    def __str__(self) -> str:
+        """What it is, for messages."""
+        return f"the line is {self.length:g} m long"
+
+
+class Ring(NamedTuple):
+    """Touching grains that touch a circle from inside.
+
+    Attributes:
+        center: Center of the circle [m], the reference point of the wall.
+        radius: Its radius [m].
+    """
+
+    center: Pair
+    radius: float
+
+    @property
+    def length(self) -> float:
+        """Circumference of the circle [m]."""
+        return 2.0 * math.pi * self.radius
+
+    @property
+    def least(self) -> float:
+        """Smallest circumference, over the diameter of the largest grain."""
+        return 4.0 * math.pi
+
+    def __str__(self) -> str:
+        """What it is, for messages."""
+        return f"the circle has a radius of {self.radius:g} m"
+
+
+class Glued(NamedTuple):
+    """The grains glued to a wall.
+
+    Attributes:
+        place: Where they are.
+        sizes: What the scenario says about their sizes: name of a group of particles, or a table; None: as the first group.
+        key: Under which key of the geometry it says so.
+    """
+
+    place: Row | Ring
+    sizes: SizesOrGroup | None
+    key: str

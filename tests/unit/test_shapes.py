@@ -1,0 +1,89 @@
+"""Every kind of wall shape: what is compiled (gap and normal) agrees with what the table says (outline, motion with the wall)."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from multicor_cli.engine.geometry.gaps import gap_to_shape, is_near_shape
+from multicor_cli.engine.geometry.scene import place_shapes
+from multicor_cli.model.shapes import SHAPES, ShapeKind, outlines
+
+EXAMPLES = {
+    ShapeKind.DISC: (0.5, -0.2, 0.7, 0.0),
+    ShapeKind.PLANE: (0.3, 0.1, 0.6, 0.8),
+    ShapeKind.SEGMENT: (-0.5, 0.2, 1.0, 0.6),
+    ShapeKind.VERTEX: (0.4, 0.3, -1.0, -1.0),
+    ShapeKind.CIRCLE: (0.2, 0.1, 2.5, 0.0),
+}
+"""Four numbers of a shape of each kind; all grains lie within a square of side 3 around the origin."""
+
+RADIUS = 0.3
+GRAINS = np.random.default_rng(3).uniform(-1.5, 1.5, (200, 2))
+NO_PERIOD = 0.0
+
+
+def world_of(kind: ShapeKind, pose: tuple[float, float, float] = (0.0, 0.0, 0.0)) -> np.ndarray:
+    world = np.empty((1, 4))
+    place_shapes(np.array([kind], np.int32), np.zeros(1, np.int32), np.array([EXAMPLES[kind]]), np.array([pose]), world)
+    return world
+
+
+def gaps(kind: ShapeKind, grains: np.ndarray, world: np.ndarray) -> np.ndarray:
+    """Gap and normal of each grain, shape ``(n, 3)``."""
+    return np.array([gap_to_shape(x, y, RADIUS, 0, np.array([kind], np.int32), world, NO_PERIOD) for x, y in grains])
+
+
+def are_near(kind: ShapeKind, grains: np.ndarray, cutoffs: np.ndarray) -> np.ndarray:
+    shape, world = (0, np.array([kind], np.int32)), world_of(kind)
+    return np.array([is_near_shape(x, y, RADIUS, *shape, world, NO_PERIOD, c) for (x, y), c in zip(grains, cutoffs, strict=True)])
+
+
+def test_kinds_stand_in_the_order_of_their_numbers() -> None:
+    assert list(SHAPES) == list(ShapeKind) == list(EXAMPLES)
+    assert [int(kind) for kind in ShapeKind] == list(range(len(SHAPES)))
+
+
+@pytest.mark.parametrize("kind", ShapeKind)
+def test_grains_at_the_outline_overlap_by_their_radius(kind: ShapeKind) -> None:
+    ((which, outline),) = outlines(np.array([kind]), np.array([EXAMPLES[kind]]))
+    assert which.tolist() == [0]
+    points = outline.points[0]
+    if outline.radius is not None:
+        angle = np.linspace(0.0, 6.0, 20)
+        points = points + outline.radius * np.column_stack([np.cos(angle), np.sin(angle)])
+    if outline.normal is not None:
+        points = points + np.linspace(-3.0, 3.0, 20)[:, np.newaxis] * outline.normal[0, ::-1] * (-1, 1)
+    assert are_near(kind, points, np.full(len(points), 1e-9 - RADIUS)).all()
+    gap = gaps(kind, points, world_of(kind))[:, 0]
+    assert gap[np.isfinite(gap)] == pytest.approx(-RADIUS, abs=1e-12)
+
+
+@pytest.mark.parametrize("kind", ShapeKind)
+def test_shapes_turn_and_move_with_their_wall(kind: ShapeKind) -> None:
+    angle = 0.7
+    c, s = np.cos(angle), np.sin(angle)
+    turn = np.array([[c, s], [-s, c]])
+    before, after = gaps(kind, GRAINS, world_of(kind)), gaps(kind, GRAINS @ turn + (3.0, -2.0), world_of(kind, (3.0, -2.0, angle)))
+    assert np.isfinite(before[:, 0]).any()
+    assert after[:, 0] == pytest.approx(before[:, 0], abs=1e-12)
+    touching = np.isfinite(before[:, 0])
+    assert after[touching, 1:] == pytest.approx(before[touching, 1:] @ turn, abs=1e-12)
+
+
+@pytest.mark.parametrize("kind", ShapeKind)
+def test_a_gap_grows_along_its_unit_normal(kind: ShapeKind) -> None:
+    found = gaps(kind, GRAINS, world_of(kind))
+    touching, way = np.isfinite(found[:, 0]), 1e-4
+    assert np.hypot(*found[touching, 1:].T) == pytest.approx(1.0)
+    moved = gaps(kind, GRAINS[touching] + way * found[touching, 1:], world_of(kind))
+    assert moved[:, 0] == pytest.approx(found[touching, 0] + way, abs=1e-9)
+
+
+@pytest.mark.parametrize("kind", ShapeKind)
+def test_grains_that_may_touch_after_a_motion_are_near_before_it(kind: ShapeKind) -> None:
+    """So the list of neighbors holds them."""
+    gap = gaps(kind, GRAINS, world_of(kind))[:, 0]
+    after, cutoff = GRAINS[np.isfinite(gap)], gap[np.isfinite(gap)] + 1e-9
+    for step in np.random.default_rng(5).normal(0.0, 0.3, (10, *after.shape)):
+        assert are_near(kind, after - step, cutoff + np.hypot(*step.T)).all()
