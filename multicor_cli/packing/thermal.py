@@ -1,4 +1,4 @@
-"""Heat capacities, surfaces and initial temperatures of grains, and what softens friction."""
+"""Heat capacities, surfaces and initial temperatures of grains."""
 
 from __future__ import annotations
 
@@ -12,13 +12,11 @@ from multicor_cli.model.model import Floats
 from multicor_cli.packing.bodies import masses
 from multicor_cli.packing.brought import Brought
 from multicor_cli.packing.errors import PackingError
-from multicor_cli.packing.laws import SofteningOfPair
 from multicor_cli.packing.temperature_file import read_temperatures
 from multicor_cli.scenario import Scenario
 from multicor_cli.scenario.base import KELVIN_BOUNDS
 from multicor_cli.scenario.models import (
     AnyTemperature,
-    ContactPair,
     FileTemperature,
     GradientTemperature,
     ParticleGroup,
@@ -29,16 +27,6 @@ from multicor_cli.scenario.models import (
 _KEY = ("temperature",)
 _EQUAL = 1.1
 """Largest ratio of radii that counts as equal."""
-
-
-def softening_law(entry: ContactPair) -> SofteningOfPair | None:
-    """How the coefficient of friction of an entry depends on temperature, or None."""
-    table = entry.softening
-    if table is None:
-        return None
-    values = (table.softening, table.reference, table.min, table.max)
-    rate, start, lowest, highest = (value if value is not None else math.nan for value in values)  # validation gives them all
-    return rate, start, lowest, highest
 
 
 def group_thermal(scenario: Scenario, index: int, brought: Brought, center: Floats) -> Thermal:
