@@ -25,8 +25,6 @@ from multicor_cli.scenario.models import (
 )
 
 _KEY = ("temperature",)
-_EQUAL = 1.1
-"""Largest ratio of radii that counts as equal."""
 
 
 def group_thermal(scenario: Scenario, index: int, brought: Brought, center: Floats) -> Thermal:
@@ -121,11 +119,11 @@ def _one_per_grain(temperature: Floats, n: int, key: str, where: str) -> Floats:
 def sizes_problems(scenario: Scenario, groups: Sequence[Brought]) -> list[PackingError]:
     """What is wrong with the grains' sizes for the choices in ``[heat]``: the gas model for equal grains needs such."""
     gas = scenario.heat.gas if scenario.heat is not None else None
-    if gas is None or gas.model != "vargas":
+    if gas is None:
         return []
     smallest = min(float(group.radius.min()) for group in groups)
     largest = max(float(group.radius.max()) for group in groups)
-    if largest <= _EQUAL * smallest:
+    if gas.holds_for(smallest, largest):
         return []
     text = f'model = "vargas" is for grains of equal size, but the radii are {smallest:g} to {largest:g} m'
     return [PackingError(text, 'use model = "parallel" or "batchelor"', ("heat", "gas", "model"))]

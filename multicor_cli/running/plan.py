@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Protocol
 
 from multicor_cli.engine.contact.settings import Settings
-from multicor_cli.engine.heat.settings import WallHeat
+from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.engine.motion.drives import WallDrive
 from multicor_cli.model import State
 from multicor_cli.running.conditions import Condition, ShearGauge, StrainReached

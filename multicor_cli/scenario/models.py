@@ -10,15 +10,7 @@ from typing import Annotated
 from pydantic import Field, Strict
 
 from multicor_cli.scenario.base import Name, Table
-from multicor_cli.scenario.heat import (
-    AmbientCoefficient,
-    AmbientCorrelation,
-    AverageForce,
-    Gas,
-    Heat,
-    PrescribedForce,
-    Radiation,
-)
+from multicor_cli.scenario.heat import Heat
 from multicor_cli.scenario.loading import (
     FixedDof,
     ForceDof,
@@ -86,11 +78,8 @@ class ScenarioModel(Table):
 
 
 __all__ = [
-    "AmbientCoefficient",
-    "AmbientCorrelation",
     "AnySizes",
     "AnyTemperature",
-    "AverageForce",
     "BoxGeometry",
     "CircleGeometry",
     "CompactedPacking",
@@ -103,7 +92,6 @@ __all__ = [
     "FlowCondition",
     "ForceDof",
     "FrictionTable",
-    "Gas",
     "GradientTemperature",
     "Header",
     "Heat",
@@ -117,8 +105,6 @@ __all__ = [
     "PlaneGeometry",
     "PolylineGeometry",
     "PowerSizes",
-    "PrescribedForce",
-    "Radiation",
     "RampSignal",
     "RandomPacking",
     "Region",

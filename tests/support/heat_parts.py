@@ -6,11 +6,12 @@ import numpy as np
 from scene_parts import make_model
 
 from multicor_cli.engine.contact.hertz import contact_modulus
-from multicor_cli.engine.heat.conduction import ContactForce, harmonic_conductivity
+from multicor_cli.engine.heat.conduction import ContactForce, harmonic_mean
 from multicor_cli.engine.heat.laws import HeatLaws
 from multicor_cli.engine.heat.radiation import emission_factor
-from multicor_cli.engine.heat.settings import HeatSettings, WallHeat
+from multicor_cli.engine.heat.settings import HeatSettings
 from multicor_cli.engine.heat.step import HeatEngine
+from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.engine.motion.drives import Constant
 from multicor_cli.model import HEAT_BOOK_NAMES, State, Thermal
 
@@ -26,7 +27,7 @@ def make_heat_laws(*, conductivity=15.0, density=7500.0, capacity=500.0, young=1
         conductivity=np.array([conductivity]),
         volumetric=np.array([density * capacity]),
         modulus=one(contact_modulus(young, poisson, young, poisson)),
-        harmonic=one(harmonic_conductivity(conductivity, conductivity)),
+        harmonic=one(harmonic_mean(conductivity, conductivity)),
         share=one(0.5),
         emissivity=np.array([emissivity]),
         emission=one(emission_factor(emissivity, emissivity)),
