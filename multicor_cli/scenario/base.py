@@ -27,9 +27,12 @@ class Table(BaseModel):
             kind: Class of the record.
             more: Attributes that are not keys, or not with the same value.
         """
-        named = {field.name: getattr(self, field.name, None) for field in fields(kind)}
-        return kind(**{name: value for name, value in named.items() if value is not None} | more)
+        names = {field.name for field in fields(kind)}
+        return kind(**{key: value for key, value in self if key in names and value is not None} | more)
 
+
+FREE = "free"
+"""Marks a key that may change between two sessions of a run: no result depends on it."""
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$", max_length=64)]
 """A name that can be a bare TOML key."""

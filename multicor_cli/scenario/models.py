@@ -15,7 +15,6 @@ from multicor_cli.scenario.loading import (
     FixedDof,
     ForceDof,
     Stage,
-    StageSolver,
     StrainEnd,
     UntilRest,
     UntilStrain,
@@ -34,7 +33,7 @@ from multicor_cli.scenario.packings import (
 )
 from multicor_cli.scenario.particles import ParticleGroup
 from multicor_cli.scenario.region import Region
-from multicor_cli.scenario.settings import Domain, Header, Output, Solver
+from multicor_cli.scenario.settings import Domain, Header, Output, Solver, StageSolver
 from multicor_cli.scenario.signals import RampSignal, SineSignal, SineWave, TableSignal
 from multicor_cli.scenario.sizes import AnySizes, ListSizes, LognormalSizes, PowerSizes, UniformSizes
 from multicor_cli.scenario.temperatures import (

@@ -10,11 +10,12 @@ from packing_support import scenario as cold_scenario
 from scenario_text import HEATED, SHEAR
 from warm_run import WARM
 
+from multicor_cli.engine.contact.solve import Settings
 from multicor_cli.engine.heat.conduction import ContactForce
 from multicor_cli.engine.heat.convection import Ambient
 from multicor_cli.engine.heat.gas import Gas
 from multicor_cli.engine.heat.radiation import Radiation
-from multicor_cli.engine.heat.settings import MECHANISMS
+from multicor_cli.engine.heat.settings import MECHANISMS, HeatSettings
 from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.engine.motion.drives import Constant, Ramp, Shifted, Sine
 from multicor_cli.packing import build
@@ -22,6 +23,7 @@ from multicor_cli.running.heat_plan import heat_laws, heat_settings, wall_heat
 from multicor_cli.running.planning import make_plan
 from multicor_cli.scenario import ScenarioError, parse_scenario
 from multicor_cli.scenario.heat import Heat, Mechanism
+from multicor_cli.scenario.settings import Solver
 
 GLASS, STEEL, SPARE = range(3)
 NAMES = ("glass", "steel", "spare")
@@ -88,6 +90,11 @@ def test_the_tables_of_mechanisms_are_the_records_of_the_engine():
     for key, record in MECHANISMS.items():
         keys = {name for table in tables[key] for name in table.model_fields}
         assert {field.name for field in fields(record)} <= keys, key
+
+
+def test_defaults_of_keys_are_those_of_the_engine():
+    assert Heat().as_record(HeatSettings, laws=None) == HeatSettings(None)
+    assert Solver().as_record(Settings) == Settings()
 
 
 def _tables(annotation):

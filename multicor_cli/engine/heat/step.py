@@ -11,7 +11,7 @@ import numpy as np
 
 from multicor_cli.arithmetic.sums import column_totals, total
 from multicor_cli.engine.contact.detection import StepContacts, warm_rows
-from multicor_cli.engine.contact.settings import PhysicsError
+from multicor_cli.engine.contact.report import PhysicsError
 from multicor_cli.engine.geometry.neighbor_list import NeighborList
 from multicor_cli.engine.geometry.neighbors import place_shapes
 from multicor_cli.engine.geometry.scene import Scene
