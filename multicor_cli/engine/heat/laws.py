@@ -19,7 +19,7 @@ UNUSED_STIFFNESS = 1.0
 """Modulus and microhardness [Pa] of pairs that do not have them: nothing uses them, and they can be divided by."""
 
 Properties = Mapping[str, Any]
-"""Properties of a material by name; None: not given."""
+"""Properties of a material by name; None, or left out: not given."""
 
 
 class HeatLaws(NamedTuple):
@@ -89,7 +89,7 @@ def heat_laws(materials: Sequence[Properties], partition: Partition, wear: Float
 
 def _value(formula: Callable[..., float], names: Sequence[str], missing: float, *bodies: Properties) -> float:
     """The formula of the properties of one body, or of the first and then the second; ``missing`` if one is not given."""
-    values = [body[name] for body in bodies for name in names]
+    values = [body.get(name) for body in bodies for name in names]
     return missing if None in values else formula(*values)
 
 
