@@ -237,3 +237,20 @@ def test_an_impact_in_free_flight_is_over_after_its_step(restitution):
     assert state.velocity[1, 0] == pytest.approx(0.5 * restitution, abs=1e-12)
     lost = (1.0 - restitution**2) * book(state, "kinetic_start")
     assert heat_book(state, "impact") == pytest.approx(lost, rel=1e-12)
+
+
+@pytest.mark.parametrize("integrator", ["explicit", "implicit"])
+def test_mechanisms_of_one_kind_add_up(integrator):
+    """Two fluids are one of the mean temperature; emissivities of 0.5 and 0.8 give 1/3 and 2/3 of what black bodies exchange."""
+    fluids, fluid = (Ambient(400.0, coefficient=2.0), Ambient(300.0, coefficient=2.0)), (Ambient(350.0, coefficient=4.0),)
+    near = Radiation(reach=0.4)
+    choices = {"conduction": "none", "integrator": integrator, "tolerance": 1e-9}
+    several = touching_engine(chain(2), [300.0, 900.0], emissivity=0.5, mechanisms=(*fluids, near, near), **choices)
+    single = touching_engine(chain(2), [300.0, 900.0], emissivity=0.8, mechanisms=(*fluid, near), **choices)
+    for engine in (several, single):
+        for k in range(5):
+            engine.advance(1e-3, k * 1e-3)
+    assert several.state.heat == pytest.approx(single.state.heat, rel=1e-6)  # sub-steps differ
+    assert several.state.heat[0] > 1.0
+    assert heat_book(several.state, "from_ambient") == pytest.approx(several.state.heat.sum(), rel=1e-10)
+    assert heat_book(several.state, "closure") < 1e-13
