@@ -53,7 +53,10 @@ def strike_balance(state: State) -> None:
     stored = total(state.heat)
     books[_BOOK["stored"]] = stored
     received = books[_BOOK["friction"]] + books[_BOOK["impact"]] - books[_BOOK["to_walls"]]
-    received += sum(books[_BOOK[name]] for name in ("from_walls", *OUTSIDE_BOOKS))
+    from_outside = books[_BOOK["from_walls"]]
+    for name in OUTSIDE_BOOKS:
+        from_outside += books[_BOOK[name]]
+    received += from_outside
     books[_BOOK["imbalance"]] = stored - received
     # Σ C_i |T_i − T_i0| = Σ |Q_i|.
     scale = books[_BOOK["exchanged"]] + total(np.abs(state.heat))

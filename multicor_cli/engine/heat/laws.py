@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from math import inf
 from operator import mul
 from typing import Any, NamedTuple
 
@@ -70,7 +71,7 @@ def heat_laws(materials: Sequence[Properties], partition: Partition, wear: Float
     def of_pairs(formula: Callable[..., float], *names: str, missing: float = 0.0) -> Floats:
         return np.array([[_value(formula, names, missing, a, b) for b in materials] for a in materials], float)
 
-    hardness = of_each(float, "hardness")[:, None]
+    hardness = np.array([[one.get("hardness") or inf] for one in materials])
     formula, names = SHARES[partition]
     return HeatLaws(
         conductivity=of_each(float, "conductivity"),
@@ -83,7 +84,7 @@ def heat_laws(materials: Sequence[Properties], partition: Partition, wear: Float
         roughness=of_pairs(hypot, "roughness"),
         slope=of_pairs(hypot, "asperity_slope"),
         microhardness=of_pairs(harmonic_mean, "microhardness", missing=UNUSED_STIFFNESS),
-        wear=np.divide(wear, hardness, out=np.zeros_like(wear), where=hardness > 0.0),
+        wear=wear / hardness,
     )
 
 
