@@ -13,7 +13,8 @@ from lattice_bed import Floats, Sphere
 
 from multicor_cli import load_scenario, open_run
 from multicor_cli import run as run_scenario
-from multicor_cli.engine.heat.settings import HeatSettings, WallHeat
+from multicor_cli.engine.heat.settings import HeatSettings
+from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.model import Model, State
 from multicor_cli.post import force_network
 from multicor_cli.running.heat_plan import heat_settings, wall_heat

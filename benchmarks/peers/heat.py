@@ -17,8 +17,9 @@ from peers import GranPeer
 from table import draw, spread
 
 from multicor_cli.bench.scenes import SCENES
-from multicor_cli.engine.heat.settings import HeatSettings, WallHeat
+from multicor_cli.engine.heat.settings import HeatSettings
 from multicor_cli.engine.heat.step import HeatEngine
+from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.engine.motion.drives import Constant
 from multicor_cli.model import HEAT_BOOK_NAMES, Model, State
 

@@ -19,8 +19,7 @@ from multicor_cli.bench.driving import prepare
 from multicor_cli.bench.scenes import SCENES
 from multicor_cli.engine import Engine
 from multicor_cli.engine import step as engine_module
-from multicor_cli.engine.contact.settings import Settings
-from multicor_cli.engine.contact.solve import ResidualScale
+from multicor_cli.engine.contact.solve import ResidualScale, Settings
 from multicor_cli.engine.contact.sweep import System, add_impulses
 from multicor_cli.engine.jit.cache import cache_name
 from multicor_cli.model.model import Floats, Ints

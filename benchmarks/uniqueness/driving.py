@@ -10,7 +10,7 @@ from pathlib import Path
 
 import numpy as np
 
-from multicor_cli.engine.contact.settings import Method
+from multicor_cli.engine.contact.solve import Method
 from multicor_cli.engine.coupled import CoupledEngine
 from multicor_cli.model import Model, State
 from multicor_cli.model.nudge import VARIABLE

@@ -12,7 +12,7 @@ from law import approach_velocity, contact_velocity, violations
 from scenes import bed
 
 from multicor_cli.engine import ContactProblem, Settings, solve_contacts
-from multicor_cli.engine.contact.settings import Method
+from multicor_cli.engine.contact.solve import Method
 from multicor_cli.model.model import Floats, Ints
 
 METHODS: tuple[Method, ...] = ("gauss-seidel", "accelerated")

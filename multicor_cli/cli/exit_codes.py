@@ -22,7 +22,7 @@ from multicor_cli.running.outcome import ExitCode as ExitCode
 
 _BY_CLASS = {
     ("multicor_cli.scenario.problems", "ScenarioError"): ExitCode.SCENARIO,
-    ("multicor_cli.engine.contact.settings", "PhysicsError"): ExitCode.PHYSICS,
+    ("multicor_cli.engine.contact.report", "PhysicsError"): ExitCode.PHYSICS,
     ("multicor_cli.post.source", "PostError"): ExitCode.USAGE,
     ("multicor_cli.plots.style", "PlotError"): ExitCode.ENVIRONMENT,
     ("multicor_cli.engine.jit.layer", "NoThreadingLayer"): ExitCode.ENVIRONMENT,

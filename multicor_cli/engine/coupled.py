@@ -8,10 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from multicor_cli.engine.contact.problem import ContactProblem
-from multicor_cli.engine.contact.settings import Settings, StepReport
+from multicor_cli.engine.contact.report import StepReport
+from multicor_cli.engine.contact.solve import Settings
 from multicor_cli.engine.heat.pairs import resting_contacts
-from multicor_cli.engine.heat.settings import WallHeat
 from multicor_cli.engine.heat.step import HeatEngine, MovedContacts
+from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.engine.motion.drives import WallDrive
 from multicor_cli.engine.step import Engine
 from multicor_cli.model.contacts import ContactTable

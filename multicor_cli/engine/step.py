@@ -16,8 +16,8 @@ from multicor_cli.arithmetic.sums import column_totals, total
 from multicor_cli.engine.contact.detection import StepContacts, WarmStart, find_missed, measure_pairs, warm_rows
 from multicor_cli.engine.contact.gathering import gather_contacts
 from multicor_cli.engine.contact.problem import ContactProblem, problem_of_step
-from multicor_cli.engine.contact.settings import PhysicsError, Settings, StepReport
-from multicor_cli.engine.contact.solve import Outcome, ResidualScale, solve_system
+from multicor_cli.engine.contact.report import PhysicsError, StepReport
+from multicor_cli.engine.contact.solve import Outcome, ResidualScale, Settings, solve_system
 from multicor_cli.engine.contact.system import OrderedSystem, assemble
 from multicor_cli.engine.contact.table import tabulate_contacts
 from multicor_cli.engine.contact.thread_choice import ThreadChoice
@@ -139,12 +139,7 @@ class Engine:
             if missed == 0.0:
                 break
             margin = max(2.0 * margin, 1.5 * dt * missed)
-        if not outcome.converged and self.settings.on_failure == "error":
-            message = (
-                f"the contact solver did not converge in {self.settings.max_sweeps} sweeps: "
-                f"rms {outcome.rms:.2e}, max {outcome.maximum:.2e}, energy {outcome.energy:.2e} of their scale"
-            )
-            raise PhysicsError(state.step, message)
+        outcome.require_convergence(self.settings, state.step)
         return self._finish(scene, contacts, after, outcome, reach, dt)
 
     @property

@@ -13,14 +13,13 @@ from multicor_cli.packing.bodies import SHAPE_FACTOR, Shape, inertias, masses
 from multicor_cli.packing.brought import Brought
 from multicor_cli.packing.errors import PackingError
 from multicor_cli.packing.groups import make_group
-from multicor_cli.packing.laws import Law, contact_laws, touching_pairs
+from multicor_cli.packing.laws import contact_laws, touching_pairs
 from multicor_cli.packing.obstacles import Obstacles
 from multicor_cli.packing.overlap import behind_problem, overlap_problems
 from multicor_cli.packing.pairs import wrap
-from multicor_cli.packing.thermal import group_thermal, joined, sizes_problems, softening_law
+from multicor_cli.packing.thermal import group_thermal, joined, sizes_problems
 from multicor_cli.packing.wall_tables import BuiltWalls, build_walls
 from multicor_cli.scenario import Scenario, ScenarioError
-from multicor_cli.scenario.models import FrictionTable
 
 _LEAST_DIAMETERS = 4.0
 """Shortest period over the largest diameter: the engine finds each neighbor once only if it is not its own neighbor's image."""
@@ -102,20 +101,13 @@ def _model(scenario: Scenario, walls: BuiltWalls, groups: list[Brought]) -> Mode
         grains=grains,
         shapes=walls.shapes,
         walls=walls.walls,
-        laws=contact_laws(names, touching, lambda a, b: _law(scenario, a, b)),
+        laws=contact_laws(names, touching, scenario.law),
         materials=tuple(names),
         groups=tuple(group.name for group in scenario.particles),
         period=domain.period,
         gravity=np.array(domain.gravity, float),
         shape_factor=SHAPE_FACTOR[scenario.particles[0].shape],
     )
-
-
-def _law(scenario: Scenario, a: str, b: str) -> Law:
-    entry = scenario.law(a, b)
-    table = entry.friction
-    friction = (table.speed, table.values) if isinstance(table, FrictionTable) else entry.coefficient
-    return Law(friction, entry.restitution, softening_law(entry))
 
 
 def _thermal(scenario: Scenario, groups: list[Brought]) -> Thermal | None:

@@ -3,35 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
-from typing import NamedTuple
 
 import numpy as np
 
 from multicor_cli.model.model import ContactLaws, Floats
+from multicor_cli.scenario.materials import ContactPair, FrictionTable, Softening
 
-SofteningOfPair = tuple[float, float, float, float]
-"""Of a pair of materials: c [1/K], T_r [K], and the smallest and largest coefficient; see `multicor_cli.model.ContactLaws`."""
-
-Points = tuple[tuple[float, ...], tuple[float, ...]]
-"""Sliding speeds [m/s], ascending, and the coefficients of friction at them."""
-
-
-class Law(NamedTuple):
-    """The law of a pair of materials.
-
-    Attributes:
-        friction: Coefficient of friction, or its table.
-        restitution: Coefficient of normal restitution.
-        softening: How the friction depends on temperature, or None.
-    """
-
-    friction: float | Points
-    restitution: float
-    softening: SofteningOfPair | None = None
-
-
-_UNSOFTENED: SofteningOfPair = (0.0, 293.15, 0.0, 10.0)
+_UNSOFTENED = Softening(softening=0.0)
 """Leaves every coefficient that a scenario can have as it is, at any temperature."""
+
+_SOFTENING = {"softening_rate": "softening", "softening_start": "reference", "softening_lowest": "min", "softening_highest": "max"}
+"""Arrays of the laws about softening, and the keys that they are made of."""
 
 
 def touching_pairs(grains: Iterable[int], walls: Iterable[int]) -> list[tuple[int, int]]:
@@ -40,7 +22,9 @@ def touching_pairs(grains: Iterable[int], walls: Iterable[int]) -> list[tuple[in
     return sorted({(min(a, b), max(a, b)) for a in mobile for b in mobile | set(walls)})
 
 
-def contact_laws(materials: Sequence[str], touching: Iterable[tuple[int, int]], law_of: Callable[[str, str], Law]) -> ContactLaws:
+def contact_laws(
+    materials: Sequence[str], touching: Iterable[tuple[int, int]], law_of: Callable[[str, str], ContactPair]
+) -> ContactLaws:
     """The laws of the pairs ``touching``; other pairs are left at zero and are never used.
 
     Args:
@@ -50,17 +34,17 @@ def contact_laws(materials: Sequence[str], touching: Iterable[tuple[int, int]], 
     """
     k = len(materials)
     friction, restitution, table = np.zeros((k, k)), np.zeros((k, k)), np.full((k, k), -1, np.int32)
-    number: dict[Points, int] = {}
-    softening: dict[tuple[int, int], SofteningOfPair] = {}
+    number: dict[tuple[tuple[float, ...], tuple[float, ...]], int] = {}
+    softening: dict[tuple[int, int], Softening] = {}
     for a, b in touching:
-        mu, e, soft = law_of(materials[a], materials[b])
-        if soft is not None:
-            softening[a, b] = softening[b, a] = soft
-        restitution[a, b] = restitution[b, a] = e
-        if isinstance(mu, tuple):
-            table[a, b] = table[b, a] = number.setdefault(mu, len(number))
+        law = law_of(materials[a], materials[b])
+        if law.softening is not None:
+            softening[a, b] = softening[b, a] = law.softening
+        restitution[a, b] = restitution[b, a] = law.restitution
+        if isinstance(law.friction, FrictionTable):
+            table[a, b] = table[b, a] = number.setdefault((law.friction.speed, law.friction.values), len(number))
         else:
-            friction[a, b] = friction[b, a] = mu
+            friction[a, b] = friction[b, a] = law.coefficient
     sizes = [len(speeds) for speeds, _ in number]
     return ContactLaws(
         friction=friction,
@@ -73,9 +57,6 @@ def contact_laws(materials: Sequence[str], touching: Iterable[tuple[int, int]], 
     )
 
 
-def _softening(k: int, pairs: Mapping[tuple[int, int], SofteningOfPair]) -> dict[str, Floats]:
-    table: Floats = np.empty((4, k, k))
-    table[:] = np.array(_UNSOFTENED)[:, None, None]
-    for (a, b), soft in pairs.items():
-        table[:, a, b] = soft
-    return dict(zip(("softening_rate", "softening_start", "softening_lowest", "softening_highest"), table, strict=True))
+def _softening(k: int, pairs: Mapping[tuple[int, int], Softening]) -> dict[str, Floats]:
+    tables = [[pairs.get((a, b), _UNSOFTENED) for b in range(k)] for a in range(k)]
+    return {name: np.array([[getattr(table, key) for table in row] for row in tables], float) for name, key in _SOFTENING.items()}

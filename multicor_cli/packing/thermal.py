@@ -1,4 +1,4 @@
-"""Heat capacities, surfaces and initial temperatures of grains, and what softens friction."""
+"""Heat capacities, surfaces and initial temperatures of grains."""
 
 from __future__ import annotations
 
@@ -12,13 +12,11 @@ from multicor_cli.model.model import Floats
 from multicor_cli.packing.bodies import masses
 from multicor_cli.packing.brought import Brought
 from multicor_cli.packing.errors import PackingError
-from multicor_cli.packing.laws import SofteningOfPair
 from multicor_cli.packing.temperature_file import read_temperatures
 from multicor_cli.scenario import Scenario
 from multicor_cli.scenario.base import KELVIN_BOUNDS
 from multicor_cli.scenario.models import (
     AnyTemperature,
-    ContactPair,
     FileTemperature,
     GradientTemperature,
     ParticleGroup,
@@ -27,18 +25,6 @@ from multicor_cli.scenario.models import (
 )
 
 _KEY = ("temperature",)
-_EQUAL = 1.1
-"""Largest ratio of radii that counts as equal."""
-
-
-def softening_law(entry: ContactPair) -> SofteningOfPair | None:
-    """How the coefficient of friction of an entry depends on temperature, or None."""
-    table = entry.softening
-    if table is None:
-        return None
-    values = (table.softening, table.reference, table.min, table.max)
-    rate, start, lowest, highest = (value if value is not None else math.nan for value in values)  # validation gives them all
-    return rate, start, lowest, highest
 
 
 def group_thermal(scenario: Scenario, index: int, brought: Brought, center: Floats) -> Thermal:
@@ -133,11 +119,11 @@ def _one_per_grain(temperature: Floats, n: int, key: str, where: str) -> Floats:
 def sizes_problems(scenario: Scenario, groups: Sequence[Brought]) -> list[PackingError]:
     """What is wrong with the grains' sizes for the choices in ``[heat]``: the gas model for equal grains needs such."""
     gas = scenario.heat.gas if scenario.heat is not None else None
-    if gas is None or gas.model != "vargas":
+    if gas is None:
         return []
     smallest = min(float(group.radius.min()) for group in groups)
     largest = max(float(group.radius.max()) for group in groups)
-    if largest <= _EQUAL * smallest:
+    if gas.holds_for(smallest, largest):
         return []
     text = f'model = "vargas" is for grains of equal size, but the radii are {smallest:g} to {largest:g} m'
     return [PackingError(text, 'use model = "parallel" or "batchelor"', ("heat", "gas", "model"))]

@@ -9,6 +9,7 @@ import numpy as np
 from multicor_cli.model import BOOK_NAMES, Model, ShapeKind, State
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import TAIL, Tail
+from multicor_cli.scenario.loading import Stage, UntilStrain
 
 ROUNDING = 1e-9
 """Relative amount by which an accumulated strain may miss its goal: the sum of 10⁶ rounded increments."""
@@ -97,6 +98,16 @@ class RestReached:
 
 
 Condition = StrainReached | RestReached
+
+
+def condition_of(stage: Stage, model: Model) -> Condition | None:
+    """What ends a stage before its duration is over, if anything does."""
+    if stage.until is None:
+        return None
+    if isinstance(stage.until, UntilStrain):
+        strain = stage.until.strain
+        return StrainReached(ShearGauge.between(model, *strain.walls), strain.value)
+    return RestReached(stage.until.kinetic_energy_ratio)
 
 
 def update_peak(state: State) -> None:

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
-from multicor_cli.engine.contact.settings import StepReport
+from multicor_cli.engine.contact.report import StepReport
 from multicor_cli.engine.contact.solve import Interrupted
 from multicor_cli.model import State
 from multicor_cli.model.contacts import ContactTable
@@ -201,7 +201,7 @@ class Controller:
         state.window_wall_impulse[:] = 0.0
 
     def _write_frame(self) -> None:
-        contacts = self._engine.contacts() if self._plan.has_contacts else None
+        contacts = self._engine.contacts() if self._plan.output.contacts else None
         self._recorder.frame(self._engine.state, contacts)
 
     def _checkpoint(self) -> None:
@@ -212,10 +212,11 @@ class Controller:
         self._signals.is_checkpoint_wanted = False
 
     def _checkpoint_if_due(self) -> None:
+        interval = max(self._plan.output.checkpoint_interval, CHECKPOINT_SHARE * self._checkpoint_took)
         if self._signals.is_checkpoint_wanted:
             self._checkpoint()
             self._observer.message(f"checkpoint written at step {self._engine.state.step}")
-        elif self._clock() - self._last_checkpoint >= max(self._plan.checkpoint_interval, CHECKPOINT_SHARE * self._checkpoint_took):
+        elif self._clock() - self._last_checkpoint >= interval:
             self._checkpoint()
 
     def _reason_to_stop(self) -> StopReason | None:

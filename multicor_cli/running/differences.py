@@ -6,10 +6,10 @@ import tomllib
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-from multicor_cli.scenario.problems import KeyPath, format_key, show
-
-FREE_KEYS = frozenset({"scenario.description", "output.checkpoint_interval", "solver.threads"})
-"""Keys that may change between two sessions of a run: no result depends on them."""
+from multicor_cli.scenario.base import FREE
+from multicor_cli.scenario.describe import find_field, find_spot
+from multicor_cli.scenario.models import ScenarioModel
+from multicor_cli.scenario.problems import KeyPath, show
 
 _ABSENT = object()
 
@@ -23,14 +23,19 @@ class Difference(NamedTuple):
 
 
 def find_differences(before: str, after: str) -> list[Difference]:
-    """Keys that differ between two resolved scenarios, `FREE_KEYS` left out.
+    """Keys that differ between two resolved scenarios, `FREE` ones left out.
 
     Args:
         before: TOML of the scenario with which the run began.
         after: TOML of the scenario with which it would continue.
     """
     found = _compare((), tomllib.loads(before), tomllib.loads(after))
-    return [difference for difference in found if format_key(difference.path) not in FREE_KEYS]
+    return [difference for difference in found if not _is_free(difference.path)]
+
+
+def _is_free(path: KeyPath) -> bool:
+    field = find_field(find_spot(ScenarioModel, path).table, str(path[-1]))
+    return field is not None and FREE in field.metadata
 
 
 def _compare(path: KeyPath, before: Any, after: Any) -> Iterator[Difference]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from multicor_cli.engine.contact.settings import StepReport
+from multicor_cli.engine.contact.report import StepReport
 from multicor_cli.model import Model, State
 from multicor_cli.running.planning import make_plan
 from multicor_cli.running.session import make_engine

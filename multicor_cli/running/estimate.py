@@ -13,6 +13,7 @@ from multicor_cli.running.conditions import StrainReached
 from multicor_cli.running.plan import RunPlan, StagePlan
 from multicor_cli.running.time_step import largest_pressure
 from multicor_cli.scenario.scenario import Scenario
+from multicor_cli.scenario.settings import Output
 from multicor_cli.store import schema
 from multicor_cli.store.schema import Dataset
 
@@ -83,8 +84,7 @@ def estimate(scenario: Scenario, plan: RunPlan, model: Model, state: State, thre
     n = model.grain_count
     steps = estimate_steps(plan, model, state)
     known = None if None in steps else [count for count in steps if count is not None]
-    single = scenario.output.precision == "single"
-    frame = _frame_bytes(model, plan.has_contacts, is_single=single)
+    frame = _frame_bytes(model, plan.output)
     frames = rows = disk = peak = seconds = None
     if known is not None:
         frames = 1 + sum(-(-count // stage.frame_every) for count, stage in zip(known, plan.stages, strict=True))
@@ -169,9 +169,10 @@ def _velocity(drive: WallDrive) -> Signal:
     return drive.x.velocity if drive.x.velocity is not None else Constant(0.0)
 
 
-def _frame_bytes(model: Model, has_contacts: bool, *, is_single: bool) -> float:
+def _frame_bytes(model: Model, output: Output) -> float:
+    is_single = output.precision == "single"
     size = model.grain_count * _row_bytes(schema.PARTICLES, model, is_single=is_single)
-    if has_contacts:
+    if output.contacts:
         size += CONTACTS_PER_GRAIN * model.grain_count * _row_bytes(schema.CONTACTS, model, is_single=is_single)
     return size + _row_bytes(schema.STEPS + schema.OFFSETS + schema.WALLS, model, is_single=is_single)
 

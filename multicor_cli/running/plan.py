@@ -7,11 +7,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Protocol
 
-from multicor_cli.engine.contact.settings import Settings
-from multicor_cli.engine.heat.settings import WallHeat
+from multicor_cli.engine.contact.solve import Settings
+from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.engine.motion.drives import WallDrive
 from multicor_cli.model import State
 from multicor_cli.running.conditions import Condition, ShearGauge, StrainReached
+from multicor_cli.scenario.settings import Output
 
 
 class Drives(Protocol):
@@ -107,14 +108,12 @@ class RunPlan:
     Attributes:
         name: Name of the scenario.
         stages: The stages in order of time, at least one.
-        checkpoint_interval: Wall-clock time between checkpoints [s].
-        has_contacts: Whether frames hold the contact network.
+        output: The table ``[output]``.
     """
 
     name: str
     stages: Sequence[StagePlan]
-    checkpoint_interval: float
-    has_contacts: bool
+    output: Output
 
     @property
     def step_total(self) -> int | None:

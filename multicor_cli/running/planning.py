@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-from multicor_cli.engine.contact.settings import Settings
+from multicor_cli.engine.contact.solve import Settings
 from multicor_cli.engine.motion.drives import Shifted, Sine
 from multicor_cli.model import Model
-from multicor_cli.running.conditions import Condition, RestReached, ShearGauge, StrainReached
+from multicor_cli.running.conditions import condition_of
 from multicor_cli.running.heat_plan import wall_heat
 from multicor_cli.running.plan import RunPlan, StageHeat, StagePlan, count_steps
 from multicor_cli.running.time_step import automatic_step, find_scales
 from multicor_cli.scenario.checks.timing import MAX_STEPS
 from multicor_cli.scenario.drives import StageDrives
-from multicor_cli.scenario.loading import Stage, UntilStrain
+from multicor_cli.scenario.loading import Stage
 from multicor_cli.scenario.problems import ScenarioError
 from multicor_cli.scenario.scenario import Scenario
-from multicor_cli.scenario.settings import Solver
 
 MAX_SWINGS = 100.0
 """Periods of the temperature or heat flow of a wall in one step at most."""
@@ -45,15 +44,15 @@ def make_plan(scenario: Scenario, model: Model) -> RunPlan:
                 name=stage_name(stage, number),
                 dt=dt,
                 step_limit=None if stage.duration is None else count_steps(stage.duration, dt),
-                until=_condition(stage, model),
+                until=condition_of(stage, model),
                 frame_every=count_steps(output.frame_interval, dt),
                 series_every=count_steps(output.series_interval, dt),
-                settings=_settings(solver),
+                settings=solver.as_record(Settings),
                 drives=drives[number],
                 heat=heat[number],
             )
         )
-    return RunPlan(scenario.name, tuple(stages), output.checkpoint_interval, output.contacts)
+    return RunPlan(scenario.name, tuple(stages), output)
 
 
 def _automatic_step(scenario: Scenario, model: Model, number: int, drives: StageDrives) -> float:
@@ -96,24 +95,3 @@ def _refuse_fast_heat(scenario: Scenario, model: Model, number: int, heat: Stage
 def stage_name(stage: Stage, number: int) -> str:
     """Name of a stage; ``stage-0``, ``stage-1`` … where none was given."""
     return stage.name or f"stage-{number}"
-
-
-def _condition(stage: Stage, model: Model) -> Condition | None:
-    if stage.until is None:
-        return None
-    if isinstance(stage.until, UntilStrain):
-        strain = stage.until.strain
-        return StrainReached(ShearGauge.between(model, *strain.walls), strain.value)
-    return RestReached(stage.until.kinetic_energy_ratio)
-
-
-def _settings(solver: Solver) -> Settings:
-    return Settings(
-        method=solver.method,
-        local=solver.local,
-        tolerance_rms=solver.tolerance_rms,
-        tolerance_max=solver.tolerance_max,
-        tolerance_energy=solver.tolerance_energy,
-        max_sweeps=solver.max_sweeps,
-        on_failure=solver.on_failure,
-    )

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from multicor_cli.engine.contact.settings import PhysicsError
+from multicor_cli.engine.contact.report import PhysicsError
 from multicor_cli.model import State
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.model.faults import find_absurd_value

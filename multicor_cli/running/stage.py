@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
-from multicor_cli.engine.contact.settings import Settings
-from multicor_cli.engine.heat.settings import WallHeat
+from multicor_cli.engine.contact.solve import Settings
+from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.engine.motion.drives import WallDrive
 from multicor_cli.model import State
 from multicor_cli.running.conditions import KINETIC

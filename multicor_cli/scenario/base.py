@@ -3,10 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from typing import Annotated, Any
+from dataclasses import fields
+from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict, WithJsonSchema
 from pydantic_core import PydanticCustomError
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+    Record = TypeVar("Record", bound=DataclassInstance)
 
 
 class Table(BaseModel):
@@ -14,6 +20,19 @@ class Table(BaseModel):
 
     model_config = ConfigDict(extra="forbid", strict=True, frozen=True, allow_inf_nan=False)
 
+    def as_record(self, kind: type[Record], **more: object) -> Record:
+        """The record of the engine whose attributes are named as keys of this table; keys not given are left to its defaults.
+
+        Args:
+            kind: Class of the record.
+            more: Attributes that are not keys, or not with the same value.
+        """
+        names = {field.name for field in fields(kind)}
+        return kind(**{key: value for key, value in self if key in names and value is not None} | more)
+
+
+FREE = "free"
+"""Marks a key that may change between two sessions of a run: no result depends on it."""
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$", max_length=64)]
 """A name that can be a bare TOML key."""

@@ -2,19 +2,53 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Literal, Self
+from collections.abc import Iterator
+from typing import TYPE_CHECKING, Annotated, Literal, Self
 
 from pydantic import Discriminator, Field, Tag, model_validator
 
 from multicor_cli.scenario.base import Kelvin, Table, Time, Vector, refuse, tag_by_key
+from multicor_cli.scenario.problems import Finding
+
+if TYPE_CHECKING:
+    from multicor_cli.scenario.materials import Material
 
 ROOM_TEMPERATURE = 293.15
 NEEDS_POROSITY = ("gunn", "li-mason")
 GUNN_POROSITY = (0.35, 1.0)
+LEAST_CONTRAST = 10.0
+"""Smallest ratio of the conductivities of solid and gas for which the formula of Batchelor & O'Brien holds."""
+
+EQUAL = 1.1
+"""Largest ratio of radii that counts as equal."""
+
 _REACH = 0.4
+_SPOT = ("conductivity", "young", "poisson")
+_ROUGH = ("roughness", "asperity_slope", "microhardness")
+_PARTITION = {
+    "effusivity": ("conductivity", "heat_capacity"),
+    "conductivity": ("conductivity",),
+    "half": (),
+    "electrothermal": ("conductivity", "resistivity"),
+}
 
 Reach = Annotated[float, Field(gt=0.0, le=2.0)]
 FluidConductivity = Annotated[float, Field(ge=1e-6, le=1e3)]
+
+Need = tuple[str, tuple[str, ...]]
+"""What needs properties of a material, in the words of the scenario, and which."""
+
+
+class Mechanism(Table):
+    """A table of ``[heat]`` that switches on the mechanism of its key in `multicor_cli.engine.heat.settings.MECHANISMS`."""
+
+    def needs(self, *, is_of_grains: bool) -> tuple[str, ...]:
+        """Properties that it needs of a material of grains, or of walls alone."""
+        return ()
+
+    def check_material(self, name: str, material: Material) -> Iterator[Finding]:
+        """Findings about a material of grains or walls, but for what it lacks."""
+        yield from ()
 
 
 class AverageForce(Table):
@@ -39,7 +73,7 @@ Force = Annotated[
 ]
 
 
-class Gas(Table):
+class Gas(Mechanism):
     """Stagnant gas in the gaps between grains, and between grains and walls."""
 
     conductivity: FluidConductivity = Field(description="thermal conductivity of the gas [W/(m K)], for air 0.026")
@@ -50,15 +84,31 @@ class Gas(Table):
     )
     reach: Reach = Field(_REACH, description="largest gap that conducts, over the smaller radius")
 
+    def needs(self, *, is_of_grains: bool) -> tuple[str, ...]:
+        """As `Mechanism.needs`."""
+        return _SPOT
 
-class AmbientCoefficient(Table):
+    def check_material(self, name: str, material: Material) -> Iterator[Finding]:
+        """The formula of Batchelor & O'Brien holds for solids that conduct much better than the gas."""
+        solid = material.conductivity
+        if self.model == "batchelor" and solid is not None and solid < LEAST_CONTRAST * self.conductivity:
+            least = f'"batchelor" needs solids at least {LEAST_CONTRAST:g} times as conductive as the gas'
+            what = f"{least}, '{name}' is {solid / self.conductivity:.3g} times"
+            yield Finding(("heat", "gas", "model"), what, 'use "parallel"')
+
+    def holds_for(self, smallest: float, largest: float) -> bool:
+        """Whether the formula holds for grains of these smallest and largest radii [m]."""
+        return self.model != "vargas" or largest <= EQUAL * smallest
+
+
+class AmbientCoefficient(Mechanism):
     """Convection with a constant coefficient."""
 
     temperature: Kelvin = Field(description="temperature of the fluid [K]")
     coefficient: Annotated[float, Field(ge=1e-6, le=1e9)] = Field(description="heat transfer coefficient h [W/(m² K)]")
 
 
-class AmbientCorrelation(Table):
+class AmbientCorrelation(Mechanism):
     """Convection by a correlation of the Nusselt number of each grain."""
 
     temperature: Kelvin = Field(description="temperature of the fluid [K]")
@@ -103,7 +153,7 @@ def _default_reach(data: dict[str, object]) -> float | None:
     return _REACH if data.get("neighbors") else None
 
 
-class Radiation(Table):
+class Radiation(Mechanism):
     """Thermal radiation of gray grains."""
 
     surroundings: Kelvin | None = Field(None, description="temperature of the surroundings, a black body [K]; default: none")
@@ -120,6 +170,10 @@ class Radiation(Table):
         if self.reach is not None and not self.neighbors:
             raise refuse("reach has no meaning without neighbors = true", "remove it, or add neighbors = true", "reach")
         return self
+
+    def needs(self, *, is_of_grains: bool) -> tuple[str, ...]:
+        """As `Mechanism.needs`."""
+        return ("emissivity",) if is_of_grains or self.neighbors else ()
 
 
 class Heat(Table):
@@ -169,6 +223,29 @@ class Heat(Table):
     def has_spots(self) -> bool:
         """Whether the size of contact spots, and hence the normal force, matters."""
         return self.conduction != "none" or self.gas is not None
+
+    @property
+    def mechanisms(self) -> dict[str, Mechanism]:
+        """The mechanisms that are on, by key."""
+        return {key: table for key, table in self if isinstance(table, Mechanism)}
+
+    @property
+    def crosses_gaps(self) -> bool:
+        """Whether a mechanism carries heat between bodies that are only near each other."""
+        return any(getattr(table, "reach", None) for table in self.mechanisms.values())
+
+    def needs(self, *, is_of_grains: bool) -> Iterator[Need]:
+        """What needs properties of a material of grains, or of walls alone, and which."""
+        if is_of_grains:
+            yield "[heat]", ("heat_capacity",)
+        if self.conduction != "none":
+            yield f'conduction = "{self.conduction}"', (*_SPOT, *_ROUGH) if self.conduction == "rough" else _SPOT
+        if self.collisional:
+            yield "collisional = true", (*_SPOT, "heat_capacity")
+        if self.has_sources:
+            yield f'partition = "{self.partition}"', _PARTITION[self.partition]
+        for key, table in self.mechanisms.items():
+            yield key, table.needs(is_of_grains=is_of_grains)
 
     @model_validator(mode="after")
     def _consistent(self) -> Self:

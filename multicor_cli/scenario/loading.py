@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal, Self
+from typing import Annotated, Self
 
 from pydantic import AfterValidator, Discriminator, Field, Strict, Tag, model_validator
 
-from multicor_cli.scenario.base import Name, Ratio, Table, Time, Tolerance, refuse, tag_by_key
-from multicor_cli.scenario.settings import MAX_SWEEPS, Output, TimeStep
+from multicor_cli.scenario.base import Name, Ratio, Table, Time, refuse, tag_by_key
+from multicor_cli.scenario.settings import Output, StageSolver, TimeStep
 from multicor_cli.scenario.signals import Signal
 from multicor_cli.scenario.wall_heat import WallCondition
 
@@ -92,16 +92,6 @@ Until = Annotated[
         custom_error_message="until is a table with exactly one of strain, kinetic_energy_ratio",
     ),
 ]
-
-
-class StageSolver(Table):
-    """Settings of ``[solver]`` that a stage overrides."""
-
-    tolerance_rms: Tolerance | None = Field(None, description="rms of the velocity corrections over the reference velocity")
-    tolerance_max: Tolerance | None = Field(None, description="largest velocity correction over the reference velocity")
-    tolerance_energy: Tolerance | None = Field(None, description="energy error over the reference energy")
-    max_sweeps: int | None = Field(None, ge=1, le=MAX_SWEEPS, description="largest number of sweeps in a step")
-    on_failure: Literal["warn", "error"] | None = Field(None, description="what a step that does not converge does")
 
 
 class Stage(Table):

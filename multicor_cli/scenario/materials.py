@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Iterator
 from typing import Annotated, Any, Self
 
 from pydantic import AfterValidator, BaseModel, Discriminator, Field, Strict, Tag, WithJsonSchema, field_validator, model_validator
 
 from multicor_cli.scenario.base import Fraction, Friction, Kelvin, Table, refuse, require_ascending
-from multicor_cli.scenario.heat import ROOM_TEMPERATURE
+from multicor_cli.scenario.heat import ROOM_TEMPERATURE, Need
 
 MAX_MATERIALS = 100
 DENSITY_BOUNDS = (1.0, 30_000.0)
@@ -97,6 +98,12 @@ class Material(Table):
     resistivity: Annotated[float, Field(ge=1e-10, le=1e20)] | None = Field(
         None, description='electrical resistivity [Ω m], for partition = "electrothermal"'
     )
+
+    @classmethod
+    def with_unit(cls, key: str) -> str:
+        """A property with its unit, as its description has it: ``conductivity [W/(m K)]``."""
+        unit = re.search(r"\[.*?\]", cls.model_fields[key].description or "")
+        return f"{key} {unit[0]}" if unit else key
 
     @model_validator(mode="after")
     def _both_or_none(self) -> Self:
@@ -233,6 +240,20 @@ class ContactPair(Table):
         """How the coefficient of friction depends on temperature, if it does."""
         law = self.friction
         return law if isinstance(law, Softening) and law.softening is not None else None
+
+    @property
+    def thermal_keys(self) -> Iterator[tuple[str, ...]]:
+        """Keys that mean something only with heat."""
+        if self.softening is not None:
+            yield "friction", "softening"
+        if self.wear is not None:
+            yield ("wear",)
+
+    @property
+    def needs(self) -> Iterator[Need]:
+        """What needs properties of the two materials, and which."""
+        if self.wear is not None:
+            yield "wear", ("hardness",)
 
     @property
     def specificity(self) -> int:

@@ -10,20 +10,11 @@ from typing import Annotated
 from pydantic import Field, Strict
 
 from multicor_cli.scenario.base import Name, Table
-from multicor_cli.scenario.heat import (
-    AmbientCoefficient,
-    AmbientCorrelation,
-    AverageForce,
-    Gas,
-    Heat,
-    PrescribedForce,
-    Radiation,
-)
+from multicor_cli.scenario.heat import Heat
 from multicor_cli.scenario.loading import (
     FixedDof,
     ForceDof,
     Stage,
-    StageSolver,
     StrainEnd,
     UntilRest,
     UntilStrain,
@@ -42,7 +33,7 @@ from multicor_cli.scenario.packings import (
 )
 from multicor_cli.scenario.particles import ParticleGroup
 from multicor_cli.scenario.region import Region
-from multicor_cli.scenario.settings import Domain, Header, Output, Solver
+from multicor_cli.scenario.settings import Domain, Header, Output, Solver, StageSolver
 from multicor_cli.scenario.signals import RampSignal, SineSignal, SineWave, TableSignal
 from multicor_cli.scenario.sizes import AnySizes, ListSizes, LognormalSizes, PowerSizes, UniformSizes
 from multicor_cli.scenario.temperatures import (
@@ -79,11 +70,8 @@ class ScenarioModel(Table):
 
 
 __all__ = [
-    "AmbientCoefficient",
-    "AmbientCorrelation",
     "AnySizes",
     "AnyTemperature",
-    "AverageForce",
     "CompactedPacking",
     "ContactPair",
     "DepositedPacking",
@@ -94,7 +82,6 @@ __all__ = [
     "FlowCondition",
     "ForceDof",
     "FrictionTable",
-    "Gas",
     "GradientTemperature",
     "Header",
     "Heat",
@@ -106,8 +93,6 @@ __all__ = [
     "Output",
     "ParticleGroup",
     "PowerSizes",
-    "PrescribedForce",
-    "Radiation",
     "RampSignal",
     "RandomPacking",
     "Region",

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag
 
-from multicor_cli.scenario.base import Extent, Table, Time, Tolerance, Vector, tag_word
+from multicor_cli.scenario.base import FREE, Extent, Table, Time, Tolerance, Vector, tag_word
 
 MAX_SWEEPS = 10_000_000
 Seed = Annotated[
@@ -28,7 +28,7 @@ class Header(Table):
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", max_length=100)] = Field(
         description="name of the scenario and of its run directory: letters, digits and . _ -"
     )
-    description: str = Field("", max_length=10_000, description="what the scenario is about")
+    description: Annotated[str, FREE] = Field("", max_length=10_000, description="what the scenario is about")
     seed: Seed = Field(description='seed of all random numbers, or "random": drawn once and recorded')
 
 
@@ -62,7 +62,17 @@ class Solver(Table):
     tolerance_energy: Tolerance = Field(1e-2, description="energy error over the reference energy")
     max_sweeps: int = Field(10_000, ge=1, le=MAX_SWEEPS, description="largest number of sweeps in a step")
     on_failure: Literal["warn", "error"] = Field("warn", description="what a step that does not converge does")
-    threads: int = Field(0, ge=0, le=1024, description="number of threads; 0: all cores")
+    threads: Annotated[int, FREE] = Field(0, ge=0, le=1024, description="number of threads; 0: all cores")
+
+
+class StageSolver(Table):
+    """Settings of ``[solver]`` that a stage overrides."""
+
+    tolerance_rms: Tolerance | None = Field(None, description="rms of the velocity corrections over the reference velocity")
+    tolerance_max: Tolerance | None = Field(None, description="largest velocity correction over the reference velocity")
+    tolerance_energy: Tolerance | None = Field(None, description="energy error over the reference energy")
+    max_sweeps: int | None = Field(None, ge=1, le=MAX_SWEEPS, description="largest number of sweeps in a step")
+    on_failure: Literal["warn", "error"] | None = Field(None, description="what a step that does not converge does")
 
 
 def default_series_interval(frame_interval: float) -> float:
@@ -85,7 +95,7 @@ class Output(Table):
         description="time between rows of the time series [s]; default: frame_interval/10",
     )
     contacts: bool = Field(True, description="whether frames hold the contact network")
-    checkpoint_interval: float = Field(
+    checkpoint_interval: Annotated[float, FREE] = Field(
         60.0,
         ge=1e-3,
         le=1e9,

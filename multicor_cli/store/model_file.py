@@ -37,8 +37,6 @@ def _as_stored(spec: schema.Dataset, values: NDArray[Any]) -> NDArray[Any]:
     return values if spec.dtype == "str" else np.ascontiguousarray(values, dtype=dtype_of(spec, "double"))
 
 
-_LAWS = ("friction", "restitution", "table", "table_start", "table_speed", "table_friction")
-_SOFTENING = ("softening_rate", "softening_start", "softening_lowest", "softening_highest")
 _THERMAL = ("capacity", "start", "surface")
 
 
@@ -103,7 +101,7 @@ def read_model(file: CheckedFile) -> Model:
             data["walls/has_gravity"].astype(np.bool_),
             data["walls/length"],
         ),
-        laws=ContactLaws(**{name: data[f"laws/{name}"] for name in (*_LAWS, *_SOFTENING) if f"laws/{name}" in data}),
+        laws=ContactLaws(**{name: data[f"laws/{name}"] for name in ContactLaws._fields if f"laws/{name}" in data}),
         materials=tuple(data["material_names"]),
         groups=tuple(data["group_names"]),
         period=float(data["period"][0]),

@@ -5,36 +5,21 @@ from dataclasses import replace
 import numpy as np
 from scene_parts import make_model
 
-from multicor_cli.engine.contact.hertz import contact_modulus
-from multicor_cli.engine.heat.conduction import ContactForce, harmonic_conductivity
-from multicor_cli.engine.heat.laws import HeatLaws
-from multicor_cli.engine.heat.radiation import emission_factor
-from multicor_cli.engine.heat.settings import HeatSettings, WallHeat
+from multicor_cli.engine.heat.conduction import ContactForce
+from multicor_cli.engine.heat.laws import heat_laws
+from multicor_cli.engine.heat.settings import HeatSettings
 from multicor_cli.engine.heat.step import HeatEngine
+from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.engine.motion.drives import Constant
 from multicor_cli.model import HEAT_BOOK_NAMES, State, Thermal
 
-STEEL = {"conductivity": 15.0, "density": 7500.0, "capacity": 500.0, "young": 193e9, "poisson": 0.29}
 
-
-def one(value):
-    return np.full((1, 1), float(value))
-
-
-def make_heat_laws(*, conductivity=15.0, density=7500.0, capacity=500.0, young=193e9, poisson=0.29, emissivity=0.0, wear=0.0):
-    return HeatLaws(
-        conductivity=np.array([conductivity]),
-        volumetric=np.array([density * capacity]),
-        modulus=one(contact_modulus(young, poisson, young, poisson)),
-        harmonic=one(harmonic_conductivity(conductivity, conductivity)),
-        share=one(0.5),
-        emissivity=np.array([emissivity]),
-        emission=one(emission_factor(emissivity, emissivity)),
-        roughness=one(1e-6),
-        slope=one(0.1),
-        microhardness=one(3e9),
-        wear=one(wear),
-    )
+def make_heat_laws(*, density=7500.0, capacity=500.0, wear=0.0, **properties):
+    """Laws of one material, steel but for what is given; ``wear`` is Archard's coefficient over the hardness [1/Pa]."""
+    others = {"conductivity": 15.0, "young": 193e9, "poisson": 0.29, "emissivity": 0.0, **properties}
+    rough = {"roughness": 1e-6, "asperity_slope": 0.1, "microhardness": 3e9}
+    material = {"density": density, "heat_capacity": capacity, "hardness": 1.0, **others, **rough}
+    return heat_laws([material], "half", np.array([[wear]]))
 
 
 def with_softening(laws, *values):

@@ -8,13 +8,14 @@ from typing import Any
 
 import numpy as np
 
-from multicor_cli.engine.contact.settings import Settings, StepReport
-from multicor_cli.engine.contact.solve import Interrupted
+from multicor_cli.engine.contact.report import StepReport
+from multicor_cli.engine.contact.solve import Interrupted, Settings
 from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
 from multicor_cli.model import BOOK_NAMES, ContactLaws, Grains, Model, State, Walls, WallShapes
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.running.conditions import RestReached, ShearGauge, StrainReached
 from multicor_cli.running.plan import RunPlan, StagePlan
+from multicor_cli.scenario.settings import Output
 
 KINETIC = BOOK_NAMES.index("kinetic")
 
@@ -143,4 +144,4 @@ def make_plan(model: Model, *, checkpoint_interval: float = 1e9) -> RunPlan:
         StagePlan("shear", 0.025, None, StrainReached(gauge, 0.5), 6, 3, Settings(max_sweeps=7), shear(-1.0)),
         StagePlan("hold", 0.5, 7, None, 100, 100, settings, shear(0.0)),
     )
-    return RunPlan("fake", stages, checkpoint_interval, True)
+    return RunPlan("fake", stages, Output(frame_interval=1.0, checkpoint_interval=checkpoint_interval))

@@ -28,7 +28,7 @@ from multicor_cli.bench.tiling import repeat_scene
 from multicor_cli.cli.bench_command import bench
 from multicor_cli.cli.exit_codes import ExitCode
 from multicor_cli.engine import Engine
-from multicor_cli.engine.contact.settings import PhysicsError
+from multicor_cli.engine.contact.report import PhysicsError
 from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
 from multicor_cli.model import BOOK_NAMES, TALLY_NAMES
 from multicor_cli.model.nudge import VARIABLE

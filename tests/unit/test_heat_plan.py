@@ -1,6 +1,8 @@
 """From thermal keys to the choices of the heat engine and the thermal conditions of walls."""
 
 import math
+from dataclasses import fields
+from typing import get_args
 
 import numpy as np
 import pytest
@@ -8,15 +10,20 @@ from packing_support import scenario as cold_scenario
 from scenario_text import HEATED, SHEAR
 from warm_run import WARM
 
+from multicor_cli.engine.contact.solve import Settings
 from multicor_cli.engine.heat.conduction import ContactForce
+from multicor_cli.engine.heat.convection import Ambient
 from multicor_cli.engine.heat.gas import Gas
 from multicor_cli.engine.heat.radiation import Radiation
-from multicor_cli.engine.heat.settings import WallHeat
+from multicor_cli.engine.heat.settings import MECHANISMS, HeatSettings
+from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.engine.motion.drives import Constant, Ramp, Shifted, Sine
 from multicor_cli.packing import build
 from multicor_cli.running.heat_plan import heat_laws, heat_settings, wall_heat
 from multicor_cli.running.planning import make_plan
 from multicor_cli.scenario import ScenarioError, parse_scenario
+from multicor_cli.scenario.heat import Heat, Mechanism
+from multicor_cli.scenario.settings import Solver
 
 GLASS, STEEL, SPARE = range(3)
 NAMES = ("glass", "steel", "spare")
@@ -41,16 +48,16 @@ def test_a_scenario_without_heat_has_no_settings():
 
 def test_choices_are_handed_on(heated):
     settings = heat_settings(*heated)
-    assert (settings.conduction, settings.friction, settings.has_impact, settings.is_collisional) == (
+    assert (settings.conduction, settings.friction, settings.impact, settings.collisional) == (
         "hertz",
         "energy",
         False,
         False,
     )
     assert settings.force == ContactForce("average", 0.01)
-    assert settings.gas == Gas(0.026, "batchelor", 0.4)
-    assert settings.radiation == Radiation(293.15, True, 0.4)
-    ambient = settings.ambient
+    gas, ambient, radiation = settings.mechanisms
+    assert gas == Gas(0.026, "batchelor", 0.4)
+    assert radiation == Radiation(293.15, 0.4)
     assert (ambient.temperature, ambient.correlation, ambient.coefficient) == (290.0, "gunn", 0.0)
     assert (ambient.conductivity, ambient.viscosity, ambient.prandtl, ambient.porosity) == (0.026, 1.5e-5, 0.7, 0.4)
     assert (settings.integrator, settings.sub_step, settings.tolerance) == ("auto", 1.0, 1e-4)
@@ -62,21 +69,39 @@ def test_other_choices(heated):
         "sub_step=0.5, tolerance=1e-6, ambient={temperature=280, coefficient=12}, radiation={surroundings=300}"
     )
     settings = heat_settings(parse_scenario(HEATED, "heated.toml", [f"heat={{{table}}}"]), heated[1])
-    assert (settings.conduction, settings.friction, settings.has_impact, settings.is_collisional) == (
+    assert (settings.conduction, settings.friction, settings.impact, settings.collisional) == (
         "rough",
         "sliding",
         True,
         True,
     )
     assert settings.force == ContactForce("prescribed", 2.0)
-    assert settings.gas is None
-    assert (settings.ambient.correlation, settings.ambient.coefficient) == ("constant", 12.0)
-    assert settings.radiation.surroundings == 300.0
-    assert not settings.radiation.neighbors
+    assert settings.mechanisms == (Ambient(280.0, coefficient=12.0), Radiation(300.0))
     assert (settings.integrator, settings.sub_step, settings.tolerance) == ("explicit", 0.5, 1e-6)
     plain = heat_settings(parse_scenario(HEATED, "heated.toml", ["heat={}"]), heated[1])
     assert plain.force == ContactForce()
-    assert (plain.gas, plain.ambient, plain.radiation) == (None, None, None)
+    assert plain.mechanisms == ()
+
+
+def test_the_tables_of_mechanisms_are_the_records_of_the_engine():
+    """A record is filled from the keys of its table by their names, so that every choice must be a key."""
+    tables = {key: _tables(field.annotation) for key, field in Heat.model_fields.items() if _tables(field.annotation)}
+    assert tables.keys() == MECHANISMS.keys()
+    for key, record in MECHANISMS.items():
+        keys = {name for table in tables[key] for name in table.model_fields}
+        assert {field.name for field in fields(record)} <= keys, key
+
+
+def test_defaults_of_keys_are_those_of_the_engine():
+    assert Heat().as_record(HeatSettings, laws=None) == HeatSettings(None)
+    assert Solver().as_record(Settings) == Settings()
+
+
+def _tables(annotation):
+    """Tables of mechanisms in a type."""
+    if isinstance(annotation, type) and issubclass(annotation, Mechanism):
+        return [annotation]
+    return [table for part in get_args(annotation) for table in _tables(part)]
 
 
 def test_laws_of_materials_and_pairs():

@@ -10,7 +10,8 @@ import numpy as np
 import pytest
 from run_fakes import FakeEngine, MemoryRecorder, make_model, make_plan, shear
 
-from multicor_cli.engine.contact.settings import PhysicsError, Settings
+from multicor_cli.engine.contact.report import PhysicsError
+from multicor_cli.engine.contact.solve import Settings
 from multicor_cli.model import BOOK_NAMES, State
 from multicor_cli.running.conditions import RestReached, ShearGauge, StrainReached, update_peak, wall_heights
 from multicor_cli.running.controller import Controller
@@ -19,6 +20,7 @@ from multicor_cli.running.outcome import StopReason
 from multicor_cli.running.pace import WARM_UP_STEPS, Pace
 from multicor_cli.running.plan import RunPlan, StagePlan, count_steps
 from multicor_cli.running.signals import STOP_SIGNALS, Switchboard
+from multicor_cli.scenario.settings import Output
 
 
 class Clock:
@@ -261,7 +263,7 @@ def test_strain_and_peak_begin_anew_in_each_stage() -> None:
         StagePlan(name, 0.025, None, StrainReached(gauge, 0.5), 100, 100, Settings(), shear(1.0)) for name in ("forth", "on")
     )
     engine, recorder = FakeEngine(model), MemoryRecorder()
-    run_all(RunPlan("twice", stages, 1e9, True), recorder, engine)
+    run_all(RunPlan("twice", stages, Output(frame_interval=1.0, checkpoint_interval=1e9)), recorder, engine)
     assert [frame[0] for frame in recorder.frames] == [0, 20, 40]
     assert (engine.state.stage_strain, engine.state.stage_peak) == (0.0, 0.0)
 
@@ -309,7 +311,7 @@ def test_intervals_become_whole_steps(interval: float, dt: float, steps: int) ->
 
 def test_progress_by_steps_where_their_number_is_known() -> None:
     stages = tuple(StagePlan(name, 0.1, limit, None, 1, 1, Settings(), shear(1.0)) for name, limit in (("a", 10), ("b", 30)))
-    plan = RunPlan("p", stages, 1.0, True)
+    plan = RunPlan("p", stages, Output(frame_interval=1.0))
     state = State.at_rest(make_model(), np.zeros((2, 2)))
     state.stage, state.stage_step = 1, 15
     assert plan.step_total == 40

@@ -13,7 +13,7 @@ from run_fakes import FakeDrives, make_model, make_plan
 from small_run import SMALL, environment, write_small
 
 from multicor_cli.engine.contact.hertz import hertz_flattening
-from multicor_cli.engine.contact.settings import Settings
+from multicor_cli.engine.contact.solve import Settings
 from multicor_cli.engine.motion.drives import Constant, DofDrive, Ramp, Sine, WallDrive
 from multicor_cli.model import State
 from multicor_cli.running.conditions import ShearGauge, StrainReached
@@ -23,6 +23,7 @@ from multicor_cli.running.plan import RunPlan, StagePlan
 from multicor_cli.running.planning import make_plan as plan_of
 from multicor_cli.running.threads import available_cores, reserve_threads
 from multicor_cli.scenario.load import load_scenario, parse_scenario
+from multicor_cli.scenario.settings import Output
 
 
 def reserved(code: str, **extra: str) -> str:
@@ -83,9 +84,9 @@ def test_steps_to_a_strain_are_foreseen(signal: Constant | Ramp | Sine, steps: i
     drives = FakeDrives(WallDrive(), WallDrive(x=DofDrive(velocity=signal)))
     stage = StagePlan("shear", 0.01, None, StrainReached(gauge, 0.5), 1, 1, Settings(), drives)
     state = State.at_rest(model, np.zeros((2, 2)))
-    found = estimate_steps(RunPlan("p", (stage,), 1.0, True), model, state)
+    found = estimate_steps(RunPlan("p", (stage,), Output(frame_interval=1.0)), model, state)
     assert found == [steps] or (steps is not None and abs(found[0] - steps) <= 1)
-    assert estimate_steps(RunPlan("p", (replace(stage, step_limit=7),), 1.0, True), model, state) == [7]
+    assert estimate_steps(RunPlan("p", (replace(stage, step_limit=7),), Output(frame_interval=1.0)), model, state) == [7]
 
 
 def test_force_driven_shear_is_not_foreseen() -> None:
@@ -93,7 +94,8 @@ def test_force_driven_shear_is_not_foreseen() -> None:
     gauge = ShearGauge.between(model, "bottom", "top")
     drives = FakeDrives(WallDrive(), WallDrive(x=DofDrive(force=Constant(1.0))))
     stage = StagePlan("shear", 0.01, None, StrainReached(gauge, 0.5), 1, 1, Settings(), drives)
-    assert estimate_steps(RunPlan("p", (stage,), 1.0, True), model, State.at_rest(model, np.zeros((2, 2)))) == [None]
+    plan = RunPlan("p", (stage,), Output(frame_interval=1.0))
+    assert estimate_steps(plan, model, State.at_rest(model, np.zeros((2, 2)))) == [None]
 
 
 def test_estimate_grows_with_what_it_depends_on(tmp_path: Path) -> None:

@@ -47,7 +47,7 @@ def test_contact_modulus_and_effective_radius():
 )
 def test_hertz_spot_and_its_conductance(force, radius, conductance, biot):
     assert spot(force) == digits(radius)
-    harmonic = conduction.harmonic_conductivity(CONDUCTIVITY, CONDUCTIVITY)
+    harmonic = conduction.harmonic_mean(CONDUCTIVITY, CONDUCTIVITY)
     h = conduction.hertz_conductance(harmonic, spot(force))
     assert h == digits(conductance)
     assert conduction.biot_number(h, CONDUCTIVITY, A) == digits(biot, 5e-4)
@@ -71,7 +71,7 @@ def test_one_hertz_formula():
 
 
 def test_unlike_conductors():
-    harmonic = conduction.harmonic_conductivity(15.0, 200.0)
+    harmonic = conduction.harmonic_mean(15.0, 200.0)
     h = conduction.hertz_conductance(harmonic, spot(1.0))
     assert h == digits(0.000975492)
     assert h / (4.0 * 15.0 * 200.0 / 215.0 * sqrt(pi) * spot(1.0)) == pytest.approx(1.0 / 1.77245, rel=SIX_DIGITS)

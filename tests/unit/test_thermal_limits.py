@@ -23,7 +23,7 @@ def test_no_force_no_spot():
 
 def test_unlike_bodies_reduce_to_like_ones():
     assert hertz.contact_modulus(1e11, 0.3, 1e11, 0.3) == pytest.approx(1e11 / (2.0 * 0.91), rel=1e-15)
-    assert conduction.harmonic_conductivity(15.0, 15.0) == 15.0
+    assert conduction.harmonic_mean(15.0, 15.0) == 15.0
     assert partition.effusivity_share(3.0, 3.0) == partition.conductivity_share(7.0, 7.0) == 0.5
     assert partition.electrothermal_share(2.0, 2.0, 5.0, 5.0) == 0.5
 
@@ -31,7 +31,7 @@ def test_unlike_bodies_reduce_to_like_ones():
 def test_a_rigid_or_insulating_partner():
     assert hertz.contact_modulus(1e11, 0.3, 1e30, 0.3) == pytest.approx(1e11 / 0.91, rel=1e-15)
     assert hertz.effective_radius(A, 1e12) == pytest.approx(A, rel=1e-12)
-    assert conduction.harmonic_conductivity(15.0, 1e-9) == pytest.approx(2e-9, rel=1e-9)
+    assert conduction.harmonic_mean(15.0, 1e-9) == pytest.approx(2e-9, rel=1e-9)
 
 
 def test_exchanging_the_bodies_changes_nothing():

@@ -12,8 +12,9 @@ from scene_parts import book, shear_scene
 
 from multicor_cli.engine import Engine, Settings
 from multicor_cli.engine.coupled import CoupledEngine
-from multicor_cli.engine.heat.settings import HeatSettings, WallHeat
+from multicor_cli.engine.heat.settings import HeatSettings
 from multicor_cli.engine.heat.step import HeatEngine
+from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.model import State
 
 pytestmark = [pytest.mark.validation, pytest.mark.timeout(1200)]
@@ -42,7 +43,7 @@ class Layer:
         model, positions, origins, drives = shear_scene(columns=COLUMNS, rows=ROWS, seed=seed, speed=SPEED)
         self.model = with_heat(model, AMBIENT, specific=1.0)
         laws = make_heat_laws(conductivity=conductivity, young=2e6 * (1.0 - 0.3**2), poisson=0.3)
-        self.settings = HeatSettings(laws, has_impact=True)
+        self.settings = HeatSettings(laws, impact=True)
         self.state = State.at_rest(self.model, positions)
         self.state.wall_position[:] = origins
         heat = HeatEngine(self.model, self.state, self.settings)

@@ -6,7 +6,7 @@ from heat_parts import at_temperature, chain, exact_temperatures, heat_book, row
 from scene_parts import FLOOR
 
 from multicor_cli.engine.heat import implicit
-from multicor_cli.engine.heat.settings import WallHeat
+from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.engine.motion.drives import Ramp
 
 ONE_STEP = {"integrator": "implicit", "tolerance": 1e9}

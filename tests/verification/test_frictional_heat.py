@@ -13,8 +13,9 @@ from multicor_cli.engine.heat.conduction import ContactForce
 from multicor_cli.engine.heat.convection import Ambient
 from multicor_cli.engine.heat.gas import Gas
 from multicor_cli.engine.heat.radiation import Radiation
-from multicor_cli.engine.heat.settings import HeatSettings, WallHeat
+from multicor_cli.engine.heat.settings import HeatSettings
 from multicor_cli.engine.heat.step import HeatEngine
+from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.engine.motion.drives import Constant, Sine, WallDrive
 from multicor_cli.model import State
 
@@ -113,7 +114,7 @@ def impact(**settings):
 
 def test_impacts_heat_where_asked():
     """−p_n ½(u_n⁻+u_n⁺) = ½(1−e²) u_n²/W_nn, half to each of two like grains."""
-    engine = impact(has_impact=True, conduction="none")
+    engine = impact(impact=True, conduction="none")
     mass = engine.heat.model.grains.mass[0]
     assert engine.state.heat == pytest.approx(np.full(2, 0.25 * mass * 0.75 * 0.5), rel=1e-12)
     assert heat_book(engine.state, "impact") == pytest.approx(book(engine.state, "impact_loss"), rel=1e-14)
@@ -124,7 +125,7 @@ def test_a_collision_conducts_by_its_own_law():
     """Sun & Chen: heat per kelvin of one impact, independent of Δt; the mass, radius and speed of this one."""
     from multicor_cli.engine.heat.collision import impact_exchange
 
-    engine = impact(is_collisional=True)
+    engine = impact(collisional=True)
     mass = engine.heat.model.grains.mass[0]
     laws = make_heat_laws()
     exchange = impact_exchange(0.5 * mass, 0.5, laws.modulus[0, 0], 1.0, 15.0, 3.75e6, 15.0, 3.75e6)
@@ -145,10 +146,12 @@ def test_running_average_of_the_force():
 
 
 ALL_ON = {
-    "has_impact": True,
-    "gas": Gas(0.026, reach=0.5),
-    "ambient": Ambient(350.0, correlation="whitaker", conductivity=0.026, viscosity=1.6e-5, prandtl=0.7, velocity=(0.3, 0.0)),
-    "radiation": Radiation(surroundings=250.0, neighbors=True),
+    "impact": True,
+    "mechanisms": (
+        Gas(0.026, reach=0.5),
+        Ambient(350.0, correlation="whitaker", conductivity=0.026, viscosity=1.6e-5, prandtl=0.7, velocity=(0.3, 0.0)),
+        Radiation(surroundings=250.0, reach=0.4),
+    ),
 }
 
 
@@ -167,7 +170,7 @@ def shear(steps=200, dt=0.02, solver=None, conditions=None, **settings):
 
 
 @pytest.mark.parametrize("integrator", ["explicit", "implicit"])
-@pytest.mark.parametrize("settings", [ALL_ON, {**ALL_ON, "force": ContactForce("average", 0.1), "is_collisional": True}])
+@pytest.mark.parametrize("settings", [ALL_ON, {**ALL_ON, "force": ContactForce("average", 0.1), "collisional": True}])
 def test_first_law_closes_with_everything_on(integrator, settings):
     state = shear(integrator=integrator, **settings).state
     assert heat_book(state, "closure") < 1e-12
@@ -180,7 +183,7 @@ def test_first_law_closes_with_everything_on(integrator, settings):
 def test_insulated_grains_store_what_friction_and_impacts_lose(integrator):
     """Stored heat = mechanical losses, to round-off, though the contact solver is far from converged."""
     insulated = [WallHeat(), WallHeat()]
-    state = shear(conditions=insulated, has_impact=True, integrator=integrator, solver=Settings(max_sweeps=10)).state
+    state = shear(conditions=insulated, impact=True, integrator=integrator, solver=Settings(max_sweeps=10)).state
     losses = book(state, "friction_loss") + book(state, "impact_loss")
     assert losses > 0.0
     assert state.heat.sum() == pytest.approx(losses, rel=1e-12)
@@ -196,7 +199,7 @@ def test_heat_does_not_move_a_grain():
 
 def test_a_state_goes_on_to_the_bit_from_a_copy():
     """Everything that the future depends on is in the state: averages and sub-steps included."""
-    settings = {**ALL_ON, "force": ContactForce("average", 0.1), "integrator": "implicit", "is_collisional": True}
+    settings = {**ALL_ON, "force": ContactForce("average", 0.1), "integrator": "implicit", "collisional": True}
     through = shear(steps=40, **settings)
     half = shear(steps=20, **settings)
     copied = State.from_dict({name: np.array(value) for name, value in half.state.as_dict().items()})
@@ -215,7 +218,7 @@ def test_radiation_of_one_grain_to_the_surroundings():
     """C dT/dt = ε σ A (T_s⁴ − T⁴): cooling towards 0 K, T^-3 = T_0^-3 + 3 ε σ A t/C."""
     model = with_heat(make_model([1.0], (), (), shape="sphere", gravity=(0.0, 0.0)), 1000.0, capacity=1.0)
     state = State.at_rest(model, np.array([[0.0, 0.0]]))
-    settings = HeatSettings(make_heat_laws(emissivity=0.5), radiation=Radiation(surroundings=1e-3), tolerance=1e-9)
+    settings = HeatSettings(make_heat_laws(emissivity=0.5), mechanisms=(Radiation(surroundings=1e-3),), tolerance=1e-9)
     heat = HeatEngine(model, state, settings)
     coupled = CoupledEngine(Engine(model, state), heat)
     coupled.set_heat([], is_on=True, is_frozen=True)
@@ -229,7 +232,7 @@ def test_convection_of_one_grain():
     """T_f − T decays with C/(h A)."""
     model = with_heat(make_model([1.0], (), (), shape="sphere", gravity=(0.0, 0.0)), 300.0, capacity=8.0 * np.pi)
     state = State.at_rest(model, np.array([[0.0, 0.0]]))
-    heat = HeatEngine(model, state, HeatSettings(make_heat_laws(), ambient=Ambient(400.0, coefficient=2.0), tolerance=1e-8))
+    heat = HeatEngine(model, state, HeatSettings(make_heat_laws(), mechanisms=(Ambient(400.0, coefficient=2.0),), tolerance=1e-8))
     heat.advance(1.0, 0.0)
     assert state.temperature(model.thermal)[0] == pytest.approx(400.0 - 100.0 * np.exp(-1.0), rel=1e-6)
     assert heat_book(state, "from_ambient") == pytest.approx(state.heat[0], rel=1e-14)

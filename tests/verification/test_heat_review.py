@@ -14,8 +14,9 @@ from multicor_cli.engine.heat.conduction import ContactForce
 from multicor_cli.engine.heat.convection import Ambient
 from multicor_cli.engine.heat.gas import Gas, batchelor_conductance, parallel_conductance_wall
 from multicor_cli.engine.heat.radiation import STEFAN_BOLTZMANN, Radiation
-from multicor_cli.engine.heat.settings import HeatSettings, WallHeat
+from multicor_cli.engine.heat.settings import HeatSettings
 from multicor_cli.engine.heat.step import HeatEngine
+from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.engine.motion.drives import Constant, DofDrive, Interpolated, Sine, WallDrive
 from multicor_cli.model import State
 
@@ -43,8 +44,8 @@ def radiating_grain(start, wall, *, surroundings=None, **settings):
     """A grain of 0.1 mm that hangs over a floor and radiates at it; emissivity 0.8, no contact."""
     model = with_heat(make_model([RADIUS], FLOOR, shape="sphere", gravity=(0.0, 0.0), density=7500.0), start)
     state = State.at_rest(model, np.array([[0.0, 1.1 * RADIUS]]))
-    radiation = Radiation(surroundings, neighbors=wall is not None)
-    engine = HeatEngine(model, state, HeatSettings(make_heat_laws(emissivity=0.8), radiation=radiation, **settings))
+    radiation = Radiation(surroundings, reach=0.0 if wall is None else 0.4)
+    engine = HeatEngine(model, state, HeatSettings(make_heat_laws(emissivity=0.8), mechanisms=(radiation,), **settings))
     engine.set_conditions([WallHeat() if wall is None else at_temperature(wall)])
     return engine
 
@@ -145,8 +146,8 @@ def test_a_contact_conducts_however_short_the_reach_of_the_gas():
     """A grain that lands within the step has a gap at q_m wider than the reach, and a force."""
     model = with_heat(make_model([1.0], FLOOR, shape="sphere"), 300.0)
     given = []
-    for gas in (None, Gas(1e-6, reach=1e-3)):
-        engine = coupled_engine(model, [[0.0, 1.02]], [[0.0, -4.0, 0.0]], [at_temperature(400.0)], gas=gas)
+    for gas in ((), (Gas(1e-6, reach=1e-3),)):
+        engine = coupled_engine(model, [[0.0, 1.02]], [[0.0, -4.0, 0.0]], [at_temperature(400.0)], mechanisms=gas)
         engine.step(5e-3, 0.0)
         given.append(engine.state.wall_heat[0, 0])
     assert given[0] > 0.0
@@ -156,7 +157,7 @@ def test_a_contact_conducts_however_short_the_reach_of_the_gas():
 def test_gas_under_a_moving_wall_fills_the_gap_of_the_middle_of_the_step():
     model = with_heat(make_model([1.0], FLOOR, shape="sphere", gravity=(0.0, 0.0)), 300.0)
     drives = [WallDrive(y=DofDrive(velocity=Constant(1.0)))]
-    engine = coupled_engine(model, [[0.0, 1.2]], None, [at_temperature(400.0)], drives=drives, gas=Gas(0.026))
+    engine = coupled_engine(model, [[0.0, 1.2]], None, [at_temperature(400.0)], drives=drives, mechanisms=(Gas(0.026),))
     engine.state.wall_velocity[0, 1] = 1.0
     engine.step(0.1, 0.0)
     expected = 0.1 * 100.0 * parallel_conductance_wall(0.026, 1.0, 0.0, 0.15)
@@ -168,7 +169,7 @@ def test_gas_conducts_no_more_where_grains_press_less():
     radius = 1.5e-3
     model = with_heat(make_model([radius] * 2, (), (), shape="sphere", density=7500.0), [300.0, 400.0])
     state = State.at_rest(model, np.array([[0.0, 0.0], [2.0 * radius, 0.0]]))
-    engine = HeatEngine(model, state, HeatSettings(make_heat_laws(), conduction="none", gas=Gas(0.026)))
+    engine = HeatEngine(model, state, HeatSettings(make_heat_laws(), conduction="none", mechanisms=(Gas(0.026),)))
     engine.advance(1e-6, 0.0)
     assert state.heat[0] / 1e-6 / 100.0 == pytest.approx(batchelor_conductance(0.026, 15.0, 0.75e-3, 0.0, 0.0), rel=0.05)
 
@@ -179,7 +180,7 @@ def test_the_biot_number_counts_the_gas():
     model = with_heat(make_model([radius] * 2, (), (), shape="sphere", density=2500.0), [300.0, 400.0])
     state = State.at_rest(model, np.array([[0.0, 0.0], [2.0 * radius, 0.0]]))
     laws = make_heat_laws(conductivity=0.2, density=2500.0, capacity=800.0)
-    engine = HeatEngine(model, state, HeatSettings(laws, gas=Gas(0.026), force=ContactForce("prescribed", 1e-3)))
+    engine = HeatEngine(model, state, HeatSettings(laws, mechanisms=(Gas(0.026),), force=ContactForce("prescribed", 1e-3)))
     engine.advance(1e-6, 0.0)
     whole = state.heat[0] / 1e-6 / 100.0
     assert heat_book(state, "max_biot") == pytest.approx(whole / (0.2 * radius), rel=1e-3)
@@ -189,7 +190,7 @@ def test_frozen_grains_stand_still_in_the_fluid():
     """Nu = 2, whatever velocity they will have when they move on."""
     model = with_heat(make_model([1e-3], (), (), shape="sphere", gravity=(0.0, 0.0), density=7500.0), 300.0)
     ambient = Ambient(400.0, correlation="ranz-marshall", conductivity=0.026, viscosity=1.6e-5, prandtl=0.7)
-    engine = coupled_engine(model, [[0.0, 0.0]], [[5.0, 0.0, 0.0]], ambient=ambient)
+    engine = coupled_engine(model, [[0.0, 0.0]], [[5.0, 0.0, 0.0]], mechanisms=(ambient,))
     engine.set_heat([], is_on=True, is_frozen=True)
     engine.step(1e-3, 0.0)
     expected = 1e-3 * 100.0 * 0.026 / 1e-3 * model.thermal.surface[0]
@@ -228,7 +229,7 @@ def test_an_impact_in_free_flight_is_over_after_its_step(restitution):
     """Without loads and gravity nothing pushes afterwards: the impulse must not act twice, nor heat turn into motion."""
     model = make_model([1.0, 1.0], (), (), shape="sphere", gravity=(0.0, 0.0), restitution=restitution)
     engine = coupled_engine(
-        with_heat(model, 300.0), [[0.0, 0.0], [2.0, 0.0]], [[0.5, 0.0, 0.0], [-0.5, 0.0, 0.0]], has_impact=True, conduction="none"
+        with_heat(model, 300.0), [[0.0, 0.0], [2.0, 0.0]], [[0.5, 0.0, 0.0], [-0.5, 0.0, 0.0]], impact=True, conduction="none"
     )
     for k in range(4):
         engine.step(1e-3, k * 1e-3)
@@ -236,3 +237,20 @@ def test_an_impact_in_free_flight_is_over_after_its_step(restitution):
     assert state.velocity[1, 0] == pytest.approx(0.5 * restitution, abs=1e-12)
     lost = (1.0 - restitution**2) * book(state, "kinetic_start")
     assert heat_book(state, "impact") == pytest.approx(lost, rel=1e-12)
+
+
+@pytest.mark.parametrize("integrator", ["explicit", "implicit"])
+def test_mechanisms_of_one_kind_add_up(integrator):
+    """Two fluids are one of the mean temperature; emissivities of 0.5 and 0.8 give 1/3 and 2/3 of what black bodies exchange."""
+    fluids, fluid = (Ambient(400.0, coefficient=2.0), Ambient(300.0, coefficient=2.0)), (Ambient(350.0, coefficient=4.0),)
+    near = Radiation(reach=0.4)
+    choices = {"conduction": "none", "integrator": integrator, "tolerance": 1e-9}
+    several = touching_engine(chain(2), [300.0, 900.0], emissivity=0.5, mechanisms=(*fluids, near, near), **choices)
+    single = touching_engine(chain(2), [300.0, 900.0], emissivity=0.8, mechanisms=(*fluid, near), **choices)
+    for engine in (several, single):
+        for k in range(5):
+            engine.advance(1e-3, k * 1e-3)
+    assert several.state.heat == pytest.approx(single.state.heat, rel=1e-6)  # sub-steps differ
+    assert several.state.heat[0] > 1.0
+    assert heat_book(several.state, "from_ambient") == pytest.approx(several.state.heat.sum(), rel=1e-10)
+    assert heat_book(several.state, "closure") < 1e-13

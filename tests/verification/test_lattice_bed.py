@@ -8,8 +8,9 @@ from scene_parts import FLOOR, make_model
 from multicor_cli.engine import Engine, Settings
 from multicor_cli.engine.coupled import CoupledEngine
 from multicor_cli.engine.heat.gas import Gas
-from multicor_cli.engine.heat.settings import HeatSettings, WallHeat
+from multicor_cli.engine.heat.settings import HeatSettings
 from multicor_cli.engine.heat.step import HeatEngine
+from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.engine.motion.drives import WallDrive
 from multicor_cli.model import State
 
@@ -71,7 +72,7 @@ def test_forces_grow_from_row_to_row(settled):
     ("settings", "expected"),
     [
         ({}, [0.7274, 0.4359, 0.2275, 0.0224]),
-        ({"gas": Gas(0.026)}, [0.9044, 0.7757, 0.6532, 0.3893]),
+        ({"mechanisms": (Gas(0.026),)}, [0.9044, 0.7757, 0.6532, 0.3893]),
     ],
     ids=["vacuum", "air"],
 )
@@ -94,7 +95,7 @@ def test_explicit_and_implicit_give_the_same_profile(settled):
 def test_the_paper_s_condition_on_the_gas_fails_in_air(settled):
     """λ_s s/(λ_f a) = 2.66 for a contact of 62 mN, below 1 near the top (theory §15.3)."""
     model, data = settled
-    _, heat = theta(model, data, gas=Gas(0.026))
+    _, heat = theta(model, data, mechanisms=(Gas(0.026),))
     assert 0.0 < heat_book(heat.state, "solid_gas_min") < 1.0
     assert 2.0 < heat_book(heat.state, "solid_gas_max") < 5.0
 

@@ -10,8 +10,7 @@ import numpy as np
 
 from multicor_cli.arithmetic.sums import mean, total
 from multicor_cli.engine.contact.detection import StepContacts
-from multicor_cli.engine.contact.settings import Settings
-from multicor_cli.engine.contact.solve import ResidualScale, solve_system
+from multicor_cli.engine.contact.solve import ResidualScale, Settings, solve_system
 from multicor_cli.engine.contact.sweep import System, add_impulses
 from multicor_cli.engine.contact.thread_choice import ThreadChoice
 from multicor_cli.engine.geometry.scene import Scene

@@ -1,18 +1,45 @@
-"""The global solve of one contact problem, in slices short enough to be interrupted."""
+"""The global solve of one contact problem, in slices short enough to be interrupted, and what can be chosen about it."""
 
 from __future__ import annotations
 
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from typing import Literal
 
 import numba
 import numpy as np
 
 from multicor_cli.engine.contact.acceleration import Tolerances, iterate, start_loop, start_momentum
-from multicor_cli.engine.contact.settings import Settings
+from multicor_cli.engine.contact.report import PhysicsError
 from multicor_cli.engine.contact.sweep import BIPOTENTIAL, EXACT, System
 from multicor_cli.engine.contact.thread_choice import SLICE, ThreadChoice
+
+Method = Literal["accelerated", "gauss-seidel"]
+Local = Literal["exact", "bipotential"]
+
+
+@dataclass(frozen=True)
+class Settings:
+    """Choices of the contact solver, named as the keys of ``[solver]``.
+
+    Attributes:
+        method: Global method: Gauss–Seidel sweeps, accelerated or plain.
+        local: Solution of one contact: exact, or one predictor–corrector step of the bipotential.
+        tolerance_rms: Largest rms velocity correction e_c over u_ref.
+        tolerance_max: Largest velocity correction e_c of a contact over u_ref.
+        tolerance_energy: Largest energy residual G.
+        max_sweeps: Cap on the number of sweeps of one step.
+        on_failure: What an unconverged step does: it is counted ("warn"), or stops the run ("error").
+    """
+
+    method: Method = "accelerated"
+    local: Local = "exact"
+    tolerance_rms: float = 1e-3
+    tolerance_max: float = 5e-2
+    tolerance_energy: float = 1e-2
+    max_sweeps: int = 10_000
+    on_failure: Literal["warn", "error"] = "warn"
 
 
 @dataclass(frozen=True)
@@ -32,6 +59,16 @@ class Outcome:
     rms: float
     maximum: float
     energy: float
+
+    def require_convergence(self, settings: Settings, step: int) -> None:
+        """Raise `PhysicsError` at ``step`` if the solve has failed and that is an error by ``settings``."""
+        if self.converged or settings.on_failure == "warn":
+            return
+        message = (
+            f"the contact solver did not converge in {settings.max_sweeps} sweeps: "
+            f"rms {self.rms:.2e}, max {self.maximum:.2e}, energy {self.energy:.2e} of their scale"
+        )
+        raise PhysicsError(step, message)
 
 
 class Interrupted(Exception):

@@ -8,7 +8,7 @@ import numpy as np
 
 from multicor_cli.arithmetic.sums import total
 from multicor_cli.engine.heat.flow import Flow
-from multicor_cli.engine.heat.rates import AMBIENT, SURROUNDINGS
+from multicor_cli.engine.heat.rates import OUTSIDE_BOOKS
 from multicor_cli.model.model import Floats
 from multicor_cli.model.state import HEAT_BOOK_NAMES, State
 
@@ -23,16 +23,8 @@ def book_generated(state: State, friction: float, impact: float, to_walls: Float
 
 def book_flow(state: State, flow: Flow, undelivered: float) -> None:
     """Enter the heat that has flowed; ``undelivered`` [J] is what walls of prescribed flow that touch no grain could not give."""
-    outside = flow.outside
-    _enter(
-        state,
-        {
-            "from_walls": total(flow.walls),
-            "from_ambient": float(outside[AMBIENT]),
-            "from_surroundings": float(outside[SURROUNDINGS]),
-        },
-        total(np.abs(flow.walls)),
-    )
+    outside = dict(zip(OUTSIDE_BOOKS, flow.outside.tolist(), strict=True))
+    _enter(state, {"from_walls": total(flow.walls), **outside}, total(np.abs(flow.walls)))
     state.wall_heat[:, 0] += flow.walls
     state.heat_books[_BOOK["undelivered"]] += undelivered
     state.heat_books[_BOOK["sub_steps"]] += flow.sub_steps
@@ -61,7 +53,10 @@ def strike_balance(state: State) -> None:
     stored = total(state.heat)
     books[_BOOK["stored"]] = stored
     received = books[_BOOK["friction"]] + books[_BOOK["impact"]] - books[_BOOK["to_walls"]]
-    received += books[_BOOK["from_walls"]] + books[_BOOK["from_ambient"]] + books[_BOOK["from_surroundings"]]
+    from_outside = books[_BOOK["from_walls"]]
+    for name in OUTSIDE_BOOKS:
+        from_outside += books[_BOOK[name]]
+    received += from_outside
     books[_BOOK["imbalance"]] = stored - received
     # Σ C_i |T_i − T_i0| = Σ |Q_i|.
     scale = books[_BOOK["exchanged"]] + total(np.abs(state.heat))

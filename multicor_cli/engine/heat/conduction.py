@@ -17,17 +17,19 @@ of the bodies (its constriction resistance is logarithmic).
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 from multicor_cli.engine.contact.hertz import contact_radius
 from multicor_cli.engine.geometry.scene import Scene
-from multicor_cli.engine.heat.laws import HeatLaws
 from multicor_cli.engine.heat.pairs import pair_radius
 from multicor_cli.engine.heat.rough import rough_conductance
 from multicor_cli.engine.jit.chunks import CHUNK
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.model.model import Floats, Ints
+
+if TYPE_CHECKING:
+    from multicor_cli.engine.heat.laws import HeatLaws
 
 Conduction = Literal["hertz", "rough", "none"]
 
@@ -46,9 +48,9 @@ class ContactForce:
     value: float = 0.0
 
 
-def harmonic_conductivity(k_i: float, k_j: float) -> float:
-    """Harmonic mean ``λ_h = 2 λ_i λ_j/(λ_i + λ_j)`` [W/(m K)]: two half-spaces in series (Holm)."""
-    return 2.0 * k_i * k_j / (k_i + k_j)
+def harmonic_mean(first: float, second: float) -> float:
+    """Harmonic mean, of conductivities ``λ_h = 2 λ_i λ_j/(λ_i + λ_j)`` [W/(m K)]: two half-spaces in series (Holm)."""
+    return 2.0 * first * second / (first + second)
 
 
 @formula

@@ -16,28 +16,34 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import sqrt
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from multicor_cli.arithmetic import cbrt, power
+from multicor_cli.engine.heat.mechanism import Mechanism, Outside
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.elementwise import hypot
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.model.columns import X, Y
 from multicor_cli.model.model import Floats, Model
 
+if TYPE_CHECKING:
+    from multicor_cli.engine.heat.laws import HeatLaws
+
 Correlation = Literal["constant", "ranz-marshall", "whitaker", "gunn", "li-mason"]
 
 RANZ_MARSHALL, WHITAKER, GUNN, LI_MASON = 0, 1, 2, 3
 """Correlations of the Nusselt number."""
+
+_NUMBER = {"ranz-marshall": RANZ_MARSHALL, "whitaker": WHITAKER, "gunn": GUNN, "li-mason": LI_MASON}
 
 DENSE = 4.75
 """Exponent of the porosity in the correlation of Li & Mason for dense beds."""
 
 
 @dataclass(frozen=True)
-class Ambient:
+class Ambient(Mechanism):
     """Convection to a fluid around the grains, at one temperature.
 
     Attributes:
@@ -59,6 +65,22 @@ class Ambient:
     prandtl: float = 1.0
     porosity: float = 1.0
     velocity: tuple[float, float] = (0.0, 0.0)
+
+    def outside(self, velocity: Floats, laws: HeatLaws, model: Model) -> Outside:
+        """The fluid; the conductance is the coefficient of convection times the surface of each grain."""
+        assert model.thermal is not None
+        return Outside("from_ambient", self.temperature, self._coefficient(velocity, model) * model.thermal.surface)
+
+    def _coefficient(self, velocity: Floats, model: Model) -> Floats | float:
+        if self.correlation == "constant":
+            return self.coefficient
+        slip = velocity - np.array(self.velocity)
+        coefficient = np.empty(len(velocity))
+        convection_coefficients(
+            _NUMBER[self.correlation], hypot(slip[:, X], slip[:, Y]), model.grains.radius, self.conductivity, self.viscosity,
+            self.prandtl, self.porosity, coefficient,
+        )  # fmt: skip
+        return coefficient
 
 
 @formula
@@ -158,19 +180,3 @@ def convection_coefficients(
         else:
             nusselt = li_mason(re, prandtl, porosity, DENSE)
         coefficient[k] = coefficient_of(nusselt, conductivity, 2.0 * radius[k])
-
-
-def convective_conductance(ambient: Ambient, velocity: Floats, model: Model) -> Floats:
-    """Coefficient of convection times surface of each grain [W/K], shape ``(n,)``; ``velocity`` of shape ``(n, 2)`` [m/s]."""
-    assert model.thermal is not None
-    surface = model.thermal.surface
-    if ambient.correlation == "constant":
-        return np.asarray(ambient.coefficient * surface)
-    coefficient = np.empty(surface.size)
-    slip = velocity - np.array(ambient.velocity)
-    number = {"ranz-marshall": 0, "whitaker": 1, "gunn": 2, "li-mason": 3}[ambient.correlation]
-    convection_coefficients(
-        number, hypot(slip[:, X], slip[:, Y]), model.grains.radius, ambient.conductivity, ambient.viscosity, ambient.prandtl,
-        ambient.porosity, coefficient,
-    )  # fmt: skip
-    return np.asarray(coefficient * surface)

@@ -7,8 +7,9 @@ from collections.abc import Callable
 
 import numpy as np
 
-from multicor_cli.engine.heat.flow import Flow, WallValues, stop_if_asked
+from multicor_cli.engine.heat.flow import Flow, stop_if_asked
 from multicor_cli.engine.heat.rates import Network, total_conductance
+from multicor_cli.engine.heat.walls import WallValues
 from multicor_cli.model.model import Floats
 
 MOST = 100_000_000

@@ -2,51 +2,14 @@
 
 from __future__ import annotations
 
-import itertools
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass, field
 
 import numpy as np
 
 from multicor_cli.engine.contact.solve import Interrupted
-from multicor_cli.engine.heat.rates import Network, heat_rates
-from multicor_cli.engine.heat.settings import WallHeat
+from multicor_cli.engine.heat.rates import OUTSIDE_BOOKS, Network, heat_rates
 from multicor_cli.model.model import Floats
-
-
-@dataclass(frozen=True)
-class WallValues:
-    """Temperatures [K] or heat flows [W] of the walls, by the time since the start of a step.
-
-    Attributes:
-        conditions: Conditions of the walls.
-        start: Time since the start of the stage at which the step begins [s].
-    """
-
-    conditions: Sequence[WallHeat]
-    start: float
-
-    @property
-    def count(self) -> int:
-        """Number of walls."""
-        return len(self.conditions)
-
-    def pieces(self, dt: float) -> list[tuple[WallValues, float]]:
-        """The step, cut where signals bend: for each piece the values and its length [s]. No pulse falls between two steps."""
-        corners = {
-            time
-            for wall in self.conditions
-            if wall.kind != "insulated"
-            for time in wall.signal.corners(self.start, self.start + dt)
-        }
-        if not corners:
-            return [(self, dt)]
-        edges = [self.start, *sorted(corners), self.start + dt]
-        return [(WallValues(self.conditions, a), b - a) for a, b in itertools.pairwise(edges) if b > a]
-
-    def __call__(self, t: float) -> Floats:
-        """Values ``t`` seconds after the start of the step; 0 for insulated walls, shape ``(w,)``."""
-        return np.array([0.0 if c.kind == "insulated" else c.signal.value(self.start + t) for c in self.conditions])
 
 
 @dataclass
@@ -56,7 +19,7 @@ class Flow:
     Attributes:
         received: Heat received by each grain [J], shape ``(n,)``.
         walls: Heat given by each wall [J], shape ``(w,)``.
-        outside: Heat given by the fluid and by the surroundings [J], shape ``(2,)``.
+        outside: Heat given by what is outside, by heat book [J], shape ``(2,)``.
         sub_steps: Number of sub-steps.
         next_step: Sub-step to try next [s].
         rate: Rates of the last evaluation [W], shape ``(n,)``.
@@ -69,12 +32,12 @@ class Flow:
     sub_steps: int = 0
     next_step: float = 0.0
     _wall_rate: Floats = field(default_factory=lambda: np.zeros(0))
-    _outside_rate: Floats = field(default_factory=lambda: np.zeros(2))
+    _outside_rate: Floats = field(default_factory=lambda: np.zeros(len(OUTSIDE_BOOKS)))
 
     @classmethod
     def empty(cls, grains: int, walls: int) -> Flow:
         """Nothing has flowed yet."""
-        return cls(np.zeros(grains), np.zeros(walls), np.zeros(2), np.zeros(grains), _wall_rate=np.zeros(walls))
+        return cls(np.zeros(grains), np.zeros(walls), np.zeros(len(OUTSIDE_BOOKS)), np.zeros(grains), _wall_rate=np.zeros(walls))
 
     def join(self, later: Flow) -> None:
         """Add what has flowed after this."""

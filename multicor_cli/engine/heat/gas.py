@@ -20,23 +20,28 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import pi, sqrt
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from multicor_cli.arithmetic import log
 from multicor_cli.engine.contact.hertz import effective_radius
 from multicor_cli.engine.geometry.scene import Scene
-from multicor_cli.engine.heat.laws import HeatLaws
+from multicor_cli.engine.heat.mechanism import Carried, Mechanism, NearPairs
 from multicor_cli.engine.heat.pairs import other_radius, pair_radius
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.formulas import formula
-from multicor_cli.model.model import Floats, Ints
+from multicor_cli.model.model import Floats, Ints, Model
+
+if TYPE_CHECKING:
+    from multicor_cli.engine.heat.laws import HeatLaws
 
 GasModel = Literal["parallel", "batchelor", "vargas"]
 
 PARALLEL, BATCHELOR, VARGAS = 0, 1, 2
 """Formulas of the gas in a gap."""
+
+_NUMBER: dict[GasModel, int] = {"parallel": PARALLEL, "batchelor": BATCHELOR, "vargas": VARGAS}
 
 CORE = 0.1
 """Largest radius, over that of the grain, within which the solid is taken to resist more than the gas."""
@@ -46,7 +51,7 @@ SMALLEST_SPOT = 1e-9
 
 
 @dataclass(frozen=True)
-class Gas:
+class Gas(Mechanism):
     """Stagnant gas in the gaps.
 
     Attributes:
@@ -58,6 +63,14 @@ class Gas:
     conductivity: float
     model: GasModel = "parallel"
     reach: float = 0.4
+
+    def between(self, near: NearPairs, scene: Scene, laws: HeatLaws, model: Model) -> Carried:
+        """The conductance of the gas around each contact and in each gap."""
+        conductance = np.zeros(near.i.size)
+        ratio = gas_conductances(
+            scene, laws, _NUMBER[self.model], self.conductivity, near.i, near.j, near.gap, near.spot, conductance
+        )
+        return Carried(conductance, gas_ratio=ratio)
 
 
 @formula

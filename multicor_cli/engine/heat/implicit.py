@@ -17,8 +17,9 @@ from collections.abc import Callable
 import numpy as np
 
 from multicor_cli.arithmetic import cbrt
-from multicor_cli.engine.heat.flow import Flow, WallValues, stop_if_asked
+from multicor_cli.engine.heat.flow import Flow, stop_if_asked
 from multicor_cli.engine.heat.rates import Network, solve_linear, total_conductance
+from multicor_cli.engine.heat.walls import WallValues
 from multicor_cli.model.model import Floats
 
 GAMMA = 2.0 - math.sqrt(2.0)
@@ -181,10 +182,5 @@ class _SubStep:
 
 def _spread(net: Network, temperature: Floats, wall_value: Floats) -> float:
     """Range of all temperatures that take part [K]."""
-    outside = [wall_value[net.wall]]
-    if net.ambient.size:
-        outside.append(np.array([net.ambient_temperature]))
-    if net.black.size:
-        outside.append(np.array([net.surroundings]))
-    everything = np.concatenate([temperature, *outside])
+    everything = np.concatenate([temperature, wall_value[net.wall], net.outside_temperature])
     return float(everything.max() - everything.min())

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,24 +11,18 @@ from numpy.typing import NDArray
 from multicor_cli.engine.contact.detection import warm_rows
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.heat.conduction import largest_biot
-from multicor_cli.engine.heat.convection import convective_conductance
-from multicor_cli.engine.heat.gas import BATCHELOR, PARALLEL, VARGAS, gas_conductances
-from multicor_cli.engine.heat.laws import HeatLaws
+from multicor_cli.engine.heat.mechanism import NearPairs
 from multicor_cli.engine.heat.pairs import look_up, resting_contacts
-from multicor_cli.engine.heat.radiation import radiating_areas
-from multicor_cli.engine.heat.rates import Network
-from multicor_cli.engine.heat.settings import HeatSettings, WallHeat
+from multicor_cli.engine.heat.rates import OUTSIDE_BOOKS, Network
+from multicor_cli.engine.heat.settings import HeatSettings
 from multicor_cli.engine.heat.spots import Spots
+from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.model.columns import RADIUS
 from multicor_cli.model.model import Floats, Ints, Model
 from multicor_cli.model.shapes import ShapeKind
 
 _INSULATED, _KNOWN, _FLOW = 0, 1, 2
 _KINDS = {"insulated": _INSULATED, "temperature": _KNOWN, "flow": _FLOW}
-_GAS_MODELS = {"parallel": PARALLEL, "batchelor": BATCHELOR, "vargas": VARGAS}
-
-SPHERE = 2.5
-"""m a²/I of spheres."""
 
 Pairs = tuple[Ints, Ints, Floats]
 """First and second shapes of pairs, sorted, and their gaps [m]."""
@@ -54,38 +49,37 @@ class Links:
     gas_ratio: tuple[float, float]
 
 
-def links_of(scene: Scene, spots: Spots, near: Pairs | None, laws: HeatLaws, settings: HeatSettings, model: Model) -> Links:
-    """Contacts, and gaps where gas or radiation crosses them.
+def links_of(scene: Scene, spots: Spots, near: Pairs | None, settings: HeatSettings, model: Model) -> Links:
+    """Contacts, and the gaps that mechanisms cross.
 
     Args:
         scene: Shapes.
         spots: Contacts that conduct.
-        near: Pairs within the reach of gas and radiation; None if neither is on.
-        laws: Properties of materials.
+        near: Pairs within the reach of mechanisms; None if none crosses gaps.
         settings: Choices about heat.
         model: The model.
     """
-    none = np.empty(0)
+    laws, area = settings.laws, np.empty(0)
     if near is None:
         loaded = spots.conductance > 0.0
         i, j, conductance = spots.i[loaded], spots.j[loaded], spots.conductance[loaded]
-        return Links(i, j, conductance, none, largest_biot(scene, i, j, conductance, laws), (0.0, 0.0))
+        return Links(i, j, conductance, area, largest_biot(scene, i, j, conductance, laws), (0.0, 0.0))
     i, j, gap = _with_contacts(scene, near, spots)
     row = warm_rows(model.grain_count, spots.i)
     conductance, spot = np.empty(i.size), np.empty(i.size)
     look_up(row, spots.j, spots.conductance, i, j, conductance)
     look_up(row, spots.j, spots.radius, i, j, spot)
-    ratio, area = (0.0, 0.0), none
-    if settings.gas is not None:
-        gas = settings.gas
-        smaller = _is_within(scene, i, j, gap, gas.reach)
-        added = np.zeros(i.size)
-        ratio = gas_conductances(scene, laws, _GAS_MODELS[gas.model], gas.conductivity, i, j, gap, spot, added)
-        conductance += np.where(smaller, added, 0.0)
-    if settings.radiation is not None and settings.radiation.neighbors:
-        assert model.thermal is not None
-        area = radiating_areas(scene, laws, model.thermal.surface, model.shape_factor == SPHERE, i, j, gap)
-        area[~_is_within(scene, i, j, gap, settings.radiation.reach)] = 0.0
+    ratio = (0.0, 0.0)
+    for mechanism in settings.mechanisms:
+        if mechanism.reach <= 0.0:
+            continue
+        carried = mechanism.between(NearPairs(i, j, gap, spot), scene, laws, model)
+        is_within = _is_within(scene, i, j, gap, mechanism.reach)
+        if carried.conductance is not None:
+            conductance += np.where(is_within, carried.conductance, 0.0)
+        if carried.area is not None:
+            area = np.where(is_within, carried.area, 0.0) + (area if area.size else 0.0)
+        ratio = carried.gas_ratio or ratio
     return Links(i, j, conductance, area, largest_biot(scene, i, j, conductance, laws), ratio)
 
 
@@ -139,9 +133,8 @@ def network_of(
     total = np.bincount(wall[flowing], weights=links.conductance[flowing], minlength=len(conditions))
     flowing &= links.conductance > 0.0
     share = links.conductance[flowing] / total[wall[flowing]]
-    radiation, ambient = settings.radiation, settings.ambient
-    to_surroundings = radiation is not None and radiation.surroundings is not None
-    assert model.thermal is not None
+    asked = (mechanism.outside(velocity, settings.laws, model) for mechanism in settings.mechanisms)
+    outside = [one for one in asked if one is not None]
     return Network(
         i=links.i[grains],
         j=links.j[grains],
@@ -154,8 +147,16 @@ def network_of(
         flow_i=links.i[flowing],
         flow_wall=wall[flowing].astype(np.int32),
         flow_share=share,
-        ambient=none if ambient is None else convective_conductance(ambient, velocity, model),
-        ambient_temperature=0.0 if ambient is None else ambient.temperature,
-        black=settings.laws.emissivity[model.grains.material] * model.thermal.surface if to_surroundings else none,
-        surroundings=radiation.surroundings if radiation is not None and radiation.surroundings is not None else 0.0,
+        outside_book=np.array([OUTSIDE_BOOKS.index(one.book) for one in outside], np.int32),
+        outside_temperature=np.array([one.temperature for one in outside], float),
+        outside_conductance=_rows([one.conductance for one in outside], n),
+        outside_area=_rows([one.area for one in outside], n),
     )
+
+
+def _rows(values: Sequence[Floats | float], n: int) -> Floats:
+    """One row of length ``n`` for each of ``values``, arrays or single numbers."""
+    table = np.empty((len(values), n))
+    for row, value in zip(table, values, strict=True):
+        row[:] = value
+    return table

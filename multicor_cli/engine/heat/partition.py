@@ -14,16 +14,22 @@ results.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from math import sqrt
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.engine.geometry.scene import Scene
-from multicor_cli.engine.heat.laws import HeatLaws
 from multicor_cli.engine.heat.wear import archard_volume
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.model.model import Floats, Ints
+
+if TYPE_CHECKING:
+    from multicor_cli.engine.heat.laws import HeatLaws
+
+Partition = Literal["effusivity", "conductivity", "half", "electrothermal"]
 
 
 def effusivity(k: float, rho: float, c: float) -> float:
@@ -51,6 +57,23 @@ def electrothermal_share(resistivity_i: float, resistivity_j: float, k_i: float,
         k_j: Thermal conductivity λ_j [W/(m K)].
     """
     return 0.5 * (resistivity_i / (resistivity_i + resistivity_j) + k_i / (k_i + k_j))
+
+
+def _by_effusivity(k_i: float, rho_i: float, c_i: float, k_j: float, rho_j: float, c_j: float) -> float:
+    return effusivity_share(effusivity(k_i, rho_i, c_i), effusivity(k_j, rho_j, c_j))
+
+
+def _by_electrothermal(k_i: float, resistivity_i: float, k_j: float, resistivity_j: float) -> float:
+    return electrothermal_share(resistivity_i, resistivity_j, k_i, k_j)
+
+
+SHARES: dict[Partition, tuple[Callable[..., float], tuple[str, ...]]] = {
+    "effusivity": (_by_effusivity, ("conductivity", "density", "heat_capacity")),
+    "conductivity": (conductivity_share, ("conductivity",)),
+    "half": (lambda: 0.5, ()),
+    "electrothermal": (_by_electrothermal, ("conductivity", "resistivity")),
+}
+"""Share of the first body, from these properties of the first body and then of the second."""
 
 
 @kernel

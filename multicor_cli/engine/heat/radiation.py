@@ -17,34 +17,53 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from math import pi, sqrt
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from multicor_cli.arithmetic import acos
 from multicor_cli.engine.geometry.scene import Scene
-from multicor_cli.engine.heat.laws import HeatLaws
+from multicor_cli.engine.heat.mechanism import Carried, Mechanism, NearPairs, Outside
 from multicor_cli.engine.heat.pairs import other_radius
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.formulas import formula
-from multicor_cli.model.model import Floats, Ints
+from multicor_cli.model.model import Floats, Ints, Model
+
+if TYPE_CHECKING:
+    from multicor_cli.engine.heat.laws import HeatLaws
+
+SPHERE = 2.5
+"""m a²/I of spheres."""
 
 STEFAN_BOLTZMANN = 5.670374419e-8
 """Stefan–Boltzmann constant σ [W/(m² K⁴)] (exact in SI)."""
 
 
 @dataclass(frozen=True)
-class Radiation:
+class Radiation(Mechanism):
     """Thermal radiation.
 
     Attributes:
         surroundings: Temperature of the surroundings, a black body [K], or None: none.
-        neighbors: Whether grains and walls within ``reach`` radiate at each other.
-        reach: Largest gap across which they do, over the smaller radius.
+        reach: Largest gap across which grains and walls radiate at each other, over the smaller radius; 0: they do not.
     """
 
     surroundings: float | None = None
-    neighbors: bool = False
-    reach: float = 0.4
+    reach: float = 0.0
+
+    def between(self, near: NearPairs, scene: Scene, laws: HeatLaws, model: Model) -> Carried:
+        """The area factors of neighbors."""
+        assert model.thermal is not None
+        is_sphere = model.shape_factor == SPHERE
+        return Carried(area=radiating_areas(scene, laws, model.thermal.surface, is_sphere, near.i, near.j, near.gap))
+
+    def outside(self, velocity: Floats, laws: HeatLaws, model: Model) -> Outside | None:
+        """The surroundings; the area factor is the emissivity times the surface of each grain."""
+        if self.surroundings is None:
+            return None
+        assert model.thermal is not None
+        area = laws.emissivity[model.grains.material] * model.thermal.surface
+        return Outside("from_surroundings", self.surroundings, area=area)
 
 
 def emission_factor(e_i: float, e_j: float) -> float:

@@ -1,6 +1,6 @@
 """Heat flow in a network of grains and walls: the rates, and the linear systems of the implicit integrator.
 
-Nodes are grains; walls of known temperature and the ambient fluid are what the network exchanges heat with. Every rate is
+Nodes are grains; walls of known temperature and what is outside are what the network exchanges heat with. Every rate is
 applied with opposite signs to the two ends, so heat is conserved to round-off whatever the temperatures are.
 """
 
@@ -14,12 +14,12 @@ from multicor_cli.engine.heat.radiation import linear_coefficient
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.model.model import Floats, Ints
 
-AMBIENT, SURROUNDINGS = 0, 1
-"""Entries of the exchange with the fluid and with the surroundings."""
+OUTSIDE_BOOKS = ("from_ambient", "from_surroundings")
+"""Heat books of the exchange with what is outside."""
 
 
 class Network(NamedTuple):
-    """What conducts between ``n`` grains and ``w`` walls.
+    """What conducts between ``n`` grains, ``w`` walls and ``s`` things outside.
 
     Attributes:
         i: First grain of each link between grains, shape ``(e,)``.
@@ -33,10 +33,10 @@ class Network(NamedTuple):
         flow_i: Grain of each link to a wall of known heat flow, shape ``(f,)``.
         flow_wall: The wall, shape ``(f,)``.
         flow_share: Share of the flow of that wall, shape ``(f,)``.
-        ambient: Coefficient times surface of each grain [W/K], shape ``(n,)``; of size 0 without convection.
-        ambient_temperature: T_f [K].
-        black: Emissivity times surface of each grain [m²], shape ``(n,)``; of size 0 without radiation to the surroundings.
-        surroundings: Their temperature [K].
+        outside_book: Heat book of each thing outside, an index of `OUTSIDE_BOOKS`, shape ``(s,)``.
+        outside_temperature: Its temperature [K], shape ``(s,)``.
+        outside_conductance: H of each grain [W/K], shape ``(s, n)``.
+        outside_area: Area factor of radiation of each grain [m²], shape ``(s, n)``.
     """
 
     i: Ints
@@ -50,15 +50,15 @@ class Network(NamedTuple):
     flow_i: Ints
     flow_wall: Ints
     flow_share: Floats
-    ambient: Floats
-    ambient_temperature: float
-    black: Floats
-    surroundings: float
+    outside_book: Ints
+    outside_temperature: Floats
+    outside_conductance: Floats
+    outside_area: Floats
 
     @property
     def radiates(self) -> bool:
         """Whether any of the flows depends on T⁴."""
-        return bool(self.area.size or self.wall_area.size or self.black.size)
+        return bool(self.area.size or self.wall_area.size or self.outside_area.any())
 
 
 @kernel
@@ -69,7 +69,7 @@ def _link(conductance: float, area: Floats, k: int, a: float, b: float) -> float
 
 @kernel
 def heat_rates(net: Network, temperature: Floats, wall_value: Floats, rate: Floats, wall_rate: Floats, outside: Floats) -> None:
-    """Heat flow into every grain [W], and what walls, fluid and surroundings give.
+    """Heat flow into every grain [W], and what walls and the outside give.
 
     Args:
         net: The network.
@@ -77,7 +77,7 @@ def heat_rates(net: Network, temperature: Floats, wall_value: Floats, rate: Floa
         wall_value: Temperature [K] or heat flow [W] of each wall, shape ``(w,)``.
         rate: Into each grain [W], shape ``(n,)``. **Modified.**
         wall_rate: Out of each wall [W], shape ``(w,)``. **Modified.**
-        outside: Out of the fluid and out of the surroundings [W], shape ``(2,)``. **Modified.**
+        outside: From outside, by heat book [W], shape ``(2,)``. **Modified.**
     """
     rate[:] = 0.0
     wall_rate[:] = 0.0
@@ -96,15 +96,12 @@ def heat_rates(net: Network, temperature: Floats, wall_value: Floats, rate: Floa
         flow = net.flow_share[k] * wall_value[net.flow_wall[k]]
         rate[net.flow_i[k]] += flow
         wall_rate[net.flow_wall[k]] += flow
-    for k in range(net.ambient.size):
-        flow = net.ambient[k] * (net.ambient_temperature - temperature[k])
-        rate[k] += flow
-        outside[AMBIENT] += flow
-    for k in range(net.black.size):
-        coefficient = linear_coefficient(net.black[k], temperature[k], net.surroundings)
-        flow = coefficient * (net.surroundings - temperature[k])
-        rate[k] += flow
-        outside[SURROUNDINGS] += flow
+    for s in range(net.outside_temperature.size):
+        b = net.outside_temperature[s]
+        for k in range(rate.size):
+            flow = _link(net.outside_conductance[s, k], net.outside_area[s], k, temperature[k], b) * (b - temperature[k])
+            rate[k] += flow
+            outside[net.outside_book[s]] += flow
 
 
 @kernel
@@ -129,10 +126,9 @@ def total_conductance(net: Network, temperature: Floats, wall_value: Floats, tot
         total[net.wall_i[k]] += _steepest(
             net.wall_conductance[k], net.wall_area, k, temperature[net.wall_i[k]], wall_value[net.wall[k]]
         )
-    for k in range(net.ambient.size):
-        total[k] += net.ambient[k]
-    for k in range(net.black.size):
-        total[k] += _steepest(0.0, net.black, k, temperature[k], net.surroundings)
+    for s in range(net.outside_temperature.size):
+        for k in range(total.size):
+            total[k] += _steepest(net.outside_conductance[s, k], net.outside_area[s], k, temperature[k], net.outside_temperature[s])
 
 
 @kernel
@@ -157,7 +153,7 @@ def solve_linear(
     iterations at most): what is left only adds to the error of a stage, never to the heat balance.
 
     Args:
-        net: The network; walls, fluid and surroundings enter through ``diagonal``.
+        net: The network; walls and the outside enter through ``diagonal``.
         diagonal: C + step ΣH [J/K], shape ``(n,)``.
         step: Length of the implicit step [s].
         temperature: Where radiation is linearized [K], shape ``(n,)``.

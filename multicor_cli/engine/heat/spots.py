@@ -87,10 +87,8 @@ def touching_pairs(near: tuple[Ints, Ints, Floats], settings: HeatSettings) -> t
 
 def conducting_spots(scene: Scene, i: Ints, j: Ints, force: Floats, laws: HeatLaws, settings: HeatSettings) -> Spots:
     """Radii and conductances of contacts under given normal forces [N]."""
-    radius, conductance = np.zeros(i.size), np.zeros(i.size)
-    if settings.conduction != "none" or settings.gas is not None:
-        is_rough = settings.conduction == "rough"
-        contact_spots(scene, i, j, force, laws, is_rough, radius, conductance)
+    radius, conductance = np.empty(i.size), np.empty(i.size)
+    contact_spots(scene, i, j, force, laws, settings.conduction == "rough", radius, conductance)
     if settings.conduction == "none":
         conductance[:] = 0.0
     return Spots(i, j, radius, conductance)

@@ -11,20 +11,18 @@ import numpy as np
 
 from multicor_cli.arithmetic.sums import column_totals, total
 from multicor_cli.engine.contact.detection import StepContacts, warm_rows
-from multicor_cli.engine.contact.settings import PhysicsError
+from multicor_cli.engine.contact.report import PhysicsError
 from multicor_cli.engine.geometry.neighbor_list import NeighborList
 from multicor_cli.engine.geometry.scene import Scene, place_shapes
 from multicor_cli.engine.heat.books import book_flow, book_generated, note_contacts, strike_balance
 from multicor_cli.engine.heat.collision import collide
-from multicor_cli.engine.heat.explicit import advance_explicit
-from multicor_cli.engine.heat.flow import Flow, WallValues
+from multicor_cli.engine.heat.flow import Flow
 from multicor_cli.engine.heat.friction import ENERGY, NO_FRICTION, SLIDING, generated_heat
-from multicor_cli.engine.heat.implicit import advance_implicit
+from multicor_cli.engine.heat.integration import integrate
 from multicor_cli.engine.heat.network import Links, Pairs, links_of, network_of
 from multicor_cli.engine.heat.pairs import look_up, near_pairs
 from multicor_cli.engine.heat.partition import share_out
-from multicor_cli.engine.heat.rates import Network
-from multicor_cli.engine.heat.settings import HeatSettings, WallHeat
+from multicor_cli.engine.heat.settings import HeatSettings
 from multicor_cli.engine.heat.spots import (
     TOUCHING,
     Spots,
@@ -33,6 +31,7 @@ from multicor_cli.engine.heat.spots import (
     loaded_pairs,
     touching_pairs,
 )
+from multicor_cli.engine.heat.walls import WallHeat, WallValues
 from multicor_cli.model.faults import LARGEST, find_absurd_value
 from multicor_cli.model.model import Floats, Ints, Model
 from multicor_cli.model.state import State
@@ -99,7 +98,6 @@ class HeatEngine:
         self._laws = settings.laws
         self._conditions = [WallHeat()] * model.wall_count
         self._list = NeighborList(model)
-        self._reach = _reach(settings)
         self._frozen: tuple[Links, Spots] | None = None
 
     def set_conditions(self, conditions: list[WallHeat]) -> None:
@@ -131,7 +129,7 @@ class HeatEngine:
             self._frozen = None
             source, generated = self._generate(moved)
             spots = self._spots(moved, dt)
-            links = links_of(moved.scene, spots, self._near(moved.scene), self._laws, self.settings, self.model)
+            links = links_of(moved.scene, spots, self._near(moved.scene), self.settings, self.model)
             self.last = StepHeat(generated, spots.conductance)
             self._flow(links, moved.scene, source, dt, t, is_frozen=False)
 
@@ -173,7 +171,7 @@ class HeatEngine:
             else:  # no step has said which contacts carry a force
                 pairs = touching_pairs(self._pairs(scene, TOUCHING), self.settings)
             spots = conducting_spots(scene, *pairs, self._laws, self.settings)
-            self._frozen = links_of(scene, spots, near, self._laws, self.settings, self.model), spots
+            self._frozen = links_of(scene, spots, near, self.settings, self.model), spots
         return self._frozen
 
     def resting_scene(self) -> Scene:
@@ -193,7 +191,7 @@ class HeatEngine:
         count = contacts.i.size
         heat, rubbing = np.empty((count, 2)), np.empty(count)
         settings = self.settings
-        generated_heat(moved.scene, contacts, moved.after, _RULES[settings.friction], settings.has_impact, heat, rubbing)
+        generated_heat(moved.scene, contacts, moved.after, _RULES[settings.friction], settings.impact, heat, rubbing)
         source, to_walls = np.zeros(model.grain_count), np.zeros(model.wall_count)
         takes_heat = np.array([c.kind == "temperature" for c in self._conditions], np.bool_)
         share_out(
@@ -209,7 +207,7 @@ class HeatEngine:
         contacts, settings = moved.contacts, self.settings
         force = forces_of_step(self.state, contacts, settings, dt)
         spots = conducting_spots(moved.scene, contacts.i, contacts.j, force, self._laws, settings)
-        if settings.is_collisional:
+        if settings.collisional:
             known = np.empty(contacts.i.size)
             row = warm_rows(self.model.grain_count, moved.loaded_i)
             look_up(row, moved.loaded_j, np.ones(moved.loaded_j.size), contacts.i, contacts.j, known)
@@ -218,10 +216,9 @@ class HeatEngine:
         return spots
 
     def _near(self, scene: Scene) -> Pairs | None:
-        """Pairs within the reach of gas and radiation; None if neither is on."""
-        if self._reach <= 0.0:
-            return None
-        return self._pairs(scene, self._reach)
+        """Pairs within the reach of mechanisms; None if none crosses gaps."""
+        reach = self.settings.reach
+        return self._pairs(scene, reach) if reach > 0.0 else None
 
     def _pairs(self, scene: Scene, reach: float) -> Pairs:
         """Pairs whose gap is at most ``reach`` times the smaller radius."""
@@ -246,9 +243,11 @@ class HeatEngine:
         velocity = np.zeros((len(state.velocity), 2)) if is_frozen else state.velocity[:, :2]
         net = network_of(links, scene, self._conditions, velocity, self.model, settings)
         walls = WallValues(self._conditions, t)
-        is_implicit = settings.integrator == "implicit" or (settings.integrator == "auto" and is_frozen)
+        temperature, capacity = state.temperature(self._thermal), self._thermal.capacity
         try:
-            flow = self._integrate(net, walls, source, dt, should_stop, is_implicit=is_implicit)
+            flow = integrate(
+                net, capacity, temperature, walls, source, dt, state.heat_dt, settings, should_stop, is_frozen=is_frozen
+            )
         except ArithmeticError as error:
             raise PhysicsError(state.step, find_absurd_value(state, self.model) or str(error)) from error
         self._check(flow)
@@ -258,28 +257,6 @@ class HeatEngine:
         book_flow(state, flow, self._undelivered(net.flow_wall, walls, dt))
         note_contacts(state, links.biot, links.gas_ratio)
         strike_balance(state)
-
-    def _integrate(
-        self,
-        net: Network,
-        walls: WallValues,
-        source: Floats,
-        dt: float,
-        should_stop: Callable[[], bool] | None,
-        *,
-        is_implicit: bool,
-    ) -> Flow:
-        """What flows within ``dt``, piece by piece where signals of walls bend."""
-        temperature, capacity, settings = self.state.temperature(self._thermal), self._thermal.capacity, self.settings
-        total = Flow.empty(capacity.size, walls.count)
-        total.next_step = self.state.heat_dt
-        for values, length in walls.pieces(dt):
-            common = (net, capacity, temperature, values, source * (length / dt), length)
-            if is_implicit:
-                total.join(advance_implicit(*common, settings.tolerance, total.next_step, should_stop))
-            else:
-                total.join(advance_explicit(*common, settings.sub_step, should_stop))
-        return total
 
     def _check(self, flow: Flow) -> None:
         """Raise `PhysicsError` if a temperature is not finite, or below absolute zero by more than rounding."""
@@ -307,11 +284,3 @@ class HeatEngine:
         started = time.perf_counter()
         yield
         self.seconds += time.perf_counter() - started
-
-
-def _reach(settings: HeatSettings) -> float:
-    """Largest gap that gas or radiation crosses, over the smaller radius; 0 without them."""
-    reach = settings.gas.reach if settings.gas is not None else 0.0
-    if settings.radiation is not None and settings.radiation.neighbors:
-        reach = max(reach, settings.radiation.reach)
-    return reach

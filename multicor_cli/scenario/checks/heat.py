@@ -9,9 +9,6 @@ from multicor_cli.scenario.heat import Heat, PrescribedForce
 from multicor_cli.scenario.problems import Finding, KeyPath
 from multicor_cli.scenario.wall_heat import AnyCondition, FlowCondition, TemperatureCondition
 
-_EQUAL = 1.1
-"""Largest ratio of radii that counts as equal."""
-
 
 def check(draft: Draft) -> Iterator[Finding]:
     """Findings about heat, but for the properties of materials."""
@@ -33,10 +30,8 @@ def _without_heat(draft: Draft) -> Iterator[Finding]:
 
 def _thermal_keys(draft: Draft) -> Iterator[KeyPath]:
     for k, entry in enumerate(draft.contacts):
-        if entry and entry.softening is not None:
-            yield ("contacts", k, "friction", "softening")
-        if entry and entry.wear is not None:
-            yield ("contacts", k, "wear")
+        for keys in entry.thermal_keys if entry else ():
+            yield ("contacts", k, *keys)
     yield from (("particles", k, "temperature") for k, group in enumerate(draft.particles) if group and group.temperature)
     yield from (("walls", k, "thermal") for k, wall in enumerate(draft.walls) if wall and wall.thermal)
     for k, stage in enumerate(draft.loading):
@@ -69,7 +64,7 @@ def _check_conditions(draft: Draft, heat: Heat) -> Iterator[Finding]:
     """What is prescribed at a wall reaches the grains somehow."""
     if heat.has_spots:
         return
-    has_effect = heat.has_sources or (heat.radiation is not None and heat.radiation.neighbors)
+    has_effect = heat.has_sources or heat.crosses_gaps
     for path, condition in _conditions(draft):
         if isinstance(condition, FlowCondition):
             what = 'no heat can flow from the wall into grains with conduction = "none" and without gas'
@@ -91,9 +86,9 @@ def _conditions(draft: Draft) -> Iterator[tuple[KeyPath, AnyCondition]]:
 def _check_sizes(draft: Draft, heat: Heat) -> Iterator[Finding]:
     """The gas model for equal grains; groups that bring their grains are checked when they are made."""
     sizes = [group.sizes for group in draft.particles if group and group.sizes]
-    if heat.gas is None or heat.gas.model != "vargas" or not sizes:
+    if heat.gas is None or not sizes:
         return
     smallest, largest = min(table.smallest for table in sizes), max(table.largest for table in sizes)
-    if largest > _EQUAL * smallest:
+    if not heat.gas.holds_for(smallest, largest):
         what = f'"vargas" is for grains of equal size, but the radii are {smallest:g} to {largest:g} m'
         yield Finding(("heat", "gas", "model"), what, 'use "parallel" or "batchelor"')

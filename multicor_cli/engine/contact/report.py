@@ -1,35 +1,8 @@
-"""What can be chosen about the contact solver, and what it reports."""
+"""What a step reports, and why it may fail."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
-
-Method = Literal["accelerated", "gauss-seidel"]
-Local = Literal["exact", "bipotential"]
-
-
-@dataclass(frozen=True)
-class Settings:
-    """Choices of the contact solver.
-
-    Attributes:
-        method: Global method: Gauss–Seidel sweeps, accelerated or plain.
-        local: Solution of one contact: exact, or one predictor–corrector step of the bipotential.
-        tolerance_rms: Largest rms velocity correction e_c over u_ref.
-        tolerance_max: Largest velocity correction e_c of a contact over u_ref.
-        tolerance_energy: Largest energy residual G.
-        max_sweeps: Cap on the number of sweeps of one step.
-        on_failure: What an unconverged step does: it is counted ("warn"), or stops the run ("error").
-    """
-
-    method: Method = "accelerated"
-    local: Local = "exact"
-    tolerance_rms: float = 1e-3
-    tolerance_max: float = 5e-2
-    tolerance_energy: float = 1e-2
-    max_sweeps: int = 10_000
-    on_failure: Literal["warn", "error"] = "warn"
 
 
 @dataclass(frozen=True)

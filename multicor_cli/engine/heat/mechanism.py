@@ -1,0 +1,77 @@
+"""What a heat mechanism beside the contact spots is: choices, and what they carry between near bodies or from outside."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal
+
+from multicor_cli.engine.geometry.scene import Scene
+from multicor_cli.model.model import Floats, Ints, Model
+
+if TYPE_CHECKING:
+    from multicor_cli.engine.heat.laws import HeatLaws
+
+
+@dataclass(frozen=True)
+class NearPairs:
+    """Pairs of bodies near each other; ``e`` of them, sorted by (i, j).
+
+    Attributes:
+        i: Grain, shape ``(e,)``.
+        j: Grain or wall shape, shape ``(e,)``.
+        gap: Gap [m], shape ``(e,)``.
+        spot: Radius of the contact [m]; 0 where there is none, shape ``(e,)``.
+    """
+
+    i: Ints
+    j: Ints
+    gap: Floats
+    spot: Floats
+
+
+@dataclass(frozen=True)
+class Carried:
+    """What a mechanism carries between near bodies; what lies beyond its reach is left out by whoever asks.
+
+    Attributes:
+        conductance: H [W/K], shape ``(e,)``, or None.
+        area: Area factor of radiation [m²], shape ``(e,)``, or None.
+        gas_ratio: Smallest and largest λ_s s/(λ_f a) of a contact, of a gas; else None.
+    """
+
+    conductance: Floats | None = None
+    area: Floats | None = None
+    gas_ratio: tuple[float, float] | None = None
+
+
+@dataclass(frozen=True)
+class Outside:
+    """Something of known temperature outside, with which every grain exchanges heat.
+
+    Attributes:
+        book: Heat book that the exchange enters.
+        temperature: Its temperature [K].
+        conductance: H of each grain [W/K], shape ``(n,)``, or one number.
+        area: Area factor of radiation of each grain [m²], shape ``(n,)``, or one number.
+    """
+
+    book: Literal["from_ambient", "from_surroundings"]
+    temperature: float
+    conductance: Floats | float = 0.0
+    area: Floats | float = 0.0
+
+
+@dataclass(frozen=True)
+class Mechanism:
+    """A mechanism that a run has; its attributes are its choices, named as the keys of its table in a scenario."""
+
+    reach = 0.0
+    """Largest gap that it crosses, over the smaller radius; 0: it carries nothing between near bodies."""
+
+    def between(self, near: NearPairs, scene: Scene, laws: HeatLaws, model: Model) -> Carried:
+        """What it carries between near bodies; asked only with a reach."""
+        raise NotImplementedError
+
+    def outside(self, velocity: Floats, laws: HeatLaws, model: Model) -> Outside | None:
+        """What it exchanges with the outside, if anything; ``velocity`` of the grains of shape ``(n, 2)`` [m/s]."""
+        return None
