@@ -23,22 +23,6 @@ from multicor_cli.store.schema import Dataset
 FILE_NAMES = re.compile(r"(grains|contacts|walls)-\d{6,}\.csv|(frames|series)\.csv")
 """What the files are called."""
 
-_COMPONENTS: dict[str, tuple[str, ...]] = {
-    "particles/position": ("x", "y"),
-    "particles/velocity": ("velocity_x", "velocity_y"),
-    "contacts/normal": ("normal_x", "normal_y"),
-    "contacts/impulse": ("normal_impulse", "tangential_impulse"),
-    "walls/position": ("x", "y", "angle"),
-    "walls/velocity": ("velocity_x", "velocity_y", "spin"),
-    "walls/heat": ("heat_given", "heat_received"),
-    "series/virial_rate": ("virial_xx", "virial_xy", "virial_yx", "virial_yy"),
-    "series/wall_force": ("force_x", "force_y", "torque"),
-    "series/wall_position": ("x", "y", "angle"),
-    "series/wall_velocity": ("velocity_x", "velocity_y", "spin"),
-    "series/wall_heat": ("heat_given", "heat_received"),
-}
-"""Names of the columns of datasets that have several; a third component of positions and velocities, 0 here, is left out."""
-
 Column = tuple[str, Sequence[Any] | NDArray[Any]]
 
 
@@ -132,7 +116,7 @@ def _series_columns(run: Run) -> list[Column]:
 
 def _split(spec: Dataset, values: NDArray[Any]) -> list[Column]:
     """The columns of a dataset with their headings: name, and unit unless there is none."""
-    names = _COMPONENTS.get(spec.path, (spec.name,))
+    names = spec.columns or (spec.name,)
     units = spec.unit.split(", ") * (1 if ", " in spec.unit else len(names))
     flat = values.reshape(len(values), int(np.prod(values.shape[1:])))
     return [

@@ -1,7 +1,8 @@
 """What the engine computes with: the constant `Model` and the time-varying `State`."""
 
+from multicor_cli.model.books import BOOK_NAMES, HEAT_BOOK_NAMES, TALLY_NAMES, WINDOW_NAMES
 from multicor_cli.model.model import ContactLaws, Grains, Model, ShapeKind, Thermal, Walls, WallShapes
-from multicor_cli.model.state import BOOK_NAMES, HEAT_BOOK_NAMES, TALLY_NAMES, WINDOW_NAMES, State
+from multicor_cli.model.state import State
 
 __all__ = [
     "BOOK_NAMES",

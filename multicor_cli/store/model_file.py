@@ -22,14 +22,11 @@ Arrays = dict[str, NDArray[Any]]
 
 FILETYPE = "multicor-model"
 
-_NO_STATE = State(np.empty((0, 3)), np.empty(0, np.int64), np.empty((0, 3)), np.empty((0, 3)), np.empty((0, 3)))
-"""What is stored of a model asks for none."""
-
 
 def model_columns(model: Model) -> Arrays:
     """Arrays of a model by path of ``schema.MODEL``, in the order of that table, as far as the model has them."""
     table = schema.select(schema.MODEL, schema.features_of(model))
-    columns = columns_of(table, Moment(_NO_STATE, model))
+    columns = columns_of(table, Moment(State(), model))
     return {spec.path: _as_stored(spec, columns[spec.path]) for spec in table}
 
 

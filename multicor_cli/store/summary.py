@@ -5,10 +5,13 @@ from __future__ import annotations
 from typing import Any
 
 from multicor_cli.model import BOOK_NAMES, HEAT_BOOK_NAMES, TALLY_NAMES, Model, State
+from multicor_cli.model.books import TALLIES, measures_first
 from multicor_cli.model.model import Thermal
 from multicor_cli.store.moment import mean_temperature
 
 Summary = dict[str, Any]
+
+_SUMMARIZED = tuple(entry for entry in measures_first(TALLIES) if entry.summary is not None)
 
 
 def summarize(state: State, model: Model) -> Summary:
@@ -31,9 +34,7 @@ def summarize(state: State, model: Model) -> Summary:
         "state_digest": state.digest(),
         "energy_closure": books["closure"],
         "heat_closure": None if heat is None else heat["books"]["closure"],
-        "max_overlap": tallies["max_overlap"],
-        "max_contact_force": tallies["max_impulse_rate"],
-        "corrected_steps": round(tallies["corrected_steps"]),
+        **{str(e.summary): round(tallies[e.name]) if e.dtype == "i8" else tallies[e.name] for e in _SUMMARIZED},
         "negative_loss_share": _negative_share(books),
         "solver": {
             "sweeps_mean": tallies["sweeps"] / max(1, state.step - state.frozen_steps),
@@ -66,8 +67,8 @@ def _summarize_heat(state: State, thermal: Thermal) -> Summary:
 
 def empty_summary() -> Summary:
     """The summary of a run of which no state has been stored: the same keys, without values."""
-    names = ("step", "time", "stage", "grain_count", "state_digest", "energy_closure", "heat_closure", "max_overlap")
-    more = ("max_contact_force", "corrected_steps", "negative_loss_share", "heat")
+    names = ("step", "time", "stage", "grain_count", "state_digest", "energy_closure", "heat_closure")
+    more = (*(str(entry.summary) for entry in _SUMMARIZED), "negative_loss_share", "heat")
     solver = ("sweeps_mean", "residual_rms_max", "residual_max_max", "unconverged_steps")
     return {**dict.fromkeys(names + more), "solver": dict.fromkeys(solver), "books": dict.fromkeys(BOOK_NAMES)}
 

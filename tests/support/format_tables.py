@@ -1,0 +1,25 @@
+"""The tables of the schema in the pages about the file format: ``python tests/support/format_tables.py`` writes them anew."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from multicor_cli.store import schema
+
+PAGES = tuple(Path(__file__).resolve().parents[2] / "docs" / "formats" / f"{name}.md" for name in ("results", "checkpoint"))
+
+_TABLE = re.compile(r"(<!-- table (\w+) -->\n).*?(\n<!-- end -->)", re.DOTALL)
+_VERSION = re.compile(r"(\*\*Format version )[\d.]+(\.\*\*)")
+
+
+def with_tables(text: str) -> str:
+    """The text of a page with its tables, and the version of the format, as they are now."""
+    version = ".".join(map(str, schema.FORMAT_VERSION))
+    text = _VERSION.sub(rf"\g<1>{version}\g<2>", text)
+    return _TABLE.sub(lambda found: found[1] + schema.markdown(getattr(schema, found[2])) + found[3], text)
+
+
+if __name__ == "__main__":
+    for page in PAGES:
+        page.write_text(with_tables(page.read_text(encoding="utf-8")), encoding="utf-8")
