@@ -11,7 +11,8 @@ from multicor_cli.store.moment import mean_temperature
 
 Summary = dict[str, Any]
 
-_SUMMARIZED = tuple(entry for entry in measures_first(TALLIES) if entry.summary is not None)
+_SUMMARIZED = {entry.summary: entry for entry in measures_first(TALLIES) if entry.summary is not None}
+"""Counters that have a key of their own, by this key."""
 
 
 def summarize(state: State, model: Model) -> Summary:
@@ -34,7 +35,7 @@ def summarize(state: State, model: Model) -> Summary:
         "state_digest": state.digest(),
         "energy_closure": books["closure"],
         "heat_closure": None if heat is None else heat["books"]["closure"],
-        **{str(e.summary): round(tallies[e.name]) if e.dtype == "i8" else tallies[e.name] for e in _SUMMARIZED},
+        **{key: round(tallies[e.name]) if e.dtype == "i8" else tallies[e.name] for key, e in _SUMMARIZED.items()},
         "negative_loss_share": _negative_share(books),
         "solver": {
             "sweeps_mean": tallies["sweeps"] / max(1, state.step - state.frozen_steps),
@@ -68,7 +69,7 @@ def _summarize_heat(state: State, thermal: Thermal) -> Summary:
 def empty_summary() -> Summary:
     """The summary of a run of which no state has been stored: the same keys, without values."""
     names = ("step", "time", "stage", "grain_count", "state_digest", "energy_closure", "heat_closure")
-    more = (*(str(entry.summary) for entry in _SUMMARIZED), "negative_loss_share", "heat")
+    more = (*_SUMMARIZED, "negative_loss_share", "heat")
     solver = ("sweeps_mean", "residual_rms_max", "residual_max_max", "unconverged_steps")
     return {**dict.fromkeys(names + more), "solver": dict.fromkeys(solver), "books": dict.fromkeys(BOOK_NAMES)}
 
