@@ -69,10 +69,10 @@ def _tables(run: Run, frame: Frame) -> Iterable[tuple[str, list[Column]]]:
     """The tables of a frame."""
     yield "grains", _grain_columns(run, frame)
     if frame.contacts.recorded:
-        yield "contacts", _columns_of(frame, schema.CONTACTS, run.features)
+        yield "contacts", _columns_of(frame, run.rows(schema.CONTACTS))
     if run.wall_names:
         walls: list[Column] = [("wall", list(run.wall_names))]
-        for spec in schema.select(schema.WALLS, run.features):
+        for spec in run.rows(schema.WALLS):
             walls += _split(spec, frame.column(spec.path)[0])
         yield "walls", walls
 
@@ -85,18 +85,18 @@ def _grain_columns(run: Run, frame: Frame) -> list[Column]:
         ("material", [run.model.materials[k] for k in grains.material]),
         ("radius [m]", grains.radius),
         ("mass [kg]", grains.mass),
-        *_columns_of(frame, schema.PARTICLES, run.features),
+        *_columns_of(frame, run.rows(schema.PARTICLES)),
     ]
 
 
-def _columns_of(frame: Frame, table: tuple[Dataset, ...], features: frozenset[str]) -> list[Column]:
-    return [column for spec in schema.select(table, features) for column in _split(spec, frame.column(spec.path))]
+def _columns_of(frame: Frame, table: tuple[Dataset, ...]) -> list[Column]:
+    return [column for spec in table for column in _split(spec, frame.column(spec.path))]
 
 
 def _frame_columns(run: Run, frames: Sequence[Frame]) -> list[Column]:
     index = [frame.index for frame in frames]
     columns: list[Column] = [("frame", index)]
-    for spec in schema.STEPS:
+    for spec in run.rows(schema.STEPS):
         columns += _split(spec, run.frames.column(spec.path)[index])
     stages = [run.stages[k] if 0 <= k < len(run.stages) else "" for k in run.frames.stage[index]]
     return [*columns, ("stage_name", stages)]
@@ -104,7 +104,7 @@ def _frame_columns(run: Run, frames: Sequence[Frame]) -> list[Column]:
 
 def _series_columns(run: Run) -> list[Column]:
     columns: list[Column] = []
-    for spec in schema.select(schema.SERIES, run.features):
+    for spec in run.rows(schema.SERIES):
         values = run.series[spec.name]
         if "wall" not in spec.dims:
             columns += _split(spec, values)

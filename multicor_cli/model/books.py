@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from multicor_cli.model.stored import DType
+from multicor_cli.model.stored import DType, Version
 
 
 class Entry(NamedTuple):
@@ -23,6 +23,7 @@ class Entry(NamedTuple):
         per_step: Whether the time series holds its mean over the steps of the window.
         summary: Its key in the summary of a run, if it has one of its own there; see `multicor_cli.store.summarize`.
         label: What ``multicor info`` calls it, and what it adds to the number, if it shows it to people.
+        since: Version of the file format in which it appeared.
     """
 
     name: str
@@ -33,6 +34,7 @@ class Entry(NamedTuple):
     per_step: bool = False
     summary: str | None = None
     label: tuple[str, str] | None = None
+    since: Version = (1, 0)
 
 
 def _book(name: str, meaning: str, unit: str = "J") -> Entry:
@@ -130,6 +132,12 @@ def _names(entries: tuple[Entry, ...]) -> tuple[str, ...]:
 
 BOOK_NAMES, TALLY_NAMES, WINDOW_NAMES, HEAT_BOOK_NAMES = map(_names, (BOOKS, TALLIES, WINDOW, HEAT_BOOKS))
 """Names of the entries, in the order of the arrays of `State`."""
+
+
+def entry_counts(version: Version | None = None) -> dict[str, int]:
+    """Lengths of `State.books`, `State.tallies` and `State.window`, by their dims; in files of an older version if it is given."""
+    tables = {"book": BOOKS, "tally": TALLIES, "window": WINDOW}
+    return {dim: sum(version is None or entry.since <= version for entry in table) for dim, table in tables.items()}
 
 
 def measures_first(entries: tuple[Entry, ...]) -> tuple[Entry, ...]:

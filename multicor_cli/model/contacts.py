@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats, Ints
-from multicor_cli.model.stored import DType, Export, Feature, Shape, Stored, stored
+from multicor_cli.model.stored import DType, Export, Feature, Shape, Stored, Version, stored
 
 
 def _column(
@@ -20,10 +20,11 @@ def _column(
     columns: tuple[str, ...] = (),
     exports: tuple[Export, ...] = ("vtk",),
     only_with: Feature | None = None,
+    since: Version = (1, 0),
     default: Any = MISSING,
 ) -> Any:
     dims: Shape = ("contact_row", len(columns)) if columns else ("contact_row",)
-    return stored(Stored(dtype, dims, unit, meaning, columns, exports, only_with), default=default)
+    return stored(Stored(dtype, dims, unit, meaning, columns, exports, only_with, since), default=default)
 
 
 def _heat(unit: str, meaning: str, exports: tuple[Export, ...] = ("vtk",)) -> Any:

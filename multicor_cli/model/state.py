@@ -9,15 +9,18 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.model.books import BOOKS, HEAT_BOOKS, TALLIES, WINDOW
+from multicor_cli.model.books import HEAT_BOOKS, entry_counts
 from multicor_cli.model.model import Floats, Ints, Model, Thermal
-from multicor_cli.model.stored import DType, Shape, Stored, stored, stored_fields
+from multicor_cli.model.stored import DType, Feature, Shape, Stored, Version, stored, stored_fields
 
 
-def _array(dims: Shape, unit: str, meaning: str, dtype: DType = "f8", columns: tuple[str, ...] = ()) -> Any:
+def _array(
+    dims: Shape, unit: str, meaning: str, dtype: DType = "f8", *, columns: tuple[str, ...] = (), since: Version = (1, 0)
+) -> Any:
     """An array; without elements until it is given some."""
-    about = Stored(dtype, dims, unit, meaning, columns, only_with="heat" if str(dims[0]).startswith("heat_") else None)
-    return stored(about, default_factory=lambda: np.zeros(_shape(dims, {}), dtype))
+    feature: Feature | None = "heat" if str(dims[0]).startswith("heat_") else None
+    about = Stored(dtype, dims, unit, meaning, columns, only_with=feature, since=since)
+    return stored(about, default_factory=lambda: np.zeros(_shape(dims, entry_counts()), dtype))
 
 
 def _number(unit: str, meaning: str) -> Any:
@@ -30,9 +33,6 @@ def _count(meaning: str) -> Any:
 
 def _shape(dims: Shape, lengths: dict[str, int]) -> tuple[int, ...]:
     return tuple(d if isinstance(d, int) else lengths.get(d, 0) for d in dims)
-
-
-_HEATS = ("heat_given", "heat_received")
 
 
 @dataclass
@@ -51,9 +51,9 @@ class State:
     contact_i: Ints = _array(("contact_row",), "1", "first shape of each contact that carried an impulse", "i4")
     contact_j: Ints = _array(("contact_row",), "1", "second shape of each of these contacts", "i4")
     contact_impulse: Floats = _array(("contact_row", 2), "N s", "normal and tangential impulse of the last step")
-    books: Floats = _array((len(BOOKS),), "J", "energy books, in the order of state.BOOK_NAMES")
-    tallies: Floats = _array((len(TALLIES),), "mixed", "counters, in the order of state.TALLY_NAMES")
-    window: Floats = _array((len(WINDOW),), "mixed", "sums, in the order of state.WINDOW_NAMES")
+    books: Floats = _array(("book",), "J", "energy books, in the order of state.BOOK_NAMES")
+    tallies: Floats = _array(("tally",), "mixed", "counters, in the order of state.TALLY_NAMES")
+    window: Floats = _array(("window",), "mixed", "sums, in the order of state.WINDOW_NAMES")
     window_wall_impulse: Floats = _array(("wall", 3), "N s, N s, N m s", "impulse on each wall since the last series row")
     step: int = _count("steps done since the start of the run")
     frozen_steps: int = _count("how many of the steps were of frozen stages")
@@ -116,12 +116,7 @@ class State:
 
     def digest(self) -> str:
         """BLAKE2 digest over the raw bytes of every field, in declaration order (little-endian)."""
-        sum_ = hashlib.blake2b(digest_size=16)
-        for name, value in self.as_dict().items():
-            sum_.update(name.encode())
-            sum_.update(str(value.shape).encode())
-            sum_.update(np.ascontiguousarray(value).tobytes())
-        return sum_.hexdigest()
+        return digest_of(self.as_dict())
 
 
 class Kept:
@@ -134,6 +129,16 @@ class Kept:
     wear: NDArray[Any] | None
     wall_heat: NDArray[Any] | None
     wall_wear: NDArray[Any] | None
+
+
+def digest_of(arrays: dict[str, NDArray[Any]]) -> str:
+    """`State.digest` of what `State.as_dict` gives."""
+    total = hashlib.blake2b(digest_size=16)
+    for name, value in arrays.items():
+        total.update(name.encode())
+        total.update(str(value.shape).encode())
+        total.update(np.ascontiguousarray(value).tobytes())
+    return total.hexdigest()
 
 
 def state_shapes(model: Model) -> dict[str, tuple[int, ...]]:

@@ -24,12 +24,18 @@ Dim = Literal[
     "heat_wall",
     "heat_book",
     "mean_row",
+    "book",
+    "tally",
+    "window",
 ]
 """Named lengths. ``frame_edge`` is ``frame + 1``: row ``offset[k]:offset[k+1]`` belongs to frame ``k``. Those that begin with
 ``heat`` are 0 in states of runs without heat."""
 
 Shape = tuple[Dim | int, ...]
 """Named lengths and numbers."""
+
+Version = tuple[int, int]
+"""Major and minor version of the file format."""
 
 DType = Literal["f8", "float", "i8", "i4", "u1", "str"]
 """Stored types. ``float`` is f8 or f4 after ``output.precision``; ``str`` is UTF-8 of fixed length."""
@@ -53,6 +59,7 @@ class Stored:
         columns: Names of its columns in tables, if it has several.
         exports: What shows it.
         only_with: Feature of the runs that have it, or None if all have it.
+        since: Version of the file format in which it appeared.
     """
 
     dtype: DType
@@ -62,6 +69,7 @@ class Stored:
     columns: tuple[str, ...] = ()
     exports: tuple[Export, ...] = ()
     only_with: Feature | None = None
+    since: Version = (1, 0)
 
 
 def stored(about: Stored, default: Any = MISSING, default_factory: Any = MISSING) -> Any:

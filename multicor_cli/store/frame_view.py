@@ -92,17 +92,12 @@ class Frame(StepColumns, GrainColumns, WallColumns, KeptColumns):
 
     def read(self, column: Column[T]) -> T:
         """What the attribute of a column is: None where the run does not have it; raises as `column`."""
-        is_there = bool(schema.select((column,), self._features))
-        return cast("T", column.convert(self.column(column.path)) if is_there else None)
-
-    @cached_property
-    def _features(self) -> frozenset[str]:
-        return self._parts.features or frozenset()
+        return cast("T", column.convert(self.column(column.path)) if self._parts.has(column, self.index) else None)
 
     @property
     def has_heat(self) -> bool:
         """Whether the run has heat."""
-        return "heat" in self._features
+        return "heat" in (self._parts.features or ())
 
     @property
     def unwrapped(self) -> Array:

@@ -74,7 +74,7 @@ def write_model_into(writer: Hdf5Writer, columns: Arrays) -> None:
 
 def _verify(path: Path, digests: dict[str, str]) -> None:
     with CheckedFile(path, FILETYPE) as file:
-        file.check_written(schema.select(schema.MODEL, file.features), digests)
+        file.check_written(filter(file.has, schema.MODEL), digests)
 
 
 def load_model(path: Path, run_id: str | None = None) -> Model:
@@ -88,7 +88,7 @@ def load_model(path: Path, run_id: str | None = None) -> Model:
 
 def read_model(file: CheckedFile) -> Model:
     """The model in an open ``model.h5`` or ``results.h5``, with its indices checked; raises `DamagedRun`."""
-    specs = schema.select(schema.MODEL, file.features)
+    specs = filter(file.has, schema.MODEL)
     data = {spec.path.removeprefix("model/"): _read(file, spec) for spec in specs}
     model = Model(
         grains=Grains(data["radius"], data["mass"], data["inertia"], data["material"], data["group"]),

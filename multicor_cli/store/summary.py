@@ -5,8 +5,9 @@ from __future__ import annotations
 from typing import Any
 
 from multicor_cli.model import BOOK_NAMES, HEAT_BOOK_NAMES, TALLY_NAMES, Model, State
-from multicor_cli.model.books import TALLIES, measures_first
+from multicor_cli.model.books import TALLIES, entry_counts, measures_first
 from multicor_cli.model.model import Thermal
+from multicor_cli.model.stored import Version
 from multicor_cli.store.moment import mean_temperature
 
 Summary = dict[str, Any]
@@ -66,12 +67,17 @@ def _summarize_heat(state: State, thermal: Thermal) -> Summary:
     }
 
 
-def empty_summary() -> Summary:
-    """The summary of a run of which no state has been stored: the same keys, without values."""
+def empty_summary(version: Version | None = None) -> Summary:
+    """The summary of a run of which no state has been stored: the same keys, or those of an older version, without values."""
+    counters = (key for key, entry in _SUMMARIZED.items() if version is None or entry.since <= version)
     names = ("step", "time", "stage", "grain_count", "state_digest", "energy_closure", "heat_closure")
-    more = (*_SUMMARIZED, "negative_loss_share", "heat")
     solver = ("sweeps_mean", "residual_rms_max", "residual_max_max", "unconverged_steps")
-    return {**dict.fromkeys(names + more), "solver": dict.fromkeys(solver), "books": dict.fromkeys(BOOK_NAMES)}
+    books = BOOK_NAMES[: entry_counts(version)["book"]]
+    return {
+        **dict.fromkeys((*names, *counters, "negative_loss_share", "heat")),
+        "solver": dict.fromkeys(solver),
+        "books": dict.fromkeys(books),
+    }
 
 
 def _negative_share(books: dict[str, float]) -> float:

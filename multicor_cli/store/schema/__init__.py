@@ -19,7 +19,7 @@ RESULTS_TABLE = SCENARIO + MODEL + FRAME_TABLE + SERIES
 """Everything in ``results.h5``."""
 
 CHECKPOINT = tuple(
-    Dataset(f"state/{name}", about.dtype, about.dims, about.unit, about.meaning, finite=False)
+    Dataset(f"state/{name}", about.dtype, about.dims, about.unit, about.meaning, finite=False, since=about.since)
     for name, about in stored_fields(State).items()
 )
 """Everything in a checkpoint: the fields of `State`. Those that belong to heat are there, but empty, in runs without."""

@@ -127,7 +127,8 @@ def _kept_of_grains(name: str, about: Stored) -> Column[Any]:
     """The row of what a state has for each grain."""
     return Column(
         f"particles/{name}", about.dtype, ("particle_row", *about.dims[1:]), about.unit, about.meaning,
-        lambda m: getattr(m.state, name), only_with=about.only_with, columns=about.columns, exports=("vtk", "gsd"),
+        lambda m: getattr(m.state, name), since=about.since, only_with=about.only_with, columns=about.columns,
+        exports=("vtk", "gsd"),
     )  # fmt: skip
 
 
@@ -135,7 +136,7 @@ def _kept_of_walls(name: str, about: Stored) -> Column[Any]:
     """The row of what a state has for each wall."""
     return Column(
         f"walls/{name.removeprefix('wall_')}", about.dtype, ("frame", "wall", *about.dims[1:]), about.unit, about.meaning,
-        lambda m: getattr(m.state, name), only_with=about.only_with, columns=about.columns, convert=_first,
+        lambda m: getattr(m.state, name), since=about.since, only_with=about.only_with, columns=about.columns, convert=_first,
     )  # fmt: skip
 
 
@@ -143,8 +144,8 @@ def _of_contacts(name: str, about: Stored) -> Column[Any]:
     """The row of what a table of contacts has."""
     return Column(
         f"contacts/{name}", about.dtype, about.dims, about.unit, about.meaning,
-        lambda m: m.of_contacts(getattr(m.table, name)), only_with=about.only_with, columns=about.columns, exports=about.exports,
-        convert=_flags if about.dtype == "u1" else _all,
+        lambda m: m.of_contacts(getattr(m.table, name)), since=about.since, only_with=about.only_with, columns=about.columns,
+        exports=about.exports, convert=_flags if about.dtype == "u1" else _all,
     )  # fmt: skip
 
 

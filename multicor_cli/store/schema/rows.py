@@ -7,7 +7,8 @@ from dataclasses import dataclass
 from typing import Any, Generic, NoReturn, Protocol, TypeVar, overload
 
 from multicor_cli.model import Model
-from multicor_cli.model.stored import Dim, DType, Export, Feature, Shape
+from multicor_cli.model.books import entry_counts
+from multicor_cli.model.stored import Dim, DType, Export, Feature, Shape, Version
 from multicor_cli.store.moment import Moment
 
 Value = Callable[[Moment], Any]
@@ -41,7 +42,7 @@ class Dataset:
     long_name: str
     value: Value | None = None
     finite: bool = True
-    since: tuple[int, int] = (1, 0)
+    since: Version = (1, 0)
     only_with: Feature | None = None
     columns: tuple[str, ...] = ()
     exports: tuple[Export, ...] = ()
@@ -114,9 +115,10 @@ def _describe(column: Column[Any]) -> str:
     return text + ("; None in a run without heat" if column.only_with else "")
 
 
-def select(table: tuple[Dataset, ...], features: Set[str]) -> tuple[Dataset, ...]:
-    """The rows of a table that a run with these features has, in order."""
-    return tuple(row for row in table if row.only_with is None or row.only_with in features)
+def select(table: tuple[Dataset, ...], features: Set[str], version: Version | None = None) -> tuple[Dataset, ...]:
+    """The rows of a table that a run with these features has, in order; of an older version of the format if it is given."""
+    known = (row for row in table if version is None or row.since <= version)
+    return tuple(row for row in known if row.only_with is None or row.only_with in features)
 
 
 def features_of(model: Model) -> frozenset[Feature]:
@@ -132,9 +134,10 @@ def names(table: tuple[Dataset, ...]) -> tuple[str, ...]:
 
 def markdown(table: tuple[Dataset, ...]) -> str:
     """A table of the format documents: path, type, shape, unit, meaning, and since which version (in runs with which feature)."""
+    symbols = _DIM_SYMBOL | {dim: str(count) for dim, count in entry_counts().items()}
     lines = ["| path | type | shape | unit | meaning | since |", "|---|---|---|---|---|---|"]
     for row in table:
-        shape = ", ".join(_DIM_SYMBOL[d] if isinstance(d, str) else str(d) for d in row.dims)
+        shape = ", ".join(symbols[d] if isinstance(d, str) else str(d) for d in row.dims)
         since = ".".join(map(str, row.since)) + (f", {row.only_with}" if row.only_with else "")
         meaning = row.long_name.replace("|", "\\|")
         lines.append(f"| `{row.path}` | {row.dtype} | ({shape}) | {row.unit} | {meaning} | {since} |")

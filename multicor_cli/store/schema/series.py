@@ -8,15 +8,22 @@ from __future__ import annotations
 from collections.abc import Callable
 
 from multicor_cli.model.books import BOOKS, HEAT_BOOKS, TALLIES, WINDOW, Entry, measures_first
-from multicor_cli.model.stored import DType, Feature, Shape
+from multicor_cli.model.stored import DType, Feature, Shape, Version
 from multicor_cli.store.moment import Moment, mean_temperature
 from multicor_cli.store.schema.rows import Dataset, Value
 
 
 def _scalar(
-    name: str, unit: str, long_name: str, value: Value, dtype: DType = "f8", *, only_with: Feature | None = None
+    name: str,
+    unit: str,
+    long_name: str,
+    value: Value,
+    dtype: DType = "f8",
+    *,
+    only_with: Feature | None = None,
+    since: Version = (1, 0),
 ) -> Dataset:
-    return Dataset(f"series/{name}", dtype, ("series_row",), unit, long_name, value, only_with=only_with)
+    return Dataset(f"series/{name}", dtype, ("series_row",), unit, long_name, value, only_with=only_with, since=since)
 
 
 def _array(
@@ -34,7 +41,7 @@ def _kept(
         def value(moment: Moment) -> float:
             return moment.per_step(entry.name) if entry.per_step else values(moment)[entry.name]
 
-        return _scalar(series, entry.unit, entry.meaning, value, entry.dtype, only_with=only_with)
+        return _scalar(series, entry.unit, entry.meaning, value, entry.dtype, only_with=only_with, since=entry.since)
 
     return tuple(row(entry, entry.series) for entry in entries if entry.series is not None)
 
