@@ -78,3 +78,7 @@ def _maps(run: Run, of: str, chosen: list[int]) -> Iterator[GrainMap | None]:
         yield table
     if trouble is not None and not found:
         raise trouble
+
+
+COMMANDS = {"animate": animate}
+"""Commands by name."""

@@ -7,22 +7,15 @@ from typing import Any
 import typer
 from typer.core import TyperCommand
 
-from multicor_cli.cli.animate_command import animate
-from multicor_cli.cli.post_contact_commands import forces, rheology
-from multicor_cli.cli.post_grain_commands import map_grains, profile, theta_eta
-from multicor_cli.cli.post_run_commands import compare, energy
+from multicor_cli.cli import animate_command, post_contact_commands, post_grain_commands, post_run_commands
 
 post = typer.Typer(no_args_is_help=True, help="Tables and figures from a run.")
 
 COMMANDS = {
-    "profile": profile,
-    "theta-eta": theta_eta,
-    "map": map_grains,
-    "forces": forces,
-    "rheology": rheology,
-    "energy": energy,
-    "compare": compare,
-    "animate": animate,
+    **post_grain_commands.COMMANDS,
+    **post_contact_commands.COMMANDS,
+    **post_run_commands.COMMANDS,
+    **animate_command.COMMANDS,
 }
 """Commands by name."""
 

@@ -124,3 +124,7 @@ def rheology(
         f"between '{table.walls[0]}' and '{table.walls[1]}', {table.height:g} m apart; the bulk begins {table.margin:g} m from each"
     )
     output.deliver(table, about, run=directory, is_detailed=True)
+
+
+COMMANDS = {"forces": forces, "rheology": rheology}
+"""Commands by name."""

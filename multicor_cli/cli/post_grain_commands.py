@@ -164,3 +164,7 @@ def map_grains(
     output.draw(table, has_streamlines=has_streamlines)
     about = f"{table.field.label} in frame {table.frame} at t = {table.time:g} s"
     output.deliver(table, about, run=directory, is_detailed=True)
+
+
+COMMANDS = {"profile": profile, "theta-eta": theta_eta, "map": map_grains}
+"""Commands by name."""

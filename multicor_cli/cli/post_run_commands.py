@@ -91,3 +91,7 @@ def compare(
         for key, one, two in found.keys:
             say(f"  {key}: {one} | {two}")
     output.deliver(found, f"{directory} and {other}", is_detailed=True)
+
+
+COMMANDS = {"energy": energy, "compare": compare}
+"""Commands by name."""

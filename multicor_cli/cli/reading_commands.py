@@ -91,7 +91,7 @@ def _describe(found: dict[str, Any]) -> list[tuple[str, str]]:
         ("wall time", "–" if found["duration"] is None else format_seconds(found["duration"])),
         ("state digest", _text(found["state_digest"])),
         ("energy closure", _text(found["energy_closure"])),
-        ("largest overlap", _text(found["max_overlap"], " of the smaller radius")),
+        *_describe_tallies(found),
         ("sweeps", _text(solver["sweeps_mean"], " per step")),
         ("largest residual", _text(solver["residual_rms_max"], _OF_REFERENCE) + _where(found["worst_step"])),
         ("not converged", _text(solver["unconverged_steps"], " steps")),
@@ -101,6 +101,12 @@ def _describe(found: dict[str, Any]) -> list[tuple[str, str]]:
         lines.append(("Hertz deflection", _text(found["hertz_deflection"], " of a diameter under the largest contact force")))
     version = found["provenance"].get("multicor_version", "")
     return [*lines, ("made by", f"multicor {version}, seed {found['provenance'].get('seed')}")]
+
+
+def _describe_tallies(found: dict[str, Any]) -> list[tuple[str, str]]:
+    from multicor_cli.model.books import TALLIES
+
+    return [(entry.label[0], _text(found[str(entry.summary)], entry.label[1])) for entry in TALLIES if entry.label is not None]
 
 
 def _where(worst: dict[str, Any] | None) -> str:

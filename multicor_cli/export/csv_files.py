@@ -23,22 +23,6 @@ from multicor_cli.store.schema import Dataset
 FILE_NAMES = re.compile(r"(grains|contacts|walls)-\d{6,}\.csv|(frames|series)\.csv")
 """What the files are called."""
 
-_COMPONENTS: dict[str, tuple[str, ...]] = {
-    "particles/position": ("x", "y"),
-    "particles/velocity": ("velocity_x", "velocity_y"),
-    "contacts/normal": ("normal_x", "normal_y"),
-    "contacts/impulse": ("normal_impulse", "tangential_impulse"),
-    "walls/position": ("x", "y", "angle"),
-    "walls/velocity": ("velocity_x", "velocity_y", "spin"),
-    "walls/heat": ("heat_given", "heat_received"),
-    "series/virial_rate": ("virial_xx", "virial_xy", "virial_yx", "virial_yy"),
-    "series/wall_force": ("force_x", "force_y", "torque"),
-    "series/wall_position": ("x", "y", "angle"),
-    "series/wall_velocity": ("velocity_x", "velocity_y", "spin"),
-    "series/wall_heat": ("heat_given", "heat_received"),
-}
-"""Names of the columns of datasets that have several; a third component of positions and velocities, 0 here, is left out."""
-
 Column = tuple[str, Sequence[Any] | NDArray[Any]]
 
 
@@ -85,10 +69,10 @@ def _tables(run: Run, frame: Frame) -> Iterable[tuple[str, list[Column]]]:
     """The tables of a frame."""
     yield "grains", _grain_columns(run, frame)
     if frame.contacts.recorded:
-        yield "contacts", _columns_of(frame, schema.CONTACTS, run.features)
+        yield "contacts", _columns_of(frame, run.rows(schema.CONTACTS))
     if run.wall_names:
         walls: list[Column] = [("wall", list(run.wall_names))]
-        for spec in schema.select(schema.WALLS, run.features):
+        for spec in run.rows(schema.WALLS):
             walls += _split(spec, frame.column(spec.path)[0])
         yield "walls", walls
 
@@ -101,18 +85,18 @@ def _grain_columns(run: Run, frame: Frame) -> list[Column]:
         ("material", [run.model.materials[k] for k in grains.material]),
         ("radius [m]", grains.radius),
         ("mass [kg]", grains.mass),
-        *_columns_of(frame, schema.PARTICLES, run.features),
+        *_columns_of(frame, run.rows(schema.PARTICLES)),
     ]
 
 
-def _columns_of(frame: Frame, table: tuple[Dataset, ...], features: frozenset[str]) -> list[Column]:
-    return [column for spec in schema.select(table, features) for column in _split(spec, frame.column(spec.path))]
+def _columns_of(frame: Frame, table: tuple[Dataset, ...]) -> list[Column]:
+    return [column for spec in table for column in _split(spec, frame.column(spec.path))]
 
 
 def _frame_columns(run: Run, frames: Sequence[Frame]) -> list[Column]:
     index = [frame.index for frame in frames]
     columns: list[Column] = [("frame", index)]
-    for spec in schema.STEPS:
+    for spec in run.rows(schema.STEPS):
         columns += _split(spec, run.frames.column(spec.path)[index])
     stages = [run.stages[k] if 0 <= k < len(run.stages) else "" for k in run.frames.stage[index]]
     return [*columns, ("stage_name", stages)]
@@ -120,7 +104,7 @@ def _frame_columns(run: Run, frames: Sequence[Frame]) -> list[Column]:
 
 def _series_columns(run: Run) -> list[Column]:
     columns: list[Column] = []
-    for spec in schema.select(schema.SERIES, run.features):
+    for spec in run.rows(schema.SERIES):
         values = run.series[spec.name]
         if "wall" not in spec.dims:
             columns += _split(spec, values)
@@ -132,7 +116,7 @@ def _series_columns(run: Run) -> list[Column]:
 
 def _split(spec: Dataset, values: NDArray[Any]) -> list[Column]:
     """The columns of a dataset with their headings: name, and unit unless there is none."""
-    names = _COMPONENTS.get(spec.path, (spec.name,))
+    names = spec.columns or (spec.name,)
     units = spec.unit.split(", ") * (1 if ", " in spec.unit else len(names))
     flat = values.reshape(len(values), int(np.prod(values.shape[1:])))
     return [

@@ -7,7 +7,7 @@ bond, as OVITO expects it (``log/particles/temperature``).
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,13 +20,11 @@ from multicor_cli.export.selection import Progress, choose_frames, no_progress
 from multicor_cli.export.target import check_file, new_file
 from multicor_cli.model import Model
 from multicor_cli.model.model import Floats
-from multicor_cli.store import Frame, Run, StorageError
+from multicor_cli.store import Frame, Run, StorageError, schema
+from multicor_cli.store.schema.rows import Column, Reader
 
 _DEPTH = 1.0
 """Length of the box in z: OVITO wants one, though the frame says that it has two dimensions."""
-
-_LOGGED = ("temperature", "generated", "wear")
-"""What grains of runs with heat have."""
 
 
 def export_gsd(
@@ -119,9 +117,7 @@ def _gsd_frame(target: Any, model: Model, frame: Frame, box: _Box) -> Any:
     target.configuration.step = frame.step
     target.configuration.dimensions = 2
     target.configuration.box = [*box.size, _DEPTH, 0.0, 0.0, 0.0]
-    target.log["time"] = np.array([frame.time])
-    target.log["dt"] = np.array([frame.dt])
-    target.log["stage"] = np.array([frame.stage])
+    target.log.update({name: np.array([value]) for name, value in _logged(frame, schema.STEPS)})
     target.log["box_center"] = box.center
     target.log["contacts_recorded"] = np.array([frame.contacts.recorded], np.uint8)
     _fill_particles(target, model, frame, box)
@@ -147,10 +143,7 @@ def _fill_particles(target: Any, model: Model, frame: Frame, box: _Box) -> None:
     momentum = 2.0 * grains.inertia * frame.spin
     particles.angmom = np.column_stack([-momentum * turn[:, 3], np.zeros((len(half), 2)), momentum * turn[:, 0]])
     target.log["particles/angular_velocity"] = frame.spin
-    for name in _LOGGED:
-        values = getattr(frame, name)
-        if values is not None:
-            target.log[f"particles/{name}"] = values
+    target.log.update({f"particles/{name}": values for name, values in _logged(frame, schema.PARTICLES)})
 
 
 def _fill_bonds(target: Any, frame: Frame) -> None:
@@ -163,8 +156,15 @@ def _fill_bonds(target: Any, frame: Frame) -> None:
     bonds.group = np.column_stack([contacts.i, contacts.j])[shown]
     for name, column in (("normal_force", 0), ("tangential_force", 1)):
         target.log[f"bonds/{name}"] = contacts.force[shown, column]
-    if contacts.heat is not None:
-        target.log["bonds/heat"] = contacts.heat[shown]
+    target.log.update({f"bonds/{name}": values[shown] for name, values in _logged(contacts, schema.CONTACTS)})
+
+
+def _logged(source: Reader, table: Sequence[Column[Any]]) -> Iterator[tuple[str, Any]]:
+    """Names and values of what the format has no name for, as far as the run has it."""
+    for row in table:
+        values = source.read(row) if "gsd" in row.exports else None
+        if values is not None:
+            yield row.name, values
 
 
 def _spatial(values: NDArray[Any]) -> NDArray[Any]:

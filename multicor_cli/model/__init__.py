@@ -1,8 +1,9 @@
 """What the engine computes with: the constant `Model` and the time-varying `State`."""
 
+from multicor_cli.model.books import BOOK_NAMES, HEAT_BOOK_NAMES, TALLY_NAMES, WINDOW_NAMES
 from multicor_cli.model.model import ContactLaws, Grains, Model, Thermal, Walls, WallShapes
 from multicor_cli.model.shapes import ShapeKind, WallBody
-from multicor_cli.model.state import BOOK_NAMES, HEAT_BOOK_NAMES, TALLY_NAMES, WINDOW_NAMES, State
+from multicor_cli.model.state import State
 
 __all__ = [
     "BOOK_NAMES",

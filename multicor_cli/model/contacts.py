@@ -2,39 +2,56 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import MISSING, dataclass
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats, Ints
+from multicor_cli.model.stored import DType, Export, Feature, Shape, Stored, Version, stored
+
+
+def _column(
+    unit: str,
+    meaning: str,
+    dtype: DType = "float",
+    *,
+    columns: tuple[str, ...] = (),
+    exports: tuple[Export, ...] = ("vtk",),
+    only_with: Feature | None = None,
+    since: Version = (1, 0),
+    default: Any = MISSING,
+) -> Any:
+    dims: Shape = ("contact_row", len(columns)) if columns else ("contact_row",)
+    return stored(Stored(dtype, dims, unit, meaning, columns, exports, only_with, since), default=default)
+
+
+def _heat(unit: str, meaning: str, exports: tuple[Export, ...] = ("vtk",)) -> Any:
+    """What contacts have in runs with heat; None if no heat was computed."""
+    return _column(unit, meaning, exports=exports, only_with="heat", default=None)
 
 
 @dataclass(frozen=True)
 class ContactTable:
-    """Contacts of one step, sorted by (i, j); ``c`` rows.
+    """Contacts of one step, sorted by (i, j); every array has a row for each of the ``c`` contacts.
 
-    Attributes:
-        i: Grain, shape ``(c,)``.
-        j: Grain or wall shape (``>= n``), shape ``(c,)``.
-        normal: Unit normal from j to i at mid-step, shape ``(c, 2)``.
-        gap: Gap at mid-step [m], shape ``(c,)``.
-        impulse: p_n, p_t of j on i [N s], shape ``(c, 2)``.
-        slip: Tangential velocity u_t⁺ of i relative to j [m/s], shape ``(c,)``.
-        sliding: Whether |p_t| has reached μ p_n > 0, shape ``(c,)``.
-        heat: Heat generated in the contact in the step [J], shape ``(c,)``; None if no heat was computed.
-        conductance: Conductance of the contact in the step [W/K], shape ``(c,)``; None if no heat was computed.
+    Each field says its unit and meaning, as docs/formats/results.md lists them. Normals and gaps are those at mid-step.
     """
 
-    i: Ints
-    j: Ints
-    normal: Floats
-    gap: Floats
-    impulse: Floats
-    slip: Floats
-    sliding: NDArray[np.bool_]
-    heat: Floats | None = None
-    conductance: Floats | None = None
+    i: Ints = _column("1", "first shape of the contact: a grain", "i4", exports=())
+    j: Ints = _column("1", "second shape: a grain if < n, else wall shape j - n", "i4", exports=())
+    normal: Floats = _column(
+        "1", "unit normal n from j to i; the tangent is n turned by +90 deg", columns=("normal_x", "normal_y"), exports=()
+    )
+    gap: Floats = _column("m", "gap, negative where shapes overlap")
+    impulse: Floats = _column(
+        "N s", "normal and tangential impulse on i in the last step", columns=("normal_impulse", "tangential_impulse")
+    )
+    slip: Floats = _column("m/s", "tangential velocity of i relative to j after the step")
+    sliding: NDArray[np.bool_] = _column("1", "1 if the contact slides, 0 if it sticks or carries nothing", "u1")
+    heat: Floats | None = _heat("J", "heat generated in the contact in the last step", exports=("vtk", "gsd"))
+    conductance: Floats | None = _heat("W/K", "conductance of the contact in the last step")
 
     @classmethod
     def empty(cls) -> ContactTable:

@@ -7,18 +7,26 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from multicor_cli.model.books import BOOK_NAMES, HEAT_BOOK_NAMES, TALLY_NAMES, WINDOW_NAMES
 from multicor_cli.model.model import Model
-from multicor_cli.model.state import BOOK_NAMES, HEAT_BOOK_NAMES, TALLY_NAMES, WINDOW_NAMES, State
+from multicor_cli.model.state import State, state_shapes
+from multicor_cli.model.stored import stored_fields
 
 LARGEST = 1e50
 """Larger magnitudes are absurd in SI units, and their squares may not be finite."""
 
 _CONTACTS = {"contact_impulse": ("contact_i", "contact_j"), "mean_force": ("mean_i", "mean_j")}
 _ENTRIES = {"books": BOOK_NAMES, "tallies": TALLY_NAMES, "window": WINDOW_NAMES, "heat_books": HEAT_BOOK_NAMES}
-_OF_GRAINS = ("heat", "generated", "wear", "position", "velocity")
-_OF_WALLS = ("wall_position", "wall_velocity", "window_wall_impulse", "wall_heat", "wall_wear", "wall_temperature")
-_NUMBERS = ("stage_start", "stage_peak", "stage_strain", "time", "last_dt", "mean_age", "heat_dt")
-_COUNTS = ("step", "frozen_steps", "stage", "stage_step")
+
+
+def _fields(dtype: str, *dims: str) -> tuple[str, ...]:
+    """Fields of a state of a type with a row for each of these."""
+    found = stored_fields(State)
+    return tuple(name for dim in dims for name, about in found.items() if about.dims[0] == dim and about.dtype == dtype)
+
+
+_OF_GRAINS, _OF_WALLS = _fields("f8", "heat_grain", "grain"), _fields("f8", "wall", "heat_wall")
+_NUMBERS, _COUNTS = _fields("f8", "one"), _fields("i8", "one")
 
 
 def find_absurd_value(state: State, model: Model) -> str | None:
@@ -41,15 +49,8 @@ def find_absurd_value(state: State, model: Model) -> str | None:
 
 def find_misfit(state: State, model: Model) -> str | None:
     """Say what of a state that was read from a file does not fit the model; ``None`` if all does."""
-    n, w, shapes = model.grain_count, model.wall_count, model.shape_count
-    heated = (n, w) if model.thermal is not None else (0, 0)
-    expected: dict[str, tuple[int, ...]] = {
-        "position": (n, 3), "image": (n,), "velocity": (n, 3),
-        "wall_position": (w, 3), "wall_velocity": (w, 3), "window_wall_impulse": (w, 3),
-        "heat": heated[:1], "generated": heated[:1], "wear": heated[:1],
-        "wall_heat": (heated[1], 2), "wall_wear": heated[1:], "wall_temperature": heated[1:],
-    }  # fmt: skip
-    for name, shape in expected.items():
+    n, shapes = model.grain_count, model.shape_count
+    for name, shape in state_shapes(model).items():
         if getattr(state, name).shape != shape:
             return f"{name} has shape {getattr(state, name).shape} instead of {shape}"
     for name, (i, j) in _CONTACTS.items():

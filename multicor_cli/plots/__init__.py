@@ -1,4 +1,4 @@
-"""Figures of the tables that `post` makes."""
+"""Figures of the tables that `post` makes, each in a module of the same name; these are at hand here."""
 
 from multicor_cli.plots.compare import draw_comparison, plot_comparison
 from multicor_cli.plots.dispatch import plot, show

@@ -7,8 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from multicor_cli.plots.dispatch import Ways
 from multicor_cli.plots.profile import axis_labels
 from multicor_cli.plots.style import COLORS, COLUMN, PAGE, figure_file
+from multicor_cli.plots.text_chart import TextLine, draw_text
+from multicor_cli.plots.text_picture import Terminal
 from multicor_cli.post.compare import Comparison, ProfilePair
 
 
@@ -56,3 +59,16 @@ def _draw_ratio(axes: Any, pair: ProfilePair) -> None:
     axes.set_xlabel("difference / standard error [–]")
     limit = max(3.0, 1.1 * float(np.abs(pair.ratio[known]).max(initial=0.0)))
     axes.set_xlim(-limit, limit)
+
+
+def comparison_text(comparison: Comparison, _terminal: Terminal) -> str:
+    """The profiles of two runs, one chart for each field."""
+    charts = []
+    for pair in comparison.profiles.values():
+        tables = zip((pair.first, pair.second), comparison.names, strict=True)
+        lines = [TextLine(name, table.value, table.y / table.height) for table, name in tables]
+        charts.append(draw_text(lines, f"{pair.first.field.label} [{pair.first.field.unit}]", "height y/H [1]"))
+    return "\n\n".join(charts)
+
+
+FIGURES = {Comparison: Ways(plot_comparison, comparison_text)}

@@ -9,9 +9,13 @@ from typing import Any
 import numpy as np
 
 from multicor_cli.model.model import Floats
+from multicor_cli.plots.dispatch import Ways
 from multicor_cli.plots.style import COLORS, COLUMN, PAGE, figure_file, show_decades
+from multicor_cli.plots.text_chart import TextLine, draw_text
+from multicor_cli.plots.text_picture import Terminal
 from multicor_cli.post.energy import HEAT, MECHANICAL, EnergyTable, Entry
 
+_VISIBLE = 0.02  # lines that stay below this part of the largest one are left out of charts of letters
 _GAIN = Entry("kinetic_gain", "kinetic energy", -1)
 _STORED = Entry("heat_stored", "stored in the grains", -1)
 _SHORT = {
@@ -75,3 +79,13 @@ def _draw_closure(panel: Any, time: Floats, closure: Floats) -> None:
     panel.set_xlabel("time $t$ [s]")
     panel.set_ylabel("closure [–]")
     show_decades(panel.yaxis, closure[known])
+
+
+def energy_text(table: EnergyTable, _terminal: Terminal) -> str:
+    """The energy books over time, mechanical ones and those of heat in one chart."""
+    lines = [TextLine(f"{entry.label} [J]", table.time, table.books[entry.name]) for entry in table.entries]
+    largest = max((float(np.abs(line.y).max()) for line in lines), default=0.0)
+    return draw_text([line for line in lines if np.abs(line.y).max() > _VISIBLE * largest], "time [s]", "energy [J]")
+
+
+FIGURES = {EnergyTable: Ways(plot_energy, energy_text)}

@@ -7,7 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from multicor_cli.plots.dispatch import Ways
 from multicor_cli.plots.style import COLORS, COLUMN, PAGE, figure_file, show_decades
+from multicor_cli.plots.text_chart import TextLine, draw_text
+from multicor_cli.plots.text_picture import Terminal
 from multicor_cli.post.force_statistics import AngularDistribution, ForceDistribution
 
 
@@ -86,3 +89,22 @@ def _draw_polar(axes: Any, table: AngularDistribution, values: Any, level: float
     axes.grid(color="0.85", linewidth=0.4)
     axes.set_axisbelow(True)
     axes.tick_params(pad=0.5)
+
+
+def distribution_text(table: ForceDistribution, _terminal: Terminal) -> str:
+    """A force distribution on logarithmic scales."""
+    lines = [TextLine("normal", table.center, table.normal), TextLine("tangential", table.center, table.tangential)]
+    return draw_text(lines, "force over mean force [1]", "probability density [1]", is_logarithmic=True)
+
+
+def angles_text(table: AngularDistribution, _terminal: Terminal) -> str:
+    """Directions of the contacts and the forces along them, each over what it would be if all directions were alike."""
+    degrees = np.degrees(table.angle)
+    density = TextLine("density of contacts", degrees, 2.0 * np.pi * table.density)
+    return draw_text([density, TextLine("normal force", degrees, table.normal)], "direction [deg]", "over mean [1]")
+
+
+FIGURES = {
+    ForceDistribution: Ways(plot_distribution, distribution_text),
+    AngularDistribution: Ways(plot_angles, angles_text),
+}

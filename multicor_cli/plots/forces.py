@@ -8,8 +8,10 @@ from typing import Any
 import numpy as np
 
 from multicor_cli.model.model import Floats
+from multicor_cli.plots.dispatch import Ways
 from multicor_cli.plots.scene import draw_discs, draw_walls, place_scene
 from multicor_cli.plots.style import COLORS, COLUMN, figure_file
+from multicor_cli.plots.text_picture import Terminal, draw_picture
 from multicor_cli.post.forces import ForceNetwork
 from multicor_cli.post.scene import images
 
@@ -80,3 +82,17 @@ def line_widths(axes: Any, network: ForceNetwork) -> Floats:
     diameter = 2.0 * float(scene.radius.mean()) * per_meter
     normal = network.force[:, 0]
     return np.asarray(np.minimum(_WIDTH * diameter * normal / normal.mean(), _WIDEST * diameter))
+
+
+def forces_text(network: ForceNetwork, terminal: Terminal) -> str:
+    """A force network as a picture.
+
+    Raises:
+        PlotError: If matplotlib is not installed.
+    """
+    picture = draw_picture(network.scene, lambda axes: draw_network(axes, network), terminal)
+    mean = float(network.force[:, 0].mean()) if network.i.size else 0.0
+    return f"{picture}\nwidth: normal force, mean {mean:.3g} N; blue: sticking, red: sliding"
+
+
+FIGURES = {ForceNetwork: Ways(plot_forces, forces_text)}

@@ -7,10 +7,12 @@ from typing import Any
 
 import numpy as np
 
+from multicor_cli.plots.dispatch import Ways
 from multicor_cli.plots.scene import Place, draw_discs, draw_walls, is_wide, place_scene
 from multicor_cli.plots.small_rises import rise_formatter, rise_label, rise_reference
 from multicor_cli.plots.streamlines import draw_streamlines
 from multicor_cli.plots.style import COLUMN, color_map, figure_file
+from multicor_cli.plots.text_picture import Terminal, draw_picture
 from multicor_cli.post.grain_map import GrainMap
 
 _ARROWS = 1500  # at most this many arrows, or they cannot be told apart
@@ -113,3 +115,17 @@ def _draw_arrows(axes: Any, table: GrainMap) -> None:
         linewidth=0.2,
         zorder=3,
     )
+
+
+def map_text(table: GrainMap, terminal: Terminal, *, has_streamlines: bool = True) -> str:
+    """A map as a picture, with the values of its darkest and lightest color below.
+
+    Raises:
+        PlotError: If matplotlib is not installed.
+    """
+    norm, _ = color_scale(table)
+    picture = draw_picture(table.scene, lambda axes: draw_values(axes, table, norm, has_streamlines=has_streamlines), terminal)
+    return f"{picture}\n{table.field.label} [{table.field.unit}] from {norm.vmin:.6g} to {norm.vmax:.6g}"
+
+
+FIGURES = {GrainMap: Ways(plot_map, map_text)}

@@ -7,8 +7,11 @@ from typing import Any
 
 import numpy as np
 
+from multicor_cli.plots.dispatch import Ways
 from multicor_cli.plots.small_rises import rise_formatter, rise_label, rise_reference
 from multicor_cli.plots.style import COLORS, COLUMN, figure_file
+from multicor_cli.plots.text_chart import TextLine, draw_text
+from multicor_cli.plots.text_picture import Terminal
 from multicor_cli.post import ProfileSet, ProfileTable
 
 
@@ -92,3 +95,14 @@ def _scaled_symbol(table: ProfileTable) -> str:
 def _unit(unit: str) -> str:
     """A unit as figures print it: powers raised, nothing for numbers."""
     return "–" if unit == "1" else unit.replace("m2", "m²").replace("s2", "s²")
+
+
+def profiles_text(profiles: ProfileSet, _terminal: Terminal) -> str:
+    """Profiles: the fields across, the height upwards."""
+    first, has_many = profiles.first, len(profiles.tables) > 1
+    lines = [TextLine(t.field.name if has_many else "", t.value, t.y) for t in profiles.tables]
+    label = profiles.name.replace("-", " ") if has_many else first.field.label
+    return draw_text(lines, f"{label} [{first.units[1]}]", f"height y [{first.units[0]}]")
+
+
+FIGURES = {ProfileSet: Ways(plot_profiles, profiles_text)}

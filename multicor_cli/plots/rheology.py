@@ -7,7 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from multicor_cli.plots.dispatch import Ways
 from multicor_cli.plots.style import COLORS, PAGE, figure_file
+from multicor_cli.plots.text_chart import TextLine, draw_text
+from multicor_cli.plots.text_picture import Terminal
 from multicor_cli.post.rheology import Rheology
 
 _PANELS: tuple[tuple[str, tuple[tuple[str, str], ...]], ...] = (
@@ -19,6 +22,16 @@ _PANELS: tuple[tuple[str, tuple[tuple[str, str], ...]], ...] = (
     (r"spin $\langle\omega\rangle/\dot\gamma$ [–]", (("spin_ratio", ""),)),
 )
 """Label of the axis, and the quantities of each panel with their names."""
+
+
+_LOW = 8  # rows of a chart of letters, of which several are shown
+_CHARTS = (
+    ("inertial number I [1]", (("inertial_number", ""),)),
+    ("friction mu* [1]", (("friction_walls", "walls"), ("friction_bulk", "bulk"))),
+    ("solid fraction nu [1]", (("solid_fraction", ""),)),
+    ("contacts per grain [1]", (("coordination", "all"), ("coordination_loaded", "without rattlers"))),
+)
+"""The same for charts of letters."""
 
 
 def plot_rheology(table: Rheology, path: Path) -> None:
@@ -70,3 +83,15 @@ def _draw_quantity(panel: Any, table: Rheology, name: str, text: str, color: str
     panel.axhline(mean, color=color, linewidth=0.7, linestyle="--")
     if np.isfinite(error):
         panel.axhspan(mean - error, mean + error, color=color, alpha=0.2, linewidth=0.0)
+
+
+def rheology_text(table: Rheology, _terminal: Terminal) -> str:
+    """A rheology over time, one low chart for each kind of quantity."""
+    charts = [
+        draw_text([TextLine(text, table.time, table.values[name]) for name, text in lines], "time [s]", label, rows=_LOW)
+        for label, lines in _CHARTS
+    ]
+    return "\n\n".join(charts)
+
+
+FIGURES = {Rheology: Ways(plot_rheology, rheology_text)}

@@ -7,7 +7,10 @@ from typing import Any
 
 import numpy as np
 
+from multicor_cli.plots.dispatch import Ways
 from multicor_cli.plots.style import COLORS, COLUMN, figure_file
+from multicor_cli.plots.text_chart import TextLine, draw_text
+from multicor_cli.plots.text_picture import Terminal
 from multicor_cli.post.theta_eta import ThetaTable
 
 _NOTHING = 0.005
@@ -61,3 +64,11 @@ def _shown(table: ThetaTable) -> float:
     """η up to which there is something to see: a quarter beyond the last bin that differs from the reference."""
     changed = np.flatnonzero(np.abs(np.nan_to_num(table.mean)) > _NOTHING)
     return min(1.0, 1.25 * float(table.center[changed[-1]]) + 0.02) if changed.size else 1.0
+
+
+def theta_eta_text(table: ThetaTable, _terminal: Terminal) -> str:
+    """Mean θ of the bins against η."""
+    return draw_text([TextLine("", table.center, table.mean)], "eta [1]", "theta [1]")
+
+
+FIGURES = {ThetaTable: Ways(plot_theta_eta, theta_eta_text)}

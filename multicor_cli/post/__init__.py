@@ -1,4 +1,4 @@
-"""Tables computed from a run directory."""
+"""Tables computed from a run directory, each in a module of its own; these are at hand here."""
 
 from multicor_cli.post.compare import Comparison, ProfilePair, compare
 from multicor_cli.post.energy import EnergyTable, energy

@@ -101,6 +101,10 @@ class CheckedFile:
             raise DamagedRun(f"{self.path}: attribute 'features' is damaged")
         return frozenset(found)
 
+    def has(self, spec: Dataset) -> bool:
+        """Whether the file has a dataset, going by its version and its features; raises `DamagedRun`."""
+        return spec.since <= self.version and (spec.only_with is None or spec.only_with in self.features)
+
     def text(self, name: str) -> str:
         """A root attribute that is a string, compared with its digest; raises `DamagedRun`."""
         with reading(self.path):
@@ -246,7 +250,8 @@ class CheckedFile:
 
 def check_version(path: Path, version: Any) -> None:
     """Refuse another major version of the format, or what is not a version; raises `UnsupportedVersion`."""
-    if not isinstance(version, list) or len(version) != 2 or version[0] != FORMAT_VERSION[0]:
+    is_version = isinstance(version, list) and len(version) == 2 and all(isinstance(part, int) for part in version)
+    if not is_version or version[0] != FORMAT_VERSION[0]:
         given = ".".join(map(str, version)) if isinstance(version, list) else str(version)[:40]
         raise UnsupportedVersion(
             f"{path}: has format version {given}, this program reads {FORMAT_VERSION[0]}.x; "

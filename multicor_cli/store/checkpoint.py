@@ -11,7 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model import Model, State
+from multicor_cli.model.books import HEAT_BOOKS, entry_counts
 from multicor_cli.model.faults import find_misfit
+from multicor_cli.model.state import digest_of
 from multicor_cli.store import schema
 from multicor_cli.store.atomic import file_digest, kill_point, storage_errors
 from multicor_cli.store.checked import CheckedFile, check_version
@@ -105,7 +107,7 @@ def write_checkpoint(
             writer.write(spec, columns[spec.path])
 
     def verify(temporary: Path, digests: dict[str, str]) -> None:
-        if _read_state(temporary, identity.run_id).digest() != summary["state_digest"]:
+        if _read_state(temporary, identity.run_id)[1] != summary["state_digest"]:
             raise DamagedRun(f"{temporary}: what was read back is not what was written")
 
     attributes = {"filetype": FILETYPE, "run_id": identity.run_id, "state_digest": summary["state_digest"]}
@@ -178,14 +180,14 @@ def load_checkpoint(sidecar: Path, identity: Identity, model: Model | None = Non
         size = path.stat().st_size
     if size != document.get("size") or file_digest(path) != document.get("blake2b"):
         raise DamagedRun(f"{path}: damaged (it does not match its digest in {sidecar.name})")
-    state = _read_state(path, identity.run_id)
+    state, digest = _read_state(path, identity.run_id)
     misfit = find_misfit(state, model) if model is not None else None
     if state.stage > identity.stages:
         misfit = f"it is in stage {state.stage + 1} of {identity.stages}"
     if misfit is not None:
         raise DamagedRun(f"{path}: does not fit the model: {misfit}")
     try:
-        if state.digest() != document["summary"]["state_digest"]:
+        if digest != document["summary"]["state_digest"]:
             raise DamagedRun(f"{path}: the state does not match its digest")
         return Checkpoint(
             state=state,
@@ -255,11 +257,29 @@ def _columns(state: State) -> dict[str, NDArray[Any]]:
     return columns
 
 
-def _read_state(path: Path, run_id: str) -> State:
+def _read_state(path: Path, run_id: str) -> tuple[State, str]:
+    """The state in a checkpoint, and the digest of what is stored of it."""
     with CheckedFile(path, FILETYPE, run_id=run_id) as file:
         file.check_texts()
-        columns = {spec: file.read(spec) for spec in schema.CHECKPOINT}
-    return State.from_dict({spec.name: values[0] if spec.dims == ("one",) else values for spec, values in columns.items()})
+        file.dims |= entry_counts(file.version)
+        columns = {spec.name: _read_column(file, spec) for spec in schema.CHECKPOINT if file.has(spec)}
+        lengths = file.dims | entry_counts() | ({"heat_book": len(HEAT_BOOKS)} if columns["heat_books"].size else {})
+    whole = {spec.name: _complete(columns.get(spec.name), spec, lengths) for spec in schema.CHECKPOINT}
+    return State.from_dict(whole), digest_of(columns)
+
+
+def _read_column(file: CheckedFile, spec: schema.Dataset) -> NDArray[Any]:
+    values = file.read(spec)
+    return np.asarray(values[0]) if spec.dims == ("one",) else values
+
+
+def _complete(values: NDArray[Any] | None, spec: schema.Dataset, lengths: dict[str, int]) -> NDArray[Any]:
+    """Zeros for what a file of an older version of the format lacks: a dataset, or the last entries of books."""
+    shape = () if spec.dims == ("one",) else tuple(d if isinstance(d, int) else lengths[d] for d in spec.dims)
+    if values is None:
+        return np.zeros(shape, dtype_of(spec, "double"))
+    missing = shape[0] - len(values) if shape else 0
+    return np.concatenate([values, np.zeros(missing)]) if missing > 0 else values
 
 
 def _check_document(document: Document, path: Path, identity: Identity) -> None:

@@ -17,6 +17,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from multicor_cli import __version__
+from multicor_cli.model.stored import Version
 from multicor_cli.store.atomic import GuardedFile, commit_file, kill_point
 from multicor_cli.store.documents import plain
 from multicor_cli.store.errors import StorageError
@@ -159,6 +160,7 @@ def write_hdf5(
     *,
     size: int,
     precision: Precision = "double",
+    version: Version = FORMAT_VERSION,
     compress_integers: bool = False,
     verify: Callable[[Path, dict[str, str]], None] | None = None,
     read_only: bool = True,
@@ -172,6 +174,7 @@ def write_hdf5(
         fill: Writes the datasets.
         size: Upper bound of the size, see `estimate_size` [bytes].
         precision: How datasets of type ``float`` are stored.
+        version: Version of the file format that the datasets are those of.
         compress_integers: Whether to compress integers and strings.
         verify: Called with the closed temporary file and the digests; raises if the file is not what was meant.
         read_only: Whether to take the write permission away.
@@ -187,7 +190,7 @@ def write_hdf5(
 
     def write(guarded: GuardedFile) -> None:
         with h5py.File(guarded, "w", libver=("v110", "v110"), rdcc_nbytes=CHUNK_BYTES) as file:
-            _write_attributes(file, attributes)
+            _write_attributes(file, version, attributes)
             writer = Hdf5Writer(file, precision, compress_integers=compress_integers, label=label)
             fill(writer)
             digests.update(writer.digests)
@@ -214,8 +217,8 @@ def data_digest(digests: Mapping[str, str]) -> str:
     return total.hexdigest()
 
 
-def _write_attributes(file: h5py.File, attributes: Mapping[str, Any]) -> None:
-    file.attrs["format_version"] = np.array(FORMAT_VERSION, np.int64)
+def _write_attributes(file: h5py.File, version: Version, attributes: Mapping[str, Any]) -> None:
+    file.attrs["format_version"] = np.array(version, np.int64)
     write_text(file, "multicor_version", __version__)
     for name, value in attributes.items():
         write_text(file, name, value if isinstance(value, str) else json.dumps(plain(value), ensure_ascii=False))

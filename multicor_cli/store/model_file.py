@@ -22,14 +22,11 @@ Arrays = dict[str, NDArray[Any]]
 
 FILETYPE = "multicor-model"
 
-_NO_STATE = State(np.empty((0, 3)), np.empty(0, np.int64), np.empty((0, 3)), np.empty((0, 3)), np.empty((0, 3)))
-"""What is stored of a model asks for none."""
-
 
 def model_columns(model: Model) -> Arrays:
     """Arrays of a model by path of ``schema.MODEL``, in the order of that table, as far as the model has them."""
     table = schema.select(schema.MODEL, schema.features_of(model))
-    columns = columns_of(table, Moment(_NO_STATE, model))
+    columns = columns_of(table, Moment(State(), model))
     return {spec.path: _as_stored(spec, columns[spec.path]) for spec in table}
 
 
@@ -75,7 +72,7 @@ def write_model_into(writer: Hdf5Writer, columns: Arrays) -> None:
 
 def _verify(path: Path, digests: dict[str, str]) -> None:
     with CheckedFile(path, FILETYPE) as file:
-        file.check_written(schema.select(schema.MODEL, file.features), digests)
+        file.check_written(filter(file.has, schema.MODEL), digests)
 
 
 def load_model(path: Path, run_id: str | None = None) -> Model:
@@ -89,7 +86,7 @@ def load_model(path: Path, run_id: str | None = None) -> Model:
 
 def read_model(file: CheckedFile) -> Model:
     """The model in an open ``model.h5`` or ``results.h5``, with its indices checked; raises `DamagedRun`."""
-    specs = schema.select(schema.MODEL, file.features)
+    specs = filter(file.has, schema.MODEL)
     data = {spec.path.removeprefix("model/"): _read(file, spec) for spec in specs}
     model = Model(
         grains=Grains(data["radius"], data["mass"], data["inertia"], data["material"], data["group"]),

@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from multicor_cli.model.stored import Version
 from multicor_cli.store import schema
 from multicor_cli.store.checked import CheckedFile
 from multicor_cli.store.errors import DamagedRun
@@ -121,6 +122,15 @@ class Parts:
         """Features of the run as its first file names them, or None if there is no file; raises `DamagedRun` or `StorageError`."""
         return self._retry(lambda: self._opened(self.parts[0]).file.features if self.parts else None)
 
+    @property
+    def version(self) -> Version | None:
+        """Version of the file format in which the run was begun, or None if there is no file; raises as `features`."""
+        return self._retry(lambda: self._opened(self.parts[0]).file.version if self.parts else None)
+
+    def has(self, spec: Dataset, frame: int) -> bool:
+        """Whether the file with a frame has a dataset; raises `DamagedRun` or `StorageError`."""
+        return self._retry(lambda: self._opened_at(frame)[0].file.has(spec))
+
     def frame_rows(self, spec: Dataset, frame: int) -> NDArray[Any]:
         """Rows of a dataset that belong to a frame; raises `DamagedRun` or `StorageError`."""
         return self._retry(lambda: self._frame_rows(spec, frame))
@@ -151,14 +161,17 @@ class Parts:
         return read()
 
     def _frame_rows(self, spec: Dataset, frame: int) -> NDArray[Any]:
-        index = bisect_right(self._ends, frame)
-        local = frame - (self._ends[index - 1] if index else 0)
-        opened = self._opened(self.parts[index])
+        opened, local = self._opened_at(frame)
         if spec.row in opened.offsets:
             start, stop = opened.offsets[str(spec.row)][local : local + 2]
         else:
             start, stop = local, local + 1
         return opened.file.read(spec, int(start), int(stop))
+
+    def _opened_at(self, frame: int) -> tuple[OpenPart, int]:
+        """The file with a frame, and the number of the frame in it."""
+        index = bisect_right(self._ends, frame)
+        return self._opened(self.parts[index]), frame - (self._ends[index - 1] if index else 0)
 
     def _columns(self, specs: Sequence[Dataset]) -> dict[str, NDArray[Any]]:
         pieces: dict[str, list[NDArray[Any]]] = {spec.path: [] for spec in specs}

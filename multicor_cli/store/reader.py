@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator, Mapping, Set
+from collections.abc import Callable, Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
@@ -31,16 +31,16 @@ from multicor_cli.store.schema import Dataset
 class Series(Mapping[str, NDArray[Any]]):
     """The time series: one array per name of ``schema.SERIES``, with one row per point; read when first used.
 
-    The names that only runs with heat have are not there in a run without.
+    The names that only runs with heat have are not there in a run without, nor those that are younger than the run.
     """
 
-    def __init__(self, parts: Parts, features: Callable[[], Set[str]]) -> None:
-        self._parts, self._features = parts, features
+    def __init__(self, parts: Parts, rows: Callable[[], tuple[Dataset, ...]]) -> None:
+        self._parts, self._rows = parts, rows
         self._loaded: dict[str, NDArray[Any]] = {}
 
     @cached_property
     def _specs(self) -> dict[str, Dataset]:
-        return {spec.name: spec for spec in schema.select(schema.SERIES, self._features())}
+        return {spec.name: spec for spec in self._rows()}
 
     def __getitem__(self, name: str) -> NDArray[Any]:
         if name not in self._specs:
@@ -82,7 +82,7 @@ class Run:
         self._results = results
         self._parts = Parts(self._find_parts(), self.run_id, self._find_parts_again)
         self.frames = Frames(self._parts, ModelFacts(lambda: self.model))
-        self.series = Series(self._parts, lambda: self.features)
+        self.series = Series(self._parts, lambda: self.rows(schema.SERIES))
 
     def __enter__(self) -> Run:
         return self
@@ -135,6 +135,10 @@ class Run:
             if was_there and file.exists():
                 raise
             return frozenset()
+
+    def rows(self, table: tuple[Dataset, ...]) -> tuple[Dataset, ...]:
+        """The rows of a table of ``schema`` that the run has."""
+        return schema.select(table, self.features, self._parts.version)
 
     @property
     def wall_names(self) -> tuple[str, ...]:

@@ -11,6 +11,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model import Model
+from multicor_cli.model.stored import Version
 from multicor_cli.store import schema
 from multicor_cli.store.atomic import file_digest
 from multicor_cli.store.checked import CheckedFile
@@ -78,6 +79,7 @@ def write_results(
     run_id: str,
     attributes: Mapping[str, Any],
     precision: Precision,
+    version: Version,
 ) -> ResultsInfo:
     """Merge segments into one file, one segment in memory at a time.
 
@@ -90,13 +92,14 @@ def write_results(
         run_id: Identity of the run.
         attributes: More root attributes.
         precision: How datasets of type ``float`` are stored in the segments and here.
+        version: Version of the file format in which the run was begun.
 
     Raises:
         DamagedRun: If a segment does not match its digest, or the file does not read back as written.
         StorageFull: If there is not enough space for the file beside the segments.
         StorageError: For any other error of the system.
     """
-    merger = _Merger(directory, segments, model, texts, run_id, precision)
+    merger = _Merger(directory, segments, model, texts, run_id, precision, version)
     root = {
         "filetype": FILETYPE,
         "run_id": run_id,
@@ -112,6 +115,7 @@ def write_results(
         merger.fill,
         size=estimate_size(schema.RESULTS_TABLE, merger.bytes) + merger.view_bytes,
         precision=precision,
+        version=version,
         compress_integers=True,
         verify=_verify,
         read_only=False,
@@ -123,13 +127,20 @@ def write_results(
 
 def _verify(path: Path, digests: dict[str, str]) -> None:
     with CheckedFile(path, FILETYPE) as file:
-        file.check_written(schema.select(schema.RESULTS_TABLE, file.features), digests)
+        file.check_written(filter(file.has, schema.RESULTS_TABLE), digests)
     check_view(path)
 
 
 class _Merger:
     def __init__(
-        self, directory: Path, segments: Sequence[Segment], model: Model, texts: Texts, run_id: str, precision: Precision
+        self,
+        directory: Path,
+        segments: Sequence[Segment],
+        model: Model,
+        texts: Texts,
+        run_id: str,
+        precision: Precision,
+        version: Version,
     ) -> None:
         self._directory, self._segments, self._run_id = directory, segments, run_id
         self._scenario = {
@@ -141,7 +152,7 @@ class _Merger:
         self._model = model_columns(model)
         self._walls = model.wall_count
         self.features = schema.features_of(model)
-        self._table = tuple(s for s in schema.select(schema.SEGMENT_TABLE, self.features) if s not in schema.OFFSETS)
+        self._table = tuple(s for s in schema.select(schema.SEGMENT_TABLE, self.features, version) if s not in schema.OFFSETS)
         self.rows = {
             "frame": sum(s.frames for s in segments),
             "particle_row": sum(s.particle_rows for s in segments),

@@ -105,11 +105,11 @@ def _is_file(value: Any) -> bool:
 
 
 def _is_summary(value: Any) -> bool:
-    """Whether it has the keys of a summary, whose values are numbers but for the digest and what it does not have."""
+    """Whether it has the keys that all summaries have, and its values are numbers but for the digest and what it does not have."""
     if value is None:
         return True
     heat: dict[str, Any] = {"books": {}, "temperature": {}}
-    if not _is_like(value, empty_summary()) or not _is_like(value["heat"], heat, is_optional=True):
+    if not _is_like(value, empty_summary((1, 0))) or not _is_like(value["heat"], heat, is_optional=True):
         return False
     counts = [*(value[name] for name in ("step", "time", "stage", "grain_count")), value["solver"]["unconverged_steps"]]
     temperature = [value["heat"]["temperature"].get(name) for name in ("mean", "min", "max")] if value["heat"] else []

@@ -10,6 +10,7 @@ from types import TracebackType
 from typing import Any, Literal
 
 from multicor_cli.model import Model, State
+from multicor_cli.model.stored import Version
 from multicor_cli.store import layout
 from multicor_cli.store.atomic import file_digest, kill_point, make_directory, storage_errors
 from multicor_cli.store.checkpoint import Checkpoint, Identity, load_newest, prune, write_checkpoint
@@ -22,6 +23,7 @@ from multicor_cli.store.model_file import load_model, model_digest, write_model
 from multicor_cli.store.prepare import check_usable, is_run, lay_out, read_scenario, remove_temporaries
 from multicor_cli.store.results import Texts, write_results
 from multicor_cli.store.run_document import new_document, new_session, now, read_run_document
+from multicor_cli.store.schema import FORMAT_VERSION
 from multicor_cli.store.segments import FrameWriter
 
 Status = Literal["finished", "stopped", "failed"]
@@ -149,6 +151,12 @@ class RunDirectory:
         return "single" if self._document["precision"] == "single" else "double"
 
     @property
+    def version(self) -> Version:
+        """Version of the file format in which the run was begun, and is continued."""
+        major, minor = self._document["format_version"]
+        return min((major, minor), FORMAT_VERSION)
+
+    @property
     def stages(self) -> tuple[str, ...]:
         """Names of the loading stages."""
         return tuple(self._document["stages"])
@@ -237,6 +245,7 @@ class RunDirectory:
             self.run_id,
             model,
             precision=self.precision,
+            version=self.version,
             committed=checkpoint.segments if checkpoint else (),
             last_steps=checkpoint.last_steps if checkpoint else (-1, -1),
         )
@@ -331,6 +340,7 @@ class RunDirectory:
             run_id=self.run_id,
             attributes={**{name: self._document[name] for name in names}, "status": "finished", "finished": now()},
             precision=self.precision,
+            version=self.version,
         )
         self._document["results"] = {name: getattr(info, name) for name in ("size", "data_digest", "blake2b", "frames")}
         self._save()

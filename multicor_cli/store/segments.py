@@ -10,6 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model import Model
+from multicor_cli.model.stored import Version
 from multicor_cli.store import schema
 from multicor_cli.store.atomic import file_digest
 from multicor_cli.store.checked import CheckedFile
@@ -37,6 +38,7 @@ class FrameWriter:
         run_id: Identity of the run.
         model: The model of the run.
         precision: How datasets of type ``float`` are stored.
+        version: Version of the file format in which the run was begun.
         committed: Segments that are there already.
         last_steps: Steps of the last frame and of the last row of the series that were committed; -1 if none.
 
@@ -54,16 +56,17 @@ class FrameWriter:
         model: Model,
         *,
         precision: Precision = "double",
+        version: Version = schema.FORMAT_VERSION,
         committed: Iterable[Segment] = (),
         last_steps: tuple[int, int] = (-1, -1),
     ) -> None:
-        self._directory, self._run_id, self._precision = directory, run_id, precision
+        self._directory, self._run_id, self._precision, self._version = directory, run_id, precision, version
         self.model = model
         self._dims = {"wall": model.wall_count, "particle_row": model.grain_count, "frame": 1, "series_row": 1}
         self._features = schema.features_of(model)
-        self._frame_rows = schema.select(_FRAME_ROWS, self._features)
-        self._series = schema.select(schema.SERIES, self._features)
-        self._table = schema.select(schema.SEGMENT_TABLE, self._features)
+        self._frame_rows = schema.select(_FRAME_ROWS, self._features, version)
+        self._series = schema.select(schema.SERIES, self._features, version)
+        self._table = schema.select(schema.SEGMENT_TABLE, self._features, version)
         self.segments = list(committed)
         self.last_frame_step, self.last_series_step = last_steps
         self._frames: list[Columns] = []
@@ -118,7 +121,16 @@ class FrameWriter:
         path = self._directory / segment_name(len(self.segments))
         attributes = {"filetype": FILETYPE, "run_id": self._run_id, "features": sorted(self._features)}
         size = estimate_size(self._table, self._bytes)
-        write_hdf5(path, "segment", attributes, self._fill, size=size, precision=self._precision, verify=self._verify)
+        write_hdf5(
+            path,
+            "segment",
+            attributes,
+            self._fill,
+            size=size,
+            precision=self._precision,
+            version=self._version,
+            verify=self._verify,
+        )
         segment = self._describe(path)
         append_segment(self._directory, segment)
         self.segments.append(segment)

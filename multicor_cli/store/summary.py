@@ -5,10 +5,15 @@ from __future__ import annotations
 from typing import Any
 
 from multicor_cli.model import BOOK_NAMES, HEAT_BOOK_NAMES, TALLY_NAMES, Model, State
+from multicor_cli.model.books import TALLIES, entry_counts, measures_first
 from multicor_cli.model.model import Thermal
+from multicor_cli.model.stored import Version
 from multicor_cli.store.moment import mean_temperature
 
 Summary = dict[str, Any]
+
+_SUMMARIZED = {entry.summary: entry for entry in measures_first(TALLIES) if entry.summary is not None}
+"""Counters that have a key of their own, by this key."""
 
 
 def summarize(state: State, model: Model) -> Summary:
@@ -31,9 +36,7 @@ def summarize(state: State, model: Model) -> Summary:
         "state_digest": state.digest(),
         "energy_closure": books["closure"],
         "heat_closure": None if heat is None else heat["books"]["closure"],
-        "max_overlap": tallies["max_overlap"],
-        "max_contact_force": tallies["max_impulse_rate"],
-        "corrected_steps": round(tallies["corrected_steps"]),
+        **{key: round(tallies[e.name]) if e.dtype == "i8" else tallies[e.name] for key, e in _SUMMARIZED.items()},
         "negative_loss_share": _negative_share(books),
         "solver": {
             "sweeps_mean": tallies["sweeps"] / max(1, state.step - state.frozen_steps),
@@ -64,12 +67,17 @@ def _summarize_heat(state: State, thermal: Thermal) -> Summary:
     }
 
 
-def empty_summary() -> Summary:
-    """The summary of a run of which no state has been stored: the same keys, without values."""
-    names = ("step", "time", "stage", "grain_count", "state_digest", "energy_closure", "heat_closure", "max_overlap")
-    more = ("max_contact_force", "corrected_steps", "negative_loss_share", "heat")
+def empty_summary(version: Version | None = None) -> Summary:
+    """The summary of a run of which no state has been stored: the same keys, or those of an older version, without values."""
+    counters = (key for key, entry in _SUMMARIZED.items() if version is None or entry.since <= version)
+    names = ("step", "time", "stage", "grain_count", "state_digest", "energy_closure", "heat_closure")
     solver = ("sweeps_mean", "residual_rms_max", "residual_max_max", "unconverged_steps")
-    return {**dict.fromkeys(names + more), "solver": dict.fromkeys(solver), "books": dict.fromkeys(BOOK_NAMES)}
+    books = BOOK_NAMES[: entry_counts(version)["book"]]
+    return {
+        **dict.fromkeys((*names, *counters, "negative_loss_share", "heat")),
+        "solver": dict.fromkeys(solver),
+        "books": dict.fromkeys(books),
+    }
 
 
 def _negative_share(books: dict[str, float]) -> float:

@@ -25,9 +25,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model import Model
-from multicor_cli.store import layout
+from multicor_cli.store import layout, schema
 from multicor_cli.store.checked import reading
 from multicor_cli.store.errors import DamagedRun
+from multicor_cli.store.schema import Dataset
 from multicor_cli.store.texts import read_text, write_text
 from multicor_cli.store.vtk_lines import BLOCK_ROWS, CHUNK_ROWS, Growing, Indices, LineBlock, frame_blocks, ranges
 
@@ -43,23 +44,10 @@ _MAPPING_BYTES = 320
 _TOPOLOGIES = ("Vertices", "Lines", "Polygons", "Strips")
 _LINES = _TOPOLOGIES.index("Lines")
 
-_POINT_FIELDS = ("velocity", "angle", "spin", "temperature", "generated", "wear")
-"""Datasets of ``particles`` that become point data where the run has them."""
-
-_CELL_FIELDS: dict[str, tuple[str, int | None, int]] = {
-    "kind": ("contacts/kind", None, NO_CONTACT),
-    "gap": ("contacts/gap", None, 0),
-    "normal_impulse": ("contacts/impulse", 0, 0),
-    "tangential_impulse": ("contacts/impulse", 1, 0),
-    "slip": ("contacts/slip", None, 0),
-    "sliding": ("contacts/sliding", None, 0),
-    "heat": ("contacts/heat", None, 0),
-    "conductance": ("contacts/conductance", None, 0),
-}
-"""Cell data: dataset, column of it, and value of the line that stands for no contact."""
-
-_STEP_FIELDS = ("step", "dt", "stage")
-"""Datasets of ``steps`` that become field data."""
+_POINT_FIELDS, _CONTACT_FIELDS, _STEP_FIELDS = (
+    [row for row in table if "vtk" in row.exports] for table in (schema.PARTICLES, schema.CONTACTS, schema.STEPS)
+)
+"""What becomes point, cell and field data where the run has it; of contacts, each column for itself."""
 
 _CONSTANTS = ("radius", "group", "material", "is_grain")
 
@@ -101,8 +89,8 @@ class _Layout:
 
 def estimate_view(frames: int, contact_rows: int) -> int:
     """Upper bound of the size of the view [bytes]."""
-    lines = contact_rows + frames
-    return 24 * lines + 24 * contact_rows + frames * (_MAPPING_BYTES * len(_CELL_FIELDS) + 512) + (256 << 10)
+    lines, cells = contact_rows + frames, sum(len(_cells(row)) for row in _CONTACT_FIELDS)
+    return 24 * lines + 24 * contact_rows + frames * (_MAPPING_BYTES * cells + 512) + (256 << 10)
 
 
 def write_view(file: h5py.File, model: Model) -> None:
@@ -249,11 +237,10 @@ def _write_points(file: h5py.File, root: h5py.Group, steps: h5py.Group, rows: _L
     total = frames * room
     position = [_Source(file["particles/position"], to_grains), _Source(file[ENDS], to_ends)]
     _write_virtual(root, "Points", total, position, np.nan)
-    for name in _POINT_FIELDS:
-        if name in file["particles"]:
-            source = _Source(file[f"particles/{name}"], to_grains)
-            _write_virtual(root, f"PointData/{name}", total, [source], np.nan)
-            steps[f"PointDataOffsets/{name}"] = steps["PointOffsets"]
+    for row in _POINT_FIELDS:
+        if row.path in file:
+            _write_virtual(root, f"PointData/{row.name}", total, [_Source(file[row.path], to_grains)], np.nan)
+            steps[f"PointDataOffsets/{row.name}"] = steps["PointOffsets"]
 
 
 def _rows(start: int, stride: int, count: int, length: int) -> Any:
@@ -316,11 +303,17 @@ def _write_cell_data(file: h5py.File, root: h5py.Group, steps: h5py.Group, rows:
     ]
     steps["CellDataOffsets/kind"] = starts
     total = int(rows.lines.sum())
-    for name, (path, column, fill) in _CELL_FIELDS.items():
-        if path in file:
-            _write_virtual(root, f"CellData/{name}", total, [_Source(file[path], pieces, column)], fill)
+    for row in _CONTACT_FIELDS:
+        for name, column in _cells(row) if row.path in file else ():
+            fill = NO_CONTACT if name == "kind" else 0
+            _write_virtual(root, f"CellData/{name}", total, [_Source(file[row.path], pieces, column)], fill)
             if name != "kind":
                 steps[f"CellDataOffsets/{name}"] = steps["CellDataOffsets/kind"]
+
+
+def _cells(row: Dataset) -> list[tuple[str, int | None]]:
+    """Names of the cell data that a dataset of contacts becomes, and the column of each; None if it has but one."""
+    return [(name, column) for column, name in enumerate(row.columns)] or [(row.name, None)]
 
 
 def _runs(is_last: NDArray[np.bool_]) -> list[tuple[int, int]]:
@@ -332,8 +325,8 @@ def _runs(is_last: NDArray[np.bool_]) -> list[tuple[int, int]]:
 def _link_step_data(file: h5py.File, root: h5py.Group, steps: h5py.Group) -> None:
     """One value per step; the length of the last step turns impulses into forces."""
     steps["FieldDataSizes/step"] = np.ones((len(file["steps/time"]), 2), np.int64)
-    for name in _STEP_FIELDS:
-        root[f"FieldData/{name}"] = file[f"steps/{name}"]
-        steps[f"FieldDataOffsets/{name}"] = steps["PartOffsets"]
-        if name != "step":
-            steps[f"FieldDataSizes/{name}"] = steps["FieldDataSizes/step"]
+    for row in _STEP_FIELDS:
+        root[f"FieldData/{row.name}"] = file[row.path]
+        steps[f"FieldDataOffsets/{row.name}"] = steps["PartOffsets"]
+        if row.name != "step":
+            steps[f"FieldDataSizes/{row.name}"] = steps["FieldDataSizes/step"]

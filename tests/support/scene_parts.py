@@ -81,7 +81,7 @@ def book(state, name):
 
 
 def tally(state, name):
-    from multicor_cli.model.state import TALLY_NAMES
+    from multicor_cli.model import TALLY_NAMES
 
     return state.tallies[TALLY_NAMES.index(name)]
 

@@ -10,15 +10,14 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from format_tables import PAGES, with_tables
 from store_support import RESOLVED, SOURCE, advance, contact_rows, drive, make_model, make_run, run_whole, start
 
-from multicor_cli.model import BOOK_NAMES, HEAT_BOOK_NAMES, Model, State, shapes
+from multicor_cli.model import BOOK_NAMES, HEAT_BOOK_NAMES, Model, State
+from multicor_cli.model.books import BOOKS, HEAT_BOOKS
 from multicor_cli.store import Moment, RunDirectory, open_run, run_info, schema, summarize, verify
 from multicor_cli.store.columns import columns_of
 from multicor_cli.store.model_file import model_digest
-from multicor_cli.store.schema import series_name
-
-DOCS = Path(__file__).resolve().parents[2] / "docs" / "formats"
 
 
 def assert_same_part(left: object, right: object) -> None:
@@ -360,19 +359,16 @@ def test_info_of_a_run_that_has_just_begun(tmp_path: Path) -> None:
 def test_table_of_checkpoints_covers_the_state() -> None:
     state = start(make_model())
     assert list(schema.names(schema.CHECKPOINT)) == list(state.as_dict())
-    assert set(BOOK_NAMES) | set(map(series_name, HEAT_BOOK_NAMES)) <= set(schema.names(schema.SERIES))
+    assert {entry.series for entry in BOOKS + HEAT_BOOKS} <= set(schema.names(schema.SERIES))
     for table in (schema.MODEL, schema.STEPS, schema.PARTICLES, schema.CONTACTS, schema.WALLS, schema.SERIES):
         assert all(row.value is not None for row in table)
 
 
-@pytest.mark.parametrize("page", ["results", "checkpoint"])
-def test_format_pages_hold_the_tables_of_the_schema(page: str) -> None:
-    text = (DOCS / f"{page}.md").read_text()
-    tables = {"results": ("SCENARIO", "MODEL", "FRAME_TABLE", "SERIES"), "checkpoint": ("CHECKPOINT",)}[page]
-    for name in tables:
-        assert f"<!-- table {name} -->\n{schema.markdown(getattr(schema, name))}\n<!-- end -->" in text
-    assert page != "results" or f"<!-- table SHAPES -->\n{shapes.markdown()}\n<!-- end -->" in text
-    assert "version " + ".".join(map(str, schema.FORMAT_VERSION)) in text
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_format_pages_hold_the_tables_of_the_schema(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    assert text.count("<!-- table ") == {"results": 5, "checkpoint": 1}[page.stem]
+    assert with_tables(text) == text
 
 
 def test_model_digest_depends_on_every_array() -> None:
@@ -433,7 +429,7 @@ def test_frames_are_copied(tmp_path: Path) -> None:
 
 def test_importing_the_package_loads_nothing_heavy() -> None:
     code = "import sys, multicor_cli.store; print(sorted({'h5py', 'numpy', 'numba'} & set(sys.modules)))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=DOCS.parents[1])
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=PAGES[0].parents[2])
     assert done.stdout.strip() == "[]"
 
 

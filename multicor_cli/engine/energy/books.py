@@ -11,8 +11,9 @@ from multicor_cli.engine.contact.solve import Outcome
 from multicor_cli.engine.energy import account
 from multicor_cli.engine.motion.correction import Correction
 from multicor_cli.engine.motion.walls import WallMotion
+from multicor_cli.model.books import BOOK_NAMES, TALLY_NAMES, WINDOW_NAMES
 from multicor_cli.model.model import Floats, Model
-from multicor_cli.model.state import BOOK_NAMES, TALLY_NAMES, WINDOW_NAMES, State
+from multicor_cli.model.state import State
 
 _BOOK = {name: k for k, name in enumerate(BOOK_NAMES)}
 _TALLY = {name: k for k, name in enumerate(TALLY_NAMES)}

@@ -9,8 +9,9 @@ import numpy as np
 from multicor_cli.arithmetic.sums import total
 from multicor_cli.engine.heat.flow import Flow
 from multicor_cli.engine.heat.rates import OUTSIDE_BOOKS
+from multicor_cli.model.books import HEAT_BOOK_NAMES
 from multicor_cli.model.model import Floats
-from multicor_cli.model.state import HEAT_BOOK_NAMES, State
+from multicor_cli.model.state import State
 
 _BOOK = {name: k for k, name in enumerate(HEAT_BOOK_NAMES)}
 

@@ -1,0 +1,145 @@
+"""The numbers that a run keeps: books of energy and heat, counters, and sums between two rows of the time series.
+
+A number is one entry here, and a line of the engine that keeps it (`engine.energy.books`, `engine.heat.books`); checkpoints, the
+time series and the summary follow. New entries go to the end of their table: their places in a state count.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+from multicor_cli.model.stored import DType, Version
+
+
+class Entry(NamedTuple):
+    """A number that a run keeps.
+
+    Attributes:
+        name: Its name in the program.
+        meaning: What it is, as files say it.
+        unit: SI unit; ``1`` if dimensionless.
+        series: Its name in the time series; None if it is not there.
+        dtype: How the time series stores it: ``i8`` for counts.
+        per_step: Whether the time series holds its mean over the steps of the window.
+        summary: Its key in the summary of a run, if it has one of its own there; see `multicor_cli.store.summarize`.
+        label: What ``multicor info`` calls it, and what it adds to the number, if it shows it to people.
+        since: Version of the file format in which it appeared.
+    """
+
+    name: str
+    meaning: str
+    unit: str = "1"
+    series: str | None = None
+    dtype: DType = "f8"
+    per_step: bool = False
+    summary: str | None = None
+    label: tuple[str, str] | None = None
+    since: Version = (1, 0)
+
+
+def _book(name: str, meaning: str, unit: str = "J") -> Entry:
+    return Entry(name, meaning, unit, series=name)
+
+
+def _heat(name: str, meaning: str, unit: str = "J", dtype: DType = "f8") -> Entry:
+    return Entry(name, meaning, unit, series=f"heat_{name}", dtype=dtype)
+
+
+BOOKS = (
+    _book("kinetic", "kinetic energy of the free degrees of freedom"),
+    _book("kinetic_start", "kinetic energy at the start of the run"),
+    _book("gravity_work", "work of gravity since the start, position correction included"),  # on unwrapped displacements
+    _book("wall_work", "work done on the grains by prescribed wall velocities since the start"),
+    _book("load_work", "work of the loads on driven walls since the start, position correction included"),  # ΣF·Δq
+    _book("friction_loss", "energy lost to friction since the start, signed"),  # −Σ p_t ½(u_t⁻+u_t⁺)
+    _book("impact_loss", "energy lost to impacts since the start, signed"),  # −Σ p_n ½(u_n⁻+u_n⁺)
+    _book("damping_loss", "energy lost in the damping of loads since the start"),  # Σ c v̄² Δt
+    _book("correction_work", "energy moved by the projection of positions since the start"),  # ΣF·δq of gravity and loads
+    _book("friction_sliding", "mu |u_t+| p_n summed since the start: the end-of-step rule"),  # the rule of the paper
+    _book("negative_loss", "negative part of friction_loss + impact_loss since the start"),  # contacts that gained energy
+    _book("terms", "sum of the absolute terms of the energy balance since the start"),
+    _book("imbalance", "kinetic - kinetic_start - works + losses now"),  # the correction is among the losses
+    _book("closure", "largest |imbalance|/terms so far", "1"),
+)
+"""The energy books, in the order of `State.books`."""
+
+TALLIES = (
+    Entry("sweeps", "sweep-equivalents of the contact solver, summed over steps"),
+    Entry("unconverged_steps", "steps that hit the cap on sweeps"),
+    Entry("residual_rms_max", "largest rms velocity correction of a step over u_ref"),
+    Entry("residual_max_max", "largest velocity correction of a step over u_ref"),
+    Entry(  # at the end of a step
+        "max_overlap",
+        "largest overlap over the smaller radius so far",
+        series="max_overlap",
+        summary="max_overlap",
+        label=("largest overlap", " of the smaller radius"),
+    ),
+    Entry(
+        "corrected_steps",
+        "steps so far after which positions were projected",
+        series="corrected_steps",
+        dtype="i8",
+        summary="corrected_steps",
+    ),
+    Entry(  # the largest mean contact force of a step
+        "max_impulse_rate",
+        "largest normal impulse over dt so far",
+        "N",
+        series="max_impulse_rate",
+        summary="max_contact_force",
+    ),
+)
+"""Counters of a run, in the order of `State.tallies`."""
+
+WINDOW = (
+    Entry("duration", "length of the window since the row before; 0 in a row without steps", "s", series="window_duration"),
+    Entry("steps", "steps in the window", series="window_steps", dtype="i8"),
+    Entry("sweeps", "sweep-equivalents per step of the window; 0 in a row without steps", series="sweeps_mean", per_step=True),
+    Entry("unconverged", "steps of the window that hit the cap on sweeps", series="unconverged", dtype="i8"),
+    Entry("residual_rms", "largest rms velocity correction over u_ref in the window", series="residual_rms"),
+    Entry("residual_max", "largest velocity correction over u_ref in the window", series="residual_max"),
+    Entry("residual_energy", "largest energy residual G in the window", series="residual_energy"),
+    Entry("contacts", "loaded contacts per step of the window", series="contacts_mean", per_step=True),
+    # Σ p_a ℓ_b over grain–grain contacts, ℓ from j to i; the time series has the rate of this tensor.
+    *(Entry(f"virial_{a}{b}", f"sum of p_{a} l_{b} in the window", "J s") for a in "xy" for b in "xy"),
+)
+"""Sums kept between two rows of the time series, in the order of `State.window`."""
+
+HEAT_BOOKS = (
+    _heat("stored", "heat content of the grains since the start"),
+    _heat("friction", "heat of friction since the start"),  # by the rule in use
+    _heat("impact", "heat of impacts since the start"),
+    _heat("to_walls", "share of the heat of friction and impacts that went into the walls"),
+    _heat("from_walls", "heat that the walls gave to the grains since the start, signed"),  # conduction, gas, radiation
+    _heat("from_ambient", "heat from the ambient fluid by convection since the start, signed"),
+    _heat("from_surroundings", "heat from the surroundings by radiation since the start, signed"),
+    _heat("exchanged", "sum of the absolute exchanges with the outside since the start"),  # step by step
+    _heat("undelivered", "heat that walls of prescribed flow could not pass on: nothing touched them"),
+    _heat("imbalance", "heat_stored - (friction + impact - to_walls + from_walls + ambient + surroundings) now"),
+    _heat("closure", "largest |heat_imbalance| / (heat_exchanged + sum of C |T - T_0|) so far", "1"),
+    _heat("sub_steps", "sub-steps of the heat integrator so far", "1", "i8"),
+    Entry("max_biot", "largest Biot number of a contact so far", series="max_biot"),
+    Entry("solid_gas_min", "smallest k_s s/(k_f a) of a contact in the last step; 0 without gas", series="solid_gas_min"),
+    Entry("solid_gas_max", "largest k_s s/(k_f a) of a contact in the last step; 0 without gas", series="solid_gas_max"),
+)
+"""Heat books, in the order of `State.heat_books`; empty in runs without heat."""
+
+
+def _names(entries: tuple[Entry, ...]) -> tuple[str, ...]:
+    return tuple(entry.name for entry in entries)
+
+
+BOOK_NAMES, TALLY_NAMES, WINDOW_NAMES, HEAT_BOOK_NAMES = map(_names, (BOOKS, TALLIES, WINDOW, HEAT_BOOKS))
+"""Names of the entries, in the order of the arrays of `State`."""
+
+
+def entry_counts(version: Version | None = None) -> dict[str, int]:
+    """Lengths of `State.books`, `State.tallies` and `State.window`, by their dims; in files of an older version if it is given."""
+    tables = {"book": BOOKS, "tally": TALLIES, "window": WINDOW}
+    return {dim: sum(version is None or entry.since <= version for entry in table) for dim, table in tables.items()}
+
+
+def measures_first(entries: tuple[Entry, ...]) -> tuple[Entry, ...]:
+    """Entries with the counts last: the order in which files of format 1.0 have the counters of a run."""
+    return tuple(sorted(entries, key=lambda entry: entry.dtype == "i8"))
