@@ -17,7 +17,8 @@ import numpy as np
 import pytest
 import tomli_w
 from damage_worker import BYTES
-from small_run import ROOT, SMALL, call
+from places import ROOT
+from small_run import SMALL, call
 from trials import trials
 from warm_run import WARM
 

@@ -10,7 +10,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from small_run import ROOT, call, command, environment, read_info
+from places import ROOT
+from small_run import call, command, environment, read_info
 from trials import trials
 from warm_run import WARM
 

@@ -13,12 +13,13 @@ import time
 from pathlib import Path
 
 import pytest
+from places import ROOT
 from small_run import SMALL, call, command, environment, read_info, start, write_small
 from trials import trials
 
 from multicor_cli.store import verify
 
-CONFIGS = Path(__file__).parents[2] / "configs"
+CONFIGS = ROOT / "configs"
 PROMISED = 2.0
 """Time from the signal to the end [s]."""
 

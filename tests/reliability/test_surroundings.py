@@ -11,7 +11,8 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from small_run import ROOT, SMALL, call, environment, read_info, start, write_small
+from places import ROOT
+from small_run import SMALL, call, environment, read_info, start, write_small
 from trials import thinned, trials
 from warm_run import WARM
 

@@ -1,32 +1,24 @@
 """Contact problems with friction can have several solutions: two recorded ones, two by hand, one without friction."""
 
 import json
-import sys
 from dataclasses import replace
 from fractions import Fraction
-from pathlib import Path
 
 import numpy as np
 import pytest
+from benchmark_modules import benchmark_modules
+from places import DATA
 
 from multicor_cli.engine import ContactProblem, Settings, solve_contacts
 
-FOLDER = Path(__file__).parents[2] / "benchmarks" / "uniqueness"
-RECORDED = Path(__file__).parents[1] / "data" / "two-solutions.npz"
-_MINE = {path.stem for path in FOLDER.glob("*.py")} - {"__main__"}
+RECORDED = DATA / "two-solutions.npz"
 EXACT = 1e-9  # of the largest approach velocity: round-off and the tolerance they were solved to, with room
 
 
 @pytest.fixture(scope="module", autouse=True)
 def _on_path():
-    """Its modules have plain names, as it is run as a folder; they are gone again afterwards."""
-    before = {name: sys.modules.pop(name) for name in _MINE & set(sys.modules)}
-    sys.path.insert(0, str(FOLDER))
-    yield
-    sys.path.remove(str(FOLDER))
-    for name in _MINE & set(sys.modules):
-        sys.modules.pop(name)
-    sys.modules.update(before)
+    with benchmark_modules("uniqueness"):
+        yield
 
 
 @pytest.fixture(scope="module")

@@ -4,7 +4,8 @@ import subprocess
 import sys
 
 import pytest
-from small_run import ROOT, call, environment
+from places import ROOT
+from small_run import call, environment
 
 from multicor_cli.engine.jit.layer import PRIORITY
 

@@ -7,8 +7,10 @@ import subprocess
 import sys
 from pathlib import Path
 
-ROOT = Path(__file__).parents[2]
-DOCUMENT = (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8")
+from places import ROOT
+
+LISTED = set(re.findall(r"^\| `([\w/]+)` \|", (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8"), re.MULTILINE))
+"""Rooms in the table."""
 
 
 def test_rooms_import_what_the_contracts_allow() -> None:
@@ -23,5 +25,10 @@ def test_every_room_is_in_the_table() -> None:
     package = ROOT / "multicor_cli"
     rooms = {path.parent.relative_to(package).as_posix() for path in package.rglob("__init__.py")} - {"."}
     modules = {path.stem for path in package.glob("*.py")} - {"__init__", "__main__"}
-    listed = set(re.findall(r"^\| `([\w/]+)` \|", DOCUMENT, re.MULTILINE))
-    assert listed == {room for room in rooms if not room.startswith("scenario/")} | modules
+    assert {room for room in rooms if not room.startswith("scenario/")} | modules == LISTED
+
+
+def test_unit_tests_follow_the_rooms() -> None:
+    """What belongs to no room is in ``project``."""
+    folder = ROOT / "tests" / "unit"
+    assert {path.parent.relative_to(folder).as_posix() for path in folder.rglob("*.py")} <= LISTED | {"project"}

@@ -1,10 +1,10 @@
 """Runs with heat: stages that move, stand still and move again; stopped and continued; drums; threads."""
 
 import signal
-from pathlib import Path
 
 import numpy as np
 import pytest
+from places import ROOT
 from warm_run import WARM
 
 import multicor_cli as multicor
@@ -13,7 +13,7 @@ from multicor_cli.running.dry_run import try_step
 from multicor_cli.running.observer import SilentObserver
 from multicor_cli.store import run_info
 
-CONFIGS = Path(__file__).parents[2] / "configs"
+CONFIGS = ROOT / "configs"
 
 
 class StopAt(SilentObserver):

@@ -2,14 +2,14 @@
 
 import json
 import tomllib
-from pathlib import Path
 
 import pytest
+from places import ROOT
 
 from multicor_cli.scenario import TEMPLATES, new_scenario, parse_scenario, scenario_schema, schema_text
 from multicor_cli.scenario.models import ScenarioModel
 
-SCHEMA_FILE = Path(__file__).parents[2] / "schema" / "multicor.schema.json"
+SCHEMA_FILE = ROOT / "schema" / "multicor.schema.json"
 
 
 def test_the_schema_file_is_fresh():

@@ -17,6 +17,7 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from places import ROOT
 from store_support import PROVENANCE, RESOLVED, SOURCE, continue_run, drive, make_model, make_run, run_whole, start
 
 from multicor_cli.store import (
@@ -274,8 +275,7 @@ def test_lock_of_a_dead_process_is_taken_over(tmp_path: Path) -> None:
         "import sys, time, pathlib; from multicor_cli.store.lock import RunLock;"
         "lock = RunLock(pathlib.Path(sys.argv[1])); print(1, flush=True); time.sleep(60)"
     )
-    root = Path(__file__).resolve().parents[2]
-    holder = subprocess.Popen([sys.executable, "-c", code, str(tmp_path / "lock")], stdout=subprocess.PIPE, cwd=root)
+    holder = subprocess.Popen([sys.executable, "-c", code, str(tmp_path / "lock")], stdout=subprocess.PIPE, cwd=ROOT)
     assert holder.stdout is not None
     holder.stdout.readline()
     try:

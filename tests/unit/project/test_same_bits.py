@@ -9,11 +9,11 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
+from places import ROOT
 
-PACKAGE = Path(__file__).parents[2] / "multicor_cli"
+PACKAGE = ROOT / "multicor_cli"
 WALKED = ("arithmetic", "engine", "model", "packing", "running", "scenario", "store")
 """Packages that make a `Model`, a `State` or what is written of them."""
 

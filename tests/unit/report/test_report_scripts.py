@@ -7,10 +7,9 @@ import sys
 from pathlib import Path
 
 import pytest
+from places import ROOT
 
 from multicor_cli.report import page
-
-ROOT = Path(__file__).parents[2]
 
 
 def lint(script: str, folder: Path) -> subprocess.CompletedProcess[str]:

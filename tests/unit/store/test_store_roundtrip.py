@@ -10,6 +10,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from places import ROOT
 from store_support import RESOLVED, SOURCE, advance, contact_rows, drive, make_model, make_run, run_whole, start
 
 from multicor_cli.model import BOOK_NAMES, HEAT_BOOK_NAMES, Model, State
@@ -18,7 +19,7 @@ from multicor_cli.store.columns import columns_of
 from multicor_cli.store.model_file import model_digest
 from multicor_cli.store.schema import series_name
 
-DOCS = Path(__file__).resolve().parents[2] / "docs" / "formats"
+DOCS = ROOT / "docs" / "formats"
 
 
 def assert_same_part(left: object, right: object) -> None:
@@ -432,7 +433,7 @@ def test_frames_are_copied(tmp_path: Path) -> None:
 
 def test_importing_the_package_loads_nothing_heavy() -> None:
     code = "import sys, multicor_cli.store; print(sorted({'h5py', 'numpy', 'numba'} & set(sys.modules)))"
-    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=DOCS.parents[1])
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
     assert done.stdout.strip() == "[]"
 
 

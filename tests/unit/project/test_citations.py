@@ -4,12 +4,12 @@ import re
 from pathlib import Path
 
 import pytest
+from places import ROOT
 
-ROOT = Path(__file__).parents[2]
 FOLDERS = (".ci", "benchmarks", "configs", "docs", "multicor_cli", "schema", "tests")
 ENDINGS = {"", ".c", ".css", ".html", ".js", ".json", ".md", ".py", ".pyi", ".sh", ".toml"}
 THEORY = "docs/theory.md"
-THIS = "tests/unit/test_citations.py"  # holds what it forbids
+THIS = "tests/unit/project/test_citations.py"  # holds what it forbids
 
 SECTION = r"§\d+(?:\.\d+)?"
 CITATION = re.compile(rf"\btheory(?:\.md)?\s+({SECTION}(?:(?:,| and)\s+{SECTION})*)")

@@ -10,7 +10,8 @@ import time
 from pathlib import Path
 
 import pytest
-from small_run import ROOT, environment
+from places import ROOT
+from small_run import environment
 
 from multicor_cli.engine.jit import cache
 

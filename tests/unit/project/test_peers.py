@@ -2,25 +2,17 @@
 
 import subprocess
 import sys
-from pathlib import Path
 
 import numpy as np
 import pytest
-
-PEERS = Path(__file__).parents[2] / "benchmarks" / "peers"
-_MINE = {path.stem for path in PEERS.glob("*.py")}
+from benchmark_modules import benchmark_modules
+from places import ROOT
 
 
 @pytest.fixture(scope="module", autouse=True)
 def _on_path():
-    """Its modules have plain names, as it is run as a folder; they are gone again afterwards."""
-    before = {name: sys.modules.pop(name) for name in _MINE if name in sys.modules and name != "__main__"}
-    sys.path.insert(0, str(PEERS))
-    yield
-    sys.path.remove(str(PEERS))
-    for name in _MINE - {"__main__"}:
-        sys.modules.pop(name, None)
-    sys.modules.update(before)
+    with benchmark_modules("peers"):
+        yield
 
 
 @pytest.fixture
@@ -262,6 +254,6 @@ def test_a_loaded_wall_rests_where_the_springs_say(name, tmp_path):
 
 
 def test_it_says_what_it_can_do():
-    done = subprocess.run([sys.executable, str(PEERS), "--help"], capture_output=True, text=True, check=False)
+    done = subprocess.run([sys.executable, "benchmarks/peers", "--help"], cwd=ROOT, capture_output=True, text=True, check=False)
     assert done.returncode == 0
     assert "--kappa" in done.stdout

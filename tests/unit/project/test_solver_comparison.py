@@ -1,40 +1,28 @@
 """The comparison of solvers: all methods solve what has one solution, distances mean what they say, and the quick run works."""
 
 import json
-import sys
 from dataclasses import replace
-from pathlib import Path
 
 import numpy as np
 import pytest
+from benchmark_modules import benchmark_modules
+from places import DATA, ROOT
 
 from multicor_cli import run
 from multicor_cli.engine import ContactProblem, Settings, solve_contacts
 
 pytest.importorskip("scipy")
 
-SOLVERS = Path(__file__).parents[2] / "benchmarks" / "solvers"
-_MINE = {path.stem for path in SOLVERS.glob("*.py")} - {"__main__"}
 METHODS = [
     "gs", "gs-sym", "sor-1.5", "engine", "restart-2", "restart-1.5", "skip", "tiles-2", "tiles-3", "sym", "cpg", "apgd",
     "anderson-5", "levels", "newton",
 ]  # fmt: skip
 
 
-def _names():
-    return {name for name in sys.modules if name.split(".")[0] in _MINE | {"methods"}}
-
-
 @pytest.fixture(scope="module", autouse=True)
 def _on_path():
-    """Its modules have plain names, as it is run as a folder; they are gone again afterwards."""
-    before = {name: sys.modules.pop(name) for name in _names()}
-    sys.path.insert(0, str(SOLVERS))
-    yield
-    sys.path.remove(str(SOLVERS))
-    for name in _names():
-        sys.modules.pop(name)
-    sys.modules.update(before)
+    with benchmark_modules("solvers"):
+        yield
 
 
 def test_these_are_all_methods():
@@ -131,7 +119,7 @@ RECORDED = {"bed": (9.81 * 2e-4, 4004, 310), "shear": (None, 5810, 573)}
 @pytest.mark.parametrize("seed", [0, 1, 2])
 def test_the_accelerated_method_needs_far_fewer_sweeps(name, seed):
     reference, plain, accelerated = RECORDED[name]
-    problem = ContactProblem.load(Path(__file__).parents[1] / "data" / f"{name}-1008.npz")
+    problem = ContactProblem.load(DATA / f"{name}-1008.npz")
     move = 1e-9 * np.random.default_rng(seed).uniform(-1.0, 1.0, problem.velocity.shape) if seed else 0.0
     problem = replace(problem, velocity=problem.velocity * (1.0 + move))
     found = {}
@@ -148,7 +136,7 @@ def test_quick_run(tmp_path, capsys):
     pytest.importorskip("matplotlib")
     from runpy import run_path
 
-    main = run_path(str(SOLVERS / "__main__.py"))["main"]
+    main = run_path(str(ROOT / "benchmarks" / "solvers" / "__main__.py"))["main"]
     files = ["--work", str(tmp_path / "kept"), "--json", str(tmp_path / "out.json"), "--plot", str(tmp_path / "out.png")]
     assert main(["--quick", "--methods", "gs", "engine", "--starts", *files]) == 0
     text = capsys.readouterr().out
