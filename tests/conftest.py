@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from small_run import call, write_small
+from command_line import call
+from scenes import write_small
 
 PLACES = {"digests": -2, "unit/store": -1, "unit": 1, "verification": 2}
 """Folders that come before others, or after: one process compiles the kernels with the first, for all, while another does without

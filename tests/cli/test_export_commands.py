@@ -5,7 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from small_run import call, write_small
+from command_line import call
+from scenes import write_small
 from store_support import make_model, run_whole
 
 from multicor_cli.engine import solve_contacts

@@ -7,8 +7,8 @@ import subprocess
 import sys
 from pathlib import Path
 
+from command_line import environment
 from places import ROOT
-from small_run import environment
 
 from multicor_cli.cli.post_commands import COMMANDS
 

@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from command_line import environment
 from places import SUPPORT
-from small_run import environment
+from scenes import WARM
 from trials import trials
-from warm_run import WARM
 
 from multicor_cli.model import State
 

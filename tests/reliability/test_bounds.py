@@ -8,9 +8,9 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
+from command_line import command, environment, read_info
 from places import ROOT
-from small_run import SMALL, command, environment, read_info
-from warm_run import WARM
+from scenes import SMALL, WARM
 
 CONFIGS = ROOT / "configs"
 FEW = ("particles.0.count=40", "loading.0.duration=0.003", "loading.2.duration=0.001", "loading.3.duration=0.001")

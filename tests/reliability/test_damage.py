@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from command_line import environment
 from places import ROOT, SUPPORT
-from small_run import environment
 from store_support import continue_run, killed_at
 from trials import trials
 

@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from small_run import call, read_info, write_small
+from command_line import call, read_info
+from scenes import write_small
 from store_support import continue_run, drive, make_model, make_run
 from system_calls import hooked
 from trials import thinned, trials

@@ -11,10 +11,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import call, environment, read_info, start
 from places import ROOT
-from small_run import SMALL, call, environment, read_info, start, write_small
+from scenes import SMALL, WARM, changed, write_small
 from trials import thinned, trials
-from warm_run import WARM
 
 from multicor_cli.store import open_run
 
@@ -65,7 +65,7 @@ def test_clocks_that_jump_and_time_zones(zone: str, finished: Path, tmp_path: Pa
 @trials(short=5, long=50)
 def test_reading_while_it_runs(tmp_path: Path, count: int) -> None:
     """Every reading is the beginning of what is there at the end, and no shorter than the one before."""
-    text = SMALL.replace("duration = 0.004", "duration = 0.4" if count < 10 else "duration = 4.0")
+    text = changed(SMALL, ("duration = 0.004", "duration = 0.4" if count < 10 else "duration = 4.0"))
     write_small(tmp_path, text)
     process = start("run", "small.toml", "-o", "run", "--set", "output.checkpoint_interval=0.01", cwd=tmp_path)
     end = time.monotonic() + 120.0

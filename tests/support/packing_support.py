@@ -1,58 +1,36 @@
-"""Scenarios and measures for the tests of packings."""
+"""Small scenes and measures for the tests of packings."""
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import numpy as np
+from scenes import PACKED
 
 from multicor_cli.packing.obstacles import Obstacles
 from multicor_cli.packing.pairs import find_pairs
 from multicor_cli.packing.streams import Stream
 from multicor_cli.scenario import Scenario, parse_scenario
 
-BASE = """\
-[scenario]
-name = "packing"
-seed = 5
-
-[domain]
-size = [0.06, 0.08]
-
-[materials.glass]
-density = 2500.0
-
-[materials.steel]
-density = 7800.0
-
-[[contacts]]
-pair = ["*", "*"]
-friction = 0.4
-
+SECOND = """
 [[particles]]
-name = "grains"
-material = "glass"
+name = "second"
+material = "steel"
 shape = "disc"
-thickness = 2e-3
-sizes = { kind = "uniform", min = 0.8e-3, max = 1.2e-3 }
-count = 200
+thickness = 1e-3
+sizes = { kind = "list", radii = [0.5e-3] }
+count = 100
 packing = { kind = "random" }
-
-[[loading]]
-duration = 1.0
-
-[solver]
-dt = 1e-4
-
-[output]
-frame_interval = 0.1
 """
+"""A group of other grains."""
 
 
 def generator(seed: int = 3) -> Stream:
     return Stream(np.random.Philox(seed))
 
 
-def scenario(*overrides: str, extra: str = "", path: str = "test.toml") -> Scenario:
-    return parse_scenario(BASE + extra, path, overrides)
+def scenario(*overrides: str, text: str = PACKED, extra: str = "", path: str | Path = "test.toml") -> Scenario:
+    return parse_scenario(text + extra, path, overrides)
 
 
 def wall(name: str, geometry: str, rest: str = "") -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from small_run import SMALL
+from scenes import SMALL
 
 import multicor_cli as multicor
 from multicor_cli.post import Selection, energy, profile, rheology

@@ -12,7 +12,7 @@ import h5py
 import numpy as np
 import pytest
 from problems import column_problem, dense_delassus, heap_problem, tilted
-from small_run import SMALL, write_small
+from scenes import SMALL, WARM, write_small
 
 from multicor_cli import load_scenario
 from multicor_cli import run as run_scenario
@@ -24,54 +24,6 @@ from multicor_cli.store import DamagedRun, Run, StoreError, open_run
 TIGHT = Settings(tolerance_rms=1e-11, tolerance_max=1e-9, tolerance_energy=1e-9, max_sweeps=100_000)
 
 Solved = dict[int, tuple[ContactProblem, Any]]
-
-
-WARM = """
-[scenario]
-name = "warm"
-seed = 4
-[domain]
-size = [0.02, 0.02]
-[materials.steel]
-density = 7500.0
-young = 193e9
-poisson = 0.29
-conductivity = 15.0
-heat_capacity = 500.0
-[[contacts]]
-pair = ["steel", "steel"]
-friction = { value = 0.5, softening = 1e-3, reference = 300.0, min = 0.1 }
-[[particles]]
-name = "grains"
-material = "steel"
-shape = "sphere"
-sizes = { kind = "uniform", min = 0.4e-3, max = 0.6e-3 }
-count = 60
-packing = { kind = "deposited" }
-temperature = { value = 300.0, gradient = [0.0, 2000.0] }
-[[walls]]
-name = "box"
-material = "steel"
-geometry = { kind = "box", min = [0.0, 0.0], max = [0.02, 0.02] }
-thermal = { temperature = 330.0 }
-[heat]
-[[loading]]
-name = "shake"
-duration = 0.004
-drives.box = { x = { velocity = { sine = { amplitude = 0.2, period = 0.005 } } } }
-[[loading]]
-name = "wait"
-duration = 10.0
-frozen = true
-dt = 5.0
-[[loading]]
-name = "shake-again"
-duration = 0.004
-[solver]
-dt = 5e-4
-[output]
-frame_interval = 1e-3
-"""
 
 
 def record(path: Path, text: str) -> tuple[Path, Solved]:

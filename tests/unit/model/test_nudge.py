@@ -4,7 +4,8 @@ import json
 
 import numpy as np
 import pytest
-from small_run import SMALL, call, write_small
+from command_line import call
+from scenes import SMALL, write_small
 
 from multicor_cli import run
 from multicor_cli.model.nudge import VARIABLE, NudgeError, nudge, nudge_seed

@@ -4,7 +4,8 @@ import math
 
 import numpy as np
 import pytest
-from packing_support import pair_gaps, scenario, smallest_gap, wall
+from packing_support import SECOND, pair_gaps, scenario, smallest_gap, wall
+from scenes import PACKED, changed
 
 from multicor_cli.packing import build
 from multicor_cli.scenario import ScenarioError
@@ -12,16 +13,7 @@ from multicor_cli.scenario import ScenarioError
 FLOOR = wall("floor", 'kind = "plane", point = [0.0, 0.0], normal = [0.0, 1.0]')
 LATTICE = 'particles.0.packing={kind="lattice", lattice="triangular"}'
 EQUAL = 'particles.0.sizes={kind="list", radii=[1e-3]}'
-SECOND = """
-[[particles]]
-name = "second"
-material = "steel"
-shape = "disc"
-thickness = 1e-3
-sizes = { kind = "list", radii = [0.5e-3] }
-count = 100
-packing = { kind = "random" }
-"""
+UNCOUNTED = changed(PACKED, ("count = 200\n", ""))
 
 
 def problems(*overrides, extra=""):
@@ -48,11 +40,8 @@ def test_masses_inertia_and_indices():
 
 
 def test_spheres():
-    text = ('particles.0.shape="sphere"', "particles.0.count=20")
-    source = scenario("particles.0.count=20").source.replace("thickness = 2e-3\n", "")
-    from multicor_cli.scenario import parse_scenario
-
-    model, _ = build(parse_scenario(source, "test.toml", text))
+    text = changed(PACKED, ("thickness = 2e-3\n", ""), ('"disc"', '"sphere"'))
+    model, _ = build(scenario("particles.0.count=20", text=text))
     np.testing.assert_allclose(model.grains.mass, 4 / 3 * np.pi * model.grains.radius**3 * 2500.0, rtol=1e-14)
     np.testing.assert_allclose(model.grains.inertia, 0.4 * model.grains.mass * model.grains.radius**2, rtol=1e-14)
     assert model.shape_factor == 2.5
@@ -105,19 +94,14 @@ def test_periodic_lattice_on_a_floor_touches_it():
 
 
 def test_lattice_without_count_fills_the_region():
-    source = scenario().source.replace("count = 200\n", "")
-    from multicor_cli.scenario import parse_scenario
-
-    model, _ = build(parse_scenario(source, "test.toml", [LATTICE, EQUAL]))
+    model, _ = build(scenario(LATTICE, EQUAL, text=UNCOUNTED))
     assert model.grain_count > 0.85 * 0.06 * 0.08 / (np.pi * 1e-6) * 0.9
 
 
 def test_fill_counts_the_area_of_the_region():
-    source = scenario().source.replace("count = 200", "fill = 0.5")
-    from multicor_cli.scenario import parse_scenario
-
+    text = changed(PACKED, ("count = 200", "fill = 0.5"))
     region = "particles.0.region={min=[0.0, 0.0], max=[0.06, 0.04]}"
-    model, state = build(parse_scenario(source, "test.toml", [region]))
+    model, state = build(scenario(region, text=text))
     assert np.pi * (model.grains.radius**2).sum() == pytest.approx(0.5 * 0.06 * 0.04, rel=2e-3)
     assert (state.position[:, 1] + model.grains.radius).max() <= 0.04 + 1e-12
 
@@ -141,13 +125,10 @@ def test_overlapping_groups_are_refused_by_number():
 
 def test_overlap_across_the_period(tmp_path):
     (tmp_path / "g.csv").write_text("x,y,radius\n0.0002,0.01,1e-3\n0.0595,0.01,1e-3\n-0.03,0.02,1e-3\n")
-    source = (
-        scenario().source.replace("count = 200\n", "").replace('sizes = { kind = "uniform", min = 0.8e-3, max = 1.2e-3 }\n', "")
-    )
-    from multicor_cli.scenario import parse_scenario
+    text = changed(UNCOUNTED, ('sizes = { kind = "uniform", min = 0.8e-3, max = 1.2e-3 }\n', ""))
 
     def attempt(*more):
-        loaded = parse_scenario(source, tmp_path / "s.toml", ['particles.0.packing={kind="file", path="g.csv"}', *more])
+        loaded = scenario('particles.0.packing={kind="file", path="g.csv"}', *more, text=text, path=tmp_path / "s.toml")
         return build(loaded)
 
     _, state = attempt()
@@ -218,14 +199,9 @@ def test_short_period_is_refused():
     assert "four of the largest diameters" in problem.message
 
 
-TILED = scenario().source.replace("count = 200\n", "")
-
-
 def tiled(source, repeat, *overrides):
-    from multicor_cli.scenario import parse_scenario
-
     packing = f'particles.0.packing={{kind="tile", source={{{source}}}, tile=[0.02, 0.02], tile_fill=0.7, repeat={repeat}}}'
-    return build(parse_scenario(TILED, "test.toml", [packing, *overrides]))
+    return build(scenario(packing, *overrides, text=UNCOUNTED))
 
 
 def test_random_tile_closes_in_both_directions():

@@ -4,25 +4,16 @@ import math
 
 import numpy as np
 import pytest
-from packing_support import scenario, wall
+from packing_support import SECOND, scenario, wall
+from scenes import PACKED, changed
 
 from multicor_cli.packing import build
 from multicor_cli.packing.brought import Brought
 from multicor_cli.packing.errors import PackingError
 from multicor_cli.packing.temperature_file import read_temperatures
-from multicor_cli.scenario import ScenarioError, parse_scenario
+from multicor_cli.scenario import ScenarioError
 
 HOT = ('heat={conduction="none", friction="none"}', "materials.glass.heat_capacity=800.0", "particles.0.count=50")
-SECOND = """
-[[particles]]
-name = "second"
-material = "steel"
-shape = "disc"
-thickness = 1e-3
-sizes = { kind = "list", radii = [0.5e-3] }
-count = 20
-packing = { kind = "random" }
-"""
 
 
 def built(*overrides, extra="", path="test.toml"):
@@ -46,16 +37,16 @@ def test_without_heat_there_are_no_temperatures():
 def test_capacities_surfaces_and_states_of_discs():
     model, state = built("materials.steel.heat_capacity=500.0", "particles.1.temperature=400", extra=SECOND)
     thermal, grains = model.thermal, model.grains
-    np.testing.assert_allclose(thermal.capacity, grains.mass * np.repeat([800.0, 500.0], [50, 20]), rtol=1e-14)
-    thickness = np.repeat([2e-3, 1e-3], [50, 20])
+    np.testing.assert_allclose(thermal.capacity, grains.mass * np.repeat([800.0, 500.0], [50, 100]), rtol=1e-14)
+    thickness = np.repeat([2e-3, 1e-3], [50, 100])
     np.testing.assert_allclose(thermal.surface, 2 * np.pi * grains.radius * thickness, rtol=1e-14)
-    np.testing.assert_array_equal(thermal.start, np.repeat([293.15, 400.0], [50, 20]))
+    np.testing.assert_array_equal(thermal.start, np.repeat([293.15, 400.0], [50, 100]))
     np.testing.assert_array_equal(state.temperature(thermal), thermal.start)
 
 
 def test_surfaces_of_spheres():
-    source = scenario(*HOT).source.replace("thickness = 2e-3\n", "").replace('"disc"', '"sphere"')
-    model, _ = build(parse_scenario(source, "test.toml", HOT))
+    text = changed(PACKED, ("thickness = 2e-3\n", ""), ('"disc"', '"sphere"'))
+    model, _ = build(scenario(*HOT, text=text))
     np.testing.assert_allclose(model.thermal.surface, 4 * np.pi * model.grains.radius**2, rtol=1e-14)
 
 
@@ -159,10 +150,10 @@ def brought(monkeypatch):
         grains = Brought.at_rest(radius, np.array([[0.01, 0.01], [0.02, 0.01]]))
         given = Brought(radius, grains.position, grains.velocity, temperature)
         monkeypatch.setattr("multicor_cli.packing.groups.read_frame", lambda *_: given)
-        text = scenario(*HOT).source.replace('sizes = { kind = "uniform", min = 0.8e-3, max = 1.2e-3 }\ncount = 200\n', "")
+        text = changed(PACKED, ('sizes = { kind = "uniform", min = 0.8e-3, max = 1.2e-3 }\ncount = 200\n', ""))
         heat = [override for override in HOT if "count" not in override]
         run = 'particles.0.packing={kind="run", path="run"}'
-        return lambda *overrides: build(parse_scenario(text, "test.toml", [*heat, run, *overrides]))[0].thermal.start
+        return lambda *overrides: build(scenario(*heat, run, *overrides, text=text))[0].thermal.start
 
     return bring
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from heat_run import GRAINS, write_heated_run
-from small_run import SMALL
+from scenes import SMALL
 
 import multicor_cli as multicor
 from multicor_cli.post import PostError, Selection, compare, energy, profile, rheology

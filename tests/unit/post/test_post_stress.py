@@ -9,7 +9,7 @@ import pytest
 from heat_run import GRAINS, RADIUS, write_heated_run
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from small_run import SMALL
+from scenes import SMALL
 
 import multicor_cli as multicor
 from multicor_cli.post import PROFILE_GROUPS, PostError, Selection, grain_map, profile, profiles, rheology

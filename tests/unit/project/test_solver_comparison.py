@@ -94,7 +94,7 @@ def test_starts_keep_velocities_and_impulses_together():
 def test_the_folder_of_a_run_is_a_source(tmp_path):
     """Its next step: the impulses of the last one to start from, and none when it is cold."""
     from problems import consecutive, is_run
-    from small_run import SMALL
+    from scenes import SMALL
 
     scenario = tmp_path / "small.toml"
     scenario.write_text(SMALL, encoding="utf-8")

@@ -5,8 +5,7 @@ import math
 import numpy as np
 import pytest
 from packing_support import scenario as cold_scenario
-from scenario_text import HEATED, SHEAR
-from warm_run import WARM
+from scenes import HEATED, SHEAR, WARM, changed
 
 from multicor_cli.engine.heat.conduction import ContactForce
 from multicor_cli.engine.heat.gas import Gas
@@ -167,6 +166,6 @@ def test_walls_come_in_the_order_asked_for_and_are_insulated_at_first(heated):
 
 def test_heat_that_swings_no_end_of_times_in_a_step_is_refused():
     """Each swing is followed in 16 pieces: a list of 10¹⁰ of them would fill the memory."""
-    scenario = parse_scenario(WARM.replace("period = 0.05", "period = 1e-12"), "warm.toml")
+    scenario = parse_scenario(changed(WARM, ("period = 0.05", "period = 1e-12")), "warm.toml")
     with pytest.raises(ScenarioError, match=r"wall 'floor' swings 5e\+08 times in a step of 0.0005 s; shorten dt"):
         make_plan(scenario, build(scenario)[0])

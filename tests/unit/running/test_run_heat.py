@@ -5,7 +5,7 @@ import signal
 import numpy as np
 import pytest
 from places import ROOT
-from warm_run import WARM
+from scenes import WARM
 
 import multicor_cli as multicor
 from multicor_cli.packing import build

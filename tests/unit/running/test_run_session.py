@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from small_run import SMALL, write_small
+from scenes import SMALL, changed, write_small
 
 from multicor_cli import run as run_scenario
 from multicor_cli.engine import PhysicsError
@@ -68,7 +68,7 @@ def stop_at(monkeypatch: pytest.MonkeyPatch, step: int, act: Callable[[], Any]) 
 @pytest.fixture(scope="module")
 def scenario_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """The small scenario with a fourth stage: the lid of the second one's ramp goes on through two stages."""
-    return write_small(tmp_path_factory.mktemp("scenario"), SMALL.replace("[solver]", KEPT + "\n[solver]"))
+    return write_small(tmp_path_factory.mktemp("scenario"), changed(SMALL, ("[solver]", KEPT + "\n[solver]")))
 
 
 @pytest.fixture(scope="module")
@@ -141,7 +141,7 @@ def test_changed_scenario_is_refused_before_anything_is_touched(scenario_path: P
 
 
 def test_random_seed_is_drawn_once(scenario_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    path = write_small(tmp_path, SMALL.replace("seed = 3", 'seed = "random"'))
+    path = write_small(tmp_path, changed(SMALL, ("seed = 3", 'seed = "random"')))
     directory = tmp_path / "run"
     with monkeypatch.context() as patch:
         stop_at(patch, 5, lambda: signal.raise_signal(signal.SIGINT))

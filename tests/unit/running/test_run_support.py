@@ -9,8 +9,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from command_line import environment
 from run_fakes import FakeDrives, make_model, make_plan
-from small_run import SMALL, environment, write_small
+from scenes import SMALL, write_small
 
 from multicor_cli.engine.contact.hertz import hertz_flattening
 from multicor_cli.engine.contact.settings import Settings

@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from scenario_text import SHEAR
+from scenes import SHEAR
 
 from multicor_cli.engine.motion.drives import Constant, DofDrive, Ramp, Sine, WallDrive
 from multicor_cli.packing import build

@@ -1,7 +1,7 @@
 """From loading stages to the drives of the engine: what is not named again is kept, and its signal goes on."""
 
 import pytest
-from scenario_text import SHEAR
+from scenes import SHEAR
 
 from multicor_cli.engine.motion.drives import Constant, DofDrive, Interpolated, Ramp, Shifted, Sine, WallDrive
 from multicor_cli.scenario import parse_scenario

@@ -1,7 +1,8 @@
 """Each mistake in a scenario gives one clear problem at its place, with its value and a remedy."""
 
 import pytest
-from scenario_text import SHEAR, changed, place_of, problems_of
+from scenario_problems import place_of, problems_of
+from scenes import SHEAR, changed
 
 # change, key, where the problem points (text at that place), words that the message must have
 MISTAKES = {
@@ -152,7 +153,7 @@ def test_the_scenario_without_mistakes_is_right():
 @pytest.mark.parametrize("name", MISTAKES)
 def test_each_mistake_gives_one_problem_at_its_place(name):
     change, key, place, *words = MISTAKES[name]
-    text = changed(change)
+    text = changed(SHEAR, change)
     problems = problems_of(text)
     assert len(problems) == 1, problems
     problem = problems[0]
@@ -167,7 +168,7 @@ def test_each_mistake_gives_one_problem_at_its_place(name):
 
 
 def test_two_general_entries_for_one_pair_need_a_special_one():
-    text = changed(('pair = ["*", "*"]', 'pair = ["glass", "*"]'), ('pair = ["steel", "glass"]', 'pair = ["steel", "*"]'))
+    text = changed(SHEAR, ('pair = ["*", "*"]', 'pair = ["glass", "*"]'), ('pair = ["steel", "glass"]', 'pair = ["steel", "*"]'))
     (problem,) = problems_of(text)
     assert problem.key == "contacts.1.pair"
     assert '["glass", "steel"]' in problem.remedy
@@ -175,6 +176,7 @@ def test_two_general_entries_for_one_pair_need_a_special_one():
 
 def test_the_period_is_wider_than_four_grains():
     text = changed(
+        SHEAR,
         ("size = [0.03, 0.05]", "size = [0.0024, 0.05]"),
         ("max = [0.03, 0.049]", "max = [0.0024, 0.049]"),
         ("count = 100", "count = 1"),
@@ -185,7 +187,7 @@ def test_the_period_is_wider_than_four_grains():
 
 
 def test_a_wall_that_a_force_drives_needs_a_mass():
-    text = changed(("x = { fixed = true }", "x = { force = 1.0 }"), ("mass = 1e-3\n", ""))
+    text = changed(SHEAR, ("x = { fixed = true }", "x = { force = 1.0 }"), ("mass = 1e-3\n", ""))
     (problem,) = problems_of(text)
     assert problem.key == "walls.2.mass"
     assert (problem.line, problem.column) == place_of(text, '[[walls]]\nname = "paddle"')
@@ -194,6 +196,7 @@ def test_a_wall_that_a_force_drives_needs_a_mass():
 
 def test_all_problems_are_told_at_once_in_the_order_of_the_file():
     text = changed(
+        SHEAR,
         ("density = 2500", "densty = 2500"),
         ("min = 0.4e-3", "min = -1"),
         ('material = "steel"', 'material = "iron"'),
@@ -214,22 +217,24 @@ def test_all_problems_are_told_at_once_in_the_order_of_the_file():
 def test_very_many_problems_are_cut_short():
     materials = "".join(f"[materials.m{k}]\n" for k in range(90))
     contacts = "".join(f'[[contacts]]\npair = ["x{k}", "*"]\n' for k in range(50))
-    problems = problems_of(changed(("[[contacts]]", contacts + "[[contacts]]"), ("[[particles]]", materials + "[[particles]]")))
+    problems = problems_of(
+        changed(SHEAR, ("[[contacts]]", contacts + "[[contacts]]"), ("[[particles]]", materials + "[[particles]]"))
+    )
     assert len(problems) == 101
     assert "more problems" in problems[-1].message
 
 
 def test_a_problem_reads_as_file_line_column_key_and_shows_the_line():
-    (problem,) = problems_of(changed(("density = 2500", "\tdensty\t= 2500")))
+    (problem,) = problems_of(changed(SHEAR, ("density = 2500", "\tdensty\t= 2500")))
     line = SHEAR[: SHEAR.index("density")].count("\n") + 1
     assert str(problem) == f"shear.toml:{line}:2: materials.glass.densty: unknown key; did you mean 'density'?"
     assert problem.excerpt().splitlines() == ["     densty = 2500", "     ^"]
 
 
 def test_messages_carry_no_control_characters_and_long_lines_are_cut():
-    (problem,) = problems_of(changed(("seed = 7", 'seed = 7\n"a\\u001b[2J\\nb' + "c" * 500 + '" = 1')))
+    (problem,) = problems_of(changed(SHEAR, ("seed = 7", 'seed = 7\n"a\\u001b[2J\\nb' + "c" * 500 + '" = 1')))
     assert str(problem).isprintable()
     assert all(line.isprintable() and len(line) < 140 for line in problem.excerpt().splitlines())
-    (problem,) = problems_of(changed(("[0, 0.001]", "[0" + " " * 500 + ", -nan]")))
+    (problem,) = problems_of(changed(SHEAR, ("[0, 0.001]", "[0" + " " * 500 + ", -nan]")))
     quoted, caret = problem.excerpt().splitlines()
     assert quoted[caret.index("^") :].startswith("-nan")

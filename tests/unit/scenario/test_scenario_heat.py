@@ -1,7 +1,8 @@
 """Thermal keys of a scenario: what they may say, what is refused and how, and that nothing is accepted and ignored."""
 
 import pytest
-from scenario_text import HEATED, SHEAR, changed, place_of, problems_of
+from scenario_problems import place_of, problems_of
+from scenes import HEATED, SHEAR, changed
 
 from multicor_cli.scenario import parse_scenario
 from multicor_cli.scenario.models import FrictionTable, SofteningFriction
@@ -86,7 +87,7 @@ def test_right_forms_of_the_heat_table(line):
     ],
 )
 def test_right_forms_of_initial_temperatures(value):
-    scenario = parse_scenario(changed((GRAINS, f"temperature = {value}"), text=HEATED), "heated.toml")
+    scenario = parse_scenario(changed(HEATED, (GRAINS, f"temperature = {value}")), "heated.toml")
     assert scenario.particles[0].temperature is not None
     assert parse_scenario(scenario.resolved_toml(), "resolved.toml") == scenario
 
@@ -257,7 +258,7 @@ MISTAKES = {
 @pytest.mark.parametrize("name", MISTAKES)
 def test_each_mistake_gives_one_problem_at_its_place(name):
     change, key, place, *words = MISTAKES[name]
-    check_one(changed(change, text=HEATED), key, place, *words)
+    check_one(changed(HEATED, change), key, place, *words)
 
 
 def check_one(text, key, place, *words):
@@ -284,14 +285,14 @@ OFF = {
 
 @pytest.mark.parametrize("key", OFF)
 def test_thermal_keys_need_the_table_heat(key):
-    (problem,) = problems_of(changed(OFF[key]))
+    (problem,) = problems_of(changed(SHEAR, OFF[key]))
     assert problem.key == key
     assert problem.line > 1
     assert "[heat]" in problem.remedy
 
 
 def test_properties_of_materials_may_stand_unused():
-    assert problems_of(changed(("density = 2500", "density = 2500\nconductivity = 1\nemissivity = 0.9"))) == []
+    assert problems_of(changed(SHEAR, ("density = 2500", "density = 2500\nconductivity = 1\nemissivity = 0.9"))) == []
 
 
 @pytest.mark.parametrize(
@@ -326,11 +327,11 @@ def test_what_nothing_needs_is_not_asked_for():
 def test_walls_need_no_emissivity_unless_neighbors_radiate():
     text = without("emissivity", material="steel")
     assert [p.key for p in problems_of(text)] == ["materials.steel"]
-    assert problems_of(changed((", neighbors = true", ""), text=text)) == []
+    assert problems_of(changed(text, (", neighbors = true", ""))) == []
 
 
 def test_contacts_are_known_only_after_a_step():
-    first = changed(('[[loading]]\nname = "fall"\nduration = 1.0\nheat = false\n\n', ""), text=heat())
+    first = changed(heat(), ('[[loading]]\nname = "fall"\nduration = 1.0\nheat = false\n\n', ""))
     check_one(first, "loading.0.frozen", "frozen = true", "first step", "prescribed")
     assert problems_of(first.replace("[heat]", "[heat]\nforce = { prescribed = 0.1 }")) == []
     gas = first.replace("[heat]", "[heat]\ngas = { conductivity = 0.026 }")
@@ -363,9 +364,7 @@ def test_values_from_the_command_line():
 
 
 def test_all_problems_are_told_at_once():
-    text = changed(
-        ("conductivity = 1.0\n", ""), ('model = "batchelor"', 'model = "air"'), ("thermal.lid", "thermal.led"), text=HEATED
-    )
+    text = changed(HEATED, ("conductivity = 1.0\n", ""), ('model = "batchelor"', 'model = "air"'), ("thermal.lid", "thermal.led"))
     assert [problem.key for problem in problems_of(text)] == ["loading.1.thermal.led", "heat.gas.model"]
-    text = changed(("conductivity = 1.0\n", ""), ("thermal.lid", "thermal.led"), text=HEATED)
+    text = changed(HEATED, ("conductivity = 1.0\n", ""), ("thermal.lid", "thermal.led"))
     assert [problem.key for problem in problems_of(text)] == ["materials.glass", "loading.1.thermal.led"]

@@ -7,7 +7,8 @@ import pytest
 import tomli_w
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
-from scenario_text import HEATED, SHEAR, changed, problems_of
+from scenario_problems import problems_of
+from scenes import HEATED, SHEAR, changed
 
 from multicor_cli.scenario import ScenarioError, load_scenario, parse_scenario
 
@@ -72,9 +73,9 @@ def test_a_problem_found_later_has_its_position(write):
 def test_files_of_other_systems_are_read(write, encode, name):
     assert load_scenario(write(encode(SHEAR))) == parse_scenario(SHEAR, "other.toml")
     with pytest.raises(ScenarioError) as error:
-        load_scenario(write(encode(changed(("dt = 2e-4", "dt = 0")))))
+        load_scenario(write(encode(changed(SHEAR, ("dt = 2e-4", "dt = 0")))))
     (problem,) = error.value.problems
-    (expected,) = problems_of(changed(("dt = 2e-4", "dt = 0")))
+    (expected,) = problems_of(changed(SHEAR, ("dt = 2e-4", "dt = 0")))
     assert (problem.line, problem.column, problem.excerpt()) == (expected.line, expected.column, expected.excerpt())
 
 
@@ -143,7 +144,7 @@ def test_a_default_that_is_shorter_than_a_step_loads_back():
 
 
 def test_a_random_seed_is_drawn_once_and_recorded():
-    text = changed(("seed = 7", 'seed = "random"'))
+    text = changed(SHEAR, ("seed = 7", 'seed = "random"'))
     first, second = parse_scenario(text, "a.toml"), parse_scenario(text, "a.toml")
     assert first.seed != second.seed
     assert first.seed == first.seed >= 0

@@ -1,7 +1,8 @@
 """``--set key=value``."""
 
 import pytest
-from scenario_text import SHEAR, changed, problems_of
+from scenario_problems import problems_of
+from scenes import SHEAR, changed
 
 from multicor_cli.scenario import parse_scenario
 
@@ -89,6 +90,6 @@ def test_a_bad_one_is_one_problem_of_the_command_line(override, key, word):
 
 
 def test_problems_of_the_file_and_of_the_command_line_come_together():
-    problems = problems_of(changed(("density = 2500", "density = -1")), ["solver.dt=0", "loading.9.dt=1"])
+    problems = problems_of(changed(SHEAR, ("density = 2500", "density = -1")), ["solver.dt=0", "loading.9.dt=1"])
     assert {problem.key for problem in problems} == {"loading.9.dt", "solver.dt", "materials.glass.density"}
     assert {problem.file for problem in problems} == {"--set", "shear.toml"}

@@ -10,8 +10,8 @@ import time
 from pathlib import Path
 
 import pytest
+from command_line import environment
 from places import ROOT
-from small_run import environment
 
 from multicor_cli.engine.jit import cache
 

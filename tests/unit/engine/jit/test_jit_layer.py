@@ -4,8 +4,8 @@ import subprocess
 import sys
 
 import pytest
+from command_line import call, environment
 from places import ROOT
-from small_run import call, environment
 
 from multicor_cli.engine.jit.layer import PRIORITY
 
