@@ -6,7 +6,7 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from run_fakes import make_model
+from scene_parts import between_planes
 
 from multicor_cli.model import HEAT_BOOK_NAMES, Model, State, Thermal
 from multicor_cli.model.contacts import ContactTable
@@ -31,7 +31,7 @@ SHEAR = 2.0
 
 def heated_model(*, heat: bool = True) -> Model:
     """The model; the grains have different heat capacities."""
-    model = make_model([RADIUS] * GRAINS)
+    model = between_planes([RADIUS] * GRAINS)
     capacity = 1.0 + np.arange(GRAINS)
     return replace(model, thermal=Thermal(capacity, np.full(GRAINS, 300.0), np.full(GRAINS, 0.3)) if heat else None)
 

@@ -13,9 +13,9 @@ from pathlib import Path
 
 import numpy as np
 from numpy.typing import NDArray
-from run_fakes import make_model
+from scene_parts import make_model
 
-from multicor_cli.model import Model, ShapeKind, State, Thermal, Walls, WallShapes
+from multicor_cli.model import Model, ShapeKind, State, Thermal
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.store import Frame, Moment, Run, RunDirectory, open_run
 
@@ -37,22 +37,14 @@ def heights_of_walls(frame: int) -> tuple[float, float]:
 def random_model(*, is_periodic: bool, seed: int) -> Model:
     """Grains of three sizes between rows of glued grains, with different masses and heat capacities."""
     rng = np.random.default_rng(seed)
-    model = make_model(rng.choice(RADII, GRAINS).tolist())
-    x = np.arange(0.0, PERIOD, 0.5)
-    rows = [np.column_stack([x, np.full_like(x, y), np.full_like(x, GLUED), 0.0 * x]) for y in (FLOOR, LID)]
-    kinds = np.full(2 * x.size + 2, ShapeKind.DISC, np.int32)
-    kinds[-2:] = ShapeKind.PLANE
-    sides = np.array([[0.0, 0.0, 1.0, 0.0], [PERIOD, 0.0, -1.0, 0.0]])
-    walls = np.array([0] * x.size + [1] * x.size + [2, 3], np.int32)
-    shapes = WallShapes(kinds, walls, np.concatenate([*rows, sides]), np.zeros(kinds.size, np.int32))
-    names = ("floor", "lid", "left", "right")
-    grains = replace(model.grains, mass=model.grains.mass * rng.uniform(0.5, 1.5, GRAINS))
+    places = np.arange(0.0, PERIOD, 0.5)
+    glued = [(ShapeKind.DISC, wall, (x, y, GLUED, 0.0)) for wall, y in enumerate((FLOOR, LID)) for x in places]
+    sides = [(ShapeKind.PLANE, 2, (0.0, 0.0, 1.0, 0.0)), (ShapeKind.PLANE, 3, (PERIOD, 0.0, -1.0, 0.0))]
+    period = PERIOD if is_periodic else 0.0
+    model = make_model(rng.choice(RADII, GRAINS), [*glued, *sides], ("floor", "lid", "left", "right"), period=period)
     return replace(
         model,
-        grains=grains,
-        shapes=shapes,
-        walls=Walls(names, np.full(4, np.nan), np.full(4, np.nan), np.zeros(4, np.bool_), np.ones(4)),
-        period=PERIOD if is_periodic else 0.0,
+        grains=replace(model.grains, mass=model.grains.mass * rng.uniform(0.5, 1.5, GRAINS)),
         thermal=Thermal(rng.uniform(1.0, 2.0, GRAINS), np.full(GRAINS, 300.0), np.full(GRAINS, 0.1)),
     )
 
@@ -73,11 +65,6 @@ def random_contacts(state: State, model: Model, rng: np.random.Generator) -> Con
     return ContactTable(i, j, normal, rng.normal(0.0, 1e-4, i.size), impulse, none, rng.random(i.size) < 0.3)
 
 
-def no_contacts() -> ContactTable:
-    none = np.zeros(0, np.int32)
-    return ContactTable(none, none, np.zeros((0, 2)), np.zeros(0), np.zeros((0, 2)), np.zeros(0), np.zeros(0, np.bool_))
-
-
 def write_random_run(path: Path, *, is_periodic: bool = True, seed: int = 0, is_finished: bool = True) -> Run:
     """Write a run whose frames are unevenly spaced in time; two rows of the time series for each frame."""
     rng = np.random.default_rng(seed)
@@ -88,7 +75,7 @@ def write_random_run(path: Path, *, is_periodic: bool = True, seed: int = 0, is_
         for frame in range(FRAMES):
             if frame:
                 advance(state, model, frame, rng, writer)
-            contacts = no_contacts() if frame in WITHOUT_CONTACTS else random_contacts(state, model, rng)
+            contacts = ContactTable.empty() if frame in WITHOUT_CONTACTS else random_contacts(state, model, rng)
             writer.frame(Moment(state, model, contacts))
             if frame % 4 == 0:
                 run.checkpoint(state, writer)

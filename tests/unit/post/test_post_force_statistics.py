@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 import pytest
 from heat_run import GRAINS, write_heated_run
-from run_fakes import make_model
+from made_up_frames import source_of
+from scene_parts import between_planes
 
 from multicor_cli.post import PostError, Selection, angular_distribution, force_distribution
 from multicor_cli.store import open_run
@@ -35,8 +36,7 @@ def make_source(normal: np.ndarray, force: np.ndarray, *, frames: int = 1, scale
         )
         for k in range(frames)
     ]
-    frames_ = type("Frames", (list,), {"time": np.arange(frames, dtype=float), "stage": np.zeros(frames, int)})(found)
-    return SimpleNamespace(model=make_model(), frames=frames_)
+    return source_of(between_planes(), found)
 
 
 def exponential(count: int = 200_000) -> tuple[np.ndarray, np.ndarray]:

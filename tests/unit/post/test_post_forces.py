@@ -2,16 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from heat_run import GRAINS, RADIUS, write_heated_run
-from run_fakes import make_model
+from made_up_frames import source_of
+from scene_parts import make_model
 
-from multicor_cli.model import ShapeKind, WallShapes
+from multicor_cli.model import ShapeKind
 from multicor_cli.post import PostError, force_network, make_scene
 from multicor_cli.post.scene import images
 from multicor_cli.store import Run, open_run
@@ -55,11 +55,11 @@ def test_lines_join_centers_and_end_at_walls(run: Run) -> None:
 def test_contacts_without_force_do_not_count(run: Run) -> None:
     frame = run.frames[2]
     frame.contacts.impulse[3:] = 0.0
-    frames = type("Frames", (list,), {"time": np.zeros(1), "stage": np.zeros(1)})([frame])
-    network = force_network(SimpleNamespace(model=run.model, frames=frames))
+    source = source_of(run.model, [frame])
+    network = force_network(source)
     assert network.i.tolist() == [0, 1, 2]
     frame.contacts.impulse[:] = 0.0
-    empty = force_network(SimpleNamespace(model=run.model, frames=frames))
+    empty = force_network(source)
     assert empty.summary["contacts"] == 0
     assert np.isnan(empty.summary["normal_force_mean"])
     assert (empty.coordination, empty.rattler_share) == (0.0, 1.0)
@@ -82,12 +82,8 @@ def test_images_of_what_crosses_the_ends_of_the_period() -> None:
 
 
 def scene_of(kinds: list[ShapeKind], geometry: list[list[float]], pose: list[float], *, period: float = 0.0):
-    count = len(kinds)
-    model = replace(
-        make_model([0.5, 0.5]),
-        shapes=WallShapes(np.array(kinds, np.int32), np.zeros(count, np.int32), np.array(geometry), np.zeros(count, np.int32)),
-        period=period,
-    )
+    shapes = [(kind, 0, numbers) for kind, numbers in zip(kinds, geometry, strict=True)]
+    model = make_model([0.5, 0.5], shapes, ("bottom", "top"), period=period)
     frame = SimpleNamespace(position=np.array([[0.5, 0.5], [4.5, 0.5]]), wall_position=np.array([pose, [0.0, 0.0, 0.0]]))
     return make_scene(SimpleNamespace(model=model), frame)
 

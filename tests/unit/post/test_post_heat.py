@@ -9,6 +9,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from heat_run import GRADIENT, GRAINS, INTERVAL, RADIUS, RATES, SHEAR, write_heated_run
+from made_up_frames import source_of
 
 from multicor_cli.model import Model
 from multicor_cli.post import PostError, Selection, grain_map, profile, theta_eta
@@ -35,17 +36,9 @@ def cold(tmp_path_factory: pytest.TempPathFactory) -> Run:
     return open_run(path)
 
 
-class Frames(list[Frame]):
-    """Changed frames of a run with their times and stages."""
-
-    def __init__(self, frames: list[Frame]) -> None:
-        super().__init__(frames)
-        self.time = np.array([frame.time for frame in frames])
-        self.stage = np.array([frame.stage for frame in frames])
-
-
 def source(run: Run, frames: list[Frame], model: Model | None = None) -> SimpleNamespace:
-    return SimpleNamespace(model=model or run.model, frames=Frames(frames))
+    """The run with changed frames."""
+    return source_of(model or run.model, frames, [frame.time for frame in frames])
 
 
 def with_walls(tmp_path: Path, walls: tuple[float, float]) -> Run:

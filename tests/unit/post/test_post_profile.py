@@ -3,15 +3,17 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from made_up_frames import source_of
 from numpy.typing import NDArray
-from run_fakes import make_model
+from scene_parts import between_planes, make_shapes
 
-from multicor_cli.model import Model, ShapeKind, WallShapes
+from multicor_cli.model import ShapeKind
 from multicor_cli.post import PostError, Selection, profile
 from multicor_cli.post.binning import area_below, share_discs
 from multicor_cli.post.profile import ProfileTable
@@ -25,36 +27,21 @@ class Frame:
     wall_velocity: NDArray[np.float64]
 
 
-class Frames(list[Frame]):
-    """Frames with their times and stages, as a run has them."""
-
-    def __init__(self, frames: list[Frame]) -> None:
-        super().__init__(frames)
-        self.time = np.arange(len(frames), dtype=np.float64)
-        self.stage = np.zeros(len(frames), np.int32)
-
-
-@dataclass
-class Source:
-    model: Model
-    frames: Frames
-
-
 def make_source(
     y: NDArray[np.float64], radius: NDArray[np.float64], speed: NDArray[np.float64], *, lid: float = 0.0, lid_speed: float = 1.0
-) -> Source:
+) -> Any:
     """Frames with heights ``y`` and velocities ``speed``, both ``(frames, n)``, between walls at 0 and 1 + lid."""
-    model = make_model(radius.tolist())
+    model = between_planes(radius)
     frames = []
     for heights, values in zip(y, speed, strict=True):
         position = np.column_stack([np.zeros_like(heights), heights, np.zeros_like(heights)])
         velocity = np.column_stack([values, np.zeros_like(values), np.zeros_like(values)])
         walls = np.array([[0.0, 0.0, 0.0], [0.0, lid, 0.0]])
         frames.append(Frame(position, velocity, walls, np.array([[0.0, 0.0, 0.0], [lid_speed, 0.0, 0.0]])))
-    return Source(model, Frames(frames))
+    return source_of(model, frames)
 
 
-def random_source(frames: int = 7, n: int = 60, seed: int = 1) -> Source:
+def random_source(frames: int = 7, n: int = 60, seed: int = 1) -> Any:
     rng = np.random.default_rng(seed)
     radius = rng.uniform(0.02, 0.12, n)
     y = radius + rng.uniform(0.0, 1.0, (frames, n)) * (1.0 - 2.0 * radius)
@@ -196,14 +183,9 @@ def test_heights_follow_the_lower_wall() -> None:
     assert table.area.sum() == pytest.approx(2 * np.pi * 0.1**2)
 
 
-def _with_shapes(source: Source, kinds: list[ShapeKind], geometry: list[list[float]]) -> Source:
-    shapes = WallShapes(
-        np.array(kinds, np.int32),
-        np.arange(len(kinds), dtype=np.int32),
-        np.array(geometry, np.float64),
-        np.zeros(len(kinds), np.int32),
-    )
-    return Source(replace(source.model, shapes=shapes), source.frames)
+def _with_shapes(source: Any, kinds: list[ShapeKind], geometry: list[list[float]]) -> Any:
+    shapes = make_shapes(list(zip(kinds, range(len(kinds)), geometry, strict=True)))
+    return source_of(replace(source.model, shapes=shapes), source.frames)
 
 
 def _times(table: ProfileTable) -> list[int]:
@@ -229,4 +211,4 @@ def test_what_cannot_be_done_is_refused() -> None:
     with pytest.raises(PostError, match="between 1 and"):
         profile(source, bins=0)
     with pytest.raises(PostError, match="no frames yet"):
-        profile(Source(source.model, Frames([])))
+        profile(source_of(source.model, []))

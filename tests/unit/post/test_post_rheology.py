@@ -9,9 +9,10 @@ from typing import Any
 import numpy as np
 import pytest
 from heat_run import write_heated_run
-from run_fakes import make_model
+from made_up_frames import source_of
+from scene_parts import between_planes, make_shapes
 
-from multicor_cli.model import ShapeKind, WallShapes
+from multicor_cli.model import ShapeKind
 from multicor_cli.post import PostError, Selection, rheology
 from multicor_cli.post.rheology import QUANTITIES
 from multicor_cli.store import open_run
@@ -23,7 +24,7 @@ PRESS, SHEAR = 8.0, 2.4  # forces of the walls [N]
 def make_source(frames: int = 5, *, sign: float = 1.0, jitter: float = 0.0, seed: int = 0) -> Any:
     """Homogeneous shear between planes at 0 and 1; every contact along 135° for a positive rate, one per pair of numbers."""
     rng = np.random.default_rng(seed)
-    model = make_model([RADIUS] * N)
+    model = between_planes([RADIUS] * N)
     x, y = rng.uniform(0.0, PERIOD, N), rng.uniform(RADIUS, 1.0 - RADIUS, N)
     found = []
     for k in range(frames):
@@ -42,8 +43,7 @@ def make_source(frames: int = 5, *, sign: float = 1.0, jitter: float = 0.0, seed
                 contacts=make_contacts(sign),
             )
         )
-    frames_ = type("Frames", (list,), {"time": LAPSE * np.arange(frames), "stage": np.zeros(frames, int)})(found)
-    return SimpleNamespace(model=model, frames=frames_, series=make_series(frames, sign))
+    return source_of(model, found, LAPSE * np.arange(frames), series=make_series(frames, sign))
 
 
 def make_contacts(sign: float) -> SimpleNamespace:
@@ -142,12 +142,7 @@ def test_margin_is_eight_diameters_or_a_quarter_of_the_height() -> None:
     big = replace(source.model, grains=replace(source.model.grains, radius=np.full(N, 0.02)))
     thin = SimpleNamespace(model=big, frames=source.frames, series=source.series)
     assert rheology(thin, Selection(start=0.0)).margin == pytest.approx(0.25)
-    glued = WallShapes(
-        np.full(2, ShapeKind.DISC, np.int32),
-        np.array([0, 1], np.int32),
-        np.array([[0, 0, 0.03, 0], [0, 1, 0.03, 0]]),
-        np.zeros(2, np.int32),
-    )
+    glued = make_shapes([(ShapeKind.DISC, 0, (0.0, 0.0, 0.03, 0.0)), (ShapeKind.DISC, 1, (0.0, 1.0, 0.03, 0.0))])
     rough = SimpleNamespace(model=replace(source.model, shapes=glued), frames=source.frames, series=source.series)
     table = rheology(rough, Selection(start=0.0), margin=5.0)
     y = source.frames[0].position[:, 1]
@@ -189,8 +184,7 @@ def test_what_is_no_shear_is_refused(tmp_path: Any) -> None:
     box = SimpleNamespace(model=replace(source.model, period=0.0), frames=source.frames, series=source.series)
     with pytest.raises(PostError, match="periodic in x"):
         rheology(box, Selection(start=0.0))
-    kinds = np.array([ShapeKind.PLANE, ShapeKind.PLANE], np.int32)
-    beside = WallShapes(kinds, np.array([0, 1], np.int32), np.array([[0.0, 0, 1, 0], [4.0, 0, -1, 0]]), np.zeros(2, np.int32))
+    beside = make_shapes([(ShapeKind.PLANE, 0, (0.0, 0.0, 1.0, 0.0)), (ShapeKind.PLANE, 1, (4.0, 0.0, -1.0, 0.0))])
     sides = SimpleNamespace(model=replace(source.model, shapes=beside), frames=source.frames, series=source.series)
     with pytest.raises(PostError, match="a wall below and a wall above"):
         rheology(sides, Selection(start=0.0))

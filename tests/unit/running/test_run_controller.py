@@ -8,7 +8,8 @@ import signal
 
 import numpy as np
 import pytest
-from run_fakes import FakeEngine, MemoryRecorder, make_model, make_plan, shear
+from run_fakes import FakeEngine, MemoryRecorder, make_plan, shear
+from scene_parts import between_planes
 
 from multicor_cli.engine.contact.settings import PhysicsError, Settings
 from multicor_cli.model import BOOK_NAMES, State
@@ -46,7 +47,7 @@ def run_all(plan: RunPlan, recorder: MemoryRecorder, engine: FakeEngine) -> Stop
 
 @pytest.fixture
 def reference() -> tuple[FakeEngine, MemoryRecorder]:
-    model = make_model()
+    model = between_planes()
     engine, recorder = FakeEngine(model), MemoryRecorder()
     assert run_all(make_plan(model), recorder, engine) is StopReason.FINISHED
     return engine, recorder
@@ -79,7 +80,7 @@ def test_settings_and_drives_of_each_stage_reach_the_engine(reference: tuple[Fak
 
 
 def test_drives_learn_when_the_stages_began() -> None:
-    model = make_model()
+    model = between_planes()
     plan = make_plan(model)
     run_all(plan, MemoryRecorder(), FakeEngine(model))
     assert [stage.drives.starts for stage in plan.stages] == [[[0.0]], [[0.0, 0.11]], [[0.0, 0.11, 0.11 + 20 * 0.025]]]
@@ -89,7 +90,7 @@ def test_drives_learn_when_the_stages_began() -> None:
 def test_resumed_run_equals_uninterrupted_run(seed: int, reference: tuple[FakeEngine, MemoryRecorder]) -> None:
     """Signals, and crashes that lose everything since the last checkpoint, at random steps."""
     rng = random.Random(seed)
-    model = make_model()
+    model = between_planes()
     recorder, state, is_new = MemoryRecorder(), None, True
     for _ in range(200):
         engine, switchboard = FakeEngine(model, state), Switchboard()
@@ -121,7 +122,7 @@ def test_resumed_run_equals_uninterrupted_run(seed: int, reference: tuple[FakeEn
 @pytest.mark.parametrize("last", [0, 1, 11, 12, 30, 31, 37])
 def test_interrupted_step_leaves_the_state_of_the_step_before(last: int) -> None:
     """Also in the first step of a stage, whose drives have been set by then (steps 11 and 31)."""
-    model = make_model()
+    model = between_planes()
     engine, recorder, switchboard = FakeEngine(model), MemoryRecorder(), Switchboard()
 
     def act(step: int) -> None:
@@ -141,7 +142,7 @@ def test_interrupted_step_leaves_the_state_of_the_step_before(last: int) -> None
 
 
 def test_signal_during_the_first_step_waits_where_the_process_is_not_ours() -> None:
-    model = make_model()
+    model = between_planes()
     engine, recorder, switchboard = FakeEngine(model), MemoryRecorder(), Switchboard()
     engine.before_step = lambda _step: switchboard._on_stop(signal.SIGINT, None)
     reason = Controller(make_plan(model), engine, recorder, switchboard=switchboard, clock=Clock()).run(is_new=True)
@@ -150,7 +151,7 @@ def test_signal_during_the_first_step_waits_where_the_process_is_not_ours() -> N
 
 
 def test_time_limit_stops_with_a_checkpoint() -> None:
-    model = make_model()
+    model = between_planes()
     engine, recorder = FakeEngine(model), MemoryRecorder()
     controller = Controller(make_plan(model), engine, recorder, deadline=50.0, clock=Clock(tick=1.0))
     assert controller.run(is_new=True) is StopReason.TIME_LIMIT
@@ -171,7 +172,7 @@ class SlowRecorder(MemoryRecorder):
 
 
 def test_slow_checkpoints_are_rare() -> None:
-    model = make_model()
+    model = between_planes()
     recorder = SlowRecorder(Clock(), 1.5)
     engine = FakeEngine(model)
     engine.before_step = lambda _step: setattr(recorder.clock, "now", recorder.clock.now + 3.0)
@@ -180,7 +181,7 @@ def test_slow_checkpoints_are_rare() -> None:
 
 
 def test_checkpoints_follow_the_wall_clock() -> None:
-    model = make_model()
+    model = between_planes()
     recorder = SlowRecorder(Clock(), 0.01)
     plan = make_plan(model, checkpoint_interval=10.0)
     engine = FakeEngine(model)
@@ -195,7 +196,7 @@ def test_checkpoints_follow_the_wall_clock() -> None:
 
 
 def test_checkpoint_on_request_goes_on() -> None:
-    model = make_model()
+    model = between_planes()
     engine, recorder, switchboard = FakeEngine(model), MemoryRecorder(), Switchboard()
 
     def act(step: int) -> None:
@@ -208,7 +209,7 @@ def test_checkpoint_on_request_goes_on() -> None:
 
 
 def test_physics_error_keeps_the_last_checkpoint() -> None:
-    model = make_model()
+    model = between_planes()
     engine, recorder = FakeEngine(model), MemoryRecorder()
 
     def act(step: int) -> None:
@@ -231,7 +232,7 @@ def test_finished_state_runs_nothing(reference: tuple[FakeEngine, MemoryRecorder
 
 
 def test_observer_sees_every_step_and_a_progress_that_grows() -> None:
-    model = make_model()
+    model = between_planes()
     listener = Listener()
     Controller(make_plan(model), FakeEngine(model), MemoryRecorder(), observer=listener, clock=Clock()).run(is_new=True)
     assert [step for step, _, _ in listener.statuses] == list(range(1, 39))
@@ -242,7 +243,7 @@ def test_observer_sees_every_step_and_a_progress_that_grows() -> None:
 
 
 def test_strain_counts_to_and_fro() -> None:
-    model = make_model()
+    model = between_planes()
     gauge = ShearGauge.between(model, "bottom", "top")
     state = State.at_rest(model, np.zeros((2, 2)))
     total = 0.0
@@ -255,7 +256,7 @@ def test_strain_counts_to_and_fro() -> None:
 
 
 def test_strain_and_peak_begin_anew_in_each_stage() -> None:
-    model = make_model()
+    model = between_planes()
     gauge = ShearGauge.between(model, "bottom", "top")
     stages = tuple(
         StagePlan(name, 0.025, None, StrainReached(gauge, 0.5), 100, 100, Settings(), shear(1.0)) for name in ("forth", "on")
@@ -267,7 +268,7 @@ def test_strain_and_peak_begin_anew_in_each_stage() -> None:
 
 
 def test_gauge_refuses_unknown_and_equal_walls() -> None:
-    model = make_model()
+    model = between_planes()
     with pytest.raises(ValueError, match="no wall 'lid'"):
         ShearGauge.between(model, "bottom", "lid")
     with pytest.raises(ValueError, match="between 'top' and itself"):
@@ -277,7 +278,7 @@ def test_gauge_refuses_unknown_and_equal_walls() -> None:
 
 def test_strain_goal_survives_rounding() -> None:
     gauge = ShearGauge(0, 1, 1.0)
-    state = State.at_rest(make_model(), np.zeros((2, 2)))
+    state = State.at_rest(between_planes(), np.zeros((2, 2)))
     for _ in range(15_000):
         state.stage_strain += 1e-4
     assert state.stage_strain != 1.5
@@ -287,7 +288,7 @@ def test_strain_goal_survives_rounding() -> None:
 
 
 def test_rest_needs_motion_first_and_knows_the_initial_energy() -> None:
-    state = State.at_rest(make_model(), np.zeros((2, 2)))
+    state = State.at_rest(between_planes(), np.zeros((2, 2)))
     rest = RestReached(0.1)
     assert not rest.holds(state)
     state.step = 1
@@ -310,7 +311,7 @@ def test_intervals_become_whole_steps(interval: float, dt: float, steps: int) ->
 def test_progress_by_steps_where_their_number_is_known() -> None:
     stages = tuple(StagePlan(name, 0.1, limit, None, 1, 1, Settings(), shear(1.0)) for name, limit in (("a", 10), ("b", 30)))
     plan = RunPlan("p", stages, 1.0, True)
-    state = State.at_rest(make_model(), np.zeros((2, 2)))
+    state = State.at_rest(between_planes(), np.zeros((2, 2)))
     state.stage, state.stage_step = 1, 15
     assert plan.step_total == 40
     assert plan.progress(state) == pytest.approx(25 / 40)

@@ -10,7 +10,8 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import environment
-from run_fakes import FakeDrives, make_model, make_plan
+from run_fakes import FakeDrives, make_plan
+from scene_parts import between_planes
 from scenes import SMALL, write_small
 
 from multicor_cli.engine.contact.hertz import hertz_flattening
@@ -79,7 +80,7 @@ def test_lists_of_another_length_differ_as_a_whole() -> None:
     ],
 )
 def test_steps_to_a_strain_are_foreseen(signal: Constant | Ramp | Sine, steps: int | None) -> None:
-    model = make_model()
+    model = between_planes()
     gauge = ShearGauge.between(model, "bottom", "top")
     drives = FakeDrives(WallDrive(), WallDrive(x=DofDrive(velocity=signal)))
     stage = StagePlan("shear", 0.01, None, StrainReached(gauge, 0.5), 1, 1, Settings(), drives)
@@ -90,7 +91,7 @@ def test_steps_to_a_strain_are_foreseen(signal: Constant | Ramp | Sine, steps: i
 
 
 def test_force_driven_shear_is_not_foreseen() -> None:
-    model = make_model()
+    model = between_planes()
     gauge = ShearGauge.between(model, "bottom", "top")
     drives = FakeDrives(WallDrive(), WallDrive(x=DofDrive(force=Constant(1.0))))
     stage = StagePlan("shear", 0.01, None, StrainReached(gauge, 0.5), 1, 1, Settings(), drives)
@@ -117,7 +118,7 @@ def test_estimate_grows_with_what_it_depends_on(tmp_path: Path) -> None:
 
 
 def test_frames_of_the_estimate_are_those_of_the_run() -> None:
-    model = make_model()
+    model = between_planes()
     plan = make_plan(model)
     steps = estimate_steps(plan, model, State.at_rest(model, np.zeros((2, 2))))
     assert steps == [20, 20, 7]
