@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
@@ -36,22 +37,39 @@ def heated_model(*, heat: bool = True) -> Model:
     return replace(model, thermal=Thermal(capacity, np.full(GRAINS, 300.0), np.full(GRAINS, 0.3)) if heat else None)
 
 
+def column(model: Model) -> State:
+    """The grains on top of each other, at rest."""
+    return State.at_rest(model, np.column_stack([np.full(GRAINS, 2.0), RADIUS + 2.0 * RADIUS * np.arange(GRAINS)]))
+
+
+def write_frames(
+    run: RunDirectory,
+    model: Model,
+    advance: Callable[[State], None],
+    frames: int,
+    *,
+    contacts: bool = True,
+    is_finished: bool = True,
+) -> None:
+    """Write frames of a column, each with a row of the time series; ``advance`` leads from one to the next."""
+    writer, state = run.writer(model), column(model)
+    for frame in range(frames):
+        if frame:
+            advance(state)
+        writer.frame(Moment(state, model, contact_rows(state) if contacts else None))
+        writer.series_row(Moment(state, model))
+    run.checkpoint(state, writer)
+    if is_finished:
+        run.finish("finished")
+
+
 def write_heated_run(
     path: Path, *, heat: bool = True, frames: int = 5, walls: tuple[float, float] = (300.0, 320.0), contacts: bool = True
 ) -> Model:
     """Write a finished run. Its frame 0 is at 300 K and before any step; ``walls`` are the temperatures of bottom and top."""
     model = heated_model(heat=heat)
     with RunDirectory.create(path, "", "", {"seed": 1}, stages=("shear",)) as run:
-        writer = run.writer(model)
-        state = State.at_rest(model, np.column_stack([np.full(GRAINS, 2.0), RADIUS + 2.0 * RADIUS * np.arange(GRAINS)]))
-        for frame in range(frames):
-            if frame:
-                _advance(state, model, walls)
-            rows = contact_rows(state) if contacts else None
-            writer.frame(Moment(state, model, rows))
-            writer.series_row(Moment(state, model))
-        run.checkpoint(state, writer)
-        run.finish("finished")
+        write_frames(run, model, lambda state: _advance(state, model, walls), frames, contacts=contacts)
     return model
 
 

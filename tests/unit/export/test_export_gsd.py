@@ -12,11 +12,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from heat_run import GRAINS, contact_rows, heated_model
+from heat_run import GRAINS, column, contact_rows, heated_model
 from store_support import make_model, run_whole
 
 from multicor_cli.export import ExportError, ExportRefused, MissingLibrary, export_gsd
-from multicor_cli.model import State
 from multicor_cli.store import Moment, Run, RunDirectory, StorageError, open_run
 
 hoomd = pytest.importorskip("gsd.hoomd")
@@ -107,7 +106,7 @@ def test_bonds_are_the_contacts_that_carry_a_force(run: Run, tmp_path: Path) -> 
 def test_frames_without_contacts_do_not_repeat_those_of_the_first_one(tmp_path: Path) -> None:
     """What a GSD frame lacks is that of the first one: a frame without bonds has to say so, recorded or not."""
     model = heated_model()
-    state = State.at_rest(model, np.column_stack([np.full(GRAINS, 2.0), 0.05 + 0.1 * np.arange(GRAINS)]))
+    state = column(model)
     with RunDirectory.create(tmp_path / "run", "", "", {"seed": 1}, stages=("a",)) as run:
         writer = run.writer(model)
         state.last_dt = 0.1

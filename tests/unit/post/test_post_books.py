@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from heat_run import GRAINS, write_heated_run
-from scenes import SMALL
+from scenes import write_small
 
 import multicor_cli as multicor
 from multicor_cli.post import PostError, Selection, compare, energy, profile, rheology
@@ -19,7 +19,7 @@ from multicor_cli.store import Run, open_run
 def pair(tmp_path_factory: pytest.TempPathFactory) -> tuple[Run, Run]:
     """The small run twice, with another seed and a faster wall."""
     path = tmp_path_factory.mktemp("pair")
-    (path / "small.toml").write_text(SMALL)
+    write_small(path)
     common = ["loading.0.duration=0.01", "loading.1.until.strain.value=0.5", "output.frame_interval=0.001"]
     other = ["scenario.seed=4", "loading.1.drives.top.x.velocity.ramp=[0.0, 0.2]"]
     multicor.run(path / "small.toml", path / "a", overrides=common, threads=1)

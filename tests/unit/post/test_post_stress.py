@@ -9,7 +9,7 @@ import pytest
 from heat_run import GRAINS, RADIUS, write_heated_run
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from scenes import SMALL
+from scenes import write_small
 
 import multicor_cli as multicor
 from multicor_cli.post import PROFILE_GROUPS, PostError, Selection, grain_map, profile, profiles, rheology
@@ -44,7 +44,7 @@ def sheared(flows: list[Run]) -> Run:
 
 
 def shear(path: Path, seed: int) -> Run:
-    (path / "small.toml").write_text(SMALL)
+    write_small(path)
     overrides = (
         "domain.size=[0.02, 0.03]",
         "domain.gravity=[0.0, 0.0]",
