@@ -61,9 +61,8 @@ def coupled_engine(model, positions, velocities=None, conditions=None, *, laws=N
 
 def heat_engine(model, positions, *, conditions=None, laws=None, **settings):
     """Heat alone, of bodies that stand still."""
-    engine = HeatEngine(
-        model, State.at_rest(model, np.asarray(positions, float)), HeatSettings(laws or make_heat_laws(), **settings)
-    )
+    state = State.at_rest(model, np.asarray(positions, float))
+    engine = HeatEngine(model, state, HeatSettings(laws or make_heat_laws(), **settings))
     engine.set_conditions(conditions or [WallHeat()] * model.wall_count)
     return engine
 

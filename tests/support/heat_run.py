@@ -42,15 +42,7 @@ def column(model: Model) -> State:
     return State.at_rest(model, np.column_stack([np.full(GRAINS, 2.0), RADIUS + 2.0 * RADIUS * np.arange(GRAINS)]))
 
 
-def write_frames(
-    run: RunDirectory,
-    model: Model,
-    advance: Callable[[State], None],
-    frames: int,
-    *,
-    contacts: bool = True,
-    is_finished: bool = True,
-) -> None:
+def write_frames(run: RunDirectory, model: Model, advance: Callable[[State], None], frames: int, *, contacts: bool = True) -> None:
     """Write frames of a column, each with a row of the time series; ``advance`` leads from one to the next."""
     writer, state = run.writer(model), column(model)
     for frame in range(frames):
@@ -59,8 +51,6 @@ def write_frames(
         writer.frame(Moment(state, model, contact_rows(state) if contacts else None))
         writer.series_row(Moment(state, model))
     run.checkpoint(state, writer)
-    if is_finished:
-        run.finish("finished")
 
 
 def write_heated_run(
@@ -70,6 +60,7 @@ def write_heated_run(
     model = heated_model(heat=heat)
     with RunDirectory.create(path, "", "", {"seed": 1}, stages=("shear",)) as run:
         write_frames(run, model, lambda state: _advance(state, model, walls), frames, contacts=contacts)
+        run.finish("finished")
     return model
 
 

@@ -35,7 +35,9 @@ def write_evil_run(path: Path, *, frames: int = 6, is_finished: bool = True, is_
     model = replace(model, grains=replace(model.grains, group=np.arange(GRAINS, dtype=np.int32) % 2))
     source = f"# {EVIL}\n[scenario]\nname = '''{EVIL}'''\ndescription = '''{EVIL}'''\n"
     with RunDirectory.create(path, source, source, {"seed": 1, "command": EVIL}, stages=(EVIL,)) as run:
-        write_frames(run, model, lambda state: _advance(state, model, is_crossing), frames, is_finished=is_finished)
+        write_frames(run, model, lambda state: _advance(state, model, is_crossing), frames)
+        if is_finished:
+            run.finish("finished")
     return model
 
 
