@@ -179,9 +179,9 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
     """A file system of its own, whose size can be changed."""
     path = tmp_path / "disk"
     path.mkdir()
-    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", path], capture_output=True, check=False)
+    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", path], capture_output=True, text=True, check=False)
     if mounted.returncode:
-        pytest.skip("only root may mount a file system")
+        pytest.skip(f"no file system can be mounted here: {mounted.stderr.strip()}")
     yield path
     subprocess.run(["umount", path], check=True)
 

@@ -147,13 +147,14 @@ def as_nobody(arguments: list[object], cwd: Path, **extra: str) -> subprocess.Co
 def nobodys(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A directory in which that user may read but not write."""
     if os.getuid() != 0 or shutil.which("setpriv") is None:
-        pytest.skip("only root can become somebody else")
+        pytest.skip("only root can become somebody else, with setpriv")
     path = Path("/tmp") / f"multicor-nobody-{os.getpid()}"  # those of pytest are closed to others
     path.mkdir(mode=0o755)
     write_small(path)
-    if as_nobody(["--version"], path).returncode != 0:
+    version = as_nobody(["--version"], path)
+    if version.returncode != 0:
         shutil.rmtree(path)
-        pytest.skip("the interpreter is closed to other users")
+        pytest.skip(f"the interpreter is closed to other users: {version.stderr.strip()}")
     return path
 
 

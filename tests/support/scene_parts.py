@@ -4,7 +4,7 @@ import numpy as np
 
 from multicor_cli.engine import Engine, Settings
 from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
-from multicor_cli.model import ContactLaws, Grains, Model, ShapeKind, State, Walls, WallShapes
+from multicor_cli.model import BOOK_NAMES, TALLY_NAMES, ContactLaws, Grains, Model, ShapeKind, State, Walls, WallShapes
 
 G = 9.81
 FLOOR = [(ShapeKind.PLANE, 0, (0.0, 0.0, 0.0, 1.0))]
@@ -82,14 +82,10 @@ def advance(engine, dt, steps):
 
 
 def book(state, name):
-    from multicor_cli.model import BOOK_NAMES
-
     return state.books[BOOK_NAMES.index(name)]
 
 
 def tally(state, name):
-    from multicor_cli.model.state import TALLY_NAMES
-
     return state.tallies[TALLY_NAMES.index(name)]
 
 

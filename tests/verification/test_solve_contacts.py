@@ -104,9 +104,10 @@ def test_nothing_to_solve_costs_no_sweep():
 
 def _siconos_python():
     """The interpreter that can import Siconos, or None."""
-    for name in (os.environ.get("SICONOS_PYTHON"), "/usr/bin/python3", shutil.which("python3")):
-        if name and subprocess.run([name, "-c", "import siconos.numerics"], capture_output=True, check=False).returncode == 0:
-            return name
+    for name in (os.environ.get("SICONOS_PYTHON"), "/usr/bin/python3", "python3"):
+        python = shutil.which(name or "")
+        if python and subprocess.run([python, "-c", "import siconos.numerics"], capture_output=True, check=False).returncode == 0:
+            return python
     return None
 
 

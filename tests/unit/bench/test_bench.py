@@ -94,7 +94,7 @@ def test_scenes_are_valid_scenarios_of_any_size(name: str, copies: int) -> None:
 def test_c_sweep_is_ours_and_a_wrong_one_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
     c_sweep = compile_sweep()
     if c_sweep is None:
-        pytest.skip("needs a C compiler")
+        pytest.skip("needs a C compiler that works")
     engine = shear_engine(columns=8, rows=6)
     advance(engine, 0.02, 60)
     system = engine.next_system(0.02, 0.0).system

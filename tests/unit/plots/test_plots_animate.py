@@ -71,7 +71,7 @@ def test_name_of_the_film(monkeypatch: pytest.MonkeyPatch) -> None:
     assert film_path(Path("a.mp4")) == Path("a.gif")
 
 
-@pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="needs ffmpeg")
+@pytest.mark.skipif(not (shutil.which("ffmpeg") and shutil.which("ffprobe")), reason="needs ffmpeg and ffprobe")
 def test_mp4_has_every_frame(run: Run, tmp_path: Path) -> None:
     told = []
     film = write_film(maps(run), 6, tmp_path / "film.mp4", rate=5.0, progress=lambda done, total: told.append((done, total)))
@@ -82,7 +82,6 @@ def test_mp4_has_every_frame(run: Run, tmp_path: Path) -> None:
     assert said.strip() == "5/1,6"
 
 
-@pytest.mark.skipif(shutil.which("ffmpeg") is None, reason="needs ffmpeg")
 def test_what_ffmpeg_says_is_passed_on(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (tmp_path / "ffmpeg").write_text("#!/bin/sh\necho 'no codec' >&2\nexit 3\n")
     (tmp_path / "ffmpeg").chmod(0o755)
