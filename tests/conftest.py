@@ -5,22 +5,17 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from small_run import call, write_small
+from command_line import call
+from scenes import write_small
 
-FIRST = ("test_digests", "test_types", "test_store", "test_vtkhdf")
-"""Beginnings of the names of files to begin with: one process compiles the kernels with the first, for all, while another does
-without kernels what comes next."""
-
-LAST = ("unit", "verification")
-"""Directories of many short tests: long ones come before, so that no process is left with one at the end."""
+PLACES = {"digests": -3, "unit/project/test_types.py": -2, "unit/store": -1, "unit": 1, "verification": 2}
+"""Folders that come before others, or after: one process compiles the kernels with the first, for all, while another does without
+kernels what comes next. Folders of many short tests are last, so that no process is left with a long one at the end."""
 
 
 def _place(item: pytest.Item) -> int:
-    for place, beginning in enumerate(FIRST):
-        if item.path.name.startswith(beginning):
-            return place
-    folder = item.path.parent.name
-    return len(FIRST) + (LAST.index(folder) + 1 if folder in LAST else 0)
+    path = item.path.relative_to(Path(__file__).parent)
+    return next((PLACES[folder] for folder in map(Path.as_posix, (path, *path.parents)) if folder in PLACES), 0)
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:

@@ -7,7 +7,7 @@ import sys
 from pathlib import Path
 
 import pytest
-from small_run import call, environment
+from command_line import call, environment
 
 from multicor_cli import __version__
 

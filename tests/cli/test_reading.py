@@ -10,8 +10,8 @@ import subprocess
 from pathlib import Path
 
 import pytest
+from command_line import call, command, environment
 from heat_run import GRAINS, RATES, write_heated_run
-from small_run import call, command, environment
 from typer.testing import CliRunner
 
 from multicor_cli.cli.app import app

@@ -7,11 +7,11 @@ import subprocess
 import sys
 from pathlib import Path
 
-from small_run import environment
+from command_line import environment
+from places import ROOT
 
 from multicor_cli.cli.post_commands import COMMANDS
 
-ROOT = Path(__file__).parents[2]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
 

@@ -11,7 +11,8 @@ import time
 from pathlib import Path
 
 import pytest
-from small_run import SMALL, call, command, environment, read_info, start, write_small
+from command_line import call, command, environment, read_info, start
+from scenes import LASTING, write_small
 
 from multicor_cli.store import open_run
 
@@ -71,7 +72,7 @@ def test_kills_and_signals_leave_no_trace(finished: Path, tmp_path: Path) -> Non
 
 
 def test_signals_stop_soon_after_a_checkpoint(tmp_path: Path) -> None:
-    write_small(tmp_path, SMALL.replace("duration = 0.004", "duration = 100.0"))
+    write_small(tmp_path, LASTING)
     reached = 0
     for number, code in [(signal.SIGINT, 130), (signal.SIGTERM, 143)]:
         process = start("run", "small.toml", "-o", "long", *OFTEN, cwd=tmp_path)
@@ -159,7 +160,7 @@ def test_signal_while_nothing_has_to_be_saved_ends_the_process(finished: Path, t
 
 
 def test_usr1_writes_a_checkpoint_and_goes_on(tmp_path: Path) -> None:
-    write_small(tmp_path, SMALL.replace("duration = 0.004", "duration = 100.0"))
+    write_small(tmp_path, LASTING)
     process = start("run", "small.toml", "-o", "long", cwd=tmp_path)
     wait_for_step(process, tmp_path / "long", 0)
     for _ in range(100):
@@ -203,7 +204,7 @@ def test_keys_without_influence_may_change(finished: Path) -> None:
 
 
 def test_two_runs_on_one_directory(tmp_path: Path) -> None:
-    write_small(tmp_path, SMALL.replace("duration = 0.004", "duration = 100.0"))
+    write_small(tmp_path, LASTING)
     process = start("run", "small.toml", "-o", "long", cwd=tmp_path)
     wait_for_step(process, tmp_path / "long", 0)
     second = call("run", "small.toml", "-o", "long", cwd=tmp_path)

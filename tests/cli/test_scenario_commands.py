@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
-from small_run import SMALL, write_small
+from scenes import SMALL, changed, write_small
 from typer.testing import CliRunner
 
 from multicor_cli.cli.app import app
@@ -64,12 +64,8 @@ def test_validate_applies_overrides(tmp_path: Path) -> None:
 
 
 def test_all_problems_at_once_with_positions(tmp_path: Path) -> None:
-    text = (
-        SMALL.replace("friction = 0.4", "friction = -0.4")
-        .replace("thickness = 1e-3", "thicknes = 1e-3")
-        .replace("dt = 2e-4", "dt = 0.0")
-    )
-    path = write_small(tmp_path, text)
+    mistakes = (("friction = 0.4", "friction = -0.4"), ("thickness = 1e-3", "thicknes = 1e-3"), ("dt = 2e-4", "dt = 0.0"))
+    path = write_small(tmp_path, changed(SMALL, *mistakes))
     done = runner.invoke(app, ["validate", str(path)])
     assert done.exit_code == 3
     assert done.stdout == ""
@@ -82,11 +78,11 @@ def test_all_problems_at_once_with_positions(tmp_path: Path) -> None:
 
 def test_overlapping_grains_are_a_problem_of_the_scenario(tmp_path: Path) -> None:
     (tmp_path / "grains.csv").write_text("x,y,radius\n0.005,0.005,0.0005\n0.0053,0.005,0.0005\n")
-    text = SMALL.replace('packing = { kind = "random" }', 'packing = { kind = "file", path = "grains.csv" }').replace(
-        "count = 60\n", ""
-    )
-    text = text.replace(
-        'sizes = { kind = "uniform", min = 0.4e-3, max = 0.6e-3 }\n', 'sizes = { kind = "list", radii = [0.5e-3] }\n'
+    text = changed(
+        SMALL,
+        ('packing = { kind = "random" }', 'packing = { kind = "file", path = "grains.csv" }'),
+        ("count = 60\n", ""),
+        ('{ kind = "uniform", min = 0.4e-3, max = 0.6e-3 }', '{ kind = "list", radii = [0.5e-3] }'),
     )
     done = runner.invoke(app, ["validate", str(write_small(tmp_path, text))])
     assert done.exit_code == 3

@@ -12,11 +12,11 @@ import pytest
 from digest_cases import CASES, SHIPPED
 from digest_run import differences, frozen, run_cases
 from machines import another_machine
+from places import DATA, ROOT
 
 from multicor_cli.model.nudge import VARIABLE, nudge_seed
 
 HERE = Path(__file__).parent
-PYTHONPATH = str(HERE.parents[1])
 
 pytestmark = pytest.mark.skipif(nudge_seed() is not None, reason=f"{VARIABLE} moves the positions whose bits are frozen")
 
@@ -28,7 +28,7 @@ FOREIGN = (
 )  # fmt: skip
 """Cases for the other machine: every elementary function and kind of law. `machines.py` takes all cases."""
 
-PROBLEM = HERE.parent / "data" / "bed-1008.npz"
+PROBLEM = DATA / "bed-1008.npz"
 
 SOLVE = """
 import hashlib, sys
@@ -56,7 +56,7 @@ def test_frozen_digests_hold_here(tmp_path):
 
 def call(*arguments: str, **environment: str) -> str:
     """Run Python elsewhere; what it prints."""
-    everything = {**os.environ, **environment, "PYTHONPATH": PYTHONPATH}
+    everything = {**os.environ, **environment, "PYTHONPATH": str(ROOT)}
     done = subprocess.run([sys.executable, *arguments], env=everything, capture_output=True, text=True, timeout=500, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
     return done.stdout

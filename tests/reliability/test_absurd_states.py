@@ -11,13 +11,14 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from small_run import environment
+from command_line import environment
+from places import SUPPORT
+from scenes import WARM
 from trials import trials
-from warm_run import WARM
 
 from multicor_cli.model import State
 
-WORKER = Path(__file__).parents[1] / "support" / "poison_worker.py"
+WORKER = SUPPORT / "poison_worker.py"
 VALUES = ("nan", "inf", "-inf", "1e308", "-1e308")
 FLOATS = tuple(f.name for f in fields(State) if "Ints" not in str(f.type) and "int" not in str(f.type))
 """Fields of a state that hold numbers with a fraction."""

@@ -16,10 +16,11 @@ import h5py
 import numpy as np
 import pytest
 import tomli_w
+from command_line import call
 from damage_worker import BYTES
-from small_run import ROOT, SMALL, call
+from places import ROOT
+from scenes import SMALL, WARM
 from trials import trials
-from warm_run import WARM
 
 from multicor_cli.engine import PhysicsError
 from multicor_cli.packing import build

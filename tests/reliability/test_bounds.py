@@ -8,10 +8,11 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from small_run import SMALL, command, environment, read_info
-from warm_run import WARM
+from command_line import command, environment, read_info
+from places import ROOT
+from scenes import SMALL, WARM
 
-CONFIGS = Path(__file__).parents[2] / "configs"
+CONFIGS = ROOT / "configs"
 FEW = ("particles.0.count=40", "loading.0.duration=0.003", "loading.2.duration=0.001", "loading.3.duration=0.001")
 """Makes the warm scenario short enough to be interpreted."""
 

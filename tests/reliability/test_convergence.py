@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from small_run import call, read_info, write_small
+from command_line import call, read_info
+from scenes import write_small
 
 from multicor_cli.store import open_run
 

@@ -13,11 +13,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from small_run import environment
+from command_line import environment
+from places import ROOT, SUPPORT
 from store_support import continue_run, killed_at
 from trials import trials
 
-SUPPORT = Path(__file__).parents[1] / "support"
 WHOLE_FILES = ("empty", "gone", "foreign", "another run's", "sibling's")
 KINDS = ("finished", "interrupted", "unfinished", "alone")
 Case = tuple[str, str, str, int]
@@ -65,7 +65,7 @@ def outcomes(runs: Path, scratch: Path, cases: list[Case]) -> Iterator[tuple[Cas
             stdin=source,
             stdout=subprocess.PIPE,
             stderr=errors,
-            env={**environment(), "PYTHONPATH": f"{SUPPORT}:{SUPPORT.parents[1]}"},
+            env={**environment(), "PYTHONPATH": f"{SUPPORT}:{ROOT}"},
             text=True,
         )
     assert worker.stdout is not None

@@ -11,7 +11,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from small_run import call, call_outside, read_info, write_small
+from command_line import call, call_outside, read_info
+from scenes import write_small
 from store_support import continue_run, drive, make_model, make_run
 from system_calls import hooked
 from trials import thinned, trials
@@ -178,9 +179,9 @@ def small_disk(tmp_path: Path) -> Iterator[Path]:
     """A file system of its own, whose size can be changed."""
     path = tmp_path / "disk"
     path.mkdir()
-    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", path], capture_output=True, check=False)
+    mounted = subprocess.run(["mount", "-t", "tmpfs", "-o", "size=64k", "tmpfs", path], capture_output=True, text=True, check=False)
     if mounted.returncode:
-        pytest.skip("only root may mount a file system")
+        pytest.skip(f"no file system can be mounted here: {mounted.stderr.strip()}")
     yield path
     subprocess.run(["umount", path], check=True)
 

@@ -14,7 +14,7 @@ from typing import Any
 import h5py
 import numpy as np
 import pytest
-from small_run import call, command, environment
+from command_line import call, command, environment
 from trials import thinned
 
 from multicor_cli.store import DamagedRun, StoreError, open_run, run_info, verify

@@ -10,9 +10,9 @@ import tarfile
 from pathlib import Path
 
 import pytest
+from command_line import call, read_info
 from digest_run import digests_of
 from keep_run import DATA
-from small_run import call, read_info
 
 from multicor_cli.model.nudge import VARIABLE, nudge_seed
 from multicor_cli.store import open_run, verify

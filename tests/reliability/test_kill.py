@@ -14,10 +14,10 @@ import time
 from pathlib import Path
 
 import pytest
+from command_line import call, read_info, start
 from kill_points import POINTS
-from small_run import call, read_info, start
+from scenes import WARM
 from trials import trials
-from warm_run import WARM
 
 from multicor_cli.store import RunDirectory, verify
 

@@ -10,9 +10,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from small_run import ROOT, call, command, environment, read_info
+from command_line import call, command, environment, read_info
+from places import ROOT
+from scenes import WARM, changed
 from trials import trials
-from warm_run import WARM
 
 from multicor_cli.store import open_run, verify
 
@@ -99,7 +100,7 @@ def test_too_little_memory(tmp_path: Path, count: int) -> None:
     assert codes[0] == 5
 
 
-SOAK = WARM.replace("count = 150", "count = 12").replace('"deposited"', '"random"')
+SOAK = changed(WARM, ("count = 150", "count = 12"), ('"deposited"', '"random"'))
 SAMPLES = 80
 WATCHED_RUN = f"""
 import os, sys
@@ -121,9 +122,8 @@ run("soak.toml", "run", overrides=["output.checkpoint_interval=1.0"], observer=S
 def test_soak(tmp_path: Path, count: int) -> None:
     """A million steps of a shaken, heated layer: memory and open files as after a tenth of them, books closed to rounding."""
     intervals = f"frame_interval = {5e-4 * count / 100}\nseries_interval = {5e-4 * count / 1000}"
-    text = SOAK.replace("duration = 0.01", f"duration = {5e-4 * count}", 1)
-    text = text.replace("frame_interval = 2e-3\nseries_interval = 1e-3", intervals)
-    (tmp_path / "soak.toml").write_text(text)
+    duration = ("duration = 0.01", f"duration = {5e-4 * count}")
+    (tmp_path / "soak.toml").write_text(changed(SOAK, duration, ("frame_interval = 2e-3\nseries_interval = 1e-3", intervals)))
     call("run", "soak.toml", "--dry-run", cwd=tmp_path)
     watched = [sys.executable, "-c", WATCHED_RUN, str(count)]
     done = subprocess.run(watched, cwd=tmp_path, env=environment(), capture_output=True, text=True, check=False)

@@ -9,10 +9,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from small_run import SMALL
+from scenes import SMALL, WARM
 from store_support import advance, make_model, make_run, start
 from trials import trials
-from warm_run import WARM
 
 from multicor_cli import run as run_scenario
 from multicor_cli.model import State

@@ -13,12 +13,14 @@ import time
 from pathlib import Path
 
 import pytest
-from small_run import SMALL, call, command, environment, read_info, start, write_small
+from command_line import call, command, environment, read_info, start
+from places import ROOT
+from scenes import LASTING, write_small
 from trials import trials
 
 from multicor_cli.store import verify
 
-CONFIGS = Path(__file__).parents[2] / "configs"
+CONFIGS = ROOT / "configs"
 PROMISED = 2.0
 """Time from the signal to the end [s]."""
 
@@ -72,7 +74,7 @@ def test_signals_end_the_program_soon(tmp_path: Path, count: int) -> None:
 
 @trials(short=1, long=20)
 def test_of_two_runs_that_start_together_one_goes_on(tmp_path: Path, count: int) -> None:
-    write_small(tmp_path, SMALL.replace("duration = 0.004", "duration = 100.0"))
+    write_small(tmp_path, LASTING)
     for trial in range(count):
         both = [start("run", "small.toml", "-o", str(trial), cwd=tmp_path) for _ in range(2)]
         wait_until(lambda both=both: any(process.poll() is not None for process in both), both[0], 60.0)
@@ -123,7 +125,7 @@ def test_process_number_that_was_given_to_another_program_is_dead(tmp_path: Path
 
 
 def test_usr1_goes_on(tmp_path: Path) -> None:
-    write_small(tmp_path, SMALL.replace("duration = 0.004", "duration = 100.0"))
+    write_small(tmp_path, LASTING)
     process = start("run", "small.toml", "-o", "run", cwd=tmp_path)
     wait_until((tmp_path / "run" / "model.h5").exists, process)
     process.send_signal(signal.SIGUSR1)
@@ -137,7 +139,7 @@ def test_usr1_goes_on(tmp_path: Path) -> None:
 @pytest.mark.skipif(signal.SIGHUP not in CODES, reason="these tests run under nohup")
 def test_terminal_that_closes_stops_the_run_after_a_checkpoint(tmp_path: Path) -> None:
     """Where nothing can be written to it any more, not even why the run stopped."""
-    write_small(tmp_path, SMALL.replace("duration = 0.004", "duration = 100.0"))
+    write_small(tmp_path, LASTING)
     child, terminal = pty.fork()
     if child == 0:
         os.chdir(tmp_path)

@@ -11,9 +11,10 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from small_run import ROOT, SMALL, call, environment, read_info, start, write_small
+from command_line import call, environment, read_info, start
+from places import ROOT
+from scenes import SMALL, WARM, changed, write_small
 from trials import thinned, trials
-from warm_run import WARM
 
 from multicor_cli.store import open_run
 
@@ -64,7 +65,7 @@ def test_clocks_that_jump_and_time_zones(zone: str, finished: Path, tmp_path: Pa
 @trials(short=5, long=50)
 def test_reading_while_it_runs(tmp_path: Path, count: int) -> None:
     """Every reading is the beginning of what is there at the end, and no shorter than the one before."""
-    text = SMALL.replace("duration = 0.004", "duration = 0.4" if count < 10 else "duration = 4.0")
+    text = changed(SMALL, ("duration = 0.004", "duration = 0.4" if count < 10 else "duration = 4.0"))
     write_small(tmp_path, text)
     process = start("run", "small.toml", "-o", "run", "--set", "output.checkpoint_interval=0.01", cwd=tmp_path)
     end = time.monotonic() + 120.0
@@ -146,13 +147,14 @@ def as_nobody(arguments: list[object], cwd: Path, **extra: str) -> subprocess.Co
 def nobodys(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """A directory in which that user may read but not write."""
     if os.getuid() != 0 or shutil.which("setpriv") is None:
-        pytest.skip("only root can become somebody else")
+        pytest.skip("only root can become somebody else, with setpriv")
     path = Path("/tmp") / f"multicor-nobody-{os.getpid()}"  # those of pytest are closed to others
     path.mkdir(mode=0o755)
     write_small(path)
-    if as_nobody(["--version"], path).returncode != 0:
+    version = as_nobody(["--version"], path)
+    if version.returncode != 0:
         shutil.rmtree(path)
-        pytest.skip("the interpreter is closed to other users")
+        pytest.skip(f"the interpreter is closed to other users: {version.stderr.strip()}")
     return path
 
 

@@ -8,11 +8,12 @@ from pathlib import Path
 
 import tomli_w
 from digest_cases import CASES, Case
+from places import DATA
 
 import multicor_cli as multicor
 from multicor_cli.store import run_info
 
-FROZEN = Path(__file__).parents[1] / "data" / "digests.toml"
+FROZEN = DATA / "digests.toml"
 
 _HEAD = """\
 # What the short runs of tests/support/digest_cases.py end with, on every machine. `python tests/digests` compares this machine with

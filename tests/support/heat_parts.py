@@ -3,8 +3,9 @@
 from dataclasses import replace
 
 import numpy as np
-from scene_parts import make_model
+from scene_parts import TIGHT, make_engine, make_model
 
+from multicor_cli.engine.coupled import CoupledEngine
 from multicor_cli.engine.heat.conduction import ContactForce
 from multicor_cli.engine.heat.laws import heat_laws
 from multicor_cli.engine.heat.settings import HeatSettings
@@ -36,21 +37,35 @@ def with_heat(model, start, *, capacity=None, specific=500.0):
     return replace(model, thermal=Thermal(c, start, 4.0 * np.pi * radius**2))
 
 
+def coupled_engine(model, positions, velocities=None, conditions=None, *, laws=None, solver=TIGHT, drives=None, **settings):
+    """Mechanics and heat together, both switched on."""
+    mechanics = make_engine(model, positions, velocities, settings=solver, drives=drives)
+    heat = HeatEngine(model, mechanics.state, HeatSettings(laws or make_heat_laws(), **settings))
+    engine = CoupledEngine(mechanics, heat)
+    engine.set_heat(conditions or [WallHeat()] * model.wall_count, is_on=True, is_frozen=False)
+    return engine
+
+
+def heat_engine(model, positions, *, conditions=None, laws=None, **settings):
+    """Heat alone, of bodies that stand still."""
+    state = State.at_rest(model, np.asarray(positions, float))
+    engine = HeatEngine(model, state, HeatSettings(laws or make_heat_laws(), **settings))
+    engine.set_conditions(conditions or [WallHeat()] * model.wall_count)
+    return engine
+
+
 def touching_engine(positions, start, *, conditions=None, capacity=1.0, shapes=(), walls=(), period=0.0, radius=1.0, **settings):
     """A heat engine over bodies that stand still and touch; every contact conducts 1 W/K between grains.
 
     The prescribed force is chosen for it: H = 2 λ (3 F a*/4E*)^⅓ with a* = a/2.
     """
-    positions = np.asarray(positions, float)
     model = make_model(np.full(len(positions), radius), shapes, walls, period=period, shape="sphere")
     model = with_heat(model, start, capacity=capacity)
-    state = State.at_rest(model, positions)
     laws = make_heat_laws(emissivity=settings.pop("emissivity", 0.0))
     spot = 1.0 / (2.0 * 15.0)
     force = spot**3 * 4.0 * laws.modulus[0, 0] / (3.0 * 0.5 * radius)
-    engine = HeatEngine(model, state, HeatSettings(laws, force=ContactForce("prescribed", force), **settings))
-    engine.set_conditions(conditions or [WallHeat()] * model.wall_count)
-    return engine
+    force = ContactForce("prescribed", force)
+    return heat_engine(model, positions, conditions=conditions, laws=laws, force=force, **settings)
 
 
 def chain(count, radius=1.0):

@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from run_fakes import make_model
+from scene_parts import between_planes
 
 from multicor_cli.model import HEAT_BOOK_NAMES, Model, State, Thermal
 from multicor_cli.model.contacts import ContactTable
@@ -31,9 +32,25 @@ SHEAR = 2.0
 
 def heated_model(*, heat: bool = True) -> Model:
     """The model; the grains have different heat capacities."""
-    model = make_model([RADIUS] * GRAINS)
+    model = between_planes([RADIUS] * GRAINS)
     capacity = 1.0 + np.arange(GRAINS)
     return replace(model, thermal=Thermal(capacity, np.full(GRAINS, 300.0), np.full(GRAINS, 0.3)) if heat else None)
+
+
+def column(model: Model) -> State:
+    """The grains on top of each other, at rest."""
+    return State.at_rest(model, np.column_stack([np.full(GRAINS, 2.0), RADIUS + 2.0 * RADIUS * np.arange(GRAINS)]))
+
+
+def write_frames(run: RunDirectory, model: Model, advance: Callable[[State], None], frames: int, *, contacts: bool = True) -> None:
+    """Write frames of a column, each with a row of the time series; ``advance`` leads from one to the next."""
+    writer, state = run.writer(model), column(model)
+    for frame in range(frames):
+        if frame:
+            advance(state)
+        writer.frame(Moment(state, model, contact_rows(state) if contacts else None))
+        writer.series_row(Moment(state, model))
+    run.checkpoint(state, writer)
 
 
 def write_heated_run(
@@ -42,15 +59,7 @@ def write_heated_run(
     """Write a finished run. Its frame 0 is at 300 K and before any step; ``walls`` are the temperatures of bottom and top."""
     model = heated_model(heat=heat)
     with RunDirectory.create(path, "", "", {"seed": 1}, stages=("shear",)) as run:
-        writer = run.writer(model)
-        state = State.at_rest(model, np.column_stack([np.full(GRAINS, 2.0), RADIUS + 2.0 * RADIUS * np.arange(GRAINS)]))
-        for frame in range(frames):
-            if frame:
-                _advance(state, model, walls)
-            rows = contact_rows(state) if contacts else None
-            writer.frame(Moment(state, model, rows))
-            writer.series_row(Moment(state, model))
-        run.checkpoint(state, writer)
+        write_frames(run, model, lambda state: _advance(state, model, walls), frames, contacts=contacts)
         run.finish("finished")
     return model
 

@@ -16,15 +16,15 @@ import tarfile
 import tempfile
 from pathlib import Path
 
-sys.path.insert(0, str(Path(__file__).parents[2]))
+from places import DATA, ROOT
+
+sys.path.insert(0, str(ROOT))
 
 from digest_cases import CASES
 
 from multicor_cli import run
 from multicor_cli.running.observer import SilentObserver, Status
 from multicor_cli.store.schema import FORMAT_VERSION
-
-DATA = Path(__file__).parents[1] / "data"
 
 
 class Killed(SilentObserver):

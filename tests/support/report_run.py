@@ -11,10 +11,10 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from heat_run import GRAINS, RADIUS, contact_rows, heated_model
+from heat_run import GRAINS, heated_model, write_frames
 
 from multicor_cli.model import Model, State
-from multicor_cli.store import Moment, RunDirectory
+from multicor_cli.store import RunDirectory
 
 EVIL = "</script><script>window.broken = 1</script><img src=x onerror='window.broken = 2'>&amp;"
 """What must arrive in the page as text and nothing else; JSON and TOML strings may hold it as it is."""
@@ -35,14 +35,7 @@ def write_evil_run(path: Path, *, frames: int = 6, is_finished: bool = True, is_
     model = replace(model, grains=replace(model.grains, group=np.arange(GRAINS, dtype=np.int32) % 2))
     source = f"# {EVIL}\n[scenario]\nname = '''{EVIL}'''\ndescription = '''{EVIL}'''\n"
     with RunDirectory.create(path, source, source, {"seed": 1, "command": EVIL}, stages=(EVIL,)) as run:
-        writer = run.writer(model)
-        state = State.at_rest(model, np.column_stack([np.full(GRAINS, 2.0), RADIUS + 2.0 * RADIUS * np.arange(GRAINS)]))
-        for frame in range(frames):
-            if frame:
-                _advance(state, model, is_crossing)
-            writer.frame(Moment(state, model, contact_rows(state)))
-            writer.series_row(Moment(state, model))
-        run.checkpoint(state, writer)
+        write_frames(run, model, lambda state: _advance(state, model, is_crossing), frames)
         if is_finished:
             run.finish("finished")
     return model

@@ -1,4 +1,4 @@
-"""A model without physics, an engine that only counts, and a recorder that remembers: for tests of the controller."""
+"""An engine that only counts, and a recorder that remembers: for tests of the controller."""
 
 from __future__ import annotations
 
@@ -11,36 +11,13 @@ import numpy as np
 from multicor_cli.engine.contact.report import StepReport
 from multicor_cli.engine.contact.solve import Interrupted, Settings
 from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
-from multicor_cli.model import BOOK_NAMES, ContactLaws, Grains, Model, State, Walls, WallShapes
+from multicor_cli.model import BOOK_NAMES, Model, State
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.running.conditions import RestReached, ShearGauge, StrainReached
 from multicor_cli.running.plan import RunPlan, StagePlan
 from multicor_cli.scenario.settings import Output
 
 KINETIC = BOOK_NAMES.index("kinetic")
-
-
-def make_model(radii: list[float] | None = None) -> Model:
-    """Grains between two planes at y = 0 and y = 1 that are called bottom and top."""
-    radius = np.array(radii or [0.1, 0.1])
-    n = radius.size
-    zeros = np.zeros(n, np.int32)
-    mass = np.pi * radius**2
-    geometry = np.array([[0.0, 0.0, 0.0, 1.0], [0.0, 1.0, 0.0, -1.0]])
-    one = np.array([1, 1], np.int32)
-    return Model(
-        grains=Grains(radius, mass, 0.5 * mass * radius**2, zeros, zeros),
-        shapes=WallShapes(one, np.array([0, 1], np.int32), geometry, np.zeros(2, np.int32)),
-        walls=Walls(("bottom", "top"), np.full(2, np.nan), np.full(2, np.nan), np.zeros(2, np.bool_), np.ones(2)),
-        laws=ContactLaws(
-            np.array([[0.5]]), np.zeros((1, 1)), np.full((1, 1), -1, np.int32), np.zeros(1, np.int32), np.zeros(0), np.zeros(0)
-        ),
-        materials=("steel",),
-        groups=("grains",),
-        period=4.0,
-        gravity=np.array([0.0, -9.81]),
-        shape_factor=2.0,
-    )
 
 
 class FakeEngine:
@@ -88,8 +65,7 @@ class FakeEngine:
         return StepReport(3.0, True, 1e-4, 1e-3, 1e-3, 7, 9, 0.0)
 
     def contacts(self) -> ContactTable:
-        none = np.zeros(0, np.int32)
-        return ContactTable(none, none, np.zeros((0, 2)), np.zeros(0), np.zeros((0, 2)), np.zeros(0), np.zeros(0, np.bool_))
+        return ContactTable.empty()
 
 
 class MemoryRecorder:

@@ -1,10 +1,10 @@
-"""Small scenes built by hand, shared by the verification tests."""
+"""Small scenes built by hand."""
 
 import numpy as np
 
 from multicor_cli.engine import Engine, Settings
 from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
-from multicor_cli.model import ContactLaws, Grains, Model, ShapeKind, State, Walls, WallShapes
+from multicor_cli.model import BOOK_NAMES, TALLY_NAMES, ContactLaws, Grains, Model, ShapeKind, State, Walls, WallShapes
 
 G = 9.81
 FLOOR = [(ShapeKind.PLANE, 0, (0.0, 0.0, 0.0, 1.0))]
@@ -20,6 +20,13 @@ def make_laws(friction=0.5, restitution=0.0, table=None):
         number, start = np.zeros((1, 1), np.int32), np.array([0, len(table[0])], np.int32)
         speed, values = np.array(table[0], float), np.array(table[1], float)
     return ContactLaws(np.full((1, 1), friction), np.full((1, 1), restitution), number, start, speed, values)
+
+
+def make_shapes(shapes):
+    """Shapes of walls from (kind, wall, four numbers)."""
+    kind, wall, geometry = zip(*shapes, strict=True) if shapes else ((), (), ())
+    numbers = np.array(geometry, float).reshape(len(kind), 4)
+    return WallShapes(np.array(kind, np.int32), np.array(wall, np.int32), numbers, np.zeros(len(kind), np.int32))
 
 
 def make_model(
@@ -47,16 +54,16 @@ def make_model(
     else:
         grain_mass, factor = density * 4.0 / 3.0 * np.pi * radius**3, 2.5
     grains = Grains(radius, grain_mass, grain_mass * radius**2 / factor, np.zeros(n, np.int32), np.zeros(n, np.int32))
-    wall_shapes = WallShapes(
-        np.array([s[0] for s in shapes], np.int32),
-        np.array([s[1] for s in shapes], np.int32),
-        np.array([s[2] for s in shapes], float).reshape(len(shapes), 4),
-        np.zeros(len(shapes), np.int32),
-    )
     fill = lambda value: np.full(w, np.nan if value is None else value, float)  # noqa: E731
     bodies = Walls(tuple(walls), fill(mass), fill(inertia), np.full(w, wall_gravity), fill(length))
     laws = make_laws(friction, restitution, table)
-    return Model(grains, wall_shapes, bodies, laws, ("a",), ("g",), period, np.array(gravity, float), factor)
+    return Model(grains, make_shapes(shapes), bodies, laws, ("steel",), ("grains",), period, np.array(gravity, float), factor)
+
+
+def between_planes(radii=(0.1, 0.1)):
+    """Model of grains between two planes at y = 0 and y = 1 that are called bottom and top; the period is 4 m."""
+    planes = [(ShapeKind.PLANE, 0, (0.0, 0.0, 0.0, 1.0)), (ShapeKind.PLANE, 1, (0.0, 1.0, 0.0, -1.0))]
+    return make_model(radii, planes, ("bottom", "top"), period=4.0)
 
 
 def make_engine(model, positions, velocities=None, *, settings=None, drives=None, threads=1):
@@ -75,14 +82,10 @@ def advance(engine, dt, steps):
 
 
 def book(state, name):
-    from multicor_cli.model import BOOK_NAMES
-
     return state.books[BOOK_NAMES.index(name)]
 
 
 def tally(state, name):
-    from multicor_cli.model import TALLY_NAMES
-
     return state.tallies[TALLY_NAMES.index(name)]
 
 

@@ -1,14 +1,13 @@
 """μ*(I), solid fraction and mean spin of gravity-free plane shear against the independent soft-disc results of theory §15.4."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from bulk import measure_bulk
+from places import ROOT
 
 import multicor_cli as multicor
 
-CONFIG = Path(__file__).parents[2] / "configs" / "shear-gravity-free.toml"
+CONFIG = ROOT / "configs" / "shear-gravity-free.toml"
 SLOW = [
     "loading.0.drives.top.x.velocity=0.59",
     "particles.0.velocity=[0.295,0.0]",

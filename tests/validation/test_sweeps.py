@@ -1,16 +1,15 @@
 """The accelerated solve needs no more sweeps than the plain one: same states, same tolerances, on every shipped shear scene."""
 
-from pathlib import Path
-
 import numpy as np
 import pytest
+from places import ROOT
 
 import multicor_cli as multicor
 from multicor_cli.engine import Engine, Settings
 from multicor_cli.model import State
 from multicor_cli.packing.build import build
 
-CONFIGS = Path(__file__).parents[2] / "configs"
+CONFIGS = ROOT / "configs"
 
 
 def _sweeps_from(model, state, drives, dt, t):

@@ -4,8 +4,8 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from heat_parts import at_temperature, heat_book, make_heat_laws, with_heat, with_softening
-from scene_parts import FLOOR, TIGHT, G, book, make_model, shear_scene
+from heat_parts import at_temperature, coupled_engine, heat_book, heat_engine, make_heat_laws, with_heat, with_softening
+from scene_parts import FLOOR, G, book, make_model, shear_scene
 
 from multicor_cli.engine import Engine, Settings
 from multicor_cli.engine.coupled import CoupledEngine
@@ -13,24 +13,12 @@ from multicor_cli.engine.heat.conduction import ContactForce
 from multicor_cli.engine.heat.convection import Ambient
 from multicor_cli.engine.heat.gas import Gas
 from multicor_cli.engine.heat.radiation import Radiation
-from multicor_cli.engine.heat.settings import HeatSettings
 from multicor_cli.engine.heat.step import HeatEngine
 from multicor_cli.engine.heat.walls import WallHeat
-from multicor_cli.engine.motion.drives import Constant, Sine, WallDrive
+from multicor_cli.engine.motion.drives import Constant, Sine
 from multicor_cli.model import State
 
 MU = 0.3
-
-
-def coupled_engine(model, positions, velocities=None, conditions=None, *, laws=None, solver=TIGHT, drives=None, **settings):
-    state = State.at_rest(model, np.asarray(positions, float))
-    if velocities is not None:
-        state.velocity[:] = velocities
-    heat = HeatEngine(model, state, HeatSettings(laws or make_heat_laws(), **settings))
-    engine = CoupledEngine(Engine(model, state, solver, threads=1), heat)
-    engine.set_drives(drives or [WallDrive()] * model.wall_count)
-    engine.set_heat(conditions or [WallHeat()] * model.wall_count, is_on=True, is_frozen=False)
-    return engine
 
 
 def slide(shape="disc", dt=1e-3, conditions=None, model=None, duration=0.2, **settings):
@@ -217,22 +205,20 @@ def test_a_state_goes_on_to_the_bit_from_a_copy():
 def test_radiation_of_one_grain_to_the_surroundings():
     """C dT/dt = ε σ A (T_s⁴ − T⁴): cooling towards 0 K, T^-3 = T_0^-3 + 3 ε σ A t/C."""
     model = with_heat(make_model([1.0], (), (), shape="sphere", gravity=(0.0, 0.0)), 1000.0, capacity=1.0)
-    state = State.at_rest(model, np.array([[0.0, 0.0]]))
-    settings = HeatSettings(make_heat_laws(emissivity=0.5), mechanisms=(Radiation(surroundings=1e-3),), tolerance=1e-9)
-    heat = HeatEngine(model, state, settings)
-    coupled = CoupledEngine(Engine(model, state), heat)
-    coupled.set_heat([], is_on=True, is_frozen=True)
+    laws, radiation = make_heat_laws(emissivity=0.5), Radiation(surroundings=1e-3)
+    engine = coupled_engine(model, [[0.0, 0.0]], laws=laws, mechanisms=(radiation,), tolerance=1e-9)
+    engine.set_heat([], is_on=True, is_frozen=True)
     t = 20.0e-3
-    coupled.step(t, 0.0)
+    engine.step(t, 0.0)
     coefficient = 0.5 * 5.670374419e-8 * 4.0 * np.pi
-    assert state.temperature(model.thermal)[0] == pytest.approx((1e-9 + 3.0 * coefficient * t) ** (-1.0 / 3.0), rel=1e-6)
+    assert engine.state.temperature(model.thermal)[0] == pytest.approx((1e-9 + 3.0 * coefficient * t) ** (-1.0 / 3.0), rel=1e-6)
 
 
 def test_convection_of_one_grain():
     """T_f − T decays with C/(h A)."""
     model = with_heat(make_model([1.0], (), (), shape="sphere", gravity=(0.0, 0.0)), 300.0, capacity=8.0 * np.pi)
-    state = State.at_rest(model, np.array([[0.0, 0.0]]))
-    heat = HeatEngine(model, state, HeatSettings(make_heat_laws(), mechanisms=(Ambient(400.0, coefficient=2.0),), tolerance=1e-8))
+    heat = heat_engine(model, [[0.0, 0.0]], mechanisms=(Ambient(400.0, coefficient=2.0),), tolerance=1e-8)
     heat.advance(1.0, 0.0)
+    state = heat.state
     assert state.temperature(model.thermal)[0] == pytest.approx(400.0 - 100.0 * np.exp(-1.0), rel=1e-6)
     assert heat_book(state, "from_ambient") == pytest.approx(state.heat[0], rel=1e-14)

@@ -4,36 +4,31 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from heat_parts import at_temperature, chain, heat_book, make_heat_laws, touching_engine, with_heat, with_softening
-from scene_parts import FLOOR, TIGHT, book, make_model
+from heat_parts import (
+    at_temperature,
+    chain,
+    coupled_engine,
+    heat_book,
+    heat_engine,
+    make_heat_laws,
+    touching_engine,
+    with_heat,
+    with_softening,
+)
+from scene_parts import FLOOR, book, make_model
 
-from multicor_cli.engine import Engine, PhysicsError
-from multicor_cli.engine.coupled import CoupledEngine
+from multicor_cli.engine import PhysicsError
 from multicor_cli.engine.heat import implicit
 from multicor_cli.engine.heat.conduction import ContactForce
 from multicor_cli.engine.heat.convection import Ambient
 from multicor_cli.engine.heat.gas import Gas, batchelor_conductance, parallel_conductance_wall
 from multicor_cli.engine.heat.radiation import STEFAN_BOLTZMANN, Radiation
-from multicor_cli.engine.heat.settings import HeatSettings
-from multicor_cli.engine.heat.step import HeatEngine
 from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.engine.motion.drives import Constant, DofDrive, Interpolated, Sine, WallDrive
-from multicor_cli.model import State
 
 RADIUS = 1e-4
 FLOW_TABLE = Interpolated((0.0, 20.0, 21.0, 26.0, 27.0, 1e4), (0.0, 0.0, 10.0, 10.0, 0.0, 0.0))
 """60 J within 7 s, in the middle of a step of 60 s."""
-
-
-def coupled_engine(model, positions, velocities=None, conditions=None, *, drives=None, **settings):
-    state = State.at_rest(model, np.asarray(positions, float))
-    if velocities is not None:
-        state.velocity[:] = velocities
-    heat = HeatEngine(model, state, HeatSettings(settings.pop("laws", None) or make_heat_laws(), **settings))
-    engine = CoupledEngine(Engine(model, state, TIGHT, threads=1), heat)
-    engine.set_drives(drives or [WallDrive()] * model.wall_count)
-    engine.set_heat(conditions or [WallHeat()] * model.wall_count, is_on=True, is_frozen=False)
-    return engine
 
 
 def temperatures(engine):
@@ -43,11 +38,10 @@ def temperatures(engine):
 def radiating_grain(start, wall, *, surroundings=None, **settings):
     """A grain of 0.1 mm that hangs over a floor and radiates at it; emissivity 0.8, no contact."""
     model = with_heat(make_model([RADIUS], FLOOR, shape="sphere", gravity=(0.0, 0.0), density=7500.0), start)
-    state = State.at_rest(model, np.array([[0.0, 1.1 * RADIUS]]))
+    conditions = [WallHeat() if wall is None else at_temperature(wall)]
     radiation = Radiation(surroundings, reach=0.0 if wall is None else 0.4)
-    engine = HeatEngine(model, state, HeatSettings(make_heat_laws(emissivity=0.8), mechanisms=(radiation,), **settings))
-    engine.set_conditions([WallHeat() if wall is None else at_temperature(wall)])
-    return engine
+    laws = make_heat_laws(emissivity=0.8)
+    return heat_engine(model, [[0.0, 1.1 * RADIUS]], conditions=conditions, laws=laws, mechanisms=(radiation,), **settings)
 
 
 def cooled(start, sink, rate, t):
@@ -168,22 +162,20 @@ def test_gas_conducts_no_more_where_grains_press_less():
     """The solid's own resistance bounds what isothermal surfaces would let through a contact without force (3.45·10⁻³ W/K)."""
     radius = 1.5e-3
     model = with_heat(make_model([radius] * 2, (), (), shape="sphere", density=7500.0), [300.0, 400.0])
-    state = State.at_rest(model, np.array([[0.0, 0.0], [2.0 * radius, 0.0]]))
-    engine = HeatEngine(model, state, HeatSettings(make_heat_laws(), conduction="none", mechanisms=(Gas(0.026),)))
+    engine = heat_engine(model, [[0.0, 0.0], [2.0 * radius, 0.0]], conduction="none", mechanisms=(Gas(0.026),))
     engine.advance(1e-6, 0.0)
-    assert state.heat[0] / 1e-6 / 100.0 == pytest.approx(batchelor_conductance(0.026, 15.0, 0.75e-3, 0.0, 0.0), rel=0.05)
+    assert engine.state.heat[0] / 1e-6 / 100.0 == pytest.approx(batchelor_conductance(0.026, 15.0, 0.75e-3, 0.0, 0.0), rel=0.05)
 
 
 def test_the_biot_number_counts_the_gas():
     """Poor conductors in air: Bi of the contact alone is 0.002, but what crosses contact and gas together exceeds λ a."""
     radius = 1.5e-3
     model = with_heat(make_model([radius] * 2, (), (), shape="sphere", density=2500.0), [300.0, 400.0])
-    state = State.at_rest(model, np.array([[0.0, 0.0], [2.0 * radius, 0.0]]))
-    laws = make_heat_laws(conductivity=0.2, density=2500.0, capacity=800.0)
-    engine = HeatEngine(model, state, HeatSettings(laws, mechanisms=(Gas(0.026),), force=ContactForce("prescribed", 1e-3)))
+    laws, force = make_heat_laws(conductivity=0.2, density=2500.0, capacity=800.0), ContactForce("prescribed", 1e-3)
+    engine = heat_engine(model, [[0.0, 0.0], [2.0 * radius, 0.0]], laws=laws, mechanisms=(Gas(0.026),), force=force)
     engine.advance(1e-6, 0.0)
-    whole = state.heat[0] / 1e-6 / 100.0
-    assert heat_book(state, "max_biot") == pytest.approx(whole / (0.2 * radius), rel=1e-3)
+    whole = engine.state.heat[0] / 1e-6 / 100.0
+    assert heat_book(engine.state, "max_biot") == pytest.approx(whole / (0.2 * radius), rel=1e-3)
 
 
 def test_frozen_grains_stand_still_in_the_fluid():

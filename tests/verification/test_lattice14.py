@@ -1,19 +1,17 @@
 """Study 4.1, one hot grain among 14: the shipped scenario against closed forms and against finite elements inside the grains."""
 
 import re
-import sys
 import tomllib
-from pathlib import Path
 
 import numpy as np
 import pytest
+from benchmark_modules import benchmark_modules
+from places import ROOT
 
 import multicor_cli as multicor
 from multicor_cli.store import run_info
 
-ROOT = Path(__file__).parents[2]
 CONFIG = ROOT / "configs" / "lattice14.toml"
-BENCHMARK = ROOT / "benchmarks" / "lattice14"
 CELSIUS = 273.15
 FORCE, RADIUS = 1.0, 1e-3
 WATCHED = [0, 4, 13]  # the paper's grains 1, 5 and 14
@@ -95,7 +93,7 @@ def test_explicit_integration_is_of_first_order(tmp_path):
 @pytest.fixture(scope="module")
 def finite_elements():
     """The stored curve (t, T1, T5, T14), and what it holds for: H, C, Bi, b/a."""
-    text = (BENCHMARK / "finite_elements.csv").read_text().splitlines()
+    text = (ROOT / "benchmarks" / "lattice14" / "finite_elements.csv").read_text().splitlines()
     head = [float(found[1]) for line in text if (found := re.search(r"^# .*: ([0-9.e+-]+)$", line))]
     rows = [[float(cell) for cell in line.split(",")] for line in text if line[0].isdigit()]
     return np.array(rows), head
@@ -129,18 +127,13 @@ def test_shipped_scenario_against_finite_elements(finite_elements, tmp_path):
 
 
 @pytest.fixture
-def benchmark_modules(monkeypatch):
-    """The scripts of the benchmark, importable by their names for one test."""
+def finite_element_modules():
     pytest.importorskip("skfem")
-    before = set(sys.modules)
-    monkeypatch.syspath_prepend(BENCHMARK)
-    yield
-    for name in set(sys.modules) - before:
-        if str(getattr(sys.modules[name], "__file__", None) or "").startswith(str(BENCHMARK)):
-            del sys.modules[name]
+    with benchmark_modules("lattice14"):
+        yield
 
 
-@pytest.mark.usefixtures("benchmark_modules")
+@pytest.mark.usefixtures("finite_element_modules")
 def test_stored_curve_is_what_the_benchmark_computes(finite_elements):
     """On a mesh with a quarter of the triangles; 10⁻⁴ of 80 K covers the difference (order 3 in the edge)."""
     from disc_mesh import MeshChoice
@@ -151,7 +144,7 @@ def test_stored_curve_is_what_the_benchmark_computes(finite_elements):
     assert computed == pytest.approx(rows, abs=1e-4 * 80.0)
 
 
-@pytest.mark.usefixtures("benchmark_modules")
+@pytest.mark.usefixtures("finite_element_modules")
 def test_resistances_inside_a_disc():
     """Constriction of a meshed disc against the closed form (leading order in b), and two discs through an interface."""
     from constriction import effective_share, measured_resistance, measured_share, own_resistance

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from heat_parts import at_temperature, heat_book, make_heat_laws, with_heat
-from scene_parts import FLOOR, make_model
+from scene_parts import FLOOR, make_engine, make_model
 
 from multicor_cli.engine import Engine, Settings
 from multicor_cli.engine.coupled import CoupledEngine
@@ -11,7 +11,6 @@ from multicor_cli.engine.heat.gas import Gas
 from multicor_cli.engine.heat.settings import HeatSettings
 from multicor_cli.engine.heat.step import HeatEngine
 from multicor_cli.engine.heat.walls import WallHeat
-from multicor_cli.engine.motion.drives import WallDrive
 from multicor_cli.model import State
 
 RADIUS, ROWS, COLUMNS, HEIGHT = 1.5e-3, 116, 4, 0.304
@@ -34,12 +33,11 @@ def settled():
         np.full(ROWS * COLUMNS, RADIUS), FLOOR, friction=0.0, period=COLUMNS * 2.0 * RADIUS, shape="sphere", density=7500.0
     )
     model = with_heat(model, 298.15)
-    state = State.at_rest(model, lattice())
-    engine = Engine(model, state, Settings(tolerance_rms=1e-6, tolerance_max=1e-4, tolerance_energy=1e-6, max_sweeps=50_000))
-    engine.set_drives([WallDrive()])
+    settings = Settings(tolerance_rms=1e-6, tolerance_max=1e-4, tolerance_energy=1e-6, max_sweeps=50_000)
+    engine = make_engine(model, lattice(), settings=settings)
     for k in range(3):
         assert engine.step(1e-3, k * 1e-3).converged
-    return model, state.as_dict()
+    return model, engine.state.as_dict()
 
 
 def theta(model, data, **settings):

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from made_up_frames import source_of
 from post_review_support import (
     BEFORE_FORCES,
     FRAMES,
@@ -162,8 +163,7 @@ def test_a_linear_flow_has_no_fluctuations_whatever_the_bins(run: Run) -> None:
         frame.velocity[:, 0] = 7.0 * (frame.position[:, 1] - low) / (high - low) - 2.0
         frame.velocity[:, 1] = 0.4 * sign
         frames.append(frame)
-    found = type("Frames", (list,), {"time": np.array([0.0, 1.0]), "stage": np.zeros(2, int)})(frames)
-    source = type("Source", (), {"model": run.model, "frames": found})()
+    source = source_of(run.model, frames)
     # the same grains at other places: 0.4 upwards and 0.4 downwards are no flow, but for what few grains at a knot leave of it
     for frame in frames:
         frame.velocity[:, 1] = 0.0
@@ -215,8 +215,7 @@ def test_a_run_that_still_goes_on_gives_the_same_numbers(tmp_path: Path) -> None
 
 def test_what_does_not_change_has_no_error(run: Run) -> None:
     """The same frame eleven times, as in a stage of frozen mechanics: rounding of sums is no scatter."""
-    times = {"time": np.arange(11.0), "stage": np.zeros(11, int)}
-    source = type("Source", (), {"model": run.model, "frames": type("Frames", (list,), times)([run.frames[6]] * 11)})()
+    source = source_of(run.model, [run.frames[6]] * 11)
     for of in ("solid-fraction", "velocity", "stress-yy"):
         table = profile(source, of, ALL, 7)
         assert table.error.tolist() == [0.0] * 7

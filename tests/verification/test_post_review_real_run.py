@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from small_run import SMALL
+from scenes import write_small
 
 import multicor_cli as multicor
 from multicor_cli.post import Selection, energy, profile, rheology
@@ -35,7 +35,7 @@ OVERRIDES = (
 @pytest.fixture(scope="module")
 def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
     path = tmp_path_factory.mktemp("sheared")
-    (path / "small.toml").write_text(SMALL)
+    write_small(path)
     multicor.run(path / "small.toml", path / "run", overrides=OVERRIDES, threads=1)
     return open_run(path / "run")
 

@@ -11,12 +11,13 @@ from typing import Any
 import numpy as np
 import pytest
 from heat_run import write_heated_run
+from made_up_frames import source_of
 from post_review_support import FLOOR, FRAMES, GLUED, LID, PERIOD, areas, branches, fluctuations, parts, write_random_run
-from run_fakes import make_model
+from scene_parts import between_planes, make_shapes
 from typer.testing import CliRunner
 
 from multicor_cli.cli.app import app
-from multicor_cli.model import ShapeKind, WallShapes
+from multicor_cli.model import ShapeKind
 from multicor_cli.post import (
     MAPPED,
     PROFILE_GROUPS,
@@ -224,8 +225,8 @@ def test_anisotropies_make_up_the_stress_ratio() -> None:
         gap=np.zeros(count),
         force=np.column_stack([f, g]),
     )
-    frames = type("Frames", (list,), {"time": np.zeros(1), "stage": np.zeros(1, int)})([SimpleNamespace(dt=1.0, contacts=contacts)])
-    moments = angular_distribution(SimpleNamespace(model=make_model(), frames=frames), ALL).moments
+    source = source_of(between_planes(), [SimpleNamespace(dt=1.0, contacts=contacts)])
+    moments = angular_distribution(source, ALL).moments
     force = f[:, np.newaxis] * normal + g[:, np.newaxis] * np.column_stack([-normal[:, 1], normal[:, 0]])
     small, large = np.linalg.eigvalsh(0.5 * (force.T @ normal + normal.T @ force))
     expected = 0.5 * (moments["a_c"] + moments["a_n"] + moments["a_t"])
@@ -304,9 +305,8 @@ def test_a_wall_at_the_temperature_of_the_grains_gives_no_theta(run: Run) -> Non
         model = SimpleNamespace(thermal=thermal, walls=run.model.walls, grains=run.model.grains)
         frame = run.frames[9]
         frame.temperature[:] = frame.wall_temperature[0] = 298.15
-        frames = type("Frames", (list,), {"time": np.zeros(1), "stage": np.zeros(1, int)})([frame])
         with pytest.raises(PostError, match="not at the reference temperature"):
-            theta_eta(SimpleNamespace(model=model, frames=frames), 0, wall="floor")
+            theta_eta(source_of(model, [frame]), 0, wall="floor")
 
 
 # --- windows
@@ -320,9 +320,8 @@ def test_ends_of_a_window_count_though_times_are_rounded(tmp_path: Path) -> None
         assert times[1] > 0.06
         assert times[2] > 0.3
         assert times[3] < 0.46144
-        frames = type("Frames", (list,), {"time": times, "stage": np.zeros(5, int)})(list(run.frames))
         series = {name: np.array(run.series[name]) for name in run.series} | {"time": times}
-        source = SimpleNamespace(model=run.model, frames=frames, series=series)
+        source = source_of(run.model, run.frames, times, series=series)
         for start, end, expected in (
             (0.06, 0.3, [1, 2]),
             (0.46144, None, [3, 4]),
@@ -344,11 +343,10 @@ def test_ends_of_a_window_count_though_times_are_rounded(tmp_path: Path) -> None
 
 def with_walls(run: Run, kinds: list[ShapeKind], geometry: list[list[float]]) -> Any:
     """The run with four other walls, at rest at their places."""
-    shapes = WallShapes(np.array(kinds, np.int32), np.arange(4, dtype=np.int32), np.array(geometry), np.zeros(4, np.int32))
     model = SimpleNamespace(
         grains=run.model.grains,
         walls=run.model.walls,
-        shapes=shapes,
+        shapes=make_shapes(list(zip(kinds, range(4), geometry, strict=True))),
         period=run.model.period,
         wall_count=4,
         grain_count=run.model.grain_count,
@@ -357,8 +355,7 @@ def with_walls(run: Run, kinds: list[ShapeKind], geometry: list[list[float]]) ->
     frames = list(run.frames)
     for frame in frames:
         frame.wall_position[:] = 0.0
-    source = type("Frames", (list,), {"time": run.frames.time, "stage": run.frames.stage})(frames)
-    return SimpleNamespace(model=model, frames=source)
+    return source_of(model, frames, run.frames.time)
 
 
 SIDES = [[0.0, 0.0, 1.0, 0.0], [PERIOD, 0.0, -1.0, 0.0]]

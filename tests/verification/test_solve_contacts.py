@@ -3,10 +3,10 @@
 import os
 import shutil
 import subprocess
-from pathlib import Path
 
 import numpy as np
 import pytest
+from places import SUPPORT
 from problems import column_problem, dense_delassus, heap_problem, tilted
 
 from multicor_cli.engine import ContactProblem, Settings, solve_contacts
@@ -104,9 +104,10 @@ def test_nothing_to_solve_costs_no_sweep():
 
 def _siconos_python():
     """The interpreter that can import Siconos, or None."""
-    for name in (os.environ.get("SICONOS_PYTHON"), "/usr/bin/python3", shutil.which("python3")):
-        if name and subprocess.run([name, "-c", "import siconos.numerics"], capture_output=True, check=False).returncode == 0:
-            return name
+    for name in (os.environ.get("SICONOS_PYTHON"), "/usr/bin/python3", "python3"):
+        python = shutil.which(name or "")
+        if python and subprocess.run([python, "-c", "import siconos.numerics"], capture_output=True, check=False).returncode == 0:
+            return python
     return None
 
 
@@ -120,7 +121,7 @@ def test_siconos_finds_the_same_solution(tmp_path, seed, friction):
     problem = heap_problem(seed, friction=friction)
     w, q = dense_delassus(problem)
     np.savez(tmp_path / "in.npz", W=w, q=q, mu=problem.friction, tolerance=1e-12)
-    worker = Path(__file__).parents[1] / "support" / "siconos_worker.py"
+    worker = SUPPORT / "siconos_worker.py"
     subprocess.run([python, worker, tmp_path / "in.npz", tmp_path / "out.npz"], check=True, timeout=300)
     with np.load(tmp_path / "out.npz") as out:
         theirs, status = out["reaction"], int(out["status"])

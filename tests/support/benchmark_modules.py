@@ -1,0 +1,29 @@
+"""Modules of the benchmarks for tests."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+from places import ROOT
+
+
+@contextmanager
+def benchmark_modules(name: str) -> Iterator[None]:
+    """Modules of ``benchmarks/name`` can be imported by plain names, as it is run as a folder; they are gone again afterwards."""
+    folder = ROOT / "benchmarks" / name
+    plain = {path.stem for path in folder.iterdir()} - {"__main__"}
+
+    def loaded() -> list[str]:
+        return [module for module in sys.modules if module.partition(".")[0] in plain]
+
+    before = {module: sys.modules.pop(module) for module in loaded()}
+    sys.path.insert(0, str(folder))
+    try:
+        yield
+    finally:
+        sys.path.remove(str(folder))
+        for module in loaded():
+            del sys.modules[module]
+        sys.modules.update(before)

@@ -1,0 +1,70 @@
+"""The command line: in the process of the tests, or in one of its own."""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+from typing import Any
+from unittest import mock
+
+from places import ROOT
+
+from multicor_cli.cli.app import main
+from multicor_cli.cli.guard import set_crash_directory
+
+
+def environment(**extra: str) -> dict[str, str]:
+    """The environment of a command: this source tree, and nothing of the terminal."""
+    kept = {name: value for name, value in os.environ.items() if name not in ("NO_COLOR", "FORCE_COLOR", "NUMBA_NUM_THREADS")}
+    return {**kept, "PYTHONPATH": str(ROOT), "COLUMNS": "120", **extra}
+
+
+def command(*arguments: object) -> list[str]:
+    return [sys.executable, "-m", "multicor_cli", *map(str, arguments)]
+
+
+def call(*arguments: object, cwd: Path, **extra: str) -> subprocess.CompletedProcess[str]:
+    """Run a command to its end: in this process, which need not start another, or in one of its own if it is to be different."""
+    if extra or "--threads" in arguments:
+        return call_outside(*arguments, cwd=cwd, **extra)
+    words, out, err = ["multicor", *map(str, arguments)], io.StringIO(), io.StringIO()
+    set_crash_directory(None)
+    with (
+        contextlib.chdir(cwd),
+        mock.patch.dict(os.environ, environment(), clear=True),
+        mock.patch.object(sys, "argv", words),
+        contextlib.redirect_stdout(out),
+        contextlib.redirect_stderr(err),
+    ):
+        try:
+            main()
+            code = 0
+        except SystemExit as leave:
+            code = leave.code if isinstance(leave.code, int) else int(leave.code is not None)
+    return subprocess.CompletedProcess(words, code, out.getvalue(), err.getvalue())
+
+
+def call_outside(*arguments: object, cwd: Path, **extra: str) -> subprocess.CompletedProcess[str]:
+    """Run a command to its end in a process of its own."""
+    return subprocess.run(
+        command(*arguments), cwd=cwd, env=environment(**extra), capture_output=True, text=True, timeout=300, check=False
+    )
+
+
+def start(*arguments: object, cwd: Path) -> subprocess.Popen[str]:
+    """Start a command and leave it running."""
+    return subprocess.Popen(
+        command(*arguments), cwd=cwd, env=environment(), stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True
+    )
+
+
+def read_info(directory: Path) -> dict[str, Any]:
+    """``run_info`` as the command line prints it."""
+    done = call("info", directory, "--json", cwd=directory.parent)
+    assert done.returncode == 0, done.stderr
+    return json.loads(done.stdout)

@@ -1,0 +1,57 @@
+"""Small scenes and measures for the tests of packings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from scenes import PACKED
+
+from multicor_cli.packing.obstacles import Obstacles
+from multicor_cli.packing.pairs import find_pairs
+from multicor_cli.packing.streams import Stream
+from multicor_cli.scenario import Scenario, parse_scenario
+
+SECOND = """
+[[particles]]
+name = "second"
+material = "steel"
+shape = "disc"
+thickness = 1e-3
+sizes = { kind = "list", radii = [0.5e-3] }
+count = 100
+packing = { kind = "random" }
+"""
+"""A group of other grains."""
+
+
+def generator(seed: int = 3) -> Stream:
+    return Stream(np.random.Philox(seed))
+
+
+def scenario(*overrides: str, text: str = PACKED, extra: str = "", path: str | Path = "test.toml") -> Scenario:
+    return parse_scenario(text + extra, path, overrides)
+
+
+def wall(name: str, geometry: str, rest: str = "") -> str:
+    return f'\n[[walls]]\nname = "{name}"\nmaterial = "steel"\ngeometry = {{ {geometry} }}\n{rest}\n'
+
+
+def pair_gaps(position: np.ndarray, radius: np.ndarray, cutoff: float, period: float = 0.0) -> tuple[np.ndarray, ...]:
+    """Grains i, j and the gaps of all pairs closer than ``cutoff``, independently of how the packing was made."""
+    pairs = find_pairs(position[:, :2].copy(), radius, Obstacles.none(), cutoff, period)
+    i = np.repeat(np.arange(radius.size), np.diff(pairs.row))
+    j = pairs.partner
+    d = position[i, :2] - position[j, :2]
+    if period:
+        d[:, 0] -= period * np.round(d[:, 0] / period)
+    return i, j, np.hypot(d[:, 0], d[:, 1]) - radius[i] - radius[j]
+
+
+def smallest_gap(position: np.ndarray, radius: np.ndarray, period: float = 0.0) -> float:
+    """Smallest gap of any two grains, by comparing all of them (few grains only) [m]."""
+    d = position[:, None, :2] - position[None, :, :2]
+    if period:
+        d[..., 0] -= period * np.round(d[..., 0] / period)
+    gap = np.hypot(d[..., 0], d[..., 1]) - radius[:, None] - radius[None, :]
+    return float(gap[~np.eye(radius.size, dtype=bool)].min())

@@ -1,0 +1,206 @@
+"""Made-up runs with random grains, contacts and moving walls, and what tables must say of them, by plain loops.
+
+Nothing of `multicor_cli.post` is used here: areas come from the primitive of the chord of a disc, averages from loops over frames,
+grains, contacts and bins.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from math import asin, pi, sqrt
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+from scene_parts import make_model
+
+from multicor_cli.model import Model, ShapeKind, State, Thermal
+from multicor_cli.model.contacts import ContactTable
+from multicor_cli.store import Frame, Moment, Run, RunDirectory, open_run
+
+Floats = NDArray[np.float64]
+
+FRAMES, GRAINS, PERIOD, LAPSE = 13, 70, 3.0, 0.3
+FLOOR, LID = 0.4, 1.6  # heights of the walls in their own frames
+BEFORE_FORCES = (0,)  # frames without a last step
+WITHOUT_CONTACTS = (4,)  # frames in which nothing touches
+RADII = (0.03, 0.05, 0.09)
+GLUED = 0.04
+
+
+def heights_of_walls(frame: int) -> tuple[float, float]:
+    """The floor sinks slowly; the lid goes up and down."""
+    return -0.01 * frame, 0.15 * np.sin(1.7 * frame)
+
+
+def random_model(*, is_periodic: bool, seed: int) -> Model:
+    """Grains of three sizes between rows of glued grains, with different masses and heat capacities."""
+    rng = np.random.default_rng(seed)
+    places = np.arange(0.0, PERIOD, 0.5)
+    glued = [(ShapeKind.DISC, wall, (x, y, GLUED, 0.0)) for wall, y in enumerate((FLOOR, LID)) for x in places]
+    sides = [(ShapeKind.PLANE, 2, (0.0, 0.0, 1.0, 0.0)), (ShapeKind.PLANE, 3, (PERIOD, 0.0, -1.0, 0.0))]
+    period = PERIOD if is_periodic else 0.0
+    model = make_model(rng.choice(RADII, GRAINS), [*glued, *sides], ("floor", "lid", "left", "right"), period=period)
+    return replace(
+        model,
+        grains=replace(model.grains, mass=model.grains.mass * rng.uniform(0.5, 1.5, GRAINS)),
+        thermal=Thermal(rng.uniform(1.0, 2.0, GRAINS), np.full(GRAINS, 300.0), np.full(GRAINS, 0.1)),
+    )
+
+
+def random_contacts(state: State, model: Model, rng: np.random.Generator) -> ContactTable:
+    """Random pairs; every fifth carries nothing, a tenth hangs on glued grains. Branches stay between the walls."""
+    n, count = model.grain_count, 90
+    pairs = sorted({(int(a), int(b)) for a, b in np.sort(rng.integers(0, n, (count, 2)), axis=1) if a < b})
+    pairs = sorted({*pairs, *((int(k), n + int(rng.integers(0, 12))) for k in rng.integers(0, n, 10))})
+    i, j = (np.array(column, np.int32) for column in zip(*pairs, strict=True))
+    turn = rng.uniform(0.0, 2.0 * pi, i.size)
+    normal = np.column_stack([np.cos(turn), np.sin(turn)])
+    middle = state.wall_position[:2, 1].mean() + 0.5 * (FLOOR + LID)
+    normal[:, 1] = np.where((state.position[i, 1] > middle) == (normal[:, 1] > 0.0), normal[:, 1], -normal[:, 1])  # ends inwards
+    impulse = np.column_stack([rng.exponential(0.1, i.size), rng.normal(0.0, 0.03, i.size)])
+    impulse[::5] = 0.0
+    none = np.zeros(i.size)
+    return ContactTable(i, j, normal, rng.normal(0.0, 1e-4, i.size), impulse, none, rng.random(i.size) < 0.3)
+
+
+def write_random_run(path: Path, *, is_periodic: bool = True, seed: int = 0, is_finished: bool = True) -> Run:
+    """Write a run whose frames are unevenly spaced in time; two rows of the time series for each frame."""
+    rng = np.random.default_rng(seed)
+    model = random_model(is_periodic=is_periodic, seed=seed)
+    with RunDirectory.create(path, "", "", {"seed": seed}, stages=("shear",)) as run:
+        writer = run.writer(model)
+        state = State.at_rest(model, random_places(model, 0, rng))
+        for frame in range(FRAMES):
+            if frame:
+                advance(state, model, frame, rng, writer)
+            contacts = ContactTable.empty() if frame in WITHOUT_CONTACTS else random_contacts(state, model, rng)
+            writer.frame(Moment(state, model, contacts))
+            if frame % 4 == 0:
+                run.checkpoint(state, writer)
+        run.checkpoint(state, writer)
+        if is_finished:
+            run.finish("finished")
+    return open_run(path)
+
+
+def random_places(model: Model, frame: int, rng: np.random.Generator) -> Floats:
+    """Anywhere between the walls, whole."""
+    low, high = heights_of_walls(frame)
+    radius = model.grains.radius
+    room = model.period or PERIOD
+    bottom, top = FLOOR + low + radius, LID + high - radius
+    return np.column_stack([rng.uniform(0.0, room, GRAINS), rng.uniform(bottom, top)])
+
+
+def advance(state: State, model: Model, frame: int, rng: np.random.Generator, writer: object) -> None:
+    """Grains go anywhere, and across the ends of the period; what they hold grows by random amounts."""
+    lapse = LAPSE * (1.0 + 0.5 * (frame % 3))
+    for _ in range(2):
+        state.time += 0.5 * lapse
+        state.step += 1
+        state.window[0] = 0.5 * lapse
+        state.window_wall_impulse[:] = rng.normal([0.3, 0.0, 0.0], 0.1, (4, 3)) * 0.5 * lapse
+        state.window_wall_impulse[0, 1], state.window_wall_impulse[1] = -lapse, [-0.3 * lapse, 1.1 * lapse, 0.0]
+        writer.series_row(Moment(state, model))  # type: ignore[attr-defined]
+    state.last_dt = 0.01
+    state.position[:, :2] = random_places(model, frame, rng)
+    state.position[:, 2] += rng.normal(-0.2, 0.1, GRAINS)
+    if model.period:
+        state.image += rng.integers(-1, 3, GRAINS)
+    state.wall_position[:2, 1] = heights_of_walls(frame)
+    state.wall_velocity[:2, 0] = 0.1, 2.0
+    state.velocity[:] = rng.normal(0.0, 0.5, (GRAINS, 3))
+    state.velocity[:, 0] += 3.0 * state.position[:, 1]
+    state.heat = rng.uniform(0.0, 30.0, GRAINS)
+    state.generated = state.generated + rng.exponential(0.2, GRAINS)
+    state.wall_temperature[:] = [310.0, 350.0 if frame != 7 else np.nan, np.nan, np.nan]
+
+
+# --- what must come out
+
+
+@dataclass
+class Layer:
+    """The bins in a frame: edges, and the width of the plane."""
+
+    edges: Floats
+    plane: float
+
+
+def layer(run: Run, frame: Frame, count: int, left_out: float = 0.0) -> Layer:
+    """Bins from the row of glued grains below to the one above, less what is left out, in equal parts."""
+    low, high = FLOOR + frame.wall_position[0, 1] + left_out, LID + frame.wall_position[1, 1] - left_out
+    x, a = frame.position[:, 0], run.model.grains.radius
+    return Layer(np.linspace(low, high, count + 1), run.period or float((x + a).max() - (x - a).min()))
+
+
+def area_between(low: float, high: float, radius: float) -> float:
+    """Area of a disc between two heights above its center: the integral of its chord 2√(a² − u²)."""
+
+    def primitive(u: float) -> float:
+        u = min(max(u, -radius), radius)
+        return u * sqrt(radius * radius - u * u) + radius * radius * asin(u / radius)
+
+    return primitive(high) - primitive(low)
+
+
+def areas(y: Floats, radius: Floats, edges: Floats) -> Floats:
+    """Area of each grain in each bin, shape ``(n, b)``."""
+    grains = zip(y, radius, strict=True)
+    return np.array([[area_between(a - h, b - h, r) for a, b in pairwise(edges)] for h, r in grains])
+
+
+def branches(run: Run, frame: Frame) -> list[tuple[int, int, Floats, Floats]]:
+    """Of each contact that carries a force: i, j, the force on i, and the way from the center of j to that of i."""
+    model, contacts, found = run.model, frame.contacts, []
+    n = model.grain_count
+    for c in range(contacts.count):
+        i, j = int(contacts.i[c]), int(contacts.j[c])
+        p, q = contacts.impulse[c] / frame.dt if frame.dt > 0.0 else (0.0, 0.0)
+        if not p > 0.0:
+            continue
+        across = model.grains.radius[j] if j < n else model.shapes.geometry[j - n, 2]
+        x, y = contacts.normal[c]
+        way = (model.grains.radius[i] + across + contacts.gap[c]) * np.array([x, y])
+        found.append((i, j, np.array([p * x - q * y, p * y + q * x]), way))
+    return found
+
+
+def parts(start: float, end: float, edges: Floats) -> Floats:
+    """Part of a line in each bin."""
+    low, high = min(start, end), max(start, end)
+    inside = np.minimum(high, edges[1:]) - np.maximum(low, edges[:-1])
+    return np.maximum(inside, 0.0) / (high - low)
+
+
+def hats(y: Floats, edges: Floats) -> Floats:
+    """Values of the piecewise linear functions that are 1 at one knot and 0 at the others, shape ``(n, knots)``."""
+    return np.column_stack([np.interp(y, edges, row) for row in np.eye(edges.size)])
+
+
+def fluctuations(run: Run, chosen: list[int], spacing: float) -> list[Floats]:
+    """Velocities about the lines between knots with the smallest weighted squares, over all frames at once."""
+    mean = np.mean([np.diff(layer(run, run.frames[k], 1).edges)[0] for k in chosen])
+    knots = max(round(mean / spacing), 1)
+    radius = run.model.grains.radius
+    bases = [hats(run.frames[k].position[:, 1], layer(run, run.frames[k], knots).edges) for k in chosen]
+    speeds = [run.frames[k].velocity[:, :2] for k in chosen]
+    weight = np.tile(radius, len(chosen))[:, np.newaxis]
+    fit = np.linalg.lstsq(weight * np.concatenate(bases), weight * np.concatenate(speeds), rcond=None)[0]
+    return [speed - base @ fit for speed, base in zip(speeds, bases, strict=True)]
+
+
+def block_error(values: list[tuple[Floats, Floats]]) -> Floats:
+    """Standard error from up to ten blocks of consecutive rows of numerators and denominators; nan where fewer than two count."""
+    blocks = np.array_split(np.arange(len(values)), min(10, len(values)))
+    means = []
+    for block in blocks:
+        above, below = (sum(values[k][part] for k in block) for part in (0, 1))
+        means.append([a / b if b > 0.0 else np.nan for a, b in zip(above, below, strict=True)])
+    errors = []
+    for column in np.array(means).T:
+        known = column[np.isfinite(column)]
+        errors.append(known.std(ddof=1) / sqrt(known.size) if known.size > 1 else np.nan)
+    return np.array(errors)

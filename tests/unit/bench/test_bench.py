@@ -1,0 +1,320 @@
+"""Benchmarks measure what they say: copies of a scene move like the scene, wrong physics gives no time, slower is noticed."""
+
+from __future__ import annotations
+
+import json
+import time
+from contextlib import nullcontext
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+import pytest
+import typer
+from scene_parts import advance, shear_engine
+
+from multicor_cli.bench import calibration, measuring, scenes, session
+from multicor_cli.bench.calibration import SweepTimes, compile_sweep, time_sweep
+from multicor_cli.bench.checks import find_faults
+from multicor_cli.bench.driving import prepare
+from multicor_cli.bench.measuring import Result, Task, measure
+from multicor_cli.bench.recorded import MARGINS, RecordError, find_slower, ratios, read_record, slower_twice, write_record
+from multicor_cli.bench.reference import ReferenceStep
+from multicor_cli.bench.rest import QUIET, Rest
+from multicor_cli.bench.scenes import SCENES
+from multicor_cli.bench.table import HEADINGS, notes, rows
+from multicor_cli.bench.tiling import repeat_scene
+from multicor_cli.cli.bench_command import bench
+from multicor_cli.cli.exit_codes import ExitCode
+from multicor_cli.engine import Engine
+from multicor_cli.engine.contact.report import PhysicsError
+from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
+from multicor_cli.model import BOOK_NAMES, TALLY_NAMES
+from multicor_cli.model.nudge import VARIABLE
+from multicor_cli.scenario import parse_scenario
+
+LOAD, SPEED, DT = 1.0, 0.3, 0.1
+
+
+def drives_of(period: float) -> list[WallDrive]:
+    return [WallDrive(), WallDrive(x=DofDrive(velocity=Constant(SPEED)), y=DofDrive(force=Constant(-LOAD * period), damping=0.0))]
+
+
+def test_copies_of_a_sheared_layer_move_like_the_original() -> None:
+    engine = shear_engine(columns=12, rows=8, load=LOAD, speed=SPEED)
+    advance(engine, DT, 200)
+    assert engine.state.contact_i.size > 100
+    model, state = repeat_scene(engine.model, engine.state, 3)
+    wide = Engine(model, state, engine.settings, threads=1)
+    wide.set_drives(drives_of(model.period))
+    n = engine.model.grain_count
+    reports = [(engine.step(DT, 0.0), wide.step(DT, 0.0)) for _ in range(3)]
+    for narrow, broad in reports:
+        assert broad.candidates == 3 * narrow.candidates
+        assert broad.contacts == pytest.approx(3 * narrow.contacts, rel=0.03)  # the weakest forces are not unique
+    for copy in range(3):
+        part = slice(copy * n, (copy + 1) * n)
+        moved = (state.position[part, 0] - engine.state.position[:, 0]) / engine.model.period
+        np.testing.assert_allclose(moved, np.rint(moved), atol=1e-4)
+        np.testing.assert_allclose(state.velocity[part], engine.state.velocity, atol=0.05)  # to the tolerance of the solver
+    assert np.median(np.abs(state.velocity[:n] - engine.state.velocity)) < 1e-3
+    with pytest.raises(ValueError, match="periodic"):
+        repeat_scene(replace(engine.model, period=0.0), engine.state, 2)
+
+
+def test_the_warm_start_of_copies_is_that_of_the_original() -> None:
+    """With all impulses in place the first residual of the copies is that of the original: nothing is joined wrongly."""
+    engine = shear_engine(columns=12, rows=8, load=LOAD, speed=SPEED)
+    advance(engine, DT, 200)
+    model, state = repeat_scene(engine.model, engine.state, 4)
+    pairs = np.column_stack([state.contact_i, state.contact_j]).tolist()
+    assert pairs == sorted(pairs)
+    wide = Engine(model, state, engine.settings, threads=1)
+    wide.set_drives(drives_of(model.period))
+    narrow_problem, narrow_start = engine.next_start(DT, 0.0)
+    wide_problem, wide_start = wide.next_start(DT, 0.0)
+    assert len(wide_problem.pair) == 4 * len(narrow_problem.pair)
+    for own, copied in ((narrow_start, wide_start), (narrow_problem.bias, wide_problem.bias)):
+        np.testing.assert_allclose(
+            np.sort(np.tile(own, (4,) + (1,) * (own.ndim - 1)), axis=0), np.sort(copied, axis=0), rtol=1e-9, atol=1e-11
+        )
+
+
+@pytest.mark.parametrize("name", SCENES)
+@pytest.mark.parametrize("copies", [1, 3])
+def test_scenes_are_valid_scenarios_of_any_size(name: str, copies: int) -> None:
+    scene = SCENES[name]
+    count = scene.tile or 700 * copies
+    scenario = parse_scenario(scene.text(count, 5, copies if scene.tile else 1), Path("scene.toml"))
+    assert scenario.seed == 5
+    assert scenario.particles[0].count == (count * copies if scene.tile else count)
+
+
+def test_c_sweep_is_ours_and_a_wrong_one_is_refused(monkeypatch: pytest.MonkeyPatch) -> None:
+    c_sweep = compile_sweep()
+    if c_sweep is None:
+        pytest.skip("needs a C compiler that works")
+    engine = shear_engine(columns=8, rows=6)
+    advance(engine, 0.02, 60)
+    system = engine.next_system(0.02, 0.0).system
+    before = system.impulse.copy()
+    times = time_sweep(system, (1,))
+    assert times.contacts == len(system.pair)
+    assert times.ratio > 0.0
+    assert system.impulse.tolist() == before.tolist()  # the problem itself is left alone
+    monkeypatch.setattr(calibration, "compile_sweep", lambda: lambda s, repeats: 0.0)
+    with pytest.raises(RuntimeError, match="differs"):
+        time_sweep(system, (1,))
+
+
+def test_wrong_physics_is_found() -> None:
+    prepared = prepare(SCENES["collapse"], 100)
+    rounds = [prepared.take(5)]
+    assert find_faults(prepared, rounds) == []
+    prepared.state.books[BOOK_NAMES.index("closure")] = 1e-3
+    prepared.state.tallies[TALLY_NAMES.index("max_overlap")] = 0.1
+    rounds[0].reports[2] = replace(rounds[0].reports[2], converged=False)  # one of five: more than one in a hundred
+    faults = " ".join(find_faults(prepared, rounds))
+    assert all(text in faults for text in ("energy books", "overlap", "1 steps did not converge"))
+
+
+def test_a_bed_that_floats_is_found() -> None:
+    prepared = prepare(replace(SCENES["collapse"], is_weighed=True), 100)
+    rounds = [prepared.take(3)]
+    assert any("of the weight" in fault for fault in find_faults(prepared, rounds))  # half of it is still in the air
+
+
+def result(**changes: object) -> Result:
+    sweep = SweepTimes(2000, 10**5, {1: 1.1e-8}, 1e-8, 1.1)
+    stages = {"solve": 6e-4, "detect": 3e-4, "prepare": 1e-4}
+    found = Result(
+        "bed", 1000, 1, 20, 3, candidates=2000.0, sweeps=35.0, median_sweeps=30.0, cold_sweeps=300.0, step=1e-3, stages=stages,
+        per_contact=1e-8, other_ratio=2.0, sweep=sweep,
+    )  # fmt: skip
+    return replace(found, **changes)
+
+
+def test_ratios_and_shares() -> None:
+    found = result()
+    assert found.other == pytest.approx(4e-4)
+    assert found.other_share == pytest.approx(4e-4 / (4e-4 + 30 * 2000 * 1e-8))
+    all_of_them = {"sweeps": 30.0, "cold_sweeps": 300.0, "sweep_over_c": 1.1, "solve_over_c": 1.0, "other_over_reference": 2.0}
+    assert ratios(found) == pytest.approx(all_of_them)
+    assert ratios(result(sweep=None, cold_sweeps=None)) == {"sweeps": 30.0, "other_over_reference": 2.0}
+    assert "solve_over_c" not in ratios(result(cold_sweeps=None, median_sweeps=2.0))  # that would be the time of everything around
+    assert ratios(result(sweep=None, cold_sweeps=None, per_contact=None)) == {"other_over_reference": 2.0}
+    assert json.loads(json.dumps(found.as_dict()))["other_share"] == pytest.approx(0.4)
+
+
+def test_what_is_slower_than_recorded_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "record.json"
+    write_record(path, [result(), result(scene="shear", faults=["grains overlap"])])
+    record = read_record(path)
+    assert list(record) == ["bed-1000-threads-1"]  # nothing is recorded of wrong physics
+    assert find_slower([result(), result(scene="new")], record) == []
+    assert find_slower([result(per_contact=1.4e-8, median_sweeps=32.0, sweeps=90.0)], record) == []
+    (line,) = find_slower([result(per_contact=1.9e-8)], record)
+    assert line == "bed-1000-threads-1: solve over c 1.9, recorded 1"
+    write_record(path, [result(scene="drum")])
+    assert len(read_record(path)) == 2
+    path.write_text("[1, 2]")
+    with pytest.raises(RecordError, match=r"record\.json"):
+        read_record(path)
+
+
+@pytest.mark.parametrize(
+    ("name", "factor"), [("median_sweeps", 2.0), ("cold_sweeps", 2.0), ("per_contact", 2.0), ("other_ratio", 3.0), ("sweep", 2.0)]
+)
+def test_whatever_takes_that_much_longer_is_slower(name: str, factor: float, tmp_path: Path) -> None:
+    path = tmp_path / "record.json"
+    write_record(path, [result()])
+    before = getattr(result(), name)
+    after = replace(before, ratio=factor * before.ratio) if isinstance(before, SweepTimes) else factor * before
+    assert len(find_slower([result(**{name: after})], read_record(path))) == 1
+
+
+def test_two_sweeps_more_are_not_twice_as_many(tmp_path: Path) -> None:
+    """A solve looks at its residual at 2, 5 or 8 sweep-equivalents: a median of 5 beside one of 2 is one look more."""
+    path = tmp_path / "record.json"
+    write_record(path, [result(median_sweeps=2.0)])
+    assert find_slower([result(median_sweeps=5.0)], read_record(path)) == []
+    assert len(find_slower([result(median_sweeps=8.0)], read_record(path))) == 1
+
+
+def test_medians_of_seeds_are_recorded_and_slower_is_what_is_so_twice(tmp_path: Path) -> None:
+    path = tmp_path / "record.json"
+    write_record(path, [result(median_sweeps=sweeps) for sweeps in (20.0, 90.0, 40.0)])
+    record = read_record(path)
+    assert record["bed-1000-threads-1"]["sweeps"] == 40.0
+    first, other = result(median_sweeps=90.0, other_ratio=9.0), result(median_sweeps=80.0, cold_sweeps=900.0)
+    assert slower_twice([first], [other], record) == ["bed-1000-threads-1: sweeps 80, recorded 40"]
+    assert slower_twice([first], [result(median_sweeps=41.0)], record) == []
+
+
+@pytest.mark.parametrize(("nudge", "seed"), [("1", 1), ("2", 2), ("3", 3)])
+def test_a_bed_rests_when_it_is_measured(nudge: str, seed: int, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv(VARIABLE, nudge)
+    bed = small_bed(monkeypatch)
+    prepared = prepare(bed, 60, seed=seed)
+    grains = prepared.model.grains
+    energies = []
+    for _ in range(20):
+        reports = prepared.take(1).reports
+        energies.append(prepared.state.books[BOOK_NAMES.index("kinetic")])
+        assert reports[0].converged
+    allowed = QUIET * float(grains.mass.sum()) * 9.81 * prepared.model.mean_diameter
+    assert Rest.of(prepared.model, prepared.stage.dt).allowed == pytest.approx(allowed)
+    assert max(energies) <= allowed
+    assert prepared.state.stage_step == 20  # the books are those of the measurement
+    warm = float(np.median([report.sweeps for report in prepared.take(20).reports]))
+    assert warm < 0.5 * prepared.take_cold().reports[0].sweeps
+
+
+def small_bed(monkeypatch: pytest.MonkeyPatch, patience: float = 2.0) -> scenes.BenchScene:
+    monkeypatch.setattr(scenes, "_PATIENCE", patience)
+    monkeypatch.setattr(scenes, "_COLUMNS", 8)
+    monkeypatch.setattr(scenes, "_ROWS", 8)
+    return replace(SCENES["bed"], tile=60)
+
+
+def test_a_bed_that_does_not_come_to_rest_is_a_fault_with_a_name(monkeypatch: pytest.MonkeyPatch) -> None:
+    bed = small_bed(monkeypatch, patience=0.002)  # ten steps; it must rest for 286
+    monkeypatch.setitem(SCENES, "bed", bed)
+    found = measure(Task("bed", 60, 1, 1))
+    (fault,) = found.faults
+    assert fault.startswith("the bed did not come to rest within 0.002 s: kinetic energy ")
+    assert "allowed" in fault
+
+    class Found:
+        results = (found,)
+        bandwidth: dict[int, float] = {}  # noqa: RUF012
+        compilation = None
+
+    assert rows(Found())[0][5] == "refused"  # type: ignore[arg-type]
+    assert notes(Found()) == [f"bed, 60 grains: {fault}"]  # type: ignore[arg-type]
+
+
+def test_the_command_ends_with_the_code_of_physics(monkeypatch: pytest.MonkeyPatch) -> None:
+    found = session.Benchmark("some", {1: 1e9}, [result(faults=["the bed did not come to rest"])], None)
+    asked: list[Task] = []
+    monkeypatch.setattr(session, "run_benchmark", lambda tasks, **_: asked.extend(tasks) or found)
+    with pytest.raises(typer.Exit) as ended:
+        bench(["bed"], [100, 200], 1, 2, seed=7)
+    assert ended.value.exit_code == ExitCode.PHYSICS == 4
+    assert asked == [Task("bed", 100, 1, 2, 7), Task("bed", 200, 1, 2, 7)]
+
+
+def test_what_looks_slower_is_measured_again_with_another_seed(monkeypatch: pytest.MonkeyPatch, tmp_path: Path) -> None:
+    path, asked = tmp_path / "record.json", []
+    write_record(path, [result(), result(scene="shear")])
+
+    def run(factor: float, tasks: list[Task], **_: object) -> session.Benchmark:
+        asked.extend(tasks)
+        slow = [
+            result(scene=task.scene, other_ratio=2.0 * (factor ** (task.seed - 1) * 3.0 if task.scene == "bed" else 1.0))
+            for task in tasks
+        ]
+        return session.Benchmark("some", {1: 1e9}, slow, None)
+
+    for factor, ends in ((0.1, False), (1.0, True)):
+        asked.clear()
+        monkeypatch.setattr(session, "run_benchmark", partial(run, factor))
+        with pytest.raises(typer.Exit) if ends else nullcontext() as ended:
+            bench(["bed", "shear"], [1000], 1, 2, compare=path)
+        assert [(task.scene, task.seed) for task in asked] == [("bed", 1), ("shear", 1), ("bed", 2)]
+        assert ended is None or ended.value.exit_code == ExitCode.BUG
+
+
+def test_moving_grains_begin_to_wait_anew() -> None:
+    prepared = prepare(SCENES["collapse"], 100)
+    state, rest = prepared.state, Rest(1.0, 3)
+    kinetic = BOOK_NAMES.index("kinetic")
+    for energy, reached in ((0.5, False), (1.0, False), (1.1, False), (0.0, False), (0.0, False), (0.0, True)):
+        state.books[kinetic] = energy
+        rest.note(state)
+        assert rest.is_reached is reached
+
+
+def test_physics_that_fails_while_a_scene_is_prepared_is_a_fault(monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail(*_: object, **__: object) -> None:
+        raise PhysicsError(7, "no admissible positions")
+
+    monkeypatch.setattr(measuring, "prepare", fail)
+    assert measure(Task("shear", 1000, 1, 1)).faults == ["step 7: no admissible positions"]
+
+
+def test_stages_that_take_longer_show_in_the_ratio() -> None:
+    """The yardstick does not slow down with the product: where steps take four times as long, the ratio exceeds its margin."""
+    prepared = prepare(SCENES["collapse"], 100)
+    yardstick = ReferenceStep(100)
+
+    def other() -> float:
+        references: list[float] = []
+        round_ = prepared.take(40, lambda: references.append(yardstick.seconds()))
+        return measuring.other_time([round_]) / measuring._quartile(references)
+
+    before = [other() for _ in range(3)]
+    whole_step = prepared.engine.step
+
+    def slowed(dt: float, t: float) -> object:
+        started = time.perf_counter()
+        report = whole_step(dt, t)
+        elapsed = time.perf_counter() - started
+        while time.perf_counter() - started < 4.0 * elapsed:
+            pass
+        return report
+
+    prepared.engine.step = slowed  # type: ignore[method-assign, assignment]
+    after = [other() for _ in range(3)]
+    assert max(after) > MARGINS["other_over_reference"] * min(before)
+
+
+def test_table_gives_no_times_of_wrong_physics() -> None:
+    class Found:
+        results = (result(), result(faults=["grains overlap"]))
+
+    right, wrong = rows(Found())  # type: ignore[arg-type]
+    assert len(right) == len(wrong) == len(HEADINGS)
+    assert "1" in right[5]
+    assert wrong[5:] == ["refused", *[""] * (len(HEADINGS) - 6)]

@@ -1,0 +1,220 @@
+"""GSD files as the library reads them back."""
+
+from __future__ import annotations
+
+import dataclasses
+import logging
+import os
+import resource
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+import numpy as np
+import pytest
+from heat_run import GRAINS, column, contact_rows, heated_model
+from store_support import make_model, run_whole
+
+from multicor_cli.export import ExportError, ExportRefused, MissingLibrary, export_gsd
+from multicor_cli.store import Moment, Run, RunDirectory, StorageError, open_run
+
+hoomd = pytest.importorskip("gsd.hoomd")
+
+
+@pytest.fixture(scope="module")
+def directory(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("gsd") / "run"
+    run_whole(path, make_model(heat=True))
+    return path
+
+
+@pytest.fixture
+def run(directory: Path) -> Iterator[Run]:
+    with open_run(directory) as opened:
+        yield opened
+
+
+def test_every_frame_is_read_back(run: Run, tmp_path: Path) -> None:
+    assert export_gsd(run, tmp_path / "a.gsd") == 9
+    model = run.model
+    with hoomd.open(str(tmp_path / "a.gsd")) as file:
+        assert len(file) == 9
+        for ours, theirs in zip(run.frames, file, strict=True):
+            grains, center = theirs.particles, theirs.log["box_center"]
+            assert theirs.configuration.step == ours.step
+            assert theirs.configuration.dimensions == 2
+            assert theirs.log["time"] == [ours.time]
+            np.testing.assert_allclose(grains.position[:, :2] + center, ours.position, atol=1e-8)
+            assert not grains.position[:, 2].any()
+            np.testing.assert_array_equal(grains.image[:, 0], ours.image)
+            np.testing.assert_allclose(grains.velocity[:, :2], ours.velocity, rtol=1e-6)
+            np.testing.assert_allclose(grains.diameter, 2.0 * model.grains.radius, rtol=1e-6)
+            np.testing.assert_allclose(grains.mass, model.grains.mass, rtol=1e-6)
+            np.testing.assert_array_equal(theirs.log["particles/temperature"], ours.temperature)
+            np.testing.assert_array_equal(theirs.log["particles/angular_velocity"], ours.spin)
+            np.testing.assert_array_equal(theirs.log["particles/generated"], ours.generated)
+
+
+def test_types_are_the_groups(run: Run, tmp_path: Path) -> None:
+    export_gsd(run, tmp_path / "a.gsd", slice(0, 1))
+    with hoomd.open(str(tmp_path / "a.gsd")) as file:
+        assert file[0].particles.types == ["grains"]
+        assert file[0].particles.typeid.tolist() == [0] * 5
+
+
+def test_orientation_and_angular_momentum(run: Run, tmp_path: Path) -> None:
+    """q = (cos ½α, 0, 0, sin ½α), and the momentum I ω is in the z component of ½ q* P."""
+    export_gsd(run, tmp_path / "a.gsd", slice(-1, None))
+    frame = run.frames[-1]
+    with hoomd.open(str(tmp_path / "a.gsd")) as file:
+        q, p = file[0].particles.orientation, file[0].particles.angmom
+        inertia = file[0].particles.moment_inertia
+    np.testing.assert_allclose(2.0 * np.arctan2(q[:, 3], q[:, 0]), frame.angle, atol=1e-6)
+    momentum = 0.5 * (q[:, 0] * p[:, 3] - q[:, 3] * p[:, 0])
+    np.testing.assert_allclose(momentum, run.model.grains.inertia * frame.spin, rtol=1e-5)
+    np.testing.assert_allclose(inertia[:, 2], run.model.grains.inertia, rtol=1e-6)
+
+
+def test_the_box_has_the_period_and_holds_all_grains(run: Run, tmp_path: Path) -> None:
+    export_gsd(run, tmp_path / "a.gsd")
+    with hoomd.open(str(tmp_path / "a.gsd")) as file:
+        boxes = {tuple(frame.configuration.box.tolist()) for frame in file}
+        assert len(boxes) == 1
+        size = boxes.pop()
+        assert size[0] == np.float32(run.period)
+        for frame in file:
+            assert (np.abs(frame.particles.position[:, 0]) <= 0.5 * size[0] * (1.0 + 1e-6)).all()
+            assert (np.abs(frame.particles.position[:, 1]) + 0.5 * frame.particles.diameter <= 0.5 * size[1] * (1.0 + 1e-6)).all()
+
+
+def test_bonds_are_the_contacts_that_carry_a_force(run: Run, tmp_path: Path) -> None:
+    export_gsd(run, tmp_path / "a.gsd")
+    found = 0
+    with hoomd.open(str(tmp_path / "a.gsd")) as file:
+        for ours, theirs in zip(run.frames, file, strict=True):
+            contacts = ours.contacts
+            shown = (contacts.j < 5) & (contacts.impulse[:, 0] > 0.0)
+            found += shown.sum()
+            assert shown.sum() == theirs.bonds.N
+            if shown.any():
+                np.testing.assert_array_equal(theirs.bonds.group, np.column_stack([contacts.i, contacts.j])[shown])
+                np.testing.assert_array_equal(theirs.log["bonds/normal_force"], contacts.force[shown, 0])
+                np.testing.assert_array_equal(theirs.log["bonds/tangential_force"], contacts.force[shown, 1])
+    assert found > 2
+
+
+def test_frames_without_contacts_do_not_repeat_those_of_the_first_one(tmp_path: Path) -> None:
+    """What a GSD frame lacks is that of the first one: a frame without bonds has to say so, recorded or not."""
+    model = heated_model()
+    state = column(model)
+    with RunDirectory.create(tmp_path / "run", "", "", {"seed": 1}, stages=("a",)) as run:
+        writer = run.writer(model)
+        state.last_dt = 0.1
+        loaded = contact_rows(state)
+        fields = {field.name: getattr(loaded, field.name) for field in dataclasses.fields(loaded)}
+        empty = dataclasses.replace(loaded, **{name: values[:0] for name, values in fields.items()})
+        for rows in (loaded, empty, None, loaded):
+            writer.frame(Moment(state, model, rows))
+            writer.series_row(Moment(state, model))
+            state.step, state.time = state.step + 1, state.time + 0.1
+        run.checkpoint(state, writer)
+        run.finish("finished")
+    with open_run(tmp_path / "run") as opened:
+        export_gsd(opened, tmp_path / "a.gsd")
+    with hoomd.open(str(tmp_path / "a.gsd")) as file:
+        frames = list(file)
+    assert [frame.bonds.N for frame in frames] == [GRAINS - 1, 0, 0, GRAINS - 1]
+    for name in ("normal_force", "tangential_force", "heat"):
+        assert [len(frame.log[f"bonds/{name}"]) for frame in frames] == [GRAINS - 1, 0, 0, GRAINS - 1]
+    assert [frame.log["contacts_recorded"].tolist() for frame in frames] == [[1], [1], [0], [1]]
+
+
+def test_runs_without_heat_and_with_single_precision(tmp_path: Path, caplog: pytest.LogCaptureFixture) -> None:
+    run_whole(tmp_path / "run", make_model(walls=False), precision="single")
+    with caplog.at_level(logging.WARNING), open_run(tmp_path / "run") as run:
+        export_gsd(run, tmp_path / "a.gsd", slice(None, None, 4))
+    assert caplog.records == []
+    with hoomd.open(str(tmp_path / "a.gsd")) as file:
+        assert [frame.configuration.step for frame in file] == [0, 20, 40]
+        assert "particles/temperature" not in file[2].log
+
+
+def test_the_progress_is_told(run: Run, tmp_path: Path) -> None:
+    told: list[tuple[int, int]] = []
+    export_gsd(run, tmp_path / "a.gsd", slice(0, 3), progress=lambda done, total: told.append((done, total)))
+    assert told == [(1, 3), (2, 3), (3, 3)]
+
+
+def test_nothing_is_overwritten_unless_asked_for(run: Run, tmp_path: Path) -> None:
+    path = tmp_path / "a.gsd"
+    path.write_text("mine")
+    with pytest.raises(ExportRefused, match="--overwrite"):
+        export_gsd(run, path)
+    assert path.read_text() == "mine"
+    export_gsd(run, path, slice(0, 2), is_overwriting=True)
+    with hoomd.open(str(path)) as file:
+        assert len(file) == 2
+
+
+def test_files_of_the_run_are_never_overwritten(run: Run, directory: Path) -> None:
+    before = (directory / "results.h5").read_bytes()
+    with pytest.raises(ExportRefused, match="a file of the run"):
+        export_gsd(run, directory / "results.h5", is_overwriting=True)
+    assert (directory / "results.h5").read_bytes() == before
+    with pytest.raises(ExportRefused, match="directory"):
+        export_gsd(run, directory, is_overwriting=True)
+
+
+@pytest.mark.parametrize("name", ["checkpoints/step-00000000040.h5", "checkpoints/new.gsd", "segments/a.gsd", "results.h5.tmp"])
+def test_nothing_is_written_among_the_files_of_a_run(name: str, run: Run, directory: Path, tmp_path: Path) -> None:
+    """By its own name, and by that of a link to the directory."""
+    before = sorted(path.name for path in directory.rglob("*"))
+    (tmp_path / "link").symlink_to(directory)
+    for place in (directory, tmp_path / "link"):
+        with pytest.raises(ExportRefused, match="file of the run"):
+            export_gsd(run, place / name, is_overwriting=True)
+    assert sorted(path.name for path in directory.rglob("*")) == before
+
+
+def test_a_link_is_not_replaced_unasked_and_a_device_never(run: Run, tmp_path: Path) -> None:
+    (tmp_path / "mine").write_text("mine")
+    (tmp_path / "link").symlink_to("mine")
+    (tmp_path / "dangling").symlink_to("nowhere")
+    os.mkfifo(tmp_path / "pipe")
+    for name in ("link", "dangling", "pipe"):
+        with pytest.raises(ExportRefused, match=name):
+            export_gsd(run, tmp_path / name)
+        assert not (tmp_path / name).is_file() or name == "link"
+    with pytest.raises(ExportRefused, match="not an ordinary file"):
+        export_gsd(run, tmp_path / "pipe", is_overwriting=True)
+    assert (tmp_path / "pipe").is_fifo()
+    export_gsd(run, tmp_path / "link", is_overwriting=True)
+    assert (tmp_path / "mine").read_text() == "mine"
+
+
+def test_no_such_frames(run: Run, tmp_path: Path) -> None:
+    with pytest.raises(ExportError, match="from 0 to 8"):
+        export_gsd(run, tmp_path / "a.gsd", slice(20, 30))
+    assert list(tmp_path.iterdir()) == []
+
+
+@pytest.mark.parametrize("share", [0.2, 0.5, 0.8, 0.99])
+def test_a_full_disk_leaves_nothing(share: float, run: Run, tmp_path: Path) -> None:
+    export_gsd(run, tmp_path / "a.gsd")
+    size = (tmp_path / "a.gsd").stat().st_size
+    (tmp_path / "a.gsd").unlink()
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (int(share * size), limits[1]))
+    try:
+        with pytest.raises(StorageError):
+            export_gsd(run, tmp_path / "a.gsd")
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_without_the_library(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, "gsd", None)
+    monkeypatch.setitem(sys.modules, "gsd.hoomd", None)
+    with pytest.raises(MissingLibrary, match="pip install"):
+        export_gsd(run, tmp_path / "a.gsd")

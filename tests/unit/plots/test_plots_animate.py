@@ -1,0 +1,91 @@
+"""Films: all pictures alike but for the grains, and the file appears whole or not at all."""
+
+from __future__ import annotations
+
+import shutil
+import subprocess
+from pathlib import Path
+
+import numpy as np
+import pytest
+from report_run import write_evil_run
+
+from multicor_cli.plots import PlotError
+from multicor_cli.plots.animate import _draw_all, _find_stage, film_path, write_film
+from multicor_cli.plots.style import house_style
+from multicor_cli.post import grain_map
+from multicor_cli.store import Run, open_run
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    path = tmp_path_factory.mktemp("run") / "run"
+    write_evil_run(path)
+    return open_run(path)
+
+
+def maps(run: Run, of: str = "velocity"):
+    return lambda: (grain_map(run, of, k) for k in range(6))
+
+
+def test_all_pictures_share_part_of_the_plane_and_colors(run: Run) -> None:
+    with house_style():
+        stage = _find_stage(maps(run)(), 6)
+        assert stage is not None
+        pictures = [picture.copy() for picture in _draw_all(maps(run)(), stage, 600)]
+    boxes = np.array([table.scene.box for table in maps(run)()])
+    assert stage.box.tolist() == [boxes[:, 0].min(axis=0).tolist(), boxes[:, 1].max(axis=0).tolist()]
+    assert (stage.scale[0].vmin, stage.scale[0].vmax) == pytest.approx((0.0, 0.9))
+    assert len({picture.shape for picture in pictures}) == 1
+    height, width, _ = pictures[0].shape
+    assert (height % 2, width % 2) == (0, 0)
+    assert 300 < width <= 602
+    changed = (pictures[0] != pictures[-1]).any(axis=2)
+    assert changed.any()
+    assert not changed[int(0.85 * height) :].any()  # the color bar below stays as it is
+    assert not changed[:, : int(0.07 * width)].any()  # and so do the labels at the left
+
+
+def test_nothing_stays_if_drawing_fails(run: Run, tmp_path: Path) -> None:
+    def failing():
+        yield grain_map(run, "spin", 1)
+        if list(tmp_path.iterdir()):
+            raise ValueError
+        yield grain_map(run, "spin", 2)
+
+    with pytest.raises(ValueError, match=r"^$"):
+        write_film(failing, 2, tmp_path / "film.gif")
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_refuses_other_endings_and_films_of_nothing(tmp_path: Path) -> None:
+    with pytest.raises(PlotError, match=r"\.mp4 or \.gif"):
+        write_film(lambda: iter([None]), 1, tmp_path / "film.avi")
+    with pytest.raises(PlotError, match="no frame"):
+        write_film(lambda: iter([None]), 1, tmp_path / "film.gif")
+
+
+def test_name_of_the_film(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert film_path(Path("a.gif")) == Path("a.gif")
+    monkeypatch.setattr(shutil, "which", lambda name: None)
+    assert film_path(Path("a.mp4")) == Path("a.gif")
+
+
+@pytest.mark.skipif(not (shutil.which("ffmpeg") and shutil.which("ffprobe")), reason="needs ffmpeg and ffprobe")
+def test_mp4_has_every_frame(run: Run, tmp_path: Path) -> None:
+    told = []
+    film = write_film(maps(run), 6, tmp_path / "film.mp4", rate=5.0, progress=lambda done, total: told.append((done, total)))
+    assert (film.path, film.frames, film.skipped) == (tmp_path / "film.mp4", 6, 0)
+    assert told[-1] == (6, 6)
+    command = ["ffprobe", "-v", "error", "-count_frames", "-show_entries", "stream=nb_read_frames,r_frame_rate", "-of", "csv=p=0"]
+    said = subprocess.run([*command, film.path], capture_output=True, text=True, check=True).stdout
+    assert said.strip() == "5/1,6"
+
+
+def test_what_ffmpeg_says_is_passed_on(run: Run, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "ffmpeg").write_text("#!/bin/sh\necho 'no codec' >&2\nexit 3\n")
+    (tmp_path / "ffmpeg").chmod(0o755)
+    monkeypatch.setenv("PATH", str(tmp_path))
+    with pytest.raises(PlotError, match="no codec"):
+        write_film(maps(run), 6, tmp_path / "film.mp4")
+    assert [file.name for file in tmp_path.iterdir()] == ["ffmpeg"]

@@ -1,0 +1,107 @@
+"""Energy books over time, and comparisons of two runs."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from heat_run import GRAINS, write_heated_run
+from scenes import write_small
+
+import multicor_cli as multicor
+from multicor_cli.post import PostError, Selection, compare, energy, profile, rheology
+from multicor_cli.post.energy import HEAT, MECHANICAL
+from multicor_cli.store import Run, open_run
+
+
+@pytest.fixture(scope="module")
+def pair(tmp_path_factory: pytest.TempPathFactory) -> tuple[Run, Run]:
+    """The small run twice, with another seed and a faster wall."""
+    path = tmp_path_factory.mktemp("pair")
+    write_small(path)
+    common = ["loading.0.duration=0.01", "loading.1.until.strain.value=0.5", "output.frame_interval=0.001"]
+    other = ["scenario.seed=4", "loading.1.drives.top.x.velocity.ramp=[0.0, 0.2]"]
+    multicor.run(path / "small.toml", path / "a", overrides=common, threads=1)
+    multicor.run(path / "small.toml", path / "b", overrides=[*common, *other], threads=1)
+    return open_run(path / "a"), open_run(path / "b")
+
+
+def test_books_balance_in_every_row(pair: tuple[Run, Run]) -> None:
+    table = energy(pair[0])
+    books = table.books
+    came = sum(entry.sign * books[entry.name] for entry in MECHANICAL if entry.sign)
+    assert books["kinetic_gain"] - came == pytest.approx(books["imbalance"], abs=1e-12 * float(np.abs(books["wall_work"]).max()))
+    assert table.heat_closure is None
+    assert table.closure[-1] <= 1e-10
+    labels = dict(table.rows)
+    assert labels["lost to friction [J]"] == books["friction_loss"][-1] > 0.0
+    assert len(table.rows) == len(MECHANICAL) + 1
+    assert len(table.detail_headings) == len(table.detail_rows[0]) == len(MECHANICAL) + 2
+    assert len(table.detail_rows) == table.time.size == pair[0].series.row_count
+    assert table.as_dict()["end"]["friction_loss"] == books["friction_loss"][-1]
+
+
+def test_books_of_a_part_count_from_the_start(pair: tuple[Run, Run]) -> None:
+    whole = energy(pair[0])
+    part = energy(pair[0], whole.time[5], whole.time[9])
+    assert part.time.tolist() == whole.time[5:10].tolist()
+    assert part.books["wall_work"].tolist() == whole.books["wall_work"][5:10].tolist()
+    with pytest.raises(PostError, match="no row in this time"):
+        energy(pair[0], 1e9)
+
+
+def test_books_of_heat(tmp_path: Path) -> None:
+    write_heated_run(tmp_path / "run")
+    with open_run(tmp_path / "run") as run:
+        table = energy(run)
+        assert table.heat_closure is not None
+        assert table.books["heat_stored"][-1] == pytest.approx(run.series["heat_stored"][-1])
+        assert len(table.rows) == len(MECHANICAL) + len(HEAT) + 2
+        assert len(table.detail_headings) == len(table.detail_rows[0])
+        assert table.as_dict()["heat_closure"] == 1e-15
+
+
+def test_comparison_of_two_runs(pair: tuple[Run, Run]) -> None:
+    later = Selection(start=0.03)
+    found = compare(*pair, of=["velocity", "coordination"], selection=later, names=("a", "b"))
+    keys = {key: (first, second) for key, first, second in found.keys}
+    assert keys["scenario.seed"] == ("3", "4")
+    assert "loading.1.drives.top.x.velocity.ramp.1" in keys
+    assert len(keys) == 2
+    numbers = {p.name: p for p in found.numbers}
+    assert numbers["grain_count"].difference == 0.0
+    assert numbers["friction_loss"].second == energy(pair[1]).books["friction_loss"][-1]
+    one, two = (rheology(run, later) for run in pair)
+    rate = numbers["shear_rate"]
+    assert rate.difference == pytest.approx(two.mean["shear_rate"] - one.mean["shear_rate"])
+    assert rate.ratio == pytest.approx(rate.difference / np.hypot(one.error["shear_rate"], two.error["shear_rate"]))
+    speed = found.profiles["velocity"]
+    assert speed.first.value.tolist() == profile(pair[0], "velocity", later).value.tolist()
+    assert speed.second.y.size == speed.first.y.size
+    expected = (speed.second.value - speed.first.value) / np.hypot(speed.first.error, speed.second.error)
+    assert speed.ratio == pytest.approx(expected)
+    assert speed.rms_ratio == pytest.approx(np.sqrt((expected**2).mean()))
+    assert len(found.detail_rows) == 2 * speed.y.size
+    assert found.as_dict()["profiles"]["velocity"]["rms_difference_over_error"] == speed.rms_ratio
+    assert len(found.rows) == len(found.numbers) + 2
+
+
+def test_a_run_does_not_differ_from_itself(pair: tuple[Run, Run]) -> None:
+    found = compare(pair[0], pair[0])
+    assert found.keys == ()
+    assert all(p.difference == 0.0 or np.isnan(p.difference) for p in found.numbers)
+    assert found.profiles["velocity"].rms_ratio == 0.0
+
+
+def test_runs_that_are_not_alike_compare_in_what_they_share(pair: tuple[Run, Run], tmp_path: Path) -> None:
+    """The column of made-up grains has heat and does not move: no heat in common, one bin per grain."""
+    write_heated_run(tmp_path / "run")
+    with open_run(tmp_path / "run") as other:
+        found = compare(other, pair[0], selection=Selection(frames=slice(-3, None)))
+        names = {p.name for p in found.numbers}
+        assert "wall_work" in names
+        assert "heat_stored" not in names
+        assert found.profiles["velocity"].y.size == GRAINS
+        with pytest.raises(PostError, match="no heat"):
+            compare(other, pair[0], of=["temperature"])

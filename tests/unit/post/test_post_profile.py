@@ -1,0 +1,214 @@
+"""Profiles of made-up runs against closed forms and direct computation."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Any
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from made_up_frames import source_of
+from numpy.typing import NDArray
+from scene_parts import between_planes, make_shapes
+
+from multicor_cli.model import ShapeKind
+from multicor_cli.post import PostError, Selection, profile
+from multicor_cli.post.binning import area_below, share_discs
+from multicor_cli.post.profile import ProfileTable
+
+
+@dataclass
+class Frame:
+    position: NDArray[np.float64]
+    velocity: NDArray[np.float64]
+    wall_position: NDArray[np.float64]
+    wall_velocity: NDArray[np.float64]
+
+
+def make_source(
+    y: NDArray[np.float64], radius: NDArray[np.float64], speed: NDArray[np.float64], *, lid: float = 0.0, lid_speed: float = 1.0
+) -> Any:
+    """Frames with heights ``y`` and velocities ``speed``, both ``(frames, n)``, between walls at 0 and 1 + lid."""
+    model = between_planes(radius)
+    frames = []
+    for heights, values in zip(y, speed, strict=True):
+        position = np.column_stack([np.zeros_like(heights), heights, np.zeros_like(heights)])
+        velocity = np.column_stack([values, np.zeros_like(values), np.zeros_like(values)])
+        walls = np.array([[0.0, 0.0, 0.0], [0.0, lid, 0.0]])
+        frames.append(Frame(position, velocity, walls, np.array([[0.0, 0.0, 0.0], [lid_speed, 0.0, 0.0]])))
+    return source_of(model, frames)
+
+
+def random_source(frames: int = 7, n: int = 60, seed: int = 1) -> Any:
+    rng = np.random.default_rng(seed)
+    radius = rng.uniform(0.02, 0.12, n)
+    y = radius + rng.uniform(0.0, 1.0, (frames, n)) * (1.0 - 2.0 * radius)
+    return make_source(y, radius, rng.normal(y, 0.1))
+
+
+def numeric_area(height: float, radius: float, low: float, high: float) -> float:
+    """Area of a disc between two heights by Gauss–Chebyshev quadrature of its width (second kind)."""
+    a, b = np.clip([low - height, high - height], -radius, radius)
+    angle = np.linspace(np.arcsin(a / radius), np.arcsin(b / radius), 2_001)
+    return float(np.trapezoid(2.0 * radius**2 * np.cos(angle) ** 2, angle))
+
+
+def test_area_below_a_line() -> None:
+    """Half a disc, a whole one, none, and the cap of height a/2: a²(2π/3 − √3/4) below."""
+    a = np.full(5, 2.0)
+    area = area_below(np.array([0.0, 2.0, -2.0, 9.0, 1.0]), a)
+    assert area == pytest.approx([2 * np.pi, 4 * np.pi, 0.0, 4 * np.pi, 4 * (2 * np.pi / 3 + np.sqrt(3) / 4)])
+
+
+@settings(max_examples=50, deadline=None)
+@given(st.lists(st.tuples(st.floats(-3, 3), st.floats(0.01, 2)), min_size=1, max_size=20), st.integers(1, 30))
+def test_shares_add_up_to_the_area_of_the_discs(discs: list[tuple[float, float]], count: int) -> None:
+    """Bins that cover everything share out π a² of every grain."""
+    y, radius = (np.array(column) for column in zip(*discs, strict=True))
+    shares = share_discs(y, radius, -6.0, 12.0 / count, count)
+    assert np.bincount(shares.grain, weights=shares.area, minlength=y.size) == pytest.approx(np.pi * radius**2, rel=1e-9)
+    assert shares.bin.min() >= 0
+    assert shares.bin.max() < count
+
+
+def test_shares_of_a_disc_agree_with_quadrature() -> None:
+    shares = share_discs(np.array([0.37]), np.array([0.3]), 0.0, 0.11, 6)
+    expected = [numeric_area(0.37, 0.3, 0.11 * k, 0.11 * (k + 1)) for k in range(6)]
+    assert np.bincount(shares.bin, weights=shares.area, minlength=6) == pytest.approx(expected, rel=1e-6)
+
+
+def test_uniform_field_is_found_exactly() -> None:
+    source = random_source()
+    for frame in source.frames:
+        frame.velocity[:, 0] = -0.3
+    table = profile(source, "velocity", Selection(start=0.0))
+    inside = np.isfinite(table.value)
+    assert inside.all()
+    assert table.value == pytest.approx(-0.3)
+    assert table.error == pytest.approx(0.0, abs=1e-15)
+
+
+@pytest.mark.parametrize("bins", [None, 1, 4, 13])
+def test_profile_agrees_with_direct_computation(bins: int | None) -> None:
+    source = random_source()
+    radius = source.model.grains.radius
+    table = profile(source, "velocity", Selection(frames=slice(1, 6)), bins)
+    count = bins or round(1.0 / source.model.mean_diameter)
+    assert table.y.size == count
+    for b in range(count):
+        low, high = b / count, (b + 1) / count
+        area = np.array(
+            [[numeric_area(y, a, low, high) for y, a in zip(f.position[:, 1], radius, strict=True)] for f in source.frames[1:6]]
+        )
+        speed = np.array([f.velocity[:, 0] for f in source.frames[1:6]])
+        blocks = (area * speed).sum(axis=1) / area.sum(axis=1)
+        assert table.value[b] == pytest.approx((area * speed).sum() / area.sum(), rel=1e-6)
+        assert table.area[b] == pytest.approx(area.sum() / 5, rel=1e-6)
+        assert table.error[b] == pytest.approx(blocks.std(ddof=1) / np.sqrt(5), rel=1e-5)
+
+
+def test_linear_profile_of_a_dense_stack() -> None:
+    """Equal discs at every height: the average over a bin is the field at its center, except where the walls cut the stack."""
+    y = np.linspace(0.05, 0.95, 9001)[np.newaxis]
+    source = make_source(y, np.full(9001, 0.05), 2.0 * y)
+    table = profile(source, bins=10)
+    assert table.value[2:-2] == pytest.approx(2.0 * table.y[2:-2], rel=1e-4)
+
+
+def test_standard_error_uses_blocks_of_consecutive_frames() -> None:
+    """25 frames make ten blocks; with values of a block equal, the error is that of ten numbers."""
+    speed = np.repeat(np.arange(25.0)[:, np.newaxis] // 2.5, 2, axis=1)
+    source = make_source(np.full((25, 2), 0.5), np.full(2, 0.1), speed)
+    table = profile(source, selection=Selection(start=0.0), bins=1)
+    means = [speed[block].mean() for block in np.array_split(np.arange(25), 10)]
+    assert table.error[0] == pytest.approx(np.std(means, ddof=1) / np.sqrt(10))
+
+
+def test_empty_bins_and_single_frames_have_no_value_and_no_error() -> None:
+    source = make_source(np.full((1, 2), 0.5), np.full(2, 0.1), np.ones((1, 2)))
+    table = profile(source, bins=5)
+    assert np.isnan(table.value[[0, 4]]).all()
+    assert table.value[2] == 1.0
+    assert np.isnan(table.error).all()
+
+
+def test_normalized_runs_from_wall_to_wall() -> None:
+    """The lid is 0.5 higher than in its frame and moves at −2 m/s."""
+    y = np.array([[0.2, 0.75, 1.3]])
+    source = make_source(y, np.full(3, 0.1), -2.0 * y / 1.5, lid=0.5, lid_speed=-2.0)
+    table = profile(source, bins=3)
+    assert table.height == pytest.approx(1.5)
+    assert table.walls == ("bottom", "top")
+    scaled = table.normalized()
+    assert scaled.y == pytest.approx([1 / 6, 3 / 6, 5 / 6])
+    assert scaled.value == pytest.approx(y[0] / 1.5)
+    assert scaled.units == ("1", "1")
+    assert scaled.normalized() is scaled
+
+
+def test_normalizing_needs_two_walls_that_differ() -> None:
+    source = make_source(np.full((2, 2), 0.5), np.full(2, 0.1), np.ones((2, 2)), lid_speed=0.0)
+    with pytest.raises(PostError, match="different velocity"):
+        profile(source).normalized()
+    alone = _with_shapes(source, [ShapeKind.PLANE, ShapeKind.PLANE], [[0, 0, 1, 0], [1, 0, -1, 0]])
+    table = profile(alone)
+    assert table.walls == ("", "")
+    assert table.height == pytest.approx(0.2)  # from the lowest to the highest point of the grains
+    with pytest.raises(PostError, match="a wall below and a wall above"):
+        table.normalized()
+
+
+def test_floor_without_lid_measures_from_the_floor() -> None:
+    source = make_source(np.array([[0.1, 0.3], [0.1, 0.4]]), np.full(2, 0.1), np.ones((2, 2)))
+    for frame in source.frames:
+        frame.wall_position[:] = [[0.0, -0.05, 0.0], [0.0, 0.0, 0.0]]
+    table = profile(
+        _with_shapes(source, [ShapeKind.DISC, ShapeKind.PLANE], [[3, 0, 0.05, 0], [0, 0, 1, 0]]), selection=Selection(start=0.0)
+    )
+    assert table.walls == ("bottom", "")
+    assert table.height == pytest.approx(0.55)
+
+
+def test_heights_follow_the_lower_wall() -> None:
+    """Grains that move with the floor stay in their bins, and the height is that between the walls."""
+    rise = np.array([0.0, 0.4, 0.8])
+    source = make_source(rise[:, np.newaxis] + [[0.13, 0.87]], np.full(2, 0.1), np.full((3, 2), [1.0, 2.0]))
+    for frame, up in zip(source.frames, rise, strict=True):
+        frame.wall_position[:, 1] = up
+    table = profile(source, selection=Selection(start=0.0), bins=4)
+    assert table.height == pytest.approx(1.0)
+    assert table.value[[0, 1, 2, 3]] == pytest.approx([1.0, np.nan, np.nan, 2.0], nan_ok=True)
+    assert table.area.sum() == pytest.approx(2 * np.pi * 0.1**2)
+
+
+def _with_shapes(source: Any, kinds: list[ShapeKind], geometry: list[list[float]]) -> Any:
+    shapes = make_shapes(list(zip(kinds, range(len(kinds)), geometry, strict=True)))
+    return source_of(replace(source.model, shapes=shapes), source.frames)
+
+
+def _times(table: ProfileTable) -> list[int]:
+    return table.frames.tolist()
+
+
+def test_selection_of_frames() -> None:
+    source = make_source(np.full((10, 2), 0.5), np.full(2, 0.1), np.ones((10, 2)))
+    source.frames.stage = np.array([0] * 4 + [1] * 6)
+    assert _times(profile(source)) == [7, 8, 9]  # the last stage's frames are 4 … 9, its later half begins at 6.5
+    assert _times(profile(source, selection=Selection(start=2.0, end=4.5))) == [2, 3, 4]
+    assert _times(profile(source, selection=Selection(end=1.0))) == [0, 1]
+    assert _times(profile(source, selection=Selection(frames=slice(None, None, 4)))) == [0, 4, 8]
+    assert _times(profile(source, selection=Selection(frames=slice(-2, None)))) == [8, 9]
+    with pytest.raises(PostError, match="10 frames from t = 0 s to 9 s"):
+        profile(source, selection=Selection(start=20.0))
+
+
+def test_what_cannot_be_done_is_refused() -> None:
+    source = random_source()
+    with pytest.raises(PostError, match="choose from: velocity"):
+        profile(source, "wetness")
+    with pytest.raises(PostError, match="between 1 and"):
+        profile(source, bins=0)
+    with pytest.raises(PostError, match="no frames yet"):
+        profile(source_of(source.model, []))

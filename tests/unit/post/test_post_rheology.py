@@ -1,0 +1,193 @@
+"""Rheology of made-up flows against what was put into them, and what it refuses."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from heat_run import write_heated_run
+from made_up_frames import source_of
+from scene_parts import between_planes, make_shapes
+
+from multicor_cli.model import ShapeKind
+from multicor_cli.post import PostError, Selection, rheology
+from multicor_cli.post.rheology import QUANTITIES
+from multicor_cli.store import open_run
+
+N, RADIUS, PERIOD, RATE, LAPSE = 400, 0.01, 4.0, 3.0, 0.25
+PRESS, SHEAR = 8.0, 2.4  # forces of the walls [N]
+
+
+def make_source(frames: int = 5, *, sign: float = 1.0, jitter: float = 0.0, seed: int = 0) -> Any:
+    """Homogeneous shear between planes at 0 and 1; every contact along 135° for a positive rate, one per pair of numbers."""
+    rng = np.random.default_rng(seed)
+    model = between_planes([RADIUS] * N)
+    x, y = rng.uniform(0.0, PERIOD, N), rng.uniform(RADIUS, 1.0 - RADIUS, N)
+    found = []
+    for k in range(frames):
+        moved = x + sign * RATE * y * LAPSE * k
+        slip = jitter * np.where(np.arange(N) % 2, 1.0, -1.0)
+        found.append(
+            SimpleNamespace(
+                position=np.column_stack([moved % PERIOD, y]),
+                image=np.floor(moved / PERIOD).astype(np.int64),
+                velocity=np.column_stack([sign * RATE * y, slip]),
+                angle=np.full(N, -0.4 * sign * RATE * LAPSE * k),
+                spin=np.full(N, -0.4 * sign * RATE),
+                wall_position=np.zeros((2, 3)),
+                wall_velocity=np.array([[0.0, 0.0, 0.0], [sign * RATE, 0.0, 0.0]]),
+                dt=0.01,
+                contacts=make_contacts(sign),
+            )
+        )
+    return source_of(model, found, LAPSE * np.arange(frames), series=make_series(frames, sign))
+
+
+def make_contacts(sign: float) -> SimpleNamespace:
+    """Even grains press on the next odd ones with 5 N: one contact each; the first grain has two more."""
+    i = np.concatenate([np.arange(0, N, 2), [0, 0]])
+    j = np.concatenate([np.arange(1, N, 2), [3, 5]])
+    normal = np.tile(np.array([-sign, 1.0]) / np.sqrt(2.0), (i.size, 1))
+    return SimpleNamespace(
+        recorded=True, i=i, j=j, normal=normal, gap=np.zeros(i.size), force=np.tile([5.0, 0.0], (i.size, 1)), sliding=i < 0
+    )
+
+
+def make_series(frames: int, sign: float) -> dict[str, np.ndarray]:
+    """Ten rows for each frame; the wall is pulled 10 % more in every second row. Forces are those on the walls."""
+    rows = 10 * (frames - 1)
+    shear = sign * SHEAR * np.where(np.arange(rows) % 2, 1.1, 0.9)
+    force = np.zeros((rows, 2, 3))
+    force[:, 0, 0], force[:, 1, 0] = shear, -shear
+    force[:, 0, 1], force[:, 1, 1] = -PRESS, PRESS
+    return {
+        "time": LAPSE / 10.0 * np.arange(1, rows + 1),
+        "window_duration": np.full(rows, LAPSE / 10.0),
+        "wall_force": force,
+    }
+
+
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_what_was_put_in_comes_out(sign: float) -> None:
+    """A sheared layer and its mirror image."""
+    source = make_source(sign=sign, jitter=0.2)
+    table = rheology(source, Selection(start=0.0), margin=5.0)
+    mean = table.mean
+    mass = float(source.model.grains.mass.mean())
+    assert mean["shear_rate"] == pytest.approx(sign * RATE)
+    assert mean["pressure"] == pytest.approx(PRESS / PERIOD)
+    assert mean["inertial_number"] == pytest.approx(RATE * np.sqrt(mass / (PRESS / PERIOD)))
+    assert mean["inertial_number"] == pytest.approx(np.sqrt(np.pi / 4.0) * mean["inertial_number_density"])
+    assert mean["friction_walls"] == pytest.approx(SHEAR / PRESS)
+    assert mean["friction_bulk"] == pytest.approx(1.0)
+    assert mean["spin_ratio"] == pytest.approx(-0.4)
+    assert mean["fabric_anisotropy"] == pytest.approx(2.0)
+    assert mean["fabric_direction"] == pytest.approx(135.0 if sign > 0 else 45.0)
+    assert table.margin == pytest.approx(0.1)
+    assert table.walls == ("bottom", "top")
+    # every interval sees the same: no error, and the values over time are the means
+    for quantity in QUANTITIES:
+        if quantity.name not in ("solid_fraction", "coordination", "coordination_loaded", "bulk_stress_yy", "granular_temperature"):
+            assert table.error[quantity.name] == pytest.approx(0.0, abs=1e-9)
+            assert table.values[quantity.name] == pytest.approx(np.full(4, mean[quantity.name]))
+
+
+def test_numbers_of_the_bulk_agree_with_direct_computation() -> None:
+    source = make_source(jitter=0.2)
+    table = rheology(source, Selection(start=0.0), margin=5.0)
+    y = source.frames[0].position[:, 1]
+    inside = (y > 0.1) & (y < 0.9)
+    counts = np.ones(N)
+    counts[[0, 3, 5]] = 3.0, 2.0, 2.0
+    assert table.mean["coordination"] == pytest.approx(counts[inside].mean())
+    loaded = counts[inside & (counts >= 2)]
+    assert table.mean["coordination_loaded"] == pytest.approx(loaded.mean() if loaded.size else np.nan, nan_ok=True)
+    # solid fraction: grains whose disc is cut by an edge count with the area inside
+    fine = np.linspace(0.1, 0.9, 20_001)
+    widths = sum(2.0 * np.sqrt(np.maximum(RADIUS**2 - (fine - h) ** 2, 0.0)) for h in y)
+    assert table.mean["solid_fraction"] == pytest.approx(float(np.trapezoid(widths, fine)) / (0.8 * PERIOD), rel=1e-4)
+    # contact stress: 5 N along branches of 2a at 135°, with the part of each that lies in the bulk
+    rise = np.sqrt(2.0) * RADIUS
+    start = y[source.frames[0].contacts.i]
+    part = (np.clip(start, 0.1, 0.9) - np.clip(start - rise, 0.1, 0.9)) / rise
+    assert table.mean["bulk_stress_yy"] == pytest.approx(5.0 * RADIUS * part.sum() / (0.8 * PERIOD))
+
+
+def test_granular_temperature_is_that_of_the_fluctuations() -> None:
+    """v_y = ±0.2 m/s in equal numbers; v_x follows the flow. A part of it counts as mean flow: 51 knots for 400 grains."""
+    found = rheology(make_source(jitter=0.2), Selection(start=0.0), margin=5.0).mean["granular_temperature"]
+    assert found == pytest.approx(0.5 * 0.2**2 * (1.0 - 51 / 400), rel=0.05)
+
+
+def test_means_are_ratios_of_sums_and_errors_come_from_blocks() -> None:
+    source = make_source(frames=23)
+    factor = 1.0 + 0.3 * np.random.default_rng(1).random(220)
+    source.series["wall_force"][:, 1, 1] *= factor
+    source.series["wall_force"][:, 0, 1] *= factor
+    table = rheology(source, Selection(start=0.0))
+    force = source.series["wall_force"]
+    assert table.mean["friction_walls"] == pytest.approx(force[:, 0, 0].sum() / force[:, 1, 1].sum())
+    intervals = force.reshape(22, 10, 2, 3).sum(axis=1)
+    blocks = [part[:, 0, 0].sum() / part[:, 1, 1].sum() for part in np.array_split(intervals, 10)]
+    assert table.error["friction_walls"] == pytest.approx(np.std(blocks, ddof=1) / np.sqrt(10))
+    assert table.values["friction_walls"] == pytest.approx(intervals[:, 0, 0] / intervals[:, 1, 1])
+
+
+def test_margin_is_eight_diameters_or_a_quarter_of_the_height() -> None:
+    assert rheology(make_source(), Selection(start=0.0)).margin == pytest.approx(0.16)
+    source = make_source()
+    big = replace(source.model, grains=replace(source.model.grains, radius=np.full(N, 0.02)))
+    thin = SimpleNamespace(model=big, frames=source.frames, series=source.series)
+    assert rheology(thin, Selection(start=0.0)).margin == pytest.approx(0.25)
+    glued = make_shapes([(ShapeKind.DISC, 0, (0.0, 0.0, 0.03, 0.0)), (ShapeKind.DISC, 1, (0.0, 1.0, 0.03, 0.0))])
+    rough = SimpleNamespace(model=replace(source.model, shapes=glued), frames=source.frames, series=source.series)
+    table = rheology(rough, Selection(start=0.0), margin=5.0)
+    y = source.frames[0].position[:, 1]
+    counts = np.ones(N)
+    counts[[0, 3, 5]] = 3.0, 2.0, 2.0
+    assert table.mean["coordination"] == pytest.approx(counts[(y > 0.13) & (y < 0.87)].mean())
+
+
+def test_without_contacts_the_rest_is_still_measured() -> None:
+    source = make_source()
+    for frame in source.frames:
+        frame.contacts.recorded = False
+    table = rheology(source, Selection(start=0.0))
+    assert table.mean["friction_walls"] == pytest.approx(SHEAR / PRESS)
+    assert all(np.isnan(table.mean[name]) for name in ("friction_bulk", "coordination", "fabric_anisotropy", "bulk_stress_yy"))
+
+
+def test_tables_hold_every_quantity() -> None:
+    table = rheology(make_source(), Selection(start=0.0))
+    assert len(table.rows) == len(QUANTITIES)
+    assert len(table.detail_headings) == len(table.detail_rows[0]) == 1 + len(QUANTITIES)
+    assert len(table.detail_rows) == 4
+    assert table.as_dict()["mean"]["friction_walls"] == table.mean["friction_walls"]
+    assert set(table.as_dict()["values"]) == {quantity.name for quantity in QUANTITIES}
+
+
+def test_what_is_no_shear_is_refused(tmp_path: Any) -> None:
+    source = make_source()
+    with pytest.raises(PostError, match="needs two frames"):
+        rheology(source, Selection(frames=slice(-1, None)))
+    for margin, message in ((50.0, "no bulk is left"), (24.99, "no two grains"), (-1.0, "must not be negative")):
+        with pytest.raises(PostError, match=message):
+            rheology(source, Selection(start=0.0), margin=margin)
+    still = make_source()
+    for frame in still.frames:
+        frame.wall_velocity[:] = 0.0
+    with pytest.raises(PostError, match="'bottom' and 'top' do not shear"):
+        rheology(still, Selection(start=0.0))
+    box = SimpleNamespace(model=replace(source.model, period=0.0), frames=source.frames, series=source.series)
+    with pytest.raises(PostError, match="periodic in x"):
+        rheology(box, Selection(start=0.0))
+    beside = make_shapes([(ShapeKind.PLANE, 0, (0.0, 0.0, 1.0, 0.0)), (ShapeKind.PLANE, 1, (4.0, 0.0, -1.0, 0.0))])
+    sides = SimpleNamespace(model=replace(source.model, shapes=beside), frames=source.frames, series=source.series)
+    with pytest.raises(PostError, match="a wall below and a wall above"):
+        rheology(sides, Selection(start=0.0))
+    write_heated_run(tmp_path / "run", frames=1)
+    with open_run(tmp_path / "run") as run, pytest.raises(PostError, match="needs two frames"):
+        rheology(run)

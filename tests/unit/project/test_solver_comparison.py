@@ -1,0 +1,154 @@
+"""The comparison of solvers: all methods solve what has one solution, distances mean what they say, and the quick run works."""
+
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from benchmark_modules import benchmark_modules
+from places import DATA, ROOT
+
+from multicor_cli import run
+from multicor_cli.engine import ContactProblem, Settings, solve_contacts
+
+pytest.importorskip("scipy")
+
+METHODS = [
+    "gs", "gs-sym", "sor-1.5", "engine", "restart-2", "restart-1.5", "skip", "tiles-2", "tiles-3", "sym", "cpg", "apgd",
+    "anderson-5", "levels", "newton",
+]  # fmt: skip
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _on_path():
+    with benchmark_modules("solvers"):
+        yield
+
+
+def test_these_are_all_methods():
+    from methods import METHODS as THEIRS
+
+    assert list(THEIRS) == METHODS
+
+
+QUICK = ("gs", "engine", "newton")
+
+
+# The others take a minute of compilation.
+@pytest.mark.parametrize("name", [pytest.param(name, marks=[] if name in QUICK else pytest.mark.validation) for name in METHODS])
+def test_every_method_finds_the_weights_in_a_column(name):
+    from methods import METHODS as THEIRS
+    from problems import column
+    from reference import solve_closely
+    from study import exact_error
+
+    problem = column(12)
+    error = exact_error(problem, solve_closely(problem), THEIRS[name], 1e-6, 2000)
+    assert error < 1e-4
+
+
+def test_the_distance_falls_with_the_residual():
+    from comparison import trace
+    from methods import METHODS as THEIRS
+    from methods.operators import DISTANCE, RMS
+    from problems import column
+    from reference import solve_closely
+
+    problem = column(40)
+    reference = solve_closely(problem)
+    history = trace(problem, reference, THEIRS["engine"], 1e-5, 2000)
+    assert reference.rms <= 1e-6
+    # Nothing moves in the solution, and everything by g dt at the start, which is what distances are measured in.
+    assert history[0, DISTANCE] == pytest.approx(1.0, rel=1e-4)
+    assert history[-1, RMS] <= 1e-5
+    assert history[-1, DISTANCE] < 1e-3
+    middle = len(history) // 2
+    assert history[middle:, DISTANCE].max() < history[:middle, DISTANCE].max()
+
+
+def test_costs_are_read_off_the_right_rows():
+    from comparison import Curve
+
+    rows = [[1.0, 9, 9, 0.5, 0, 0], [5e-4, 9, 9, 0.05, 1, 0.1], [9e-4, 1e-2, 1e-3, 0.2, 2, 0.2], [1e-5, 1e-5, 1e-5, 0.09, 3, 0.3]]
+    curve = Curve("some", np.array(rows))
+    assert curve.first(1e-3) == (2.0, 0.2, 0.2)  # the second row is below in one of three only
+    assert curve.first(1e-6) is None
+    assert curve.near(0.1) == 0.3  # it was below before, but did not stay
+    assert curve.near(0.05) is None
+    assert curve.near(1.0) == 0.0
+
+
+def test_starts_keep_velocities_and_impulses_together():
+    from problems import column
+    from starts import STARTS, _started
+
+    problem = column(12)
+    problem.system.impulse[:, 0] = 1.0
+    changed = _started(problem, STARTS["zero"](problem, None)).system
+    # Impulses of 1 N s everywhere act on the lowest grain's contact with the floor, taken away they move the top grain only.
+    assert not changed.impulse.any()
+    moved = changed.velocity[:12, 1] - problem.system.velocity[:12, 1]
+    assert moved == pytest.approx([0.0] * 11 + [-1.0], abs=1e-12)
+
+
+def test_the_folder_of_a_run_is_a_source(tmp_path):
+    """Its next step: the impulses of the last one to start from, and none when it is cold."""
+    from problems import consecutive, is_run
+    from scenes import SMALL
+
+    scenario = tmp_path / "small.toml"
+    scenario.write_text(SMALL, encoding="utf-8")
+    run(scenario, tmp_path / "some run")
+    source = str(tmp_path / "some run")
+    assert is_run(source)
+    assert not is_run(str(tmp_path))
+    (problem,) = consecutive(source, 0, 1, 1, tmp_path / "kept")
+    assert problem.name == "some run"
+    assert problem.system.impulse.any()
+    assert not problem.cold().system.impulse.any()
+    assert not (tmp_path / "kept").exists()
+
+
+# Problems on file, solved from a cold start: in a flow computed here their sweeps would be luck, fivefold from step to step. They
+# are Engine.next_problem of the `multicor bench` scenes of 1,008 grains where these are measured. Given are u_ref [m/s] (None:
+# default) and the sweeps, plain and accelerated; velocities moved by 10⁻⁶ of themselves change these by a thousandth.
+RECORDED = {"bed": (9.81 * 2e-4, 4004, 310), "shear": (None, 5810, 573)}
+
+
+@pytest.mark.parametrize("name", RECORDED)
+@pytest.mark.parametrize("seed", [0, 1, 2])
+def test_the_accelerated_method_needs_far_fewer_sweeps(name, seed):
+    reference, plain, accelerated = RECORDED[name]
+    problem = ContactProblem.load(DATA / f"{name}-1008.npz")
+    move = 1e-9 * np.random.default_rng(seed).uniform(-1.0, 1.0, problem.velocity.shape) if seed else 0.0
+    problem = replace(problem, velocity=problem.velocity * (1.0 + move))
+    found = {}
+    for method in ("gauss-seidel", "accelerated"):
+        solution = solve_contacts(problem, Settings(method=method), reference_velocity=reference)
+        assert solution.converged
+        found[method] = solution.sweeps
+    assert found["accelerated"] < 0.2 * found["gauss-seidel"]  # measured: 0.08 and 0.10
+    assert found["accelerated"] == pytest.approx(accelerated, rel=0.3)
+    assert found["gauss-seidel"] == pytest.approx(plain, rel=0.3)
+
+
+def test_quick_run(tmp_path, capsys):
+    pytest.importorskip("matplotlib")
+    from runpy import run_path
+
+    main = run_path(str(ROOT / "benchmarks" / "solvers" / "__main__.py"))["main"]
+    files = ["--work", str(tmp_path / "kept"), "--json", str(tmp_path / "out.json"), "--plot", str(tmp_path / "out.png")]
+    assert main(["--quick", "--methods", "gs", "engine", "--starts", *files]) == 0
+    text = capsys.readouterr().out
+    assert "shear-1000, warm" in text
+    assert "engine, started from" in text
+    found = json.loads((tmp_path / "out.json").read_text(encoding="utf-8"))
+    column, cold, warm = found["single"]
+    assert column["methods"]["engine"]["reached"]["0.0001"] is not None
+    assert column["exact_error"]["engine"] < 1e-2
+    assert cold["apart"] == warm["apart"]
+    assert all(warm["methods"][name]["reached"]["0.001"][0] > 0 for name in ("gs", "engine"))
+    distances = np.array(warm["methods"]["engine"]["distance"])
+    assert distances[-1] < distances[0]
+    assert [cost["method"] for cost in found["sequences"][0]["costs"]] == ["program", "gs", "engine"]
+    assert (tmp_path / "out.png").stat().st_size > 10_000

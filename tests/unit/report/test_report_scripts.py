@@ -1,0 +1,39 @@
+"""The scripts of the report page are what a linter finds nothing in, joined as the page joins them."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from places import ROOT
+
+from multicor_cli.report import page
+
+
+def lint(script: str, folder: Path) -> subprocess.CompletedProcess[str]:
+    """Run oxlint on a script with the settings of the repository."""
+    (folder / "joined.js").write_text(script, encoding="utf-8")
+    command = [str(Path(sys.executable).with_name("oxlint")), "--config", str(ROOT / ".oxlintrc.json"), "--deny-warnings"]
+    return subprocess.run([*command, str(folder / "joined.js")], capture_output=True, text=True, check=False)
+
+
+@pytest.fixture(scope="module")
+def joined() -> str:
+    folder = Path(page.__file__).parent
+    return "".join((folder / name).read_text(encoding="utf-8") for name in page._SCRIPTS)
+
+
+def test_no_script_is_forgotten() -> None:
+    assert {path.name for path in Path(page.__file__).parent.glob("*.js")} == set(page._SCRIPTS)
+
+
+def test_the_linter_finds_nothing(joined: str, tmp_path: Path) -> None:
+    done = lint(joined, tmp_path)
+    assert done.returncode == 0, done.stdout
+
+
+@pytest.mark.parametrize("line", ["nowhere();", "if (1 == 2) start();", "var x = 1; start(x);", "const unused = 1;"])
+def test_it_would(joined: str, line: str, tmp_path: Path) -> None:
+    assert lint(f"{joined}\nfunction last() {{ {line} }}\nlast();\n", tmp_path).returncode != 0

@@ -1,0 +1,401 @@
+"""The loop of a run with an engine that only counts: cadences, stages, stopping and exact resuming."""
+
+from __future__ import annotations
+
+import os
+import random
+import signal
+
+import numpy as np
+import pytest
+from run_fakes import FakeEngine, MemoryRecorder, make_plan, shear
+from scene_parts import between_planes
+
+from multicor_cli.engine.contact.report import PhysicsError
+from multicor_cli.engine.contact.solve import Settings
+from multicor_cli.model import BOOK_NAMES, State
+from multicor_cli.running.conditions import RestReached, ShearGauge, StrainReached, update_peak, wall_heights
+from multicor_cli.running.controller import Controller
+from multicor_cli.running.observer import SilentObserver, Status
+from multicor_cli.running.outcome import StopReason
+from multicor_cli.running.pace import WARM_UP_STEPS, Pace
+from multicor_cli.running.plan import RunPlan, StagePlan, count_steps
+from multicor_cli.running.signals import STOP_SIGNALS, Switchboard
+from multicor_cli.scenario.settings import Output
+
+
+class Clock:
+    """Time that passes by `tick` at every look."""
+
+    def __init__(self, tick: float = 0.0) -> None:
+        self.now, self.tick = 0.0, tick
+
+    def __call__(self) -> float:
+        self.now += self.tick
+        return self.now
+
+
+class Listener(SilentObserver):
+    def __init__(self) -> None:
+        self.statuses: list[tuple[int, str, float]] = []
+
+    def stepped(self, status: Status) -> None:
+        self.statuses.append((status.state.step, status.stage, status.progress))
+
+
+def run_all(plan: RunPlan, recorder: MemoryRecorder, engine: FakeEngine) -> StopReason:
+    return Controller(plan, engine, recorder, clock=Clock()).run(is_new=True)
+
+
+@pytest.fixture
+def reference() -> tuple[FakeEngine, MemoryRecorder]:
+    model = between_planes()
+    engine, recorder = FakeEngine(model), MemoryRecorder()
+    assert run_all(make_plan(model), recorder, engine) is StopReason.FINISHED
+    return engine, recorder
+
+
+def test_cadences_are_counted_from_the_start_of_each_stage(reference: tuple[FakeEngine, MemoryRecorder]) -> None:
+    _, recorder = reference
+    # settle: kinetic energy 1, 1/2, 1/4 … falls below 1e-3 after step 11; shear: 0.5 in steps of 0.025; hold: 7 steps.
+    steps = [frame[0] for frame in recorder.frames]
+    assert steps == [0, 4, 8, 11, 17, 23, 29, 31, 38]
+    assert [frame[2] for frame in recorder.frames] == [0, 0, 0, 0, 1, 1, 1, 1, 2]
+    assert [row[0] for row in recorder.rows] == [0, 2, 4, 6, 8, 10, 11, 14, 17, 20, 23, 26, 29, 31, 38]
+    windows = [row[3] for row in recorder.rows]
+    assert sum(windows) == 38  # every step lies in exactly one window
+    assert windows[:3] == [0, 2, 2]
+
+
+def test_times_are_products_not_sums(reference: tuple[FakeEngine, MemoryRecorder]) -> None:
+    engine, recorder = reference
+    assert recorder.frames[3][1] == 11 * 0.01
+    assert recorder.frames[-1][1] == 11 * 0.01 + 20 * 0.025 + 7 * 0.5
+    assert (engine.state.stage, engine.state.stage_step) == (3, 0)
+
+
+def test_settings_and_drives_of_each_stage_reach_the_engine(reference: tuple[FakeEngine, MemoryRecorder]) -> None:
+    engine, _ = reference
+    assert engine.calls == ["set", "set", "set"]
+    assert engine.settings.max_sweeps == 10_000
+    assert engine.state.wall_position[1, 0] == pytest.approx(-0.5)
+
+
+def test_drives_learn_when_the_stages_began() -> None:
+    model = between_planes()
+    plan = make_plan(model)
+    run_all(plan, MemoryRecorder(), FakeEngine(model))
+    assert [stage.drives.starts for stage in plan.stages] == [[[0.0]], [[0.0, 0.11]], [[0.0, 0.11, 0.11 + 20 * 0.025]]]
+
+
+@pytest.mark.parametrize("seed", range(6))
+def test_resumed_run_equals_uninterrupted_run(seed: int, reference: tuple[FakeEngine, MemoryRecorder]) -> None:
+    """Signals, and crashes that lose everything since the last checkpoint, at random steps."""
+    rng = random.Random(seed)
+    model = between_planes()
+    recorder, state, is_new = MemoryRecorder(), None, True
+    for _ in range(200):
+        engine, switchboard = FakeEngine(model, state), Switchboard()
+        fate, steps = rng.choice(["signal", "crash", "checkpoint"]), rng.randint(1, 9)
+        first = engine.state.step
+
+        def act(step: int, fate: str = fate, last: int = first + steps, switchboard: Switchboard = switchboard) -> None:
+            if fate == "checkpoint":
+                switchboard.is_checkpoint_wanted = True
+            elif step == last and fate == "signal":
+                switchboard.stop_signal = signal.SIGINT
+            elif step == last:
+                raise PhysicsError(step, "crash")
+
+        engine.before_step = act
+        try:
+            reason = Controller(make_plan(model), engine, recorder, switchboard=switchboard, clock=Clock()).run(is_new=is_new)
+        except PhysicsError:
+            reason = None
+        if reason is StopReason.FINISHED:
+            break
+        state, is_new = recorder.rewind(), False
+    expected_engine, expected = reference
+    assert engine.state.digest() == expected_engine.state.digest()
+    assert recorder.frames == expected.frames
+    assert recorder.rows == expected.rows
+
+
+@pytest.mark.parametrize("last", [0, 1, 11, 12, 30, 31, 37])
+def test_interrupted_step_leaves_the_state_of_the_step_before(last: int) -> None:
+    """Also in the first step of a stage, whose drives have been set by then (steps 11 and 31)."""
+    model = between_planes()
+    engine, recorder, switchboard = FakeEngine(model), MemoryRecorder(), Switchboard()
+
+    def act(step: int) -> None:
+        if step == last:
+            switchboard.stop_signal = signal.SIGTERM
+
+    engine.before_step = act
+    reason = Controller(make_plan(model), engine, recorder, switchboard=switchboard, clock=Clock()).run(is_new=True)
+    assert reason is StopReason.TERMINATED
+    state = recorder.rewind()
+    assert state.step == last
+    resumed = FakeEngine(model, state)
+    assert Controller(make_plan(model), resumed, recorder, clock=Clock()).run(is_new=False) is StopReason.FINISHED
+    straight = FakeEngine(model)
+    run_all(make_plan(model), MemoryRecorder(), straight)
+    assert resumed.state.digest() == straight.state.digest()
+
+
+def test_signal_during_the_first_step_waits_where_the_process_is_not_ours() -> None:
+    model = between_planes()
+    engine, recorder, switchboard = FakeEngine(model), MemoryRecorder(), Switchboard()
+    engine.before_step = lambda _step: switchboard._on_stop(signal.SIGINT, None)
+    reason = Controller(make_plan(model), engine, recorder, switchboard=switchboard, clock=Clock()).run(is_new=True)
+    assert reason is StopReason.INTERRUPTED
+    assert engine.state.step == recorder.rewind().step == 0
+
+
+def test_time_limit_stops_with_a_checkpoint() -> None:
+    model = between_planes()
+    engine, recorder = FakeEngine(model), MemoryRecorder()
+    controller = Controller(make_plan(model), engine, recorder, deadline=50.0, clock=Clock(tick=1.0))
+    assert controller.run(is_new=True) is StopReason.TIME_LIMIT
+    assert 0 < engine.state.step < 38
+    assert recorder.checkpoints[-1][0].digest() == engine.state.digest()
+
+
+class SlowRecorder(MemoryRecorder):
+    """Takes some time to write a checkpoint."""
+
+    def __init__(self, clock: Clock, seconds: float) -> None:
+        super().__init__()
+        self.clock, self.seconds = clock, seconds
+
+    def checkpoint(self, state: State) -> None:
+        super().checkpoint(state)
+        self.clock.now += self.seconds
+
+
+def test_slow_checkpoints_are_rare() -> None:
+    model = between_planes()
+    recorder = SlowRecorder(Clock(), 1.5)
+    engine = FakeEngine(model)
+    engine.before_step = lambda _step: setattr(recorder.clock, "now", recorder.clock.now + 3.0)
+    Controller(make_plan(model, checkpoint_interval=10.0), engine, recorder, clock=recorder.clock).run(is_new=True)
+    assert [checkpoint[0].step for checkpoint in recorder.checkpoints] == [0, 10, 20, 30, 38]  # 30 s apart: 20 times 1.5 s
+
+
+def test_checkpoints_follow_the_wall_clock() -> None:
+    model = between_planes()
+    recorder = SlowRecorder(Clock(), 0.01)
+    plan = make_plan(model, checkpoint_interval=10.0)
+    engine = FakeEngine(model)
+    engine.before_step = lambda _step: setattr(recorder.clock, "now", recorder.clock.now + 3.0)
+    Controller(plan, engine, recorder, clock=recorder.clock).run(is_new=True)
+    assert [checkpoint[0].step for checkpoint in recorder.checkpoints] == [*range(0, 38, 4), 38]
+    never = MemoryRecorder()
+    run_all(make_plan(model), never, FakeEngine(model))
+    assert [checkpoint[0].step for checkpoint in never.checkpoints] == [0, 38]  # the start and the end
+    assert never.frames == recorder.frames
+    assert never.rows == recorder.rows
+
+
+def test_checkpoint_on_request_goes_on() -> None:
+    model = between_planes()
+    engine, recorder, switchboard = FakeEngine(model), MemoryRecorder(), Switchboard()
+
+    def act(step: int) -> None:
+        if step == 5:
+            switchboard._on_checkpoint(signal.SIGUSR1, None)
+
+    engine.before_step = act
+    assert Controller(make_plan(model), engine, recorder, switchboard=switchboard, clock=Clock()).run(is_new=True).is_end
+    assert [checkpoint[0].step for checkpoint in recorder.checkpoints] == [0, 6, 38]
+
+
+def test_physics_error_keeps_the_last_checkpoint() -> None:
+    model = between_planes()
+    engine, recorder = FakeEngine(model), MemoryRecorder()
+
+    def act(step: int) -> None:
+        if step == 9:
+            raise PhysicsError(step, "the position of grain 1 is not finite")
+
+    engine.before_step = act
+    with pytest.raises(PhysicsError, match="step 9: the position of grain 1"):
+        run_all(make_plan(model), recorder, engine)
+    assert len(recorder.checkpoints) == 1
+    assert [frame[0] for frame in recorder.frames] == [0, 4, 8]
+
+
+def test_finished_state_runs_nothing(reference: tuple[FakeEngine, MemoryRecorder]) -> None:
+    engine, recorder = reference
+    again = Controller(make_plan(engine.model), engine, recorder, clock=Clock())
+    frames = list(recorder.frames)
+    assert again.run(is_new=False) is StopReason.FINISHED
+    assert recorder.frames == frames
+
+
+def test_observer_sees_every_step_and_a_progress_that_grows() -> None:
+    model = between_planes()
+    listener = Listener()
+    Controller(make_plan(model), FakeEngine(model), MemoryRecorder(), observer=listener, clock=Clock()).run(is_new=True)
+    assert [step for step, _, _ in listener.statuses] == list(range(1, 39))
+    progress = [p for _, _, p in listener.statuses]
+    assert progress == sorted(progress)
+    assert progress[-1] == 1.0
+    assert {name for _, name, _ in listener.statuses} == {"settle", "shear", "hold"}
+
+
+def test_strain_counts_to_and_fro() -> None:
+    model = between_planes()
+    gauge = ShearGauge.between(model, "bottom", "top")
+    state = State.at_rest(model, np.zeros((2, 2)))
+    total = 0.0
+    for shift in (0.1, -0.1, 0.1):
+        before = gauge.offset(state)
+        state.wall_position[1, 0] += shift
+        state.wall_position[1, 1] = 1.0  # twice as far apart
+        total += gauge.increment(state, before)
+    assert total == pytest.approx(0.15)
+
+
+def test_strain_and_peak_begin_anew_in_each_stage() -> None:
+    model = between_planes()
+    gauge = ShearGauge.between(model, "bottom", "top")
+    stages = tuple(
+        StagePlan(name, 0.025, None, StrainReached(gauge, 0.5), 100, 100, Settings(), shear(1.0)) for name in ("forth", "on")
+    )
+    engine, recorder = FakeEngine(model), MemoryRecorder()
+    run_all(RunPlan("twice", stages, Output(frame_interval=1.0, checkpoint_interval=1e9)), recorder, engine)
+    assert [frame[0] for frame in recorder.frames] == [0, 20, 40]
+    assert (engine.state.stage_strain, engine.state.stage_peak) == (0.0, 0.0)
+
+
+def test_gauge_refuses_unknown_and_equal_walls() -> None:
+    model = between_planes()
+    with pytest.raises(ValueError, match="no wall 'lid'"):
+        ShearGauge.between(model, "bottom", "lid")
+    with pytest.raises(ValueError, match="between 'top' and itself"):
+        ShearGauge.between(model, "top", "top")
+    assert wall_heights(model).tolist() == [0.0, 1.0]
+
+
+def test_strain_goal_survives_rounding() -> None:
+    gauge = ShearGauge(0, 1, 1.0)
+    state = State.at_rest(between_planes(), np.zeros((2, 2)))
+    for _ in range(15_000):
+        state.stage_strain += 1e-4
+    assert state.stage_strain != 1.5
+    assert StrainReached(gauge, 1.5).holds(state)
+    state.stage_strain -= 1e-4
+    assert not StrainReached(gauge, 1.5).holds(state)
+
+
+def test_rest_needs_motion_first_and_knows_the_initial_energy() -> None:
+    state = State.at_rest(between_planes(), np.zeros((2, 2)))
+    rest = RestReached(0.1)
+    assert not rest.holds(state)
+    state.step = 1
+    state.books[BOOK_NAMES.index("kinetic_start")] = 10.0
+    state.books[BOOK_NAMES.index("kinetic")] = 1.5
+    update_peak(state)
+    assert state.stage_peak == 10.0
+    assert not rest.holds(state)
+    state.books[BOOK_NAMES.index("kinetic")] = 1.0
+    assert rest.holds(state)
+
+
+@pytest.mark.parametrize(
+    ("interval", "dt", "steps"), [(1.0, 0.1, 10), (0.3, 0.1, 3), (0.14, 0.1, 1), (1e-3, 0.1, 1), (0.16, 0.1, 2)]
+)
+def test_intervals_become_whole_steps(interval: float, dt: float, steps: int) -> None:
+    assert count_steps(interval, dt) == steps
+
+
+def test_progress_by_steps_where_their_number_is_known() -> None:
+    stages = tuple(StagePlan(name, 0.1, limit, None, 1, 1, Settings(), shear(1.0)) for name, limit in (("a", 10), ("b", 30)))
+    plan = RunPlan("p", stages, Output(frame_interval=1.0))
+    state = State.at_rest(between_planes(), np.zeros((2, 2)))
+    state.stage, state.stage_step = 1, 15
+    assert plan.step_total == 40
+    assert plan.progress(state) == pytest.approx(25 / 40)
+    state.stage, state.stage_step = 2, 0
+    assert plan.progress(state) == 1.0
+
+
+def test_pace_leaves_out_compilation() -> None:
+    pace = Pace()
+    pace.note(100.0, WARM_UP_STEPS - 1, 0.1)  # a hundred seconds of compilation
+    assert pace.speed() is None
+    assert pace.remaining() is None
+    for k in range(21):
+        pace.note(100.0 + k, 10 + 5 * k, 0.1 + 0.01 * k)
+    assert pace.speed() == pytest.approx(5.0)
+    assert pace.remaining() == pytest.approx(70.0)
+
+
+def test_switchboard_collects_signals_and_puts_the_handlers_back() -> None:
+    before = signal.getsignal(signal.SIGTERM)
+    switchboard = Switchboard()
+    with switchboard.installed():
+        signal.raise_signal(signal.SIGUSR1)
+        assert switchboard.is_checkpoint_wanted
+        assert not switchboard.should_stop()
+        signal.raise_signal(signal.SIGTERM)
+        assert switchboard.stop_signal == signal.SIGTERM
+    assert signal.getsignal(signal.SIGTERM) is before
+
+
+@pytest.mark.parametrize("number", STOP_SIGNALS)
+@pytest.mark.parametrize("when", ["before", "inside"])
+def test_impatient_switchboard_ends_the_process_with_its_farewell(number: signal.Signals, when: str, capfd) -> None:
+    child = os.fork()
+    if child == 0:
+        signal.signal(number, signal.SIG_DFL)
+        switchboard = Switchboard(may_exit=True)
+        switchboard.farewell = lambda number: os.write(1, b"farewell %d" % number)
+        with switchboard.installed():
+            if when == "before":
+                signal.raise_signal(number)
+            with switchboard.impatient():
+                if when == "inside":
+                    signal.raise_signal(number)
+        os._exit(0)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 128 + number
+    assert capfd.readouterr().out == f"farewell {number}"
+
+
+def test_second_signal_ends_the_process_at_once_also_during_its_farewell(capfd) -> None:
+    child = os.fork()
+    if child == 0:
+        switchboard = Switchboard(may_exit=True)
+
+        def farewell(_number: int) -> None:
+            signal.raise_signal(signal.SIGTERM)
+            os.write(1, b"not reached")
+
+        switchboard.farewell = farewell
+        with switchboard.installed(), switchboard.impatient():
+            signal.raise_signal(signal.SIGINT)
+        os._exit(0)
+    assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 143
+    assert capfd.readouterr().out == ""
+
+
+def test_ignored_hangup_stays_ignored() -> None:
+    before = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as nohup does
+    try:
+        switchboard = Switchboard()
+        with switchboard.installed():
+            signal.raise_signal(signal.SIGHUP)
+        assert not switchboard.should_stop()
+    finally:
+        signal.signal(signal.SIGHUP, before)
+
+
+def test_reasons_have_exit_codes() -> None:
+    codes = {reason: reason.exit_code for reason in StopReason}
+    assert codes[StopReason.INTERRUPTED] == 130
+    assert codes[StopReason.TERMINATED] == 143
+    assert codes[StopReason.HUNG_UP] == 129
+    assert codes[StopReason.TIME_LIMIT] == 75
+    assert codes[StopReason.FINISHED] == codes[StopReason.ALREADY_FINISHED] == 0
+    assert StopReason.of_signal(signal.SIGTERM) is StopReason.TERMINATED

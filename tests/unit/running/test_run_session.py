@@ -1,0 +1,275 @@
+"""One session of a run in this process: how it ends, what ``run.json`` says, and that a resumed run is the same run."""
+
+from __future__ import annotations
+
+import json
+import signal
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import pytest
+from scenes import SMALL, changed, write_small
+
+from multicor_cli import run as run_scenario
+from multicor_cli.engine import PhysicsError
+from multicor_cli.model import Model, State
+from multicor_cli.packing import build
+from multicor_cli.running import session as session_module
+from multicor_cli.running.observer import SilentObserver, Status
+from multicor_cli.running.outcome import ExitCode, RunOutcome, StopReason
+from multicor_cli.running.session import failure_code, stage_starts
+from multicor_cli.scenario.load import load_scenario, parse_scenario
+from multicor_cli.scenario.problems import ScenarioError
+from multicor_cli.scenario.scenario import Scenario
+from multicor_cli.store import DirectoryRefused, StorageFull, open_run, run_info
+
+KEPT = """
+[[loading]]
+name = "back"
+duration = 0.004
+drives.bottom = { x = { velocity = 0.0 } }
+"""
+
+
+class Recorder(SilentObserver):
+    def __init__(self) -> None:
+        self.messages: list[str] = []
+        self.warnings: list[str] = []
+        self.steps: list[int] = []
+        self.is_closed = False
+
+    def message(self, text: str) -> None:
+        self.messages.append(text)
+
+    def warning(self, text: str) -> None:
+        self.warnings.append(text)
+
+    def stepped(self, status: Status) -> None:
+        self.steps.append(status.state.step)
+
+    def closed(self) -> None:
+        self.is_closed = True
+
+
+def stop_at(monkeypatch: pytest.MonkeyPatch, step: int, act: Callable[[], Any]) -> None:
+    """Do something when the engine is about to take a step."""
+    original = session_module.Engine.step
+
+    def stepping(self: Any, *arguments: Any, **options: Any) -> Any:
+        if self.state.step == step:
+            act()
+        return original(self, *arguments, **options)
+
+    monkeypatch.setattr(session_module.Engine, "step", stepping)
+
+
+@pytest.fixture(scope="module")
+def scenario_path(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The small scenario with a fourth stage: the lid of the second one's ramp goes on through two stages."""
+    return write_small(tmp_path_factory.mktemp("scenario"), changed(SMALL, ("[solver]", KEPT + "\n[solver]")))
+
+
+@pytest.fixture(scope="module")
+def reference(scenario_path: Path) -> RunOutcome:
+    outcome = run_scenario(scenario_path, scenario_path.parent / "reference")
+    assert outcome.reason is StopReason.FINISHED
+    return outcome
+
+
+def digest(directory: Path) -> str:
+    found: str = run_info(directory)["data_digest"]
+    return found
+
+
+@pytest.mark.parametrize("step", [0, 1, 17])
+def test_stopped_run_goes_on_as_if_nothing_had_happened(
+    step: int, scenario_path: Path, reference: RunOutcome, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    directory = tmp_path / "run"
+    with monkeypatch.context() as patch:
+        stop_at(patch, step, lambda: signal.raise_signal(signal.SIGTERM))
+        outcome = run_scenario(scenario_path, directory)
+    assert outcome.reason is StopReason.TERMINATED
+    assert outcome.step <= step + 1
+    assert run_info(directory)["status"] == "stopped"
+    observer = Recorder()
+    assert run_scenario(scenario_path, directory, observer=observer).reason is StopReason.FINISHED
+    assert any("continuing from step" in text for text in observer.messages)
+    assert digest(directory) == digest(reference.directory)
+
+
+@pytest.mark.parametrize("back", [1, 5, 25])
+def test_signals_kept_from_an_earlier_stage_survive_a_resume(
+    back: int, scenario_path: Path, reference: RunOutcome, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In the last stages the lid follows a ramp that began two stages before, at a time that only the frames tell."""
+    directory = tmp_path / "run"
+    with monkeypatch.context() as patch:
+        stop_at(patch, reference.step - back, lambda: signal.raise_signal(signal.SIGINT))
+        assert run_scenario(scenario_path, directory).reason is StopReason.INTERRUPTED
+    assert run_scenario(scenario_path, directory).is_finished
+    assert digest(directory) == digest(reference.directory)
+
+
+def test_stage_starts_are_read_from_the_frames(reference: RunOutcome) -> None:
+    with open_run(reference.directory) as run:
+        state = run.state()
+        assert state is not None
+        stages, times = run.frames.stage, run.frames.time
+    starts = stage_starts(reference.directory, state)
+    assert starts == [0.0, *(float(times[stages == k].max()) for k in (0, 1, 2)), state.stage_start]
+
+
+def test_finished_run_is_left_alone(scenario_path: Path, reference: RunOutcome) -> None:
+    again = run_scenario(scenario_path, reference.directory)
+    assert again.reason is StopReason.ALREADY_FINISHED
+    assert (again.step, again.time) == (reference.step, reference.time)
+
+
+def test_changed_scenario_is_refused_before_anything_is_touched(scenario_path: Path, reference: RunOutcome) -> None:
+    before = (reference.directory / "run.json").read_bytes()
+    text = (
+        scenario_path.read_text().replace("size = [0.02, 0.02]", "size = [0.02, 0.03]").replace("friction = 0.4", "friction = 0.5")
+    )
+    with pytest.raises(ScenarioError) as caught:
+        run_scenario(parse_scenario(text, scenario_path), reference.directory)
+    assert [problem.key for problem in caught.value.problems] == ["domain.size.1", "contacts.0.friction"]
+    assert "was 0.02 when the run in" in str(caught.value)
+    assert (reference.directory / "run.json").read_bytes() == before
+
+
+def test_random_seed_is_drawn_once(scenario_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    path = write_small(tmp_path, changed(SMALL, ("seed = 3", 'seed = "random"')))
+    directory = tmp_path / "run"
+    with monkeypatch.context() as patch:
+        stop_at(patch, 5, lambda: signal.raise_signal(signal.SIGINT))
+        run_scenario(path, directory)
+    seed = run_info(directory)["provenance"]["seed"]
+    assert load_scenario(path).seed != seed
+    assert run_scenario(path, directory).is_finished
+    assert run_info(directory)["provenance"]["seed"] == seed
+    again = tmp_path / "again"
+    assert run_scenario(path, again, overrides=[f"scenario.seed={seed}"]).is_finished
+    assert digest(again) == digest(directory)
+
+
+def test_physics_error_keeps_checkpoint_and_frames(scenario_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    def fail() -> None:
+        raise PhysicsError(25, "the velocity of grain 7 is not finite")
+
+    directory = tmp_path / "run"
+    stop_at(monkeypatch, 25, fail)
+    with pytest.raises(PhysicsError, match="grain 7"):
+        run_scenario(scenario_path, directory)
+    info = run_info(directory)
+    assert (info["status"], info["exit_code"]) == ("failed", 4)
+    assert info["stop_reason"] == "step 25: the velocity of grain 7 is not finite"
+    with open_run(directory) as run:
+        assert run.frames.step.tolist() == [0, 10, 20]
+        state = run.state()
+        assert state is not None
+        assert state.step == 0
+
+
+def test_nan_in_the_state_stops_the_run(scenario_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The real engine, with a velocity that becomes nan behind its back."""
+    original = session_module.Engine.step
+
+    def poison(self: Any, *arguments: Any, **options: Any) -> Any:
+        if self.state.step == 7:
+            self.state.velocity[4, 1] = float("nan")
+        return original(self, *arguments, **options)
+
+    monkeypatch.setattr(session_module.Engine, "step", poison)
+    with pytest.raises(PhysicsError, match="grain 4"):
+        run_scenario(scenario_path, tmp_path / "run")
+    assert run_info(tmp_path / "run")["exit_code"] == 4
+
+
+@pytest.mark.parametrize(
+    ("error", "code"),
+    [(StorageFull(Path("x")), 5), (MemoryError(), 5), (ZeroDivisionError("oops"), 1)],
+)
+def test_other_failures_are_recorded(
+    error: Exception, code: int, scenario_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    def fail() -> None:
+        raise error
+
+    stop_at(monkeypatch, 3, fail)
+    with pytest.raises(type(error)):
+        run_scenario(scenario_path, tmp_path / "run")
+    assert run_info(tmp_path / "run")["exit_code"] == code == failure_code(error)
+    monkeypatch.undo()
+    assert run_scenario(scenario_path, tmp_path / "run").is_finished
+
+
+def test_signal_while_the_grains_are_placed_waits_for_them(
+    scenario_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of Python users, whose process is not ours to end."""
+
+    def build_interrupted(scenario: Scenario) -> tuple[Model, State]:
+        signal.raise_signal(signal.SIGINT)
+        return build(scenario)
+
+    monkeypatch.setattr(session_module, "build", build_interrupted)
+    outcome = run_scenario(scenario_path, tmp_path / "run")
+    assert (outcome.reason, outcome.step) == (StopReason.INTERRUPTED, 0)
+    monkeypatch.undo()
+    assert run_scenario(scenario_path, tmp_path / "run").is_finished
+
+
+def test_time_limit_counts_from_the_start(scenario_path: Path, tmp_path: Path) -> None:
+    outcome = run_scenario(scenario_path, tmp_path / "run", max_hours=0.0)
+    assert outcome.reason is StopReason.TIME_LIMIT
+    assert outcome.reason.exit_code is ExitCode.STOPPED
+    assert outcome.step == 0
+
+
+def test_directory_in_use_or_foreign_is_refused(scenario_path: Path, tmp_path: Path) -> None:
+    (tmp_path / "file").write_text("")
+    with pytest.raises(DirectoryRefused):
+        run_scenario(scenario_path, tmp_path / "file")
+
+
+def test_domain_too_narrow_for_the_engine_is_a_problem_of_the_scenario(tmp_path: Path) -> None:
+    text = SMALL.replace("0.02", "0.003").replace("count = 60", "count = 6")
+    with pytest.raises(ScenarioError, match=r"the period .* widen the domain"):
+        run_scenario(parse_scenario(text, tmp_path / "narrow.toml"), tmp_path / "run")
+
+
+def test_runs_in_other_threads_leave_signals_alone(scenario_path: Path, reference: RunOutcome, tmp_path: Path) -> None:
+    before = signal.getsignal(signal.SIGINT)
+    found: list[RunOutcome] = []
+    worker = threading.Thread(target=lambda: found.append(run_scenario(scenario_path, reference.directory)))
+    worker.start()
+    worker.join()
+    assert found[0].reason is StopReason.ALREADY_FINISHED
+    assert signal.getsignal(signal.SIGINT) is before
+
+
+def test_observer_and_heartbeat(scenario_path: Path, tmp_path: Path) -> None:
+    observer = Recorder()
+    outcome = run_scenario(scenario_path, tmp_path / "run", observer=observer)
+    assert observer.steps == list(range(1, outcome.step + 1))
+    assert observer.is_closed
+    assert any("60 grains, 2 walls" in text for text in observer.messages)
+    assert json.loads((tmp_path / "run" / "progress.json").read_text())["step"] == outcome.step
+
+
+def test_another_version_may_continue_with_a_warning(scenario_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    with monkeypatch.context() as patch:
+        stop_at(patch, 3, lambda: signal.raise_signal(signal.SIGINT))
+        run_scenario(scenario_path, tmp_path / "run")
+    monkeypatch.setattr(session_module, "__version__", "9.9.9")
+    observer = Recorder()
+    assert run_scenario(scenario_path, tmp_path / "run", observer=observer).is_finished
+    assert any("9.9.9" in text for text in observer.warnings)
+
+
+def test_overrides_need_a_path(scenario_path: Path, tmp_path: Path) -> None:
+    with pytest.raises(ValueError, match="give them to load_scenario"):
+        run_scenario(load_scenario(scenario_path), tmp_path / "run", overrides=["solver.dt=1e-4"])

@@ -1,0 +1,135 @@
+"""Threads, differences between scenarios, estimates."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import environment
+from run_fakes import FakeDrives, make_plan
+from scene_parts import between_planes
+from scenes import SMALL, write_small
+
+from multicor_cli.engine.contact.hertz import hertz_flattening
+from multicor_cli.engine.contact.solve import Settings
+from multicor_cli.engine.motion.drives import Constant, DofDrive, Ramp, Sine, WallDrive
+from multicor_cli.model import State
+from multicor_cli.running.conditions import ShearGauge, StrainReached
+from multicor_cli.running.differences import find_differences
+from multicor_cli.running.estimate import estimate, estimate_steps
+from multicor_cli.running.plan import RunPlan, StagePlan
+from multicor_cli.running.planning import make_plan as plan_of
+from multicor_cli.running.threads import available_cores, reserve_threads
+from multicor_cli.scenario.load import load_scenario, parse_scenario
+from multicor_cli.scenario.settings import Output
+
+
+def reserved(code: str, **extra: str) -> str:
+    script = f"from multicor_cli.running.threads import reserve_threads\nimport os\n{code}"
+    done = subprocess.run(
+        [sys.executable, "-c", script], env=environment(**extra), capture_output=True, text=True, check=True, timeout=60
+    )
+    return done.stdout.strip()
+
+
+def test_more_threads_than_cores_are_reserved_before_numba_comes() -> None:
+    assert reserved("print(reserve_threads(64), os.environ['NUMBA_NUM_THREADS'])") == "64 64"
+    assert reserved("print(reserve_threads(0))") == str(available_cores())
+    assert reserved("print(reserve_threads(0), reserve_threads(2))", NUMBA_NUM_THREADS="3") == "3 2"
+    assert reserved("reserve_threads(3); import numba; print(numba.config.NUMBA_NUM_THREADS, reserve_threads(1))").endswith(" 1")
+
+
+def test_too_many_threads_are_refused() -> None:
+    with pytest.raises(ValueError, match="between 1 and"):
+        reserve_threads(-1)
+    code = "import numba\ntry:\n    reserve_threads(9999)\nexcept ValueError: print('refused')"
+    assert reserved(code) == "refused"
+    late = "import numba\ntry:\n    reserve_threads(1000)\nexcept ValueError as e: print(e)"
+    assert "imported with room for" in reserved(late)
+
+
+def test_differences_name_every_key() -> None:
+    before = 'a = 1\nb = [1, 2]\n[c]\nd = "x"\ne = 1\n[output]\ncheckpoint_interval = 1.0\n[[f]]\ng = 1\n[[f]]\ng = 2'
+    after = 'a = 1.0\nb = [1, 3]\n[c]\nd = "y"\n[output]\ncheckpoint_interval = 2.0\nnew = true\n[[f]]\ng = 1\n[[f]]\ng = 3'
+    found = {".".join(map(str, d.path)): (d.before, d.after) for d in find_differences(before, after)}
+    assert found == {
+        "a": ("1", "1.0"),
+        "b.1": ("2", "3"),
+        "c.d": ('"x"', '"y"'),
+        "c.e": ("1", "not given"),
+        "output.new": ("not given", "true"),
+        "f.1.g": ("2", "3"),
+    }
+    assert find_differences(before, before) == []
+
+
+def test_lists_of_another_length_differ_as_a_whole() -> None:
+    assert [d.path for d in find_differences("b = [1, 2]", "b = [1]")] == [("b",)]
+
+
+@pytest.mark.parametrize(
+    ("signal", "steps"),
+    [
+        (Constant(-2.0), 25),  # γ̇ = 2/s: 0.5 after 0.25 s
+        (Ramp(0.0, 2.0, 0.1), 30),  # 0.1 on the ramp, 0.4 at 2/s
+        (Sine(0.0, np.pi, 0.5), 25),  # ∫|π sin| over a half period of 0.25 s = 0.5
+        (Constant(0.0), None),
+    ],
+)
+def test_steps_to_a_strain_are_foreseen(signal: Constant | Ramp | Sine, steps: int | None) -> None:
+    model = between_planes()
+    gauge = ShearGauge.between(model, "bottom", "top")
+    drives = FakeDrives(WallDrive(), WallDrive(x=DofDrive(velocity=signal)))
+    stage = StagePlan("shear", 0.01, None, StrainReached(gauge, 0.5), 1, 1, Settings(), drives)
+    state = State.at_rest(model, np.zeros((2, 2)))
+    found = estimate_steps(RunPlan("p", (stage,), Output(frame_interval=1.0)), model, state)
+    assert found == [steps] or (steps is not None and abs(found[0] - steps) <= 1)
+    assert estimate_steps(RunPlan("p", (replace(stage, step_limit=7),), Output(frame_interval=1.0)), model, state) == [7]
+
+
+def test_force_driven_shear_is_not_foreseen() -> None:
+    model = between_planes()
+    gauge = ShearGauge.between(model, "bottom", "top")
+    drives = FakeDrives(WallDrive(), WallDrive(x=DofDrive(force=Constant(1.0))))
+    stage = StagePlan("shear", 0.01, None, StrainReached(gauge, 0.5), 1, 1, Settings(), drives)
+    plan = RunPlan("p", (stage,), Output(frame_interval=1.0))
+    assert estimate_steps(plan, model, State.at_rest(model, np.zeros((2, 2)))) == [None]
+
+
+def test_estimate_grows_with_what_it_depends_on(tmp_path: Path) -> None:
+    from multicor_cli.packing import build
+
+    scenario = load_scenario(write_small(tmp_path))
+    model, state = build(scenario)
+    plan = plan_of(scenario, model)
+    base = estimate(scenario, plan, model, state, 1)
+    assert base.steps is not None
+    assert base.steps == 150 + estimate_steps(plan, model, state)[1] + 20
+    assert base.flattening is not None
+    assert 0.0 < base.flattening < 1e-2
+    single = parse_scenario(SMALL + 'precision = "single"\ncontacts = false\n', tmp_path / "s.toml")
+    small = estimate(single, plan_of(single, model), model, state, 1)
+    assert small.disk is not None
+    assert base.disk is not None
+    assert small.frame_bytes < 0.5 * base.frame_bytes
+    assert small.disk < base.disk < base.disk_peak
+
+
+def test_frames_of_the_estimate_are_those_of_the_run() -> None:
+    model = between_planes()
+    plan = make_plan(model)
+    steps = estimate_steps(plan, model, State.at_rest(model, np.zeros((2, 2))))
+    assert steps == [20, 20, 7]
+
+
+def test_hertz_flattening_of_a_contact() -> None:
+    """R = 1.5 mm: an overlap of 55.28 nm has a contact radius of 6.4387 µm = √(R* δ), and F = 4/3 E* √R* δ^1.5."""
+    young, poisson, radius, depth = 193e9, 0.29, 1.5e-3, 55.28e-9
+    modulus, reduced = young / (2.0 * (1.0 - poisson**2)), 0.5 * radius
+    assert np.sqrt(reduced * depth) == pytest.approx(6.4387e-6, rel=1e-4)
+    force = 4.0 / 3.0 * modulus * np.sqrt(reduced) * depth**1.5
+    assert hertz_flattening(force, radius, young, poisson) == pytest.approx(depth / (2.0 * radius), rel=1e-12)

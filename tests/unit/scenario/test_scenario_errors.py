@@ -1,0 +1,240 @@
+"""Each mistake in a scenario gives one clear problem at its place, with its value and a remedy."""
+
+import pytest
+from scenario_problems import place_of, problems_of
+from scenes import SHEAR, changed
+
+# change, key, where the problem points (text at that place), words that the message must have
+MISTAKES = {
+    "unknown key": (("density = 2500", "densty = 2500"), "materials.glass.densty", "densty", "unknown key", "'density'"),
+    "unit in key": (("density = 2500", "density_g = 2500"), "materials.glass.density_g", "density_g", "SI", "'density'"),
+    "unknown table": (("[output]", "[outputs]"), "outputs", "[outputs]", "unknown key", "'output'"),
+    "text for number": (("density = 2500", 'density = "2500"'), "materials.glass.density", 'density = "', "number", '"2500"'),
+    "bool for number": (("friction = 0.4", "friction = true"), "contacts.0.friction", "friction = true", "number", "true"),
+    "number for bool": (("periodic = true", "periodic = 1"), "domain.periodic", "periodic = 1", "true or false", "is 1"),
+    "number for fixed": (("fixed = true", "fixed = 1"), "loading.0.drives.paddle.x.fixed", "fixed = 1", "true or false"),
+    "not fixed": (("fixed = true", "fixed = false"), "loading.0.drives.paddle.x.fixed", "fixed = false", "velocity or force"),
+    "float for count": (("count = 100", "count = 100.0"), "particles.0.count", "count = 100.0", "whole number", "100.0"),
+    "date for number": (("count = 100", "count = 2020-01-01"), "particles.0.count", "count = 2020", "date", "2020-01-01"),
+    "negative radius": (("min = 0.4e-3", "min = -0.4e-3"), "particles.0.sizes.min", "min = -0.4", "positive", "-0.0004", "[m]"),
+    "crossed radii": (("min = 0.4e-3", "min = 0.8e-3"), "particles.0.sizes.max", "max = 0.6e-3", "0.0006", "0.0008"),
+    "not a number": (("min = 0.4e-3", "min = nan"), "particles.0.sizes.min", "min = nan", "finite", "nan"),
+    "infinite": (("dt = 2e-4", "dt = inf"), "solver.dt", "dt = inf", "finite", "inf"),
+    "unit slip of E": (("young = 70e9", "young = 193"), "materials.glass.young", "young", "193 Pa", "193e9"),
+    "unit slip of density": (("density = 7800.0", "density = 0.0078"), "materials.steel.density", "density = 0.0", "7.8"),
+    "E without Poisson": (("poisson = 0.2\n", ""), "materials.glass.young", "young", "poisson"),
+    "friction of temperature": (
+        ("{ speed = [0, 1.0]", "{ temperature = [0, 1.0]"),
+        "contacts.1.friction.temperature",
+        "temperature",
+        "not a table of temperatures",
+        "softening",
+    ),
+    "descending table": (("speed = [0, 1.0]", "speed = [1.0, 0]"), "contacts.1.friction.speed.1", "0], values", "ascend"),
+    "uneven table": (("[0.3, 0.2]", "[0.3]"), "contacts.1.friction.values", "values = [0.3]", "1 values for 2 speeds"),
+    "missing material": (('material = "steel"', 'material = "stele"'), "walls.2.material", 'material = "stele"', "'steel'"),
+    "uncovered pair": (('pair = ["*", "*"]', 'pair = ["steel", "*"]'), "contacts", "[[contacts]]", '["glass", "glass"]'),
+    "pair given twice": (
+        ('["steel", "glass"]', '["*", "*"]'),
+        "contacts.1.pair",
+        'pair = ["*", "*"]\nfriction = {',
+        "twice",
+        "remove",
+    ),
+    "wrong kind": (('kind = "random"', 'kind = "rndom"'), "particles.0.packing.kind", 'kind = "rndom"', "'random'"),
+    "no kind": (('kind = "random", ', ""), "particles.0.packing.kind", "packing", "missing"),
+    "key of another kind": (
+        ("separation = 0.1", "pressure = 1"),
+        "particles.0.packing.pressure",
+        "pressure",
+        "unknown key",
+        "'attempts'",
+    ),
+    "wrong word": (('side = "left"', 'side = "up"'), "walls.0.geometry.side", 'side = "up"', "'left', 'right'"),
+    "missing key": (('material = "glass"\nshape', "shape"), "particles.0.material", "[[particles]]", "missing", "[materials.NAME]"),
+    "missing table": (("[solver]\ndt = 2e-4\n", ""), "solver", "[scenario]", "missing", "add [solver]"),
+    "short vector": (("size = [0.03, 0.05]", "size = [0.03]"), "domain.size", "size = [0.03]", "too few"),
+    "long vector": (("size = [0.03, 0.05]", "size = [0.03, 0.05, 1]"), "domain.size", "size = [0.03", "at most 2", "has 3"),
+    "single table": (("[[particles]]", "[particles]"), "particles", "[particles]", "[[particles]]"),
+    "no thickness": (("thickness = 1e-3\n", ""), "particles.0", "[[particles]]", "thickness"),
+    "no count": (("count = 100\n", ""), "particles.0", "[[particles]]", "neither count nor fill"),
+    "count and fill": (("count = 100\n", "count = 100\nfill = 0.5\n"), "particles.0.fill", "fill", "both"),
+    "too many grains": (("count = 100\n", "count = 100000\n"), "particles.0.count", "count", "100000", "region"),
+    "hostile count": (("count = 100\n", f"count = {10**400}\n"), "particles.0.count", "count", "more than 30 digits"),
+    "hostile hexadecimal": (("count = 100\n", f"count = 0x{'f' * 9999}\n"), "particles.0.count", "count", "more than 30 digits"),
+    "grains in mm": (
+        ("min = 0.4e-3, max = 0.6e-3", "min = 0.4, max = 0.6"),
+        "particles.0.sizes",
+        "sizes = { kind",
+        "1.2 m",
+        "meters",
+    ),
+    "region outside": (("max = [0.03, 0.049]", "max = [0.04, 0.049]"), "particles.0.region", "region", "0.04", "period"),
+    "wall named twice": (
+        ('name = "top"', 'name = "bottom"'),
+        "walls.1.name",
+        'name = "bottom"\nmaterial = "glass"\ngeometry = { kind = "rough", from = [0, 0.05]',
+        "walls.0",
+    ),
+    "stage named twice": (
+        ('name = "shear"\nuntil', 'name = "compress"\nuntil'),
+        "loading.1.name",
+        'name = "compress"\nuntil',
+        "loading.0",
+    ),
+    "unknown wall": (("drives.bottom", "drives.botom"), "loading.2.drives.botom", "drives.botom", "'bottom'"),
+    "unknown strain wall": (
+        ('["bottom", "top"]', '["floor", "top"]'),
+        "loading.1.until.strain.walls.0",
+        '"floor"',
+        "'bottom', 'top'",
+    ),
+    "unknown group": (('sizes = "grains"', 'sizes = "grain"'), "walls.1.geometry.sizes", 'sizes = "grain"', "'grains'"),
+    "torque without inertia": (
+        ("inertia = 1e-8\n", ""),
+        "walls.2.inertia",
+        '[[walls]]\nname = "paddle"',
+        "loading.0",
+        "add inertia",
+    ),
+    "gravity without force": (
+        ("inertia = 1e-8\n", "inertia = 1e-8\ngravity = true\n"),
+        "walls.2.gravity",
+        "gravity = true\n\n[[loading]]",
+        "paddle",
+    ),
+    "turning wall": (
+        ("[solver]", "[[loading]]\nduration = 1.0\ndrives.top = { spin = { velocity = 1.0 } }\n\n[solver]"),
+        "loading.3.drives.top.spin",
+        "spin = { velocity = 1.0",
+        "cannot turn",
+        "periodic = false",
+    ),
+    "stage without end": (("duration = 0.5\n", ""), "loading.2", "[[loading]]\ndrives.bottom", "without end", "duration"),
+    "rest without bound": (("duration = 1.0\n", ""), "loading.0.until", "until = { kinetic", "may never end", "duration"),
+    "strain without motion": (("ramp = [0.0, 0.1]", "ramp = [0, 0]"), "loading.1.until.strain", "strain = {", "moves in x"),
+    "strain that stalls": (("ramp = [0.0, 0.1]", "ramp = [0.1, 0]"), "loading.1.until.strain", "strain = {", "never end"),
+    "velocity and force": (
+        ("force = -0.015", "force = -0.015, velocity = 1"),
+        "loading.0.drives.top.y",
+        "y = { force",
+        "exactly one of",
+    ),
+    "unknown signal": (
+        ("ramp = [0.0, 0.1]", "rmp = [0.0, 0.1]"),
+        "loading.1.drives.top.x.velocity",
+        "drives.top.x",
+        "ramp, sine, times",
+    ),
+    "frames too often": (("frame_interval = 0.01", "frame_interval = 1e-4"), "output.frame_interval", "frame_interval", "0.0002"),
+    "too many steps": (("duration = 0.5", "duration = 1e9"), "loading.2.duration", "duration = 1e9", "steps"),
+    "plane across the period": (
+        ('{ kind = "polyline", points = [[0.01, 0.02], [0.02, 0.02]] }', '{ kind = "plane", point = [0, 0], normal = [1, 0] }'),
+        "walls.2.geometry.normal",
+        "normal",
+        "crosses",
+        "[1.0, 0.0]",
+    ),
+    "bad name": (('name = "shear"\nseed', 'name = "../shear"\nseed'), "scenario.name", 'name = "../', "letters, digits"),
+    "bad seed": (("seed = 7", 'seed = "dice"'), "scenario.seed", 'seed = "dice"', "'random'"),
+    "two values": (("seed = 7", "seed = 7\nseed = 8"), "", "\n\n[domain]", "not TOML"),
+    "no quotes": (('name = "top"', "name = top"), "", "top\nmaterial", "not TOML"),
+    "open string": (('name = "top"', 'name = "top'), "", None, "not TOML"),
+    "nul byte": (("seed = 7", "seed = 7\x00"), "", "\x00", "not TOML"),
+    "endless number": (("seed = 7", "seed = " + "7" * 9999), "", "7" * 9999, "digits"),
+    "deep nesting": (("seed = 7", "seed = " + "[" * 9999), "", None, "deep"),
+}
+
+
+def test_the_scenario_without_mistakes_is_right():
+    assert problems_of(SHEAR) == []
+
+
+@pytest.mark.parametrize("name", MISTAKES)
+def test_each_mistake_gives_one_problem_at_its_place(name):
+    change, key, place, *words = MISTAKES[name]
+    text = changed(SHEAR, change)
+    problems = problems_of(text)
+    assert len(problems) == 1, problems
+    problem = problems[0]
+    assert problem.key == key
+    assert problem.file == "shear.toml"
+    if place is not None:
+        assert (problem.line, problem.column) == place_of(text, place)
+    for word in words:
+        assert word in str(problem)
+    assert problem.remedy
+    assert "\n" not in str(problem)
+
+
+def test_two_general_entries_for_one_pair_need_a_special_one():
+    text = changed(SHEAR, ('pair = ["*", "*"]', 'pair = ["glass", "*"]'), ('pair = ["steel", "glass"]', 'pair = ["steel", "*"]'))
+    (problem,) = problems_of(text)
+    assert problem.key == "contacts.1.pair"
+    assert '["glass", "steel"]' in problem.remedy
+
+
+def test_the_period_is_wider_than_four_grains():
+    text = changed(
+        SHEAR,
+        ("size = [0.03, 0.05]", "size = [0.0024, 0.05]"),
+        ("max = [0.03, 0.049]", "max = [0.0024, 0.049]"),
+        ("count = 100", "count = 1"),
+    )
+    (problem,) = problems_of(text)
+    assert problem.key == "particles.0.sizes"
+    assert "0.0024 m" in problem.message
+
+
+def test_a_wall_that_a_force_drives_needs_a_mass():
+    text = changed(SHEAR, ("x = { fixed = true }", "x = { force = 1.0 }"), ("mass = 1e-3\n", ""))
+    (problem,) = problems_of(text)
+    assert problem.key == "walls.2.mass"
+    assert (problem.line, problem.column) == place_of(text, '[[walls]]\nname = "paddle"')
+    assert "its x in loading.0" in problem.message
+
+
+def test_all_problems_are_told_at_once_in_the_order_of_the_file():
+    text = changed(
+        SHEAR,
+        ("density = 2500", "densty = 2500"),
+        ("min = 0.4e-3", "min = -1"),
+        ('material = "steel"', 'material = "iron"'),
+        ("drives.bottom", "drives.floor"),
+        ("frame_interval = 0.01", "frame_interval = true"),
+    )
+    problems = problems_of(text)
+    assert [problem.key for problem in problems] == [
+        "materials.glass.densty",
+        "particles.0.sizes.min",
+        "walls.2.material",
+        "loading.2.drives.floor",
+        "output.frame_interval",
+    ]
+    assert [problem.line for problem in problems] == sorted(problem.line for problem in problems)
+
+
+def test_very_many_problems_are_cut_short():
+    materials = "".join(f"[materials.m{k}]\n" for k in range(90))
+    contacts = "".join(f'[[contacts]]\npair = ["x{k}", "*"]\n' for k in range(50))
+    problems = problems_of(
+        changed(SHEAR, ("[[contacts]]", contacts + "[[contacts]]"), ("[[particles]]", materials + "[[particles]]"))
+    )
+    assert len(problems) == 101
+    assert "more problems" in problems[-1].message
+
+
+def test_a_problem_reads_as_file_line_column_key_and_shows_the_line():
+    (problem,) = problems_of(changed(SHEAR, ("density = 2500", "\tdensty\t= 2500")))
+    line = SHEAR[: SHEAR.index("density")].count("\n") + 1
+    assert str(problem) == f"shear.toml:{line}:2: materials.glass.densty: unknown key; did you mean 'density'?"
+    assert problem.excerpt().splitlines() == ["     densty = 2500", "     ^"]
+
+
+def test_messages_carry_no_control_characters_and_long_lines_are_cut():
+    (problem,) = problems_of(changed(SHEAR, ("seed = 7", 'seed = 7\n"a\\u001b[2J\\nb' + "c" * 500 + '" = 1')))
+    assert str(problem).isprintable()
+    assert all(line.isprintable() and len(line) < 140 for line in problem.excerpt().splitlines())
+    (problem,) = problems_of(changed(SHEAR, ("[0, 0.001]", "[0" + " " * 500 + ", -nan]")))
+    quoted, caret = problem.excerpt().splitlines()
+    assert quoted[caret.index("^") :].startswith("-nan")

@@ -1,0 +1,244 @@
+"""Loading: files of all kinds, defaults, round trips, and mutations that never end in anything but a `ScenarioError`."""
+
+import copy
+import tomllib
+
+import pytest
+import tomli_w
+from hypothesis import HealthCheck, given, settings
+from hypothesis import strategies as st
+from scenario_problems import problems_of
+from scenes import HEATED, SHEAR, changed
+
+from multicor_cli.scenario import ScenarioError, load_scenario, parse_scenario
+
+
+@pytest.fixture
+def write(tmp_path):
+    def _write(content, name="shear.toml"):
+        path = tmp_path / name
+        path.write_bytes(content if isinstance(content, bytes) else content.encode())
+        return path
+
+    return _write
+
+
+def test_the_tables_of_the_file_are_attributes(write):
+    scenario = load_scenario(write(SHEAR))
+    assert scenario.name == "shear"
+    assert scenario.seed == 7
+    assert scenario.domain.size == (0.03, 0.05)
+    assert scenario.domain.gravity == (0.0, -9.81)
+    assert scenario.particles[0].sizes.largest == 0.6e-3
+    assert scenario.walls[0].geometry.start == (0.0, 0.0)
+    assert scenario.walls[0].geometry.end == (0.03, 0.0)
+    assert scenario.loading[0].drives["top"].y.force == -0.015
+    assert scenario.solver.max_sweeps == 10_000
+    assert scenario.output.series_interval == 0.01 / 10
+    assert scenario.source == SHEAR
+
+
+def test_what_other_packages_ask(write):
+    path = write(SHEAR)
+    scenario = load_scenario(path)
+    assert scenario.law("glass", "glass").friction == 0.4
+    assert scenario.law("glass", "steel").restitution == 0.5
+    assert scenario.law("steel", "glass") is scenario.law("glass", "steel")
+    with pytest.raises(KeyError):
+        load_scenario(path, ['contacts.0.pair=["glass","glass"]']).law("steel", "steel")
+    assert scenario.glued_sizes(scenario.walls[0]) == scenario.particles[0].sizes
+    assert scenario.glued_sizes(scenario.walls[1]) == scenario.particles[0].sizes
+    assert scenario.glued_sizes(scenario.walls[2]) is None
+    assert scenario.region(scenario.particles[0]).height == pytest.approx(0.048)
+    assert scenario.stage_solver(0) == scenario.solver
+    assert scenario.stage_solver(1).dt == 1e-4
+    assert scenario.stage_solver(1).tolerance_rms == 1e-4
+    assert scenario.stage_solver(1).tolerance_max == scenario.solver.tolerance_max
+    assert scenario.resolve_path("grains.csv") == path.parent / "grains.csv"
+
+
+def test_a_problem_found_later_has_its_position(write):
+    path = write(SHEAR)
+    problem = load_scenario(path).problem(("walls", 2, "geometry", "points"), "it cuts a grain", "move it")
+    assert str(problem).startswith(f"{path}:")
+    assert problem.source_line.startswith('geometry = { kind = "polyline"')
+    assert problem.source_line[problem.column - 1 :].startswith("points")
+
+
+@pytest.mark.parametrize(
+    ("encode", "name"),
+    [(lambda t: b"\xef\xbb\xbf" + t.encode(), "BOM"), (lambda t: t.replace("\n", "\r\n").encode(), "CRLF")],
+    ids=["bom", "crlf"],
+)
+def test_files_of_other_systems_are_read(write, encode, name):
+    assert load_scenario(write(encode(SHEAR))) == parse_scenario(SHEAR, "other.toml")
+    with pytest.raises(ScenarioError) as error:
+        load_scenario(write(encode(changed(SHEAR, ("dt = 2e-4", "dt = 0")))))
+    (problem,) = error.value.problems
+    (expected,) = problems_of(changed(SHEAR, ("dt = 2e-4", "dt = 0")))
+    assert (problem.line, problem.column, problem.excerpt()) == (expected.line, expected.column, expected.excerpt())
+
+
+@pytest.mark.parametrize(
+    ("content", "line", "column", "word"),
+    [
+        (b'[scenario]\nname = "\xe9"\n', 2, 9, "0xe9 is not UTF-8"),
+        ("[scenario]".encode("utf-16"), 1, 1, "not UTF-8"),
+        (b"[scenario]\n\x00", 2, 1, "not TOML"),
+        (b"\x89PNG\r\n\x1a\n", 1, 1, "not UTF-8"),
+        (b"name: shear\n", 1, 5, "not TOML"),
+        (b"#" * 2_000_000, 0, 0, "larger than 1 MB"),
+    ],
+)
+def test_what_is_no_toml_is_refused_at_its_place(write, content, line, column, word):
+    with pytest.raises(ScenarioError) as error:
+        load_scenario(write(content))
+    (problem,) = error.value.problems
+    assert (problem.line, problem.column) == (line, column)
+    assert word in problem.message
+    assert problem.remedy
+
+
+def test_what_is_no_file_is_refused(tmp_path):
+    for path, word in ((tmp_path, "directory"), (tmp_path / "none.toml", "no such file"), ("a\0b", "")):
+        with pytest.raises(ScenarioError) as error:
+            load_scenario(path)
+        (problem,) = error.value.problems
+        assert word in problem.message
+        assert str(path).replace("\0", "\N{REPLACEMENT CHARACTER}") in str(problem)
+
+
+def test_an_unreadable_file_is_refused(write, monkeypatch):
+    path = write(SHEAR)
+
+    def refuse(_self):
+        raise PermissionError(13, "Permission denied")
+
+    monkeypatch.setattr(type(path), "read_bytes", refuse)
+    with pytest.raises(ScenarioError, match="cannot be read: Permission denied"):
+        load_scenario(path)
+
+
+def test_an_empty_file_lacks_all_tables():
+    assert [problem.key for problem in problems_of("")] == [
+        "scenario", "domain", "materials", "particles", "loading", "solver", "output",
+    ]  # fmt: skip
+
+
+def test_the_resolved_scenario_loads_back_to_the_same():
+    scenario = parse_scenario(SHEAR, "shear.toml", ["loading.2.duration=0.25", "output.precision=single"])
+    again = parse_scenario(scenario.resolved_toml(), "resolved.toml")
+    assert again == scenario
+    assert again.resolved_toml() == scenario.resolved_toml()
+    assert again.loading[2].duration == 0.25
+    resolved = tomllib.loads(scenario.resolved_toml())
+    assert resolved["solver"]["tolerance_rms"] == 1e-3
+    assert resolved["walls"][0]["geometry"]["from"] == [0.0, 0.0]
+
+
+def test_a_default_that_is_shorter_than_a_step_loads_back():
+    scenario = parse_scenario(SHEAR, "shear.toml", ["output.frame_interval=4e-4"])
+    assert scenario.output.series_interval < scenario.solver.dt
+    assert parse_scenario(scenario.resolved_toml(), "resolved.toml") == scenario
+    assert [p.key for p in problems_of(SHEAR, ["output.series_interval=1e-5"])] == ["output.series_interval"]
+
+
+def test_a_random_seed_is_drawn_once_and_recorded():
+    text = changed(SHEAR, ("seed = 7", 'seed = "random"'))
+    first, second = parse_scenario(text, "a.toml"), parse_scenario(text, "a.toml")
+    assert first.seed != second.seed
+    assert first.seed == first.seed >= 0
+    assert parse_scenario(first.resolved_toml(), "b.toml").seed == first.seed
+
+
+DOCUMENTS = (tomllib.loads(SHEAR), tomllib.loads(HEATED))
+HOSTILE = st.one_of(
+    st.sampled_from(
+        [
+            True,
+            False,
+            0,
+            -1,
+            1,
+            10**400,
+            0.0,
+            -1.0,
+            1e-320,
+            1e308,
+            float("nan"),
+            float("inf"),
+            "",
+            "x",
+            "*",
+            "top",
+            "random",
+        ]
+    ),
+    st.sampled_from(["a\nb\x1b", "é" * 100, [], [[]], {}, [{}], {"kind": "random"}, {"kind": []}, {"kind": {"kind": 1}}]),
+    st.sampled_from([{"velocity": 1, "force": 1}, {"ramp": [1, 2]}, {"strain": 1}, {"times": [], "values": []}, [0.0] * 500]),
+    st.integers(-(10**9), 10**9),
+    st.floats(allow_nan=False),
+)
+
+
+def places(node, path=()):
+    entries = node.items() if isinstance(node, dict) else enumerate(node) if isinstance(node, list) else ()
+    for key, value in entries:
+        yield (*path, key)
+        yield from places(value, (*path, key))
+
+
+def check_mutant(document):
+    """A mutant is right or refused with problems that have a position; nothing else."""
+    text = tomli_w.dumps(document)
+    problems = problems_of(text)
+    for problem in problems:
+        assert "\n" not in str(problem)
+        assert 1 <= problem.line <= text.count("\n") + 1 or "more problems" in problem.message
+        problem.excerpt()
+    if not problems:
+        scenario = parse_scenario(text, "mutant.toml")
+        assert parse_scenario(scenario.resolved_toml(), "again.toml") == scenario
+        scenario.drives()
+        scenario.wall_conditions()
+
+
+@settings(max_examples=600, deadline=None, suppress_health_check=[HealthCheck.too_slow])
+@given(
+    st.sampled_from([(k, path) for k, document in enumerate(DOCUMENTS) for path in sorted(places(document), key=str)]),
+    st.sampled_from(["replace", "remove", "rename", "double"]),
+    HOSTILE,
+    st.data(),
+)
+def test_single_mutations_are_right_or_refused(place, action, value, data):
+    number, path = place
+    document = copy.deepcopy(DOCUMENTS[number])
+    node = document
+    for part in path[:-1]:
+        node = node[part]
+    last = path[-1]
+    if action == "replace":
+        node[last] = value
+    elif action == "remove":
+        del node[last]
+    elif isinstance(node, list):
+        node.insert(last, copy.deepcopy(node[last]))
+    else:
+        new = data.draw(st.sampled_from(["x", "kind", "", "a.b", last + "s", last[:-1], "temperature", "force", "min"]))
+        node[new] = node.pop(last) if action == "rename" else copy.deepcopy(node[last])
+    check_mutant(document)
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.integers(0, len(SHEAR)), st.integers(0, 5), st.text("[]{}=\"'#\\,.\n\r\0\ufeffa1é-", max_size=4))
+def test_mutations_of_the_text_are_right_or_refused(at, cut, insert):
+    problems_of(SHEAR[:at] + insert + SHEAR[at + cut :])
+
+
+@settings(max_examples=100, deadline=None)
+@given(st.binary(max_size=60))
+def test_any_bytes_are_refused(tmp_path_factory, content):
+    path = tmp_path_factory.getbasetemp() / "bytes.toml"
+    path.write_bytes(content)
+    with pytest.raises(ScenarioError):
+        load_scenario(path)

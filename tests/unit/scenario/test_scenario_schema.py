@@ -1,0 +1,54 @@
+"""The schema for editors and the templates of new scenarios."""
+
+import json
+import tomllib
+
+import pytest
+from places import ROOT
+
+from multicor_cli.scenario import TEMPLATES, new_scenario, parse_scenario, scenario_schema, schema_text
+from multicor_cli.scenario.models import ScenarioModel
+
+SCHEMA_FILE = ROOT / "schema" / "multicor.schema.json"
+
+
+def test_the_schema_file_is_fresh():
+    stored = json.loads(SCHEMA_FILE.read_text(encoding="utf-8"))
+    assert stored == scenario_schema(), "write it again: multicor schema > schema/multicor.schema.json"
+
+
+def test_the_schema_says_what_the_models_say():
+    schema = json.loads(schema_text())
+    assert schema == scenario_schema()
+    assert set(schema["properties"]) == set(ScenarioModel.model_fields)
+    assert schema["additionalProperties"] is False
+    rough = schema["$defs"]["RoughGeometry"]
+    assert {"from", "to"} <= set(rough["properties"])
+    assert rough["required"] == ["kind", "from", "to", "side"]
+    material = schema["$defs"]["Material"]["properties"]
+    assert (material["density"]["minimum"], material["young"]["minimum"]) == (1.0, 1e3)
+
+
+def test_every_key_is_described_and_none_may_be_null():
+    assert '"null"' not in schema_text()
+    for name, table in scenario_schema()["$defs"].items():
+        for key, value in table["properties"].items():
+            assert "description" in value or key == "kind", f"{name}.{key}"
+
+
+@pytest.mark.parametrize("template", TEMPLATES)
+def test_each_template_is_a_right_scenario_that_explains_itself(template):
+    text = new_scenario("my-run.2", template)
+    scenario = parse_scenario(text, "my-run.2.toml")
+    assert scenario.name == "my-run.2"
+    assert scenario.description
+    assert len(scenario.loading) > 1
+    assert text.count("#") >= 10
+    assert "NAME" not in tomllib.loads(text)["scenario"].values()
+    assert parse_scenario(scenario.resolved_toml(), "resolved.toml") == scenario
+
+
+@pytest.mark.parametrize(("name", "template"), [("a", "sheer"), ("../a", "shear"), ("", "shear"), ("a b", "drum"), (".a", "drum")])
+def test_bad_names_are_refused(name, template):
+    with pytest.raises(ValueError, match=r"use "):
+        new_scenario(name, template)

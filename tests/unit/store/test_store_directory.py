@@ -1,0 +1,493 @@
+"""The run directory as a place: who may use it, what may be removed, and what happens when the disk is full."""
+
+from __future__ import annotations
+
+import errno
+import json
+import os
+import resource
+import signal
+import subprocess
+import sys
+import time
+import traceback
+from collections.abc import Callable
+from pathlib import Path
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from places import ROOT
+from store_support import PROVENANCE, RESOLVED, SOURCE, continue_run, drive, make_model, make_run, run_whole, start
+
+from multicor_cli.store import (
+    DamagedRun,
+    DirectoryRefused,
+    Moment,
+    RunDirectory,
+    RunLocked,
+    StorageError,
+    StorageFull,
+    collect_provenance,
+    open_run,
+    run_info,
+    verify,
+)
+from multicor_cli.store.atomic import GuardedFile
+from multicor_cli.store.lock import RunLock, is_alive
+
+
+def listing(path: Path) -> dict[str, bytes]:
+    return {str(file.relative_to(path)): file.read_bytes() for file in path.rglob("*") if file.is_file()}
+
+
+def in_child(action: Callable[[], object]) -> int:
+    """Exit code of a child process: 0, the exit code of a `StoreError`, or 99."""
+    child = os.fork()
+    if child == 0:
+        code = 99
+        try:
+            action()
+            code = 0
+        except StorageError as error:
+            code = error.exit_code
+        except BaseException:
+            traceback.print_exc()
+        finally:
+            os._exit(code)
+    status = os.waitpid(child, 0)[1]
+    assert os.WIFEXITED(status)
+    return os.WEXITSTATUS(status)
+
+
+# --- who may use it
+
+
+def test_new_directory_has_the_scenario_byte_by_byte(tmp_path: Path) -> None:
+    path = tmp_path / "with spaces" / "and ünïcode" / "run"
+    assert not RunDirectory.is_run(path)
+    with make_run(path) as run:
+        assert run.status == "running"
+        assert run.stages == ("load", "shear")
+        assert run.provenance == PROVENANCE
+        assert (run.source_text, run.resolved_text) == (SOURCE, RESOLVED)
+    assert (path / "scenario.toml").read_bytes() == SOURCE.encode()
+    assert RunDirectory.is_run(path)
+
+
+def test_existing_empty_directory_is_used(tmp_path: Path) -> None:
+    (tmp_path / "run").mkdir()
+    make_run(tmp_path / "run").close()
+    assert RunDirectory.is_run(tmp_path / "run")
+
+
+@pytest.mark.parametrize("overwrite", [False, True])
+def test_directory_that_is_no_run_is_refused_and_untouched(tmp_path: Path, overwrite: bool) -> None:
+    (tmp_path / "scenario.toml").write_text("mine")
+    with pytest.raises(DirectoryRefused, match="not a run directory"):
+        make_run(tmp_path, overwrite=overwrite)
+    assert listing(tmp_path) == {"scenario.toml": b"mine"}
+    with pytest.raises(DirectoryRefused, match="not a directory"):
+        make_run(tmp_path / "scenario.toml", overwrite=overwrite)
+    with pytest.raises(DirectoryRefused, match="holds no run"):
+        RunDirectory.resume(tmp_path)
+    with pytest.raises(DirectoryRefused, match="holds no run"):
+        open_run(tmp_path)
+
+
+def test_existing_run_is_refused_unless_overwritten(tmp_path: Path) -> None:
+    run_whole(tmp_path / "run")
+    before = listing(tmp_path / "run")
+    with pytest.raises(DirectoryRefused, match="--overwrite"):
+        make_run(tmp_path / "run")
+    assert listing(tmp_path / "run") == before
+    with make_run(tmp_path / "run", overwrite=True) as run:
+        assert run.load_checkpoint() is None
+        assert sorted(listing(tmp_path / "run")) == ["lock", "run.json", "scenario.resolved.toml", "scenario.toml"]
+    with make_run(tmp_path / "run", overwrite=True) as run:
+        drive(run, make_model(), steps=40, checkpoint_every=15)
+    assert verify(tmp_path / "run") == []
+
+
+@pytest.mark.parametrize("name", ["figure.png", "segments/notes.txt", "checkpoints/step-1.h5", "results.h5.bak", "model.h5/"])
+def test_overwriting_never_removes_foreign_files(tmp_path: Path, name: str) -> None:
+    path = tmp_path / "run"
+    with make_run(path) as run:
+        run.writer(make_model(1))
+    if name.endswith("/"):
+        (path / name).unlink()
+        (path / name).mkdir()
+    else:
+        (path / name).write_text("mine")
+    before = listing(path)
+    with pytest.raises(DirectoryRefused, match=name.rstrip("/")):
+        make_run(path, overwrite=True)
+    assert listing(path) == before
+
+
+def test_overwriting_does_not_follow_links(tmp_path: Path) -> None:
+    (tmp_path / "precious").mkdir()
+    (tmp_path / "precious" / "000000.h5").write_text("mine")
+    make_run(tmp_path / "run").close()
+    (tmp_path / "run" / "segments").rmdir()
+    (tmp_path / "run" / "segments").symlink_to(tmp_path / "precious")
+    with pytest.raises(DirectoryRefused, match="segments"):
+        make_run(tmp_path / "run", overwrite=True)
+    assert (tmp_path / "precious" / "000000.h5").read_text() == "mine"
+
+
+def test_damaged_run_can_be_overwritten(tmp_path: Path) -> None:
+    run_whole(tmp_path / "run")
+    (tmp_path / "run" / "run.json").write_text("nonsense")
+    with pytest.raises(DirectoryRefused):
+        make_run(tmp_path / "run")
+    make_run(tmp_path / "run", overwrite=True).close()
+    assert RunDirectory.is_run(tmp_path / "run")
+
+
+def test_changed_scenario_is_noticed(tmp_path: Path) -> None:
+    with make_run(tmp_path / "run") as run:
+        drive(run, make_model(), steps=10, checkpoint_every=5, finish=False)
+    (tmp_path / "run" / "scenario.resolved.toml").write_text(RESOLVED + "# edited\n")
+    with RunDirectory.resume(tmp_path / "run") as run, pytest.raises(DamagedRun, match="was changed"):
+        run.resolved_text  # noqa: B018
+
+
+def test_another_model_is_refused(tmp_path: Path) -> None:
+    with make_run(tmp_path / "run") as run:
+        drive(run, make_model(), steps=10, checkpoint_every=5, finish=False)
+    with RunDirectory.resume(tmp_path / "run") as run, pytest.raises(DamagedRun, match="another model"):
+        run.writer(make_model(4))
+
+
+def test_stopped_and_failed_runs_can_be_continued(tmp_path: Path) -> None:
+    path, model = tmp_path / "run", make_model()
+    with make_run(path) as run:
+        drive(run, model, steps=12, checkpoint_every=5, finish=False)
+        run.finish("stopped", stop_reason="Ctrl-C", exit_code=130, timings={"solve": 1.5})
+    info = run_info(path)
+    assert (info["status"], info["stop_reason"], info["exit_code"], info["timings"]) == ("stopped", "Ctrl-C", 130, {"solve": 1.5})
+    with RunDirectory.resume(path) as run:
+        assert run.status == "running"
+        state = drive(run, model, steps=18, checkpoint_every=5, finish=False)
+        state.step += 2
+        assert run._writer is not None
+        run._writer.frame(Moment(state, run._writer.model))
+        run.finish("failed", stop_reason="step 19: grain 3 is not finite", exit_code=4)
+    with open_run(path) as reader:
+        assert reader.status == "failed"
+        assert reader.frames.step.tolist() == [0, 5, 10, 15, 20]  # the last one is there to look at, and will be computed again
+    continue_run(path)
+    run_whole(tmp_path / "whole")
+    assert run_info(path)["data_digest"] == run_info(tmp_path / "whole")["data_digest"]
+    assert len(json.loads((path / "run.json").read_text())["sessions"]) == 3
+
+
+def test_finished_run_is_left_alone(tmp_path: Path) -> None:
+    run_whole(tmp_path / "run")
+    before = listing(tmp_path / "run")
+    with RunDirectory.resume(tmp_path / "run") as run:
+        assert run.is_finished
+        assert run.consolidate() == tmp_path / "run" / "results.h5"
+    assert listing(tmp_path / "run") == before
+
+
+def test_committed_files_are_read_only(tmp_path: Path) -> None:
+    with make_run(tmp_path / "run") as run:
+        drive(run, make_model(), steps=10, checkpoint_every=5, finish=False)
+    for pattern in ("segments/*.h5", "checkpoints/*.h5", "model.h5"):
+        for file in (tmp_path / "run").glob(pattern):
+            assert not file.stat().st_mode & 0o222
+
+
+@pytest.mark.parametrize("name", ["mine.txt", "000000.h5.bak", "mine.tmp", "sub"])
+@pytest.mark.parametrize("is_finished", [False, True])
+def test_files_of_others_beside_the_segments_stay(tmp_path: Path, name: str, is_finished: bool) -> None:
+    path = tmp_path / "run"
+    with make_run(path) as run:
+        drive(run, make_model(), steps=20, checkpoint_every=15, finish=is_finished)
+    (path / "segments").mkdir(exist_ok=True)
+    for mine in (path / "segments" / name, path / "checkpoints" / name, path / "mine.tmp"):
+        mine.mkdir() if name == "sub" and mine.name == "sub" else mine.write_text("precious")
+    continue_run(path)
+    assert run_info(path)["status"] == "finished"
+    assert [entry.name for entry in (path / "segments").iterdir()] == [name]
+    assert (path / "checkpoints" / name).exists()
+    assert (path / "mine.tmp").read_text() == "precious"
+    assert ["stays" in finding.message for finding in verify(path)] == [True]
+
+
+def test_links_in_place_of_directories_are_not_followed_to_remove_anything(tmp_path: Path) -> None:
+    """Somebody moved the segments to a larger disk, or points at something else."""
+    path, elsewhere = tmp_path / "run", tmp_path / "elsewhere"
+    with make_run(path) as run:
+        drive(run, make_model(), steps=20, checkpoint_every=15, finish=False)
+    (path / "segments").rename(elsewhere)
+    (path / "segments").symlink_to(elsewhere)
+    (elsewhere / "notes.tmp").write_text("precious")
+    before = {entry.name for entry in elsewhere.iterdir()}
+    for _ in range(2):
+        continue_run(path)
+        assert run_info(path)["status"] == "finished"
+        assert {entry.name for entry in elsewhere.iterdir()} >= before
+    assert not (path / "model.h5").exists()
+
+
+def test_progress_never_fails(tmp_path: Path) -> None:
+    with make_run(tmp_path / "run") as run:
+        run.progress({"step": np.int64(3), "eta": float("inf")})
+        assert json.loads((tmp_path / "run" / "progress.json").read_text())["eta"] is None
+        (tmp_path / "run" / "progress.json").unlink()
+        (tmp_path / "run" / "progress.json").mkdir()
+        run.progress({"step": 4})
+
+
+def test_provenance_names_versions_and_machine() -> None:
+    found = collect_provenance(["multicor", "run", "a b.toml"], seed=3, threads=2, threading_layer="omp")
+    assert found["command"] == "multicor run 'a b.toml'"
+    assert (found["seed"], found["threads"], found["threading_layer"]) == (3, 2, "omp")
+    assert {"python", "numpy", "numba", "llvmlite", "h5py", "hdf5"} <= found["versions"].keys()
+    assert found["host"]
+    assert found["cpu"]
+
+
+# --- the lock
+
+
+def test_second_run_is_refused_and_changes_nothing(tmp_path: Path) -> None:
+    with make_run(tmp_path / "run"):
+        before = listing(tmp_path / "run")
+        for attempt in (
+            lambda: RunDirectory.resume(tmp_path / "run"),
+            lambda: make_run(tmp_path / "run", overwrite=True),
+        ):
+            with pytest.raises(RunLocked, match=f"process {os.getpid()} on ") as caught:
+                attempt()
+            assert caught.value.pid == os.getpid()
+            assert caught.value.host
+            assert caught.value.exit_code == 6
+        assert listing(tmp_path / "run") == before
+    RunDirectory.resume(tmp_path / "run").close()
+
+
+def test_lock_of_a_dead_process_is_taken_over(tmp_path: Path) -> None:
+    code = (
+        "import sys, time, pathlib; from multicor_cli.store.lock import RunLock;"
+        "lock = RunLock(pathlib.Path(sys.argv[1])); print(1, flush=True); time.sleep(60)"
+    )
+    holder = subprocess.Popen([sys.executable, "-c", code, str(tmp_path / "lock")], stdout=subprocess.PIPE, cwd=ROOT)
+    assert holder.stdout is not None
+    holder.stdout.readline()
+    try:
+        assert is_alive(tmp_path / "lock")
+        with pytest.raises(RunLocked, match=f"process {holder.pid} "):
+            RunLock(tmp_path / "lock")
+    finally:
+        holder.send_signal(signal.SIGKILL)
+        holder.wait()
+        holder.stdout.close()
+    assert not is_alive(tmp_path / "lock")
+    lock = RunLock(tmp_path / "lock")
+    assert is_alive(tmp_path / "lock")
+    lock.release()
+    lock.release()
+    assert not is_alive(tmp_path / "lock")
+
+
+def test_lock_of_another_host_is_respected_unless_forced(tmp_path: Path) -> None:
+    make_run(tmp_path / "run").close()
+    holder = {"pid": 17, "host": "elsewhere", "started": "2026-01-01T00:00:00+00:00", "start_ticks": 1}
+    (tmp_path / "run" / "lock").write_text(json.dumps(holder))
+    assert is_alive(tmp_path / "run" / "lock")
+    with pytest.raises(RunLocked, match=r"process 17 on elsewhere; if it is no longer alive, delete .*lock"):
+        RunDirectory.resume(tmp_path / "run")
+    RunDirectory.resume(tmp_path / "run", force_unlock=True).close()
+    RunDirectory.resume(tmp_path / "run").close()
+
+
+def test_recycled_process_number_does_not_count_as_alive(tmp_path: Path) -> None:
+    lock = RunLock(tmp_path / "lock")
+    holder = json.loads((tmp_path / "lock").read_text())
+    lock.release()
+    (tmp_path / "lock").write_text(json.dumps({**holder, "start_ticks": holder["start_ticks"] - 1}))
+    assert not is_alive(tmp_path / "lock")
+
+
+# --- no space, no permission
+
+
+@pytest.mark.parametrize("limit_kb", [1, 60, 120, 180])
+def test_file_size_limit_stops_with_code_5_and_the_run_goes_on_later(tmp_path: Path, limit_kb: int) -> None:
+    """`RLIMIT_FSIZE` fails the writes of a child in the same places as a full disk does."""
+    path, model = tmp_path / "run", make_model(120)
+
+    def limited() -> None:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (limit_kb << 10, limit_kb << 10))
+        run_whole(path, model)
+
+    assert in_child(limited) == 5
+    if RunDirectory.is_run(path):
+        assert [finding for finding in verify(path) if finding.severity == "error"] == []
+    assert list(path.rglob("*.h5.tmp")) == []
+    run = RunDirectory.resume(path) if RunDirectory.is_run(path) else make_run(path)
+    with run:
+        drive(run, model, steps=40, checkpoint_every=15)
+    run_whole(tmp_path / "whole", model)
+    assert run_info(path)["data_digest"] == run_info(tmp_path / "whole")["data_digest"]
+
+
+def test_full_disk_is_noticed_before_a_file_is_begun(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    model = make_model()
+    with make_run(tmp_path / "run") as run:
+        writer, state = run.writer(model), start(model)
+        run.checkpoint(state, writer)
+        state.step += 1
+        writer.frame(Moment(state, model))
+        monkeypatch.setattr(os, "statvfs", lambda _: SimpleNamespace(f_bavail=300, f_frsize=4096))
+        before = listing(tmp_path / "run")
+        with pytest.raises(StorageFull, match="no space left") as caught:
+            run.checkpoint(state, writer)
+        assert caught.value.exit_code == 5
+        assert caught.value.free == 300 * 4096
+        assert caught.value.needed > caught.value.free
+        assert listing(tmp_path / "run") == before
+        run.finish("failed", stop_reason=str(caught.value), exit_code=5)  # run.json uses what is left in reserve
+        monkeypatch.undo()
+        run.checkpoint(state, writer)  # nothing was lost
+        assert writer.frame_count == 1
+    assert verify(tmp_path / "run") == []
+
+
+def test_guarded_file_keeps_the_first_error_and_swallows_the_rest(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    import h5py
+
+    def fail(*_: object) -> int:
+        raise OSError(errno.EIO, "Input/output error")
+
+    with (tmp_path / "file").open("w+b") as raw:
+        guarded = GuardedFile(raw.fileno())
+        with h5py.File(guarded, "w", libver=("v110", "v110")) as file:
+            file["a"] = np.zeros(1000)
+            monkeypatch.setattr(os, "pwrite", fail)
+            file["b"] = np.zeros(100_000)
+        with pytest.raises(OSError, match="Input/output") as caught:
+            guarded.finish()
+        assert caught.value.errno == errno.EIO
+
+
+def test_short_write_of_the_manifest_leaves_no_half_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    from multicor_cli.store.atomic import append_line
+
+    append_line(tmp_path / "lines", "test", b"first\n")
+    write = os.write
+    monkeypatch.setattr(os, "write", lambda descriptor, data: write(descriptor, data[:3]))
+    with pytest.raises(StorageFull):
+        append_line(tmp_path / "lines", "test", b"second\n")
+    monkeypatch.undo()
+    append_line(tmp_path / "lines", "test", b"third\n")
+    assert (tmp_path / "lines").read_bytes() == b"first\nthird\n"
+
+
+@pytest.mark.skipif(os.geteuid() == 0, reason="root may write anywhere")
+def test_directory_without_permission(tmp_path: Path) -> None:
+    tmp_path.chmod(0o555)
+    try:
+        with pytest.raises(StorageError, match="Permission denied"):
+            make_run(tmp_path / "run")
+    finally:
+        tmp_path.chmod(0o755)
+
+
+@pytest.mark.parametrize("name", ["openat", "replace", "fsync"])
+def test_errors_of_the_system_name_the_file(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, name: str) -> None:
+    def fail(*_: object, **__: object) -> int:
+        raise PermissionError(errno.EACCES, "Permission denied")
+
+    with make_run(tmp_path / "run") as run:
+        target = {"openat": (os, "open"), "replace": (Path, "replace"), "fsync": (os, "fsync")}[name]
+        monkeypatch.setattr(*target, fail)
+        with pytest.raises(StorageError, match=r"model\.h5: Permission denied"):
+            run.writer(make_model())
+        monkeypatch.undo()
+        assert list((tmp_path / "run").glob("*.tmp")) == []
+
+
+def test_reading_while_running(tmp_path: Path) -> None:
+    """Readers see whole frames only, at any moment, and the end of the run does not disturb them."""
+    path, seen = tmp_path / "run", 0
+    child = os.fork()
+    if child == 0:
+        code = 1
+        try:
+            with make_run(path) as run:
+                drive(run, make_model(), steps=80, checkpoint_every=10)
+            code = 0
+        finally:
+            os._exit(code)
+    deadline = time.monotonic() + 50.0
+    while not os.waitpid(child, os.WNOHANG)[0]:
+        assert time.monotonic() < deadline
+        if not RunDirectory.is_run(path):
+            continue
+        with open_run(path) as reader:
+            steps = reader.frames.step
+            assert steps.tolist() == list(range(0, 5 * len(steps), 5))
+            assert len(reader.frames) >= seen
+            assert len(reader.series["time"]) >= 2 * seen
+            if len(steps):
+                assert np.isfinite(reader.frames[-1].position).all()
+            seen = len(steps)
+            assert reader.status in ("running", "finished")
+    with open_run(path) as reader:
+        assert len(reader.frames) == 17
+
+
+# --- the order of a commit
+
+
+def test_commit_flushes_file_and_directory_around_the_rename(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """A power cut cannot be tried here; the order of the calls that survive one can be seen."""
+    from multicor_cli.store.atomic import commit_bytes
+
+    calls: list[str] = []
+    fsync, replace = os.fsync, Path.replace
+
+    def log_fsync(descriptor: int) -> None:
+        calls.append("fsync " + Path(f"/proc/self/fd/{descriptor}").readlink().name)
+        fsync(descriptor)
+
+    def log_replace(source: Path, target: Path) -> Path:
+        calls.append(f"replace {source.name} {target.name}")
+        return replace(source, target)
+
+    monkeypatch.setattr(os, "fsync", log_fsync)
+    monkeypatch.setattr(Path, "replace", log_replace)
+    commit_bytes(tmp_path / "file", "test", b"content")
+    assert calls == ["fsync file.tmp", "replace file.tmp file", f"fsync {tmp_path.name}"]
+
+
+def test_what_reads_back_differently_is_not_committed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    model = make_model(50)
+    with make_run(tmp_path / "run") as run:
+        state = drive(run, model, steps=10, checkpoint_every=5, finish=False)
+        before = listing(tmp_path / "run")
+        write = GuardedFile.write
+
+        def write_wrongly(self: GuardedFile, data: memoryview) -> int:
+            changed = bytearray(data)
+            if len(changed) > 300:
+                changed[len(changed) // 2] ^= 4
+            return write(self, memoryview(changed))
+
+        monkeypatch.setattr(GuardedFile, "write", write_wrongly)
+        state.step += 5
+        assert run._writer is not None
+        with pytest.raises(DamagedRun):
+            run.checkpoint(state, run._writer)
+        run._writer.frame(Moment(state, run._writer.model))
+        with pytest.raises(DamagedRun):
+            run._writer.flush()
+        monkeypatch.undo()
+        assert listing(tmp_path / "run") == before
+        run.checkpoint(state, run._writer)
+    assert verify(tmp_path / "run") == []

@@ -1,0 +1,443 @@
+"""Everything that is written is read back: frames, series, model, state; from segments and from results.h5."""
+
+from __future__ import annotations
+
+import dataclasses
+import subprocess
+import sys
+from pathlib import Path
+
+import h5py
+import numpy as np
+import pytest
+from format_tables import PAGES, with_tables
+from places import ROOT
+from store_support import RESOLVED, SOURCE, advance, contact_rows, drive, make_model, make_run, run_whole, start
+
+from multicor_cli.model import BOOK_NAMES, HEAT_BOOK_NAMES, Model, State
+from multicor_cli.model.books import BOOKS, HEAT_BOOKS
+from multicor_cli.store import Moment, RunDirectory, open_run, run_info, schema, summarize, verify
+from multicor_cli.store.columns import columns_of
+from multicor_cli.store.model_file import model_digest
+
+
+def assert_same_part(left: object, right: object) -> None:
+    assert type(left) is type(right)
+    for field in dataclasses.fields(left) if dataclasses.is_dataclass(left) else ():
+        a, b = getattr(left, field.name), getattr(right, field.name)
+        if not isinstance(a, np.ndarray):
+            assert dataclasses.is_dataclass(a) or a == b, field.name
+            assert_same_part(a, b)
+        else:
+            assert a.dtype == b.dtype, field.name
+            np.testing.assert_array_equal(a, b)
+
+
+def assert_same_model(left: Model, right: Model) -> None:
+    for part in ("grains", "shapes", "walls", "laws", "thermal"):
+        assert_same_part(getattr(left, part), getattr(right, part))
+    assert (left.materials, left.groups, left.period, left.shape_factor) == (
+        right.materials,
+        right.groups,
+        right.period,
+        right.shape_factor,
+    )
+    np.testing.assert_array_equal(left.gravity, right.gravity)
+
+
+def check_content(path: Path, model: Model, steps: int, *, tolerance: float = 0.0) -> None:
+    """Compare all frames and the series with the states that made them."""
+    state = start(model)
+    with open_run(path) as run:
+        assert len(run.frames) == steps // 5 + 1
+        assert run.series.row_count == steps // 2 + 1
+        for step in range(steps + 1):
+            if step:
+                advance(state, model)
+            if step % 2 == 0:
+                check_row(run.series, step // 2, state, model)
+                state.window[:] = 0.0
+                state.window_wall_impulse[:] = 0.0
+            if step % 5 == 0:
+                check_frame(run.frames[step // 5], state, tolerance)
+                check_heat(run.frames[step // 5], state, model, tolerance)
+        assert_same_model(run.model, model)
+        assert run.wall_names == model.walls.names
+        assert run.stages == ("load", "shear")
+        assert run.scenario_source == SOURCE
+        assert run.scenario_resolved == RESOLVED
+        final = run.state()
+        assert final is not None
+        assert final.digest() == state.digest()
+
+
+def check_row(series, row: int, state: State, model: Model) -> None:
+    assert series["step"][row] == state.step
+    for name, value in zip(BOOK_NAMES, state.books, strict=True):
+        assert series[name][row] == value
+    rows = schema.select(schema.SERIES, schema.features_of(model))
+    assert list(series) == list(schema.names(rows))
+    for name, column in zip(series, columns_of(rows, Moment(state, model)).values(), strict=True):
+        np.testing.assert_array_equal(series[name][row], column[0])
+
+
+def check_frame(frame, state: State, tolerance: float) -> None:
+    def same(found, expected) -> None:
+        np.testing.assert_allclose(found, expected, rtol=tolerance, atol=tolerance)
+
+    assert (frame.step, frame.time, frame.dt, frame.stage) == (state.step, state.time, state.last_dt, state.stage)
+    same(frame.position, state.position[:, :2])
+    same(frame.angle, state.position[:, 2])
+    same(frame.velocity, state.velocity[:, :2])
+    same(frame.spin, state.velocity[:, 2])
+    same(frame.unwrapped[:, 0], state.position[:, 0] + 0.1 * state.image)
+    same(frame.wall_position, state.wall_position)
+    same(frame.wall_velocity, state.wall_velocity)
+    np.testing.assert_array_equal(frame.image, state.image)
+    rows, contacts = contact_rows(state), frame.contacts
+    assert contacts.recorded
+    assert contacts.count == len(rows.i)
+    for name in ("i", "j", "sliding"):
+        np.testing.assert_array_equal(getattr(contacts, name), getattr(rows, name))
+    for name in ("normal", "gap", "impulse", "slip"):
+        same(getattr(contacts, name), getattr(rows, name))
+    np.testing.assert_array_equal(contacts.kind, rows.j >= len(state.position))
+    if state.step:
+        same(contacts.force, rows.impulse / state.last_dt)
+
+
+def check_heat(frame, state: State, model: Model, tolerance: float) -> None:
+    """Temperatures and heat are exact in single precision too; only those of contacts are rounded."""
+    names = ("temperature", "generated", "wear", "wall_temperature", "wall_heat", "wall_wear")
+    if model.thermal is None:
+        assert [getattr(frame, name) for name in names] == [None] * len(names)
+        assert (frame.contacts.heat, frame.contacts.conductance) == (None, None)
+        return
+    expected = [state.temperature(model.thermal), *(getattr(state, name) for name in names[1:])]
+    for name, values in zip(names, expected, strict=True):
+        np.testing.assert_array_equal(getattr(frame, name), values, err_msg=name)
+    rows = contact_rows(state)
+    np.testing.assert_allclose(frame.contacts.heat, rows.heat, rtol=tolerance)
+    np.testing.assert_allclose(frame.contacts.conductance, rows.conductance, rtol=tolerance)
+
+
+@pytest.mark.parametrize("grains", [1, 5])
+@pytest.mark.parametrize("walls", [True, False])
+@pytest.mark.parametrize("heat", [True, False])
+def test_finished_run_reads_back(tmp_path: Path, grains: int, walls: bool, heat: bool) -> None:
+    model = make_model(grains, walls=walls, heat=heat)
+    run_whole(tmp_path / "run", model)
+    check_content(tmp_path / "run", model, 40)
+    assert not (tmp_path / "run" / "segments").exists()
+    assert verify(tmp_path / "run") == []
+
+
+@pytest.mark.parametrize("heat", [True, False])
+def test_running_run_reads_back(tmp_path: Path, heat: bool) -> None:
+    model = make_model(heat=heat)
+    with make_run(tmp_path / "run") as run:
+        drive(run, model, steps=40, checkpoint_every=15, finish=False)
+        check_content(tmp_path / "run", model, 40)
+        with open_run(tmp_path / "run") as reader:
+            assert reader.status == "running"
+            assert len(reader._parts.parts) > 1
+        assert verify(tmp_path / "run") == []
+    with open_run(tmp_path / "run") as reader:
+        assert reader.status == "interrupted"
+
+
+def test_results_file_alone_is_enough(tmp_path: Path) -> None:
+    model = make_model()
+    run_whole(tmp_path / "run", model)
+    (tmp_path / "run" / "results.h5").rename(tmp_path / "mailed.h5")
+    with open_run(tmp_path / "mailed.h5") as run:
+        assert run.status == "finished"
+        assert len(run.frames) == 9
+        assert run.scenario_source == SOURCE
+        assert run.info["summary"]["step"] == 40
+        assert run.state() is None
+    assert verify(tmp_path / "mailed.h5") == []
+    assert run_info(tmp_path / "mailed.h5")["grain_count"] == 5
+
+
+def test_single_precision_halves_the_rows(tmp_path: Path) -> None:
+    model = make_model(heat=True)
+    run_whole(tmp_path / "run", model, precision="single")
+    check_content(tmp_path / "run", model, 40, tolerance=1e-6)
+    with h5py.File(tmp_path / "run" / "results.h5") as file:
+        assert file["particles/position"].dtype == np.float32
+        assert file["contacts/impulse"].dtype == np.float32
+        assert file["steps/time"].dtype == np.float64
+        assert file["walls/position"].dtype == np.float64
+        assert file["series/kinetic"].dtype == np.float64
+        assert file["particles/temperature"].dtype == np.float64
+        assert file["contacts/heat"].dtype == np.float32
+
+
+def test_frames_without_recorded_contacts(tmp_path: Path) -> None:
+    model = make_model()
+    with make_run(tmp_path / "run") as run:
+        writer, state = run.writer(model), start(model)
+        writer.frame(Moment(state, model))
+        run.checkpoint(state, writer)
+        run.finish("finished")
+    with open_run(tmp_path / "run") as reader:
+        assert not reader.frames[0].contacts.recorded
+        assert reader.frames[0].contacts.normal.shape == (0, 2)
+        assert reader.series["virial_rate"].shape == (0, 2, 2)
+    assert verify(tmp_path / "run") == []
+
+
+def test_frames_are_a_sequence(tmp_path: Path) -> None:
+    run_whole(tmp_path / "run")
+    with open_run(tmp_path / "run") as run:
+        assert run.frames[-1].step == 40
+        assert [frame.step for frame in run.frames[2:4]] == [10, 15]
+        assert [frame.index for frame in run.frames] == list(range(9))
+        assert run.frames.step.tolist() == list(range(0, 41, 5))
+        assert run.frames.time[-1] == run.frames[-1].time
+        with pytest.raises(IndexError):
+            run.frames[9]
+        with pytest.raises(KeyError):
+            run.series["nothing"]
+
+
+def test_every_dataset_has_unit_long_name_and_checksum(tmp_path: Path) -> None:
+    run_whole(tmp_path / "run", make_model(heat=True))
+    with h5py.File(tmp_path / "run" / "results.h5") as file:
+        for spec in schema.RESULTS_TABLE:
+            dataset = file[spec.path]
+            assert dataset.fletcher32, spec.path
+            assert dataset.attrs["unit"] == spec.unit
+            assert dataset.attrs["long_name"] == spec.long_name
+        assert not file["particles/position"][:, 2].any()
+        assert file["walls/position"].shape == (9, 2, 3)
+
+
+def test_texts_that_are_read_have_a_fixed_length(tmp_path: Path) -> None:
+    """HDF5 searches a damaged heap of the others forever."""
+    run_whole(tmp_path / "run")
+    with h5py.File(tmp_path / "run" / "results.h5") as file:
+        texts = [(file, name) for name in file.attrs] + [
+            (file[spec.path], "blake2b") for spec in schema.RESULTS_TABLE if spec.path in file
+        ]
+        kinds = [h5py.check_string_dtype(node.attrs.get_id(name).dtype) for node, name in [*texts, (file["VTKHDF"], "blake2b")]]
+    assert sum(kind is not None for kind in kinds) > 20
+    assert all(kind is None or kind.length is not None for kind in kinds)
+
+
+def test_equal_runs_have_equal_data_digests(tmp_path: Path) -> None:
+    run_whole(tmp_path / "a")
+    run_whole(tmp_path / "b", checkpoint_every=7)
+    assert run_info(tmp_path / "a")["data_digest"] == run_info(tmp_path / "b")["data_digest"]
+    run_whole(tmp_path / "c", steps=42)
+    assert run_info(tmp_path / "a")["data_digest"] != run_info(tmp_path / "c")["data_digest"]
+
+
+def test_many_frames_are_split_into_segments(tmp_path: Path) -> None:
+    model = make_model()
+    with make_run(tmp_path / "run") as run:
+        drive(run, model, steps=700, checkpoint_every=1000, finish=False)
+        with open_run(tmp_path / "run") as reader:
+            assert [part.frames for part in reader._parts.parts] == [64, 64, 13]
+            assert reader.frames.step.tolist() == list(range(0, 701, 5))
+        run.finish("finished")
+    check_content(tmp_path / "run", model, 700)
+
+
+def test_run_finished_while_it_is_read(tmp_path: Path) -> None:
+    model = make_model()
+    with make_run(tmp_path / "run") as run:
+        drive(run, model, steps=40, checkpoint_every=15, finish=False)
+        with open_run(tmp_path / "run") as reader:
+            early = reader.frames[1].position.copy()
+            run.finish("finished")
+            reader.close()
+            np.testing.assert_array_equal(reader.frames[1].position, early)
+            assert reader.frames[-1].step == 40
+            assert reader.series["time"].shape == (21,)
+            assert_same_model(reader.model, model)
+
+
+def test_run_finished_while_it_is_opened(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The segments go between the moment when ``run.json`` is read and that when the manifest is."""
+    from multicor_cli.store import reader
+
+    read, path = reader.read_run_document, tmp_path / "run"
+    with make_run(path) as run:
+        drive(run, make_model(), steps=40, checkpoint_every=15, finish=False)
+
+        def finish_meanwhile(path: Path) -> dict[str, object]:
+            document = read(path)
+            if run.status == "running":
+                run.finish("finished")
+            return document
+
+        monkeypatch.setattr(reader, "read_run_document", finish_meanwhile)
+        with open_run(path) as opened:
+            assert len(opened.frames) == 9
+
+
+def test_info_has_what_the_command_line_promises(tmp_path: Path) -> None:
+    state = run_whole(tmp_path / "run")
+    info = run_info(tmp_path / "run")
+    assert info["status"] == "finished"
+    assert (info["grain_count"], info["frame_count"], info["step"], info["time"]) == (5, 9, 40, state.time)
+    assert info["state_digest"] == state.digest()
+    assert info["energy_closure"] == state.books[BOOK_NAMES.index("closure")]
+    assert (info["heat_closure"], info["heat"]) == (None, None)
+    assert info["solver"]["sweeps_mean"] == 10.0
+    assert {"residual_rms_max", "unconverged_steps"} <= info["solver"].keys()
+    assert info["walls"] == ["bottom", "dessus-é"]
+    assert info["max_overlap"] == 0.0
+    # Two spheres of radius 1 mm under 1 N, E* = 2e11/(2·0.91), a* = 0.5 mm: δ = (3/(4E*√a*))^⅔.
+    delta = (3.0 / (4.0 * 2e11 / 1.82 * np.sqrt(5e-4))) ** (2.0 / 3.0)
+    assert info["hertz_deflection"] == pytest.approx(delta / 2e-3, rel=1e-12)
+
+
+def test_info_of_a_run_with_heat(tmp_path: Path) -> None:
+    model = make_model(heat=True)
+    state = run_whole(tmp_path / "run", model)
+    info = run_info(tmp_path / "run")
+    books = dict(zip(HEAT_BOOK_NAMES, state.heat_books.tolist(), strict=True))
+    heat = info["heat"]
+    assert info["heat_closure"] == heat["books"]["closure"] == books["closure"]
+    assert heat["books"] == {name: books[name] for name in HEAT_BOOK_NAMES[:11]}
+    assert (heat["sub_steps"], heat["max_biot"], heat["solid_gas_max"]) == (80, books["max_biot"], books["solid_gas_max"])
+    assert model.thermal is not None
+    temperature = state.temperature(model.thermal)
+    mean = (temperature * model.thermal.capacity).sum() / model.thermal.capacity.sum()
+    assert heat["temperature"]["mean"] == pytest.approx(mean, rel=1e-14)
+    assert (heat["temperature"]["min"], heat["temperature"]["max"]) == (temperature.min(), temperature.max())
+    state.heat_books[:] = 0.0
+    assert summarize(state, model)["heat"]["solid_gas_max"] is None
+
+
+def test_contacts_of_which_no_heat_was_computed_have_none(tmp_path: Path) -> None:
+    model = make_model(heat=True)
+    with make_run(tmp_path / "run") as run:
+        writer, state = run.writer(model), start(model)
+        advance(state, model)
+        rows = dataclasses.replace(contact_rows(state), heat=None, conductance=None)
+        writer.frame(Moment(state, model, rows))
+        writer.flush()
+        with open_run(tmp_path / "run") as reader:
+            contacts = reader.frames[0].contacts
+            assert contacts.count == 4
+            assert contacts.heat.tolist() == contacts.conductance.tolist() == [0.0] * 4
+
+
+def test_names_of_the_series_are_known_before_anything_is_written(tmp_path: Path) -> None:
+    with make_run(tmp_path / "run") as run:
+        with open_run(tmp_path / "run") as reader:
+            assert "heat_stored" not in reader.series
+        run.writer(make_model(heat=True))
+        with open_run(tmp_path / "run") as reader:
+            assert reader.series["heat_stored"].shape == (0,)
+
+
+def test_model_without_friction_by_temperature_has_none(tmp_path: Path) -> None:
+    """A run with heat whose friction does not depend on temperature."""
+    model = make_model(heat=True)
+    plain = dataclasses.replace(model, laws=model.laws._replace(softening_rate=np.empty((0, 0))))
+    assert model_digest(plain) != model_digest(model) != model_digest(make_model())
+    run_whole(tmp_path / "run", plain, steps=10)
+    with open_run(tmp_path / "run") as run:
+        assert not run.model.laws.depends_on_temperature
+        assert run.features == {"heat"}
+        assert run.frames[-1].temperature is not None
+    assert verify(tmp_path / "run") == []
+
+
+def test_info_of_a_run_that_has_just_begun(tmp_path: Path) -> None:
+    with make_run(tmp_path / "run"):
+        info = run_info(tmp_path / "run")
+    assert (info["status"], info["frame_count"], info["step"], info["state_digest"]) == ("running", 0, None, None)
+    assert info["walls"] == []
+    assert verify(tmp_path / "run") == []
+
+
+def test_table_of_checkpoints_covers_the_state() -> None:
+    state = start(make_model())
+    assert list(schema.names(schema.CHECKPOINT)) == list(state.as_dict())
+    assert {entry.series for entry in BOOKS + HEAT_BOOKS} <= set(schema.names(schema.SERIES))
+    for table in (schema.MODEL, schema.STEPS, schema.PARTICLES, schema.CONTACTS, schema.WALLS, schema.SERIES):
+        assert all(row.value is not None for row in table)
+
+
+@pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
+def test_format_pages_hold_the_tables_of_the_schema(page: Path) -> None:
+    text = page.read_text(encoding="utf-8")
+    assert text.count("<!-- table ") == {"results": 5, "checkpoint": 1}[page.stem]
+    assert with_tables(text) == text
+
+
+def test_model_digest_depends_on_every_array() -> None:
+    model = make_model()
+    digest = model_digest(model)
+    grains = dataclasses.replace(model.grains, mass=model.grains.mass * (1 + 1e-15))
+    assert model_digest(dataclasses.replace(model, grains=grains)) != digest
+    assert model_digest(dataclasses.replace(model, groups=("others",))) != digest
+    assert model_digest(make_model()) == digest
+
+
+@pytest.mark.parametrize(
+    ("field", "value", "message"),
+    [
+        ("velocity", np.nan, "particles/velocity is not finite in row 3"),
+        ("wall_velocity", np.inf, "walls/velocity is not finite"),
+    ],
+)
+def test_writer_refuses_values_that_are_not_finite(tmp_path: Path, field: str, value: float, message: str) -> None:
+    model = make_model()
+    with make_run(tmp_path / "run") as run:
+        state = start(model)
+        getattr(state, field)[3 % len(getattr(state, field)), 0] = value
+        with pytest.raises(ValueError, match=message):
+            run.writer(model).frame(Moment(state, model))
+
+
+def test_writer_refuses_wrong_shapes_steps_and_contacts(tmp_path: Path) -> None:
+    model, other = make_model(), start(make_model(4))
+    with make_run(tmp_path / "run") as run:
+        writer, state = run.writer(model), start(model)
+        with pytest.raises(ValueError, match="has shape"):
+            writer.frame(Moment(other, model))
+        advance(state, model)
+        rows = contact_rows(state)
+        with pytest.raises(ValueError, match="shape that does not exist"):
+            writer.frame(Moment(state, model, dataclasses.replace(rows, j=rows.j + 100)))
+        with pytest.raises(ValueError, match="contacts/gap has shape"):
+            writer.frame(Moment(state, model, dataclasses.replace(rows, gap=rows.gap[:-1])))
+        writer.frame(Moment(state, model, rows))
+        with pytest.raises(ValueError, match="after one at step 1"):
+            writer.frame(Moment(state, model, rows))
+
+
+def test_frames_are_copied(tmp_path: Path) -> None:
+    model = make_model()
+    with make_run(tmp_path / "run") as run:
+        writer, state = run.writer(model), start(model)
+        writer.frame(Moment(state, model))
+        before = state.position[:, :2].copy()
+        state.position += 1.0
+        state.image += 1
+        writer.flush()
+        with open_run(tmp_path / "run") as reader:
+            np.testing.assert_array_equal(reader.frames[0].position, before)
+            assert not reader.frames[0].image.any()
+
+
+def test_importing_the_package_loads_nothing_heavy() -> None:
+    code = "import sys, multicor_cli.store; print(sorted({'h5py', 'numpy', 'numba'} & set(sys.modules)))"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=ROOT)
+    assert done.stdout.strip() == "[]"
+
+
+def test_final_state_starts_the_next_run_exactly(tmp_path: Path) -> None:
+    state = run_whole(tmp_path / "run")
+    with RunDirectory.resume(tmp_path / "run") as run:
+        assert run.is_finished
+        found = run.load_checkpoint()
+        assert found is not None
+        assert found.state.digest() == state.digest()
