@@ -44,7 +44,7 @@ class ProfileTable:
     Attributes:
         field: What was averaged.
         y: Centers of the bins above the origin [m], or over the height if normalized, shape ``(b,)``.
-        value: Averages in the unit of the field; if normalized, see `multicor_cli.post.fields.Scaling`; shape ``(b,)``.
+        value: Averages in the unit of the field; if normalized, see `multicor_cli.post.quantities.Scaling`; shape ``(b,)``.
         error: Standard errors, shape ``(b,)``.
         area: Area of the grains in each bin, averaged over the frames [m²], shape ``(b,)``.
         width: Width of a bin, in the unit of ``y``.
