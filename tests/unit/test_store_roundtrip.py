@@ -352,7 +352,7 @@ def test_model_without_friction_by_temperature_has_none(tmp_path: Path) -> None:
 def test_runs_of_older_formats_are_whole_without_younger_datasets(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for row in schema.RESULTS_TABLE:
         if row.path in ("particles/wear", "walls/wear", "contacts/slip", "series/max_biot", "series/strain"):
-            monkeypatch.setitem(vars(row), "since", (1, 1))
+            monkeypatch.setitem(vars(row), "since", (schema.FORMAT_VERSION[0], schema.FORMAT_VERSION[1] + 1))
     run_whole(tmp_path / "run", make_model(heat=True), steps=10)
     with open_run(tmp_path / "run") as run:
         assert verify(tmp_path / "run") == []
