@@ -137,7 +137,7 @@ BOOK_NAMES, TALLY_NAMES, WINDOW_NAMES, HEAT_BOOK_NAMES = map(_names, (BOOKS, TAL
 def entry_counts(version: Version | None = None) -> dict[str, int]:
     """Lengths of `State.books`, `State.tallies` and `State.window`, by their dims; in files of an older version if it is given."""
     tables = {"book": BOOKS, "tally": TALLIES, "window": WINDOW}
-    return {dim: sum(version is None or entry.since <= version for entry in table) for dim, table in tables.items()}
+    return {dim: len([e for e in table if version is None or e.since <= version]) for dim, table in tables.items()}
 
 
 def measures_first(entries: tuple[Entry, ...]) -> tuple[Entry, ...]:

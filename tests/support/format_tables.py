@@ -8,7 +8,8 @@ from pathlib import Path
 from multicor_cli.model import shapes
 from multicor_cli.store import schema
 
-PAGES = tuple(Path(__file__).resolve().parents[2] / "docs" / "formats" / f"{name}.md" for name in ("results", "checkpoint"))
+FORMATS = Path(__file__).resolve().parents[2] / "docs" / "formats"
+PAGES = tuple(FORMATS / f"{name}.md" for name in ("results", "checkpoint", "run-directory"))
 
 _TABLE = re.compile(r"(<!-- table (\w+) -->\n).*?(\n<!-- end -->)", re.DOTALL)
 _VERSION = re.compile(r"(\*\*Format version )[\d.]+(\.\*\*)")

@@ -112,7 +112,8 @@ def _describe(column: Column[Any]) -> str:
     text = name[0].upper() + name[1:]
     text += f" [{column.unit}]" if column.unit != "1" else ""
     text += f", shape ``({', '.join(dims)}{',' * (len(dims) == 1)})``" if dims else ""
-    return text + ("; None in a run without heat" if column.only_with else "")
+    text += "; None in a run without heat" if column.only_with else ""
+    return text + (f"; None in a run of an older format than {column.since[0]}.{column.since[1]}" if column.since > (1, 0) else "")
 
 
 def select(table: tuple[Dataset, ...], features: Set[str], version: Version | None = None) -> tuple[Dataset, ...]:

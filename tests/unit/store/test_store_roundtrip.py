@@ -16,7 +16,8 @@ from store_support import RESOLVED, SOURCE, advance, contact_rows, drive, make_m
 
 from multicor_cli.model import BOOK_NAMES, HEAT_BOOK_NAMES, Model, State
 from multicor_cli.model.books import BOOKS, HEAT_BOOKS
-from multicor_cli.store import Moment, RunDirectory, open_run, run_info, schema, summarize, verify
+from multicor_cli.store import Contacts, Frame, Moment, RunDirectory, open_run, run_info, schema, summarize, verify
+from multicor_cli.store.checkpoint import _complete
 from multicor_cli.store.columns import columns_of
 from multicor_cli.store.model_file import model_digest
 
@@ -349,6 +350,37 @@ def test_model_without_friction_by_temperature_has_none(tmp_path: Path) -> None:
     assert verify(tmp_path / "run") == []
 
 
+def test_runs_of_older_formats_are_whole_without_younger_datasets(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    for row in schema.RESULTS_TABLE:
+        if row.path in ("particles/wear", "walls/wear", "contacts/slip", "series/max_biot", "series/strain"):
+            monkeypatch.setitem(vars(row), "since", (schema.FORMAT_VERSION[0], schema.FORMAT_VERSION[1] + 1))
+    run_whole(tmp_path / "run", make_model(heat=True), steps=10)
+    with open_run(tmp_path / "run") as run:
+        assert verify(tmp_path / "run") == []
+        frame = run.frames[-1]
+        assert (frame.wear, frame.wall_wear, frame.contacts.slip) == (None, None, None)
+        assert (frame.generated is None, frame.contacts.gap is None) == (False, False)
+        assert {"max_biot", "strain"} & set(run.series) == set()
+        assert run.series["heat_stored"].size
+
+
+def test_what_older_checkpoints_lack_is_zero() -> None:
+    rows = {row.name: row for row in schema.CHECKPOINT}
+    assert _complete(None, rows["wall_heat"], {"heat_wall": 2}).tolist() == [[0.0, 0.0], [0.0, 0.0]]
+    assert _complete(None, rows["stage_step"], {}).tolist() == 0
+    assert _complete(np.ones(2), rows["tallies"], {"tally": 4}).tolist() == [1.0, 1.0, 0.0, 0.0]
+
+
+def test_frames_say_what_they_hold_and_cannot_be_changed(tmp_path: Path) -> None:
+    assert Frame.wall_heat.__doc__ == (
+        "Heat given to the grains; heat of friction and impacts received [J], shape ``(w, 2)``; None in a run without heat"
+    )
+    assert Contacts.impulse.__doc__ == "Normal and tangential impulse on i in the last step [N s], shape ``(c, 2)``"
+    run_whole(tmp_path / "run", make_model(), steps=10)
+    with open_run(tmp_path / "run") as run, pytest.raises(AttributeError, match="particles/spin is read from a file"):
+        run.frames[0].spin = np.zeros(3)
+
+
 def test_info_of_a_run_that_has_just_begun(tmp_path: Path) -> None:
     with make_run(tmp_path / "run"):
         info = run_info(tmp_path / "run")
@@ -368,7 +400,7 @@ def test_table_of_checkpoints_covers_the_state() -> None:
 @pytest.mark.parametrize("page", PAGES, ids=lambda page: page.stem)
 def test_format_pages_hold_the_tables_of_the_schema(page: Path) -> None:
     text = page.read_text(encoding="utf-8")
-    assert text.count("<!-- table ") == {"results": 5, "checkpoint": 1}[page.stem]
+    assert text.count("<!-- table ") == {"results": 5, "checkpoint": 1, "run-directory": 0}[page.stem]
     assert with_tables(text) == text
 
 
