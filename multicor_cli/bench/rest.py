@@ -14,7 +14,7 @@ from multicor_cli.running.plan import StagePlan
 QUIET = 1e-7
 """Kinetic energy at rest over Σ m g d: what would lift every grain by 10⁻⁷ diameters. The tolerance of the solver leaves 10⁻⁸."""
 
-PATIENCE = 4.0
+REST_FOR = 4.0
 """For how long it must stay so, over √(d/g): a grain without support would fall eight diameters in this time."""
 
 
@@ -41,7 +41,7 @@ class Rest:
         """Rest of the grains of a model under its gravity, in steps of ``dt`` [s]."""
         diameter, gravity = model.mean_diameter, hypot(*model.gravity.tolist())
         weight = total(model.grains.mass) * gravity
-        return cls(QUIET * weight * diameter, math.ceil(PATIENCE * math.sqrt(diameter / gravity) / dt))
+        return cls(QUIET * weight * diameter, math.ceil(REST_FOR * math.sqrt(diameter / gravity) / dt))
 
     @property
     def is_reached(self) -> bool:

@@ -18,7 +18,7 @@ from multicor_cli.cli.post_options import (
     Start,
     parse_frames,
 )
-from multicor_cli.cli.post_output import Output
+from multicor_cli.cli.post_output import TableOutput
 
 Distribution = Annotated[bool, typer.Option("--distribution", help="The distribution of the forces over their magnitude instead.")]
 Angles = Annotated[bool, typer.Option("--angles", help="The distribution of contacts and forces over their directions instead.")]
@@ -57,7 +57,7 @@ def forces(
     Forces are means of the step before the frame. With --distribution: the probability density of forces between grains over their
     mean. With --angles: the directions of contacts between grains, the mean forces along them, and their anisotropies.
     """
-    output = Output(is_json, is_csv, plot)
+    output = TableOutput(is_json, is_csv, plot)
     if has_distribution and has_angles:
         raise typer.BadParameter("--distribution and --angles exclude each other")
     if not (has_distribution or has_angles):
@@ -83,7 +83,7 @@ def forces(
     output.deliver(found, about, run=directory)
 
 
-def _network(directory: Path, frame: int, output: Output) -> None:
+def _network(directory: Path, frame: int, output: TableOutput) -> None:
     from multicor_cli.post import force_network
     from multicor_cli.store import open_run
 
@@ -110,7 +110,7 @@ def rheology(
     is rate × d/√(P/ρ), with the mass ρ of the grains per area they cover. Friction μ* is shear over normal stress. Rattlers are
     grains with fewer than two contacts that carry a force.
     """
-    output = Output(is_json, is_csv, plot)
+    output = TableOutput(is_json, is_csv, plot)
     from multicor_cli.post import Selection
     from multicor_cli.post import rheology as make_table
     from multicor_cli.store import open_run

@@ -18,7 +18,7 @@ from multicor_cli.cli.post_options import (
     Start,
     parse_frames,
 )
-from multicor_cli.cli.post_output import Output
+from multicor_cli.cli.post_output import TableOutput
 
 ProfileOf = Annotated[
     str,
@@ -89,7 +89,7 @@ def profile(
     on a grain times the branch towards it, spread along the branch, per area of the plane (force per length, compression positive);
     "kinetic-stress" is what fluctuations of the velocity add to it.
     """
-    output = Output(is_json, is_csv, plot)
+    output = TableOutput(is_json, is_csv, plot)
     if bins is not None and bin_width is not None:
         raise typer.BadParameter("--bins and --bin-width exclude each other")
     from multicor_cli.post import Selection, profiles
@@ -124,7 +124,7 @@ def theta_eta(
 
     y is measured from the surface of the wall, where the nearest grain touches it.
     """
-    output = Output(is_json, is_csv, plot)
+    output = TableOutput(is_json, is_csv, plot)
     if has_grains and not (is_json or is_csv):
         raise typer.BadParameter("--grains needs --json or --csv", param_hint="--grains")
     from multicor_cli.post import theta_eta as make_table
@@ -155,7 +155,7 @@ def map_grains(
     impacts have generated since the frame before; "stress" the mean pressure in a grain by its contact forces, their sum over the
     circumference.
     """
-    output = Output(is_json, is_csv, plot)
+    output = TableOutput(is_json, is_csv, plot)
     from multicor_cli.post import grain_map
     from multicor_cli.store import open_run
 

@@ -36,7 +36,7 @@ class ShownTable(Protocol):
 
 
 @dataclass(frozen=True)
-class Output:
+class TableOutput:
     """What was asked for. Options that exclude each other are refused before anything is computed.
 
     Attributes:

@@ -19,7 +19,7 @@ from multicor_cli.cli.post_options import (
     Start,
     parse_frames,
 )
-from multicor_cli.cli.post_output import Output
+from multicor_cli.cli.post_output import TableOutput
 
 Earliest = Annotated[
     Optional[float],  # noqa: UP045  (evaluated by typer)
@@ -49,7 +49,7 @@ def energy(
 
     They count from the start of the run. The closure is the largest imbalance so far over the sum of all terms.
     """
-    output = Output(is_json, is_csv, plot)
+    output = TableOutput(is_json, is_csv, plot)
     from multicor_cli.post import energy as make_table
     from multicor_cli.store import open_run
 
@@ -77,7 +77,7 @@ def compare(
     Differences are given over their standard errors where these are known: beyond 2 or 3 they are not chance. Profiles have the
     same number of bins in both runs and are matched by y/H; CSV and figure show them.
     """
-    output = Output(is_json, is_csv, plot)
+    output = TableOutput(is_json, is_csv, plot)
     from multicor_cli.post import Selection
     from multicor_cli.post import compare as make_comparison
     from multicor_cli.store import open_run

@@ -12,14 +12,14 @@ from multicor_cli.arithmetic.sums import total
 from multicor_cli.engine.jit import elementwise
 from multicor_cli.model.model import Floats
 from multicor_cli.packing.errors import PackingError
-from multicor_cli.packing.sizes import Sizes, diameter, draw_to_total
+from multicor_cli.packing.sizes import SizeDistribution, diameter, draw_to_total
 from multicor_cli.packing.streams import Stream
 
 _ROUNDS = 20
 _BISECTIONS = 200
 
 
-def chain_on_line(start: Floats, end: Floats, sizes: Sizes, restart: Callable[[], Stream]) -> Floats:
+def chain_on_line(start: Floats, end: Floats, sizes: SizeDistribution, restart: Callable[[], Stream]) -> Floats:
     """Discs with centers on a line, each touching the next: x, y, radius [m], shape ``(k, 3)``.
 
     The number of discs is the one whose diameters add up best to the length of the line; the radii are then scaled by one
@@ -43,7 +43,7 @@ def chain_on_line(start: Floats, end: Floats, sizes: Sizes, restart: Callable[[]
     return np.column_stack([start + along[:, None] * ((end - start) / length), radii])
 
 
-def chain_in_circle(radius: float, sizes: Sizes, restart: Callable[[], Stream]) -> Floats:
+def chain_in_circle(radius: float, sizes: SizeDistribution, restart: Callable[[], Stream]) -> Floats:
     """Discs that touch a circle around the origin from inside, each touching the next: x, y, radius [m], shape ``(k, 3)``.
 
     As with `chain_on_line`, the radii are scaled by one factor so that the chain closes.

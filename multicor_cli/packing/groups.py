@@ -20,8 +20,8 @@ from multicor_cli.packing.obstacles import Obstacles
 from multicor_cli.packing.random import DEFAULT_ATTEMPTS, random_packing
 from multicor_cli.packing.region import Area
 from multicor_cli.packing.size_tables import sizes_of
-from multicor_cli.packing.sizes import Sizes, disc_area, draw_to_total
-from multicor_cli.packing.streams import Purpose, Stream, Table, stream
+from multicor_cli.packing.sizes import SizeDistribution, disc_area, draw_to_total
+from multicor_cli.packing.streams import Purpose, Stream, TableKind, stream
 from multicor_cli.packing.tile import repeat_tile
 from multicor_cli.scenario import Scenario
 from multicor_cli.scenario.models import (
@@ -52,7 +52,7 @@ class _Task:
         is_periodic_in_y: Whether bottom and top of the region are one and the same.
     """
 
-    sizes: Sizes
+    sizes: SizeDistribution
     count: int | None
     fill: float | None
     region: Area
@@ -110,7 +110,7 @@ def _place(scenario: Scenario, group: ParticleGroup, index: int, region: Area, o
     assert group.sizes is not None  # the scenario has been checked
 
     def random(purpose: Purpose) -> Stream:
-        return stream(scenario.seed, Table.PARTICLES, index, purpose)
+        return stream(scenario.seed, TableKind.PARTICLES, index, purpose)
 
     sizes = sizes_of(group.sizes, group.shape)
     if isinstance(packing, TilePacking):
@@ -123,7 +123,7 @@ def _tile(
     scenario: Scenario,
     group: ParticleGroup,
     packing: TilePacking,
-    sizes: Sizes,
+    sizes: SizeDistribution,
     region: Area,
     random: Callable[[Purpose], Stream],
 ) -> Brought:

@@ -7,7 +7,7 @@ import numpy as np
 from multicor_cli.packing.bodies import Shape
 from multicor_cli.packing.sizes import (
     MASS_POWER,
-    Sizes,
+    SizeDistribution,
     list_sizes,
     lognormal_sizes,
     power_sizes,
@@ -16,7 +16,7 @@ from multicor_cli.packing.sizes import (
 from multicor_cli.scenario.models import AnySizes, ListSizes, LognormalSizes, PowerSizes
 
 
-def sizes_of(table: AnySizes, shape: Shape) -> Sizes:
+def sizes_of(table: AnySizes, shape: Shape) -> SizeDistribution:
     """The distribution that a ``sizes`` table describes; ``shape`` tells how mass grows with the radius."""
     power = MASS_POWER[shape]
     if isinstance(table, ListSizes):

@@ -32,7 +32,7 @@ _PROBES = 4096
 _FITS = 8
 
 
-class Sizes(Protocol):
+class SizeDistribution(Protocol):
     """A distribution of radii."""
 
     @property
@@ -46,7 +46,7 @@ class Sizes(Protocol):
 
 
 @dataclass(frozen=True)
-class ListSizes:
+class DiscreteSizes:
     """A few radii with fractions by number.
 
     Attributes:
@@ -96,12 +96,12 @@ class ContinuousSizes:
         return rng.shuffled(self.quantile(levels))
 
 
-def list_sizes(radii: Floats, fractions: Floats | None, by: Basis, mass_power: int) -> ListSizes:
+def list_sizes(radii: Floats, fractions: Floats | None, by: Basis, mass_power: int) -> DiscreteSizes:
     """Radii [m] with ``fractions`` (default: equal) by number or by mass; they are normalized to sum 1."""
     weights = np.ones(radii.size) if fractions is None else np.array(fractions, float)
     if by == "mass":
         weights = weights / _mass_factor(radii / radii.max(), mass_power)
-    return ListSizes(np.array(radii, float), weights / sums.total(weights))
+    return DiscreteSizes(np.array(radii, float), weights / sums.total(weights))
 
 
 def _mass_factor(ratio: Floats, mass_power: int) -> Floats:
@@ -159,7 +159,9 @@ def diameter(radii: Floats) -> Floats:
     return 2.0 * radii
 
 
-def draw_to_total(sizes: Sizes, measure: Callable[[Floats], Floats], total: float, restart: Callable[[], Stream]) -> Floats:
+def draw_to_total(
+    sizes: SizeDistribution, measure: Callable[[Floats], Floats], total: float, restart: Callable[[], Stream]
+) -> Floats:
     """Draw as many grains as bring the sum of their ``measure`` closest to ``total``.
 
     Args:

@@ -16,7 +16,7 @@ import numpy as np
 from multicor_cli.model.model import Floats
 
 
-class Table(IntEnum):
+class TableKind(IntEnum):
     """Kind of table that draws."""
 
     PARTICLES = 0
@@ -47,7 +47,7 @@ class Stream:
         return values[np.argsort(self._raw.random_raw(values.size), kind="stable")]
 
 
-def stream(seed: int, table: Table, index: int, purpose: Purpose) -> Stream:
+def stream(seed: int, table: TableKind, index: int, purpose: Purpose) -> Stream:
     """The counter-based stream of table number ``index`` of its kind, at its beginning."""
     key = np.random.SeedSequence(entropy=seed, spawn_key=(int(table), index, int(purpose)))
     return Stream(np.random.Philox(key))

@@ -14,7 +14,7 @@ from multicor_cli.packing.chain import chain_in_circle, chain_on_line
 from multicor_cli.packing.errors import PackingError
 from multicor_cli.packing.obstacles import Obstacles
 from multicor_cli.packing.size_tables import sizes_of
-from multicor_cli.packing.streams import Purpose, Stream, Table, stream
+from multicor_cli.packing.streams import Purpose, Stream, TableKind, stream
 from multicor_cli.packing.walls import Front, glued_inertia, join_shapes, join_walls, with_glued
 from multicor_cli.scenario import Scenario
 from multicor_cli.scenario.gluing import Glued, Ring
@@ -81,7 +81,7 @@ def _glue(scenario: Scenario, index: int, wall: Wall, body: WallBody, glued: Glu
     sizes, place = sizes_of(table, _shape(scenario)), glued.place
 
     def restart() -> Stream:
-        return stream(scenario.seed, Table.WALLS, index, Purpose.SIZES)
+        return stream(scenario.seed, TableKind.WALLS, index, Purpose.SIZES)
 
     if isinstance(place, Ring):
         return with_glued(body, chain_in_circle(place.radius, sizes, restart)), None

@@ -13,11 +13,11 @@ from multicor_cli.plots.dispatch import Ways
 from multicor_cli.plots.style import COLORS, COLUMN, PAGE, figure_file, show_decades
 from multicor_cli.plots.text_chart import TextLine, draw_text
 from multicor_cli.plots.text_picture import Terminal
-from multicor_cli.post.energy import HEAT, MECHANICAL, EnergyTable, Entry
+from multicor_cli.post.energy import HEAT, MECHANICAL, BookLine, EnergyTable
 
 _VISIBLE = 0.02  # lines that stay below this part of the largest one are left out of charts of letters
-_GAIN = Entry("kinetic_gain", "kinetic energy", -1)
-_STORED = Entry("heat_stored", "stored in the grains", -1)
+_GAIN = BookLine("kinetic_gain", "kinetic energy", -1)
+_STORED = BookLine("heat_stored", "stored in the grains", -1)
 _SHORT = {
     "gravity_work": "gravity", "wall_work": "walls", "load_work": "loads", "friction_loss": "friction", "impact_loss": "impacts",
     "damping_loss": "damping", "correction_work": "projection", "kinetic_gain": "kinetic", "heat_friction": "friction",
@@ -53,7 +53,7 @@ def draw_energy(figure: Any, table: EnergyTable) -> None:
         _draw_closure(below, table.time, closure)
 
 
-def _draw_stack(panel: Any, table: EnergyTable, entries: Sequence[Entry]) -> None:
+def _draw_stack(panel: Any, table: EnergyTable, entries: Sequence[BookLine]) -> None:
     """What came in upwards from zero, what went out downwards; entries that never matter are left out."""
     values = {e: table.books[e.name] * (1.0 if e.sign > 0 else -1.0) for e in entries}
     largest = max(float(np.abs(v).max()) for v in values.values())

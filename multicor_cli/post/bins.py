@@ -20,7 +20,7 @@ BIN_LIMIT = 100_000
 _NOTHING = 1e-9  # of the distance of the walls: a height below that is the rounding of nothing
 
 
-class Place(NamedTuple):
+class BinPlace(NamedTuple):
     """Where the bins are in a frame.
 
     Attributes:
@@ -56,7 +56,7 @@ class Bins:
         """Centers above the origin, averaged over the frames [m], shape ``(b,)``."""
         return np.asarray(self.bottom + (np.arange(self.count) + 0.5) * self.width)
 
-    def place(self, frame: GrainFrame) -> Place:
+    def place(self, frame: GrainFrame) -> BinPlace:
         """Where the bins are in a frame; raises `PostError` if the walls come too near to each other."""
         width = self.width + (self.extent.span(frame) - self.extent.height) / self.count
         if not width * self.count > _NOTHING * self.extent.height:
@@ -64,13 +64,13 @@ class Bins:
                 f"nothing is left between the walls where they come nearest, {self.extent.span(frame):.4g} m: "
                 "leave out less at the walls, or choose other frames"
             )
-        return Place(self.extent.origin(frame) + self.bottom, width)
+        return BinPlace(self.extent.origin(frame) + self.bottom, width)
 
-    def share(self, y: Floats, radius: Floats, place: Place) -> Shares:
+    def share(self, y: Floats, radius: Floats, place: BinPlace) -> Shares:
         """Which grain lies in which bin with which area."""
         return share_discs(y, radius, *place, self.count)
 
-    def share_branches(self, contacts: LoadedContacts, y: Floats, place: Place) -> Shares:
+    def share_branches(self, contacts: LoadedContacts, y: Floats, place: BinPlace) -> Shares:
         """Which branch of a contact lies in which bin with which part of its length; ``y`` are the heights of the grains [m]."""
         start = y[contacts.i]
         return share_lines(start, start - contacts.branch[:, 1], *place, self.count)

@@ -9,7 +9,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from multicor_cli.model.model import Floats
-from multicor_cli.post.energy import Entry, energy
+from multicor_cli.post.energy import BookLine, energy
 from multicor_cli.post.profile import ProfileTable, profile
 from multicor_cli.post.rheology import QUANTITIES, Rheology, SeriesSource, rheology
 from multicor_cli.post.source import PostError, Selection
@@ -203,7 +203,7 @@ def _sizes(first: ScenarioSource, second: ScenarioSource) -> list[Pair]:
 
 def _books(first: ScenarioSource, second: ScenarioSource) -> list[Pair]:
     one, two = energy(first), energy(second)
-    entries: list[Entry] = [entry for entry in one.entries if entry.name in two.books]
+    entries: list[BookLine] = [entry for entry in one.entries if entry.name in two.books]
     pairs = [Pair(e.name, f"{e.label} [J]", float(one.books[e.name][-1]), float(two.books[e.name][-1])) for e in entries]
     pairs.append(Pair("energy_closure", "closure [1]", float(one.closure[-1]), float(two.closure[-1])))
     if one.heat_closure is not None and two.heat_closure is not None:

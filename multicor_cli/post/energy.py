@@ -22,7 +22,7 @@ class SeriesHolder(Protocol):
 
 
 @dataclass(frozen=True)
-class Entry:
+class BookLine:
     """A line of the books.
 
     Attributes:
@@ -37,27 +37,27 @@ class Entry:
 
 
 MECHANICAL = (
-    Entry("gravity_work", "work of gravity", 1),
-    Entry("wall_work", "work of the walls", 1),
-    Entry("load_work", "work of the loads", 1),
-    Entry("friction_loss", "lost to friction", -1),
-    Entry("impact_loss", "lost to impacts", -1),
-    Entry("damping_loss", "lost in the damping of loads", -1),
-    Entry("correction_work", "taken up by the projection of positions", -1),
-    Entry("kinetic_gain", "gain of kinetic energy", 0),
-    Entry("imbalance", "imbalance", 0),
+    BookLine("gravity_work", "work of gravity", 1),
+    BookLine("wall_work", "work of the walls", 1),
+    BookLine("load_work", "work of the loads", 1),
+    BookLine("friction_loss", "lost to friction", -1),
+    BookLine("impact_loss", "lost to impacts", -1),
+    BookLine("damping_loss", "lost in the damping of loads", -1),
+    BookLine("correction_work", "taken up by the projection of positions", -1),
+    BookLine("kinetic_gain", "gain of kinetic energy", 0),
+    BookLine("imbalance", "imbalance", 0),
 )
 """The mechanical books: gain = what came in − what went out + imbalance. The works include those of the projection of positions."""
 
 HEAT = (
-    Entry("heat_friction", "heat of friction", 1),
-    Entry("heat_impact", "heat of impacts", 1),
-    Entry("heat_from_walls", "heat from walls", 1),
-    Entry("heat_from_ambient", "heat from the ambient fluid", 1),
-    Entry("heat_from_surroundings", "heat from the surroundings", 1),
-    Entry("heat_to_walls", "heat of friction and impacts into walls", -1),
-    Entry("heat_stored", "heat stored in the grains", 0),
-    Entry("heat_imbalance", "imbalance of heat", 0),
+    BookLine("heat_friction", "heat of friction", 1),
+    BookLine("heat_impact", "heat of impacts", 1),
+    BookLine("heat_from_walls", "heat from walls", 1),
+    BookLine("heat_from_ambient", "heat from the ambient fluid", 1),
+    BookLine("heat_from_surroundings", "heat from the surroundings", 1),
+    BookLine("heat_to_walls", "heat of friction and impacts into walls", -1),
+    BookLine("heat_stored", "heat stored in the grains", 0),
+    BookLine("heat_imbalance", "imbalance of heat", 0),
 )
 """The books of heat: stored = what came in − what went into walls + imbalance."""
 
@@ -79,7 +79,7 @@ class EnergyTable:
     heat_closure: Floats | None
 
     @property
-    def entries(self) -> tuple[Entry, ...]:
+    def entries(self) -> tuple[BookLine, ...]:
         """The lines that the run has."""
         return MECHANICAL if self.heat_closure is None else (*MECHANICAL, *HEAT)
 

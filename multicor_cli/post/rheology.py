@@ -29,7 +29,7 @@ class SeriesSource(FrameSource, Protocol):
 
 
 @dataclass(frozen=True)
-class Quantity:
+class RheologyRow:
     """A row of the table.
 
     Attributes:
@@ -46,20 +46,20 @@ class Quantity:
 
 
 QUANTITIES = (
-    Quantity("shear_rate", "shear rate in the bulk", r"\dot\gamma", "1/s"),
-    Quantity("pressure", "normal force of the walls per length", "P", "N/m"),
-    Quantity("inertial_number", "inertial number (rate × √(m/P))", "I"),
-    Quantity("inertial_number_density", "inertial number (rate × d/√(P/ρ))", "I_\\rho"),
-    Quantity("friction_walls", "friction μ*, from the walls", r"\mu^*_\mathrm{walls}"),
-    Quantity("friction_bulk", "friction μ*, from contact stress in the bulk", r"\mu^*_\mathrm{bulk}"),
-    Quantity("bulk_stress_yy", "contact stress σ_yy in the bulk", r"\sigma_{yy}", "N/m"),
-    Quantity("solid_fraction", "solid fraction in the bulk", r"\nu"),
-    Quantity("coordination", "contacts per grain", "Z"),
-    Quantity("coordination_loaded", "contacts per grain without rattlers", "Z'"),
-    Quantity("fabric_anisotropy", "fabric anisotropy a_c", "a_c"),
-    Quantity("fabric_direction", "its direction, from x counter-clockwise", r"\theta_c", "deg"),
-    Quantity("spin_ratio", "mean spin over shear rate", r"\langle\omega\rangle/\dot\gamma"),
-    Quantity("granular_temperature", "granular temperature", "T_g", "m2/s2"),
+    RheologyRow("shear_rate", "shear rate in the bulk", r"\dot\gamma", "1/s"),
+    RheologyRow("pressure", "normal force of the walls per length", "P", "N/m"),
+    RheologyRow("inertial_number", "inertial number (rate × √(m/P))", "I"),
+    RheologyRow("inertial_number_density", "inertial number (rate × d/√(P/ρ))", "I_\\rho"),
+    RheologyRow("friction_walls", "friction μ*, from the walls", r"\mu^*_\mathrm{walls}"),
+    RheologyRow("friction_bulk", "friction μ*, from contact stress in the bulk", r"\mu^*_\mathrm{bulk}"),
+    RheologyRow("bulk_stress_yy", "contact stress σ_yy in the bulk", r"\sigma_{yy}", "N/m"),
+    RheologyRow("solid_fraction", "solid fraction in the bulk", r"\nu"),
+    RheologyRow("coordination", "contacts per grain", "Z"),
+    RheologyRow("coordination_loaded", "contacts per grain without rattlers", "Z'"),
+    RheologyRow("fabric_anisotropy", "fabric anisotropy a_c", "a_c"),
+    RheologyRow("fabric_direction", "its direction, from x counter-clockwise", r"\theta_c", "deg"),
+    RheologyRow("spin_ratio", "mean spin over shear rate", r"\langle\omega\rangle/\dot\gamma"),
+    RheologyRow("granular_temperature", "granular temperature", "T_g", "m2/s2"),
 )
 """What `rheology` measures, in the order of the table."""
 

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
-from multicor_cli.post.bins import Bins, Place, heights
+from multicor_cli.post.bins import BinPlace, Bins, heights
 from multicor_cli.post.contacts import LoadedContacts, loaded_contacts
 from multicor_cli.post.source import FrameSource, GrainFrame
 
@@ -104,7 +104,7 @@ def sum_rates(source: FrameSource, chosen: NDArray[np.int64], bins: Bins, values
     before = source.frames[int(chosen[0])]
     for row, (first, last) in enumerate(pairwise(chosen)):
         after = source.frames[int(last)]
-        place = Place(*(0.5 * (a + b) for a, b in zip(bins.place(before), bins.place(after), strict=True)))
+        place = BinPlace(*(0.5 * (a + b) for a, b in zip(bins.place(before), bins.place(after), strict=True)))
         shares = bins.share(0.5 * (heights(before) + heights(after)), radius, place)
         area[row] = bins.total(shares, shares.area)
         for column, value in zip(gained, values, strict=True):

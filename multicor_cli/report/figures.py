@@ -16,7 +16,7 @@ from multicor_cli.plots.profile import draw_profile
 from multicor_cli.plots.small_rises import rise_formatter, rise_label, rise_reference
 from multicor_cli.plots.style import COLORS, PlotError, house_style
 from multicor_cli.post import PostError, Selection, profile
-from multicor_cli.post.energy import HEAT, MECHANICAL, EnergyTable, Entry
+from multicor_cli.post.energy import HEAT, MECHANICAL, BookLine, EnergyTable
 from multicor_cli.report.tables import CLOSURE_LIMIT
 from multicor_cli.store import Run
 
@@ -144,7 +144,7 @@ def _histories(run: Run, books: EnergyTable) -> list[Figure]:
     ]
 
 
-def _book_lines(books: EnergyTable, entries: tuple[Entry, ...], pick: _Thinning, closure: Floats) -> list[Line]:
+def _book_lines(books: EnergyTable, entries: tuple[BookLine, ...], pick: _Thinning, closure: Floats) -> list[Line]:
     """Lines of the books that matter, those that differ from zero in the figure; none if the books hold rounding errors only."""
     sizes = {entry: _largest(books.books[entry.name]) for entry in entries if entry.name in books.books}
     rest = max((size for entry, size in sizes.items() if "imbalance" in entry.name), default=0.0)

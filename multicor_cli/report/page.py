@@ -20,7 +20,7 @@ from multicor_cli.plots.small_rises import rise_reference
 from multicor_cli.post.energy import HEAT, MECHANICAL, EnergyTable
 from multicor_cli.report.figures import Figure
 from multicor_cli.report.pack import Packed
-from multicor_cli.report.tables import Row, describe_books, describe_quality, describe_run, pretty
+from multicor_cli.report.tables import ReportRow, describe_books, describe_quality, describe_run, pretty
 from multicor_cli.store import Run
 
 MARK = '<meta name="generator" content="multicor report">'
@@ -128,13 +128,13 @@ def _book_tables(books: EnergyTable | None) -> list[str]:
     return [_table(title, describe_books(books, lines)) for title, lines in (("Energy books", MECHANICAL), ("Books of heat", HEAT))]
 
 
-def _table(title: str, rows: list[Row]) -> str:
+def _table(title: str, rows: list[ReportRow]) -> str:
     if not rows:
         return ""
     return f'<div class="card"><h2>{escape(title)}</h2><table>{"".join(map(_row, rows))}</table></div>'
 
 
-def _row(row: Row) -> str:
+def _row(row: ReportRow) -> str:
     kind, words = ("good", "within the limit") if row.is_good else ("bad", "above the limit")
     mark = f' <span class="{kind}">{words} {escape(row.limit)}</span>' if row.limit else ""
     return f'<tr><th scope="row">{escape(row.name)}</th><td dir="auto">{escape(_shorten(row.value))}{mark}</td></tr>'

@@ -9,7 +9,7 @@ from typing import Any
 
 import numpy as np
 
-from multicor_cli.post.energy import EnergyTable, Entry
+from multicor_cli.post.energy import BookLine, EnergyTable
 
 CLOSURE_LIMIT = 1e-10
 """Books that close better than this hold rounding errors only."""
@@ -19,7 +19,7 @@ _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
 @dataclass(frozen=True)
-class Row:
+class ReportRow:
     """A line of a table.
 
     Attributes:
@@ -35,7 +35,7 @@ class Row:
     is_good: bool = True
 
 
-def describe_run(info: dict[str, Any]) -> list[Row]:
+def describe_run(info: dict[str, Any]) -> list[ReportRow]:
     """What was run and how it ended, from `multicor_cli.store.run_info`."""
     made = info["provenance"]
     reason = info["stop_reason"]
@@ -58,10 +58,10 @@ def describe_run(info: dict[str, Any]) -> list[Row]:
         ("threads", str(made.get("threads") or "–")),
         ("state digest", str(info["state_digest"] or "–")),
     ]
-    return [Row(name, str(value)) for name, value in rows if value != "–"]
+    return [ReportRow(name, str(value)) for name, value in rows if value != "–"]
 
 
-def describe_quality(info: dict[str, Any]) -> list[Row]:
+def describe_quality(info: dict[str, Any]) -> list[ReportRow]:
     """Closure of the books, overlap, residuals and counters of the solver."""
     solver, heat = info["solver"], info["heat"]
     rows = [
@@ -69,27 +69,27 @@ def describe_quality(info: dict[str, Any]) -> list[Row]:
         _limited("heat closure", info["heat_closure"], CLOSURE_LIMIT),
         _limited("largest overlap over the smaller radius", info["max_overlap"], _OVERLAP),
         _limited("steps that did not converge", solver["unconverged_steps"], 0, f" of {_number(info['step'])}"),
-        Row("largest residual over the reference velocity (rms of a step)", _number(solver["residual_rms_max"])),
-        Row("sweeps per step", _number(solver["sweeps_mean"])),
-        Row("largest contact force (mean of a step)", _number(info["max_contact_force"], "N")),
-        Row("Hertz deflection over the diameter at that force", _number(info["hertz_deflection"])),
-        Row("negative share of the losses at contacts", _number(info["negative_loss_share"])),
+        ReportRow("largest residual over the reference velocity (rms of a step)", _number(solver["residual_rms_max"])),
+        ReportRow("sweeps per step", _number(solver["sweeps_mean"])),
+        ReportRow("largest contact force (mean of a step)", _number(info["max_contact_force"], "N")),
+        ReportRow("Hertz deflection over the diameter at that force", _number(info["hertz_deflection"])),
+        ReportRow("negative share of the losses at contacts", _number(info["negative_loss_share"])),
     ]
     if heat is not None:
-        rows.append(Row("largest Biot number", _number(heat["max_biot"])))
+        rows.append(ReportRow("largest Biot number", _number(heat["max_biot"])))
     return [row for row in rows if row.value != "–"]
 
 
-def describe_books(table: EnergyTable, entries: Sequence[Entry]) -> list[Row]:
+def describe_books(table: EnergyTable, entries: Sequence[BookLine]) -> list[ReportRow]:
     """Some lines of the energy books at the end [J]; what never happened is left out."""
     lines = [(entry.label, table.books[entry.name]) for entry in entries if entry.name in table.books]
-    return [Row(label, _number(float(values[-1]), "J")) for label, values in lines if np.any(values) or "imbalance" in label]
+    return [ReportRow(label, _number(float(values[-1]), "J")) for label, values in lines if np.any(values) or "imbalance" in label]
 
 
-def _limited(name: str, value: float | None, limit: float, more: str = "") -> Row:
+def _limited(name: str, value: float | None, limit: float, more: str = "") -> ReportRow:
     if value is None:
-        return Row(name, "–")
-    return Row(name, _number(value) + more, _number(limit), value <= limit)
+        return ReportRow(name, "–")
+    return ReportRow(name, _number(value) + more, _number(limit), value <= limit)
 
 
 def _number(value: Any, unit: str = "") -> str:

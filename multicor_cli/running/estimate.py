@@ -44,7 +44,7 @@ BYTES_PER_GRAIN = 1000.0
 BUFFER = 64e6
 """Frames that wait to be written take up to this much, or one frame [bytes]."""
 
-PARALLEL_FROM = 5000
+THREADS_FROM = 5000
 """Number of grains from which several threads pay."""
 
 _SHORTEST_MARCH = 20_000  # evaluations of a signal before the interval is doubled
@@ -113,7 +113,7 @@ def estimate(scenario: Scenario, plan: RunPlan, model: Model, state: State, thre
 def seconds_per_step(grains: int, threads: int) -> float:
     """Rough wall-clock time of a step [s]; small problems do not profit from threads."""
     work = grains * (CONTACTS_PER_GRAIN * SWEEPS * SECONDS_PER_CONTACT + SECONDS_PER_GRAIN)
-    return SECONDS_PER_STEP + (work / (0.8 * threads) if threads > 1 and grains >= PARALLEL_FROM else work)
+    return SECONDS_PER_STEP + (work / (0.8 * threads) if threads > 1 and grains >= THREADS_FROM else work)
 
 
 def seconds_per_look(grains: int) -> float:

@@ -52,7 +52,7 @@ GrainCount = Count
 # A TOML array is a list, which strict mode does not take for a tuple: strictness is lifted for the array, not its elements.
 Point = Annotated[tuple[Coordinate, Coordinate], Strict(False)]
 Vector = Annotated[tuple[Number, Number], Strict(False)]
-Extent = Annotated[tuple[Length, Length], Strict(False)]
+LengthPair = Annotated[tuple[Length, Length], Strict(False)]
 
 
 def refuse(what: str, remedy: str, key: str | int | None = None) -> PydanticCustomError:

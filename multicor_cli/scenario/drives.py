@@ -20,15 +20,15 @@ DOF_NAMES = ("x", "y", "spin")
 NEVER = -1
 
 
-class Kept(NamedTuple):
+class KeptDrive(NamedTuple):
     """What drives a degree of freedom, and the index of the stage that says so (`NEVER`: none does, it is fixed)."""
 
     dof: AnyDof
     stage: int
 
 
-WallDofs = tuple[Kept, Kept, Kept]
-_AT_FIRST = Kept(FixedDof(fixed=True), NEVER)
+WallDofs = tuple[KeptDrive, KeptDrive, KeptDrive]
+_AT_FIRST = KeptDrive(FixedDof(fixed=True), NEVER)
 
 
 def resolve_dofs(loading: Sequence[Stage], wall_names: Sequence[str]) -> list[list[WallDofs]]:
@@ -46,7 +46,7 @@ def _named(stage: Stage, number: int, wall: str, before: WallDofs) -> WallDofs:
     if drives is None:
         return before
     dofs = (drives.x, drives.y, drives.spin)
-    x, y, spin = (kept if dof is None else Kept(dof, number) for dof, kept in zip(dofs, before, strict=True))
+    x, y, spin = (kept if dof is None else KeptDrive(dof, number) for dof, kept in zip(dofs, before, strict=True))
     return x, y, spin
 
 

@@ -39,7 +39,7 @@ Need = tuple[str, tuple[str, ...]]
 """What needs properties of a material, in the words of the scenario, and which."""
 
 
-class Mechanism(Table):
+class MechanismTable(Table):
     """A table of ``[heat]`` that switches on the mechanism of its key in `multicor_cli.engine.heat.settings.MECHANISMS`."""
 
     def needs(self, *, is_of_grains: bool) -> tuple[str, ...]:
@@ -73,7 +73,7 @@ Force = Annotated[
 ]
 
 
-class Gas(Mechanism):
+class GasTable(MechanismTable):
     """Stagnant gas in the gaps between grains, and between grains and walls."""
 
     conductivity: FluidConductivity = Field(description="thermal conductivity of the gas [W/(m K)], for air 0.026")
@@ -85,7 +85,7 @@ class Gas(Mechanism):
     reach: Reach = Field(_REACH, description="largest gap that conducts, over the smaller radius")
 
     def needs(self, *, is_of_grains: bool) -> tuple[str, ...]:
-        """As `Mechanism.needs`."""
+        """As `MechanismTable.needs`."""
         return _SPOT
 
     def check_material(self, name: str, material: Material) -> Iterator[Finding]:
@@ -101,14 +101,14 @@ class Gas(Mechanism):
         return self.model != "vargas" or largest <= EQUAL * smallest
 
 
-class AmbientCoefficient(Mechanism):
+class AmbientCoefficient(MechanismTable):
     """Convection with a constant coefficient."""
 
     temperature: Kelvin = Field(description="temperature of the fluid [K]")
     coefficient: Annotated[float, Field(ge=1e-6, le=1e9)] = Field(description="heat transfer coefficient h [W/(m² K)]")
 
 
-class AmbientCorrelation(Mechanism):
+class AmbientCorrelation(MechanismTable):
     """Convection by a correlation of the Nusselt number of each grain."""
 
     temperature: Kelvin = Field(description="temperature of the fluid [K]")
@@ -153,7 +153,7 @@ def _default_reach(data: dict[str, object]) -> float | None:
     return _REACH if data.get("neighbors") else None
 
 
-class Radiation(Mechanism):
+class RadiationTable(MechanismTable):
     """Thermal radiation of gray grains."""
 
     surroundings: Kelvin | None = Field(None, description="temperature of the surroundings, a black body [K]; default: none")
@@ -172,7 +172,7 @@ class Radiation(Mechanism):
         return self
 
     def needs(self, *, is_of_grains: bool) -> tuple[str, ...]:
-        """As `Mechanism.needs`."""
+        """As `MechanismTable.needs`."""
         return ("emissivity",) if is_of_grains or self.neighbors else ()
 
 
@@ -199,11 +199,13 @@ class Heat(Table):
     collisional: bool = Field(
         False, description="whether a contact that is new in a step conducts by the formula for impacts (Sun & Chen)"
     )
-    gas: Gas | None = Field(None, description='gas in the gaps, as { conductivity = 0.026, model = "parallel" }; default: vacuum')
+    gas: GasTable | None = Field(
+        None, description='gas in the gaps, as { conductivity = 0.026, model = "parallel" }; default: vacuum'
+    )
     ambient: Ambient | None = Field(
         None, description="convection to a fluid around the grains, as { temperature = 293.15, coefficient = 10.0 }; default: none"
     )
-    radiation: Radiation | None = Field(None, description="thermal radiation, as { surroundings = 293.15 }; default: none")
+    radiation: RadiationTable | None = Field(None, description="thermal radiation, as { surroundings = 293.15 }; default: none")
     integrator: Literal["auto", "explicit", "implicit"] = Field(
         "auto", description='"explicit", "implicit", or "auto": implicit in frozen stages, else explicit'
     )
@@ -225,9 +227,9 @@ class Heat(Table):
         return self.conduction != "none" or self.gas is not None
 
     @property
-    def mechanisms(self) -> dict[str, Mechanism]:
+    def mechanisms(self) -> dict[str, MechanismTable]:
         """The mechanisms that are on, by key."""
-        return {key: table for key, table in self if isinstance(table, Mechanism)}
+        return {key: table for key, table in self if isinstance(table, MechanismTable)}
 
     @property
     def crosses_gaps(self) -> bool:

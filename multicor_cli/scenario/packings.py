@@ -6,7 +6,7 @@ from typing import Annotated, Literal, Self
 
 from pydantic import Field, Strict, model_validator
 
-from multicor_cli.scenario.base import Extent, Friction, GrainCount, Length, Point, Ratio, Table, refuse
+from multicor_cli.scenario.base import Friction, GrainCount, Length, LengthPair, Point, Ratio, Table, refuse
 
 MAX_FILL = 0.9069
 FilePath = Annotated[str, Field(min_length=1, max_length=4096, pattern=r"^[^\x00]+$")]
@@ -66,7 +66,7 @@ class TilePacking(Table):
 
     kind: Literal["tile"]
     source: SourcePacking = Field(description="packing of one tile: a lattice, random, deposited or compacted packing")
-    tile: Extent = Field(description="width and height of one tile [m]")
+    tile: LengthPair = Field(description="width and height of one tile [m]")
     tile_count: GrainCount | None = Field(None, description="number of grains of one tile (or give tile_fill)")
     tile_fill: AreaFraction | None = Field(None, description="area fraction of one tile (or give tile_count)")
     repeat: Annotated[tuple[Annotated[int, Field(ge=1, le=100_000)], Annotated[int, Field(ge=1, le=100_000)]], Strict(False)] = (

@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag
 
-from multicor_cli.scenario.base import FREE, Extent, Table, Time, Tolerance, Vector, tag_word
+from multicor_cli.scenario.base import FREE, LengthPair, Table, Time, Tolerance, Vector, tag_word
 
 MAX_SWEEPS = 10_000_000
 Seed = Annotated[
@@ -35,7 +35,7 @@ class Header(Table):
 class Domain(Table):
     """``[domain]``: the rectangle [0, w] × [0, h] and what acts everywhere in it."""
 
-    size: Extent = Field(description="width and height [m]: where grains are placed; the width is the period if periodic")
+    size: LengthPair = Field(description="width and height [m]: where grains are placed; the width is the period if periodic")
     periodic: bool = Field(False, description="whether the domain repeats in x")
     gravity: Vector = Field((0.0, -9.81), description="acceleration of gravity [m/s²]")
 

@@ -35,7 +35,7 @@ LOCAL_ROUNDS = 3  # of them with only the grains nearby
 RINGS = 4  # of neighbors that make up "nearby"
 LOCAL_SHARE = 0.5  # of all grains; if more are nearby, all are moved at once
 ENOUGH = 0.3 * ALLOWED  # largest displacement of a sweep, over the smallest radius, with which a round ends
-SWEEPS = 2_000  # cap of a round
+ROUND_SWEEPS = 2_000  # cap of a round
 LOCAL_SWEEPS = 200  # cap of a round with the grains nearby: some twenty do, unless what is held leaves no room
 
 
@@ -113,7 +113,7 @@ def _correct_once(
     i, j = pairs_within(lists.row, lists.partner, lists.gap_after, near)
     sweeps = LOCAL_SWEEPS
     if not is_local or surround(i, j, RINGS, flagged) > LOCAL_SHARE * model.grain_count:
-        flagged[:], sweeps = True, SWEEPS
+        flagged[:], sweeps = True, ROUND_SWEEPS
     else:
         inverse = np.zeros_like(inverse)
     enough = ENOUGH * float(model.grains.radius.min())

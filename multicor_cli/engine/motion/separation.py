@@ -21,7 +21,7 @@ from multicor_cli.model.columns import FIRST, GAP, NX, NY, SECOND, X, Y
 from multicor_cli.model.model import Floats, Ints
 
 _MASS = 3  # column of the frames of pairs: 1/W
-GROWTH = 1.5  # of the change per sweep, at which the momentum restarts
+RESTART_GROWTH = 1.5  # of the change per sweep, at which the momentum restarts
 
 
 @kernel
@@ -170,7 +170,7 @@ def _solve(pair: Ints, frame: Floats, bodies: _Bodies, enough: float, sweeps: in
         if largest <= enough:
             break
         cross, square = inner_products(0, shift.shape[0], now, then, last, bodies.weight.reshape(-1))
-        factor = choose_factor(cross, square, np.sqrt(squares), GROWTH, loop)
+        factor = choose_factor(cross, square, np.sqrt(squares), RESTART_GROWTH, loop)
         loop["factor"] = factor
         extrapolate_velocity(0, now.size, now, then, last, factor)
         extrapolate_impulse(0, push.size, push, last_push, factor)

@@ -21,7 +21,7 @@ from multicor_cli.packing import build
 from multicor_cli.running.heat_plan import heat_laws, heat_settings, wall_heat
 from multicor_cli.running.planning import make_plan
 from multicor_cli.scenario import ScenarioError, parse_scenario
-from multicor_cli.scenario.heat import Heat, Mechanism
+from multicor_cli.scenario.heat import Heat, MechanismTable
 from multicor_cli.scenario.settings import Solver
 
 GLASS, STEEL, SPARE = range(3)
@@ -98,7 +98,7 @@ def test_defaults_of_keys_are_those_of_the_engine():
 
 def _tables(annotation):
     """Tables of mechanisms in a type."""
-    if isinstance(annotation, type) and issubclass(annotation, Mechanism):
+    if isinstance(annotation, type) and issubclass(annotation, MechanismTable):
         return [annotation]
     return [table for part in get_args(annotation) for table in _tables(part)]
 
