@@ -26,8 +26,7 @@ from multicor_cli.engine.contact.flat import BODY, SURFACE_, Y_
 from multicor_cli.engine.contact.residual import measure_residual
 from multicor_cli.engine.contact.sweep import Relaxation, System, sweep
 from multicor_cli.engine.jit.chunks import CHUNK
-from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
-from multicor_cli.engine.jit.formulas import formula
+from multicor_cli.engine.jit.compile import kernel, loop_body, parallel_kernel, prange
 from multicor_cli.model.columns import INVERSE_MASS, NORMAL, SPIN, TANGENTIAL
 from multicor_cli.model.model import Floats
 
@@ -123,7 +122,7 @@ def start_momentum(s: System) -> Momentum:
     return Momentum(velocity, np.zeros((bodies, 4)), weight, s.impulse.copy(), s.general_impulse.copy())
 
 
-@formula
+@loop_body
 def inner_products(first: int, last: int, now: Floats, before: Floats, change: Floats, weight: Floats) -> tuple[float, float]:
     """Products of the new change of velocity with the last one and with itself in the metric of the kinetic energy [J].
 
@@ -170,7 +169,7 @@ def _change_products(s: System, m: Momentum, parallel: bool) -> tuple[float, flo
     return cross, square
 
 
-@formula
+@loop_body
 def extrapolate_velocity(first: int, last: int, current: Floats, before: Floats, change: Floats, factor: float) -> None:
     """Record velocities and their change, and move them on by ``factor`` times the change; the arrays are flat."""
     for q in range(first, last):
@@ -181,7 +180,7 @@ def extrapolate_velocity(first: int, last: int, current: Floats, before: Floats,
         current[q] = new + factor * step
 
 
-@formula
+@loop_body
 def extrapolate_impulse(first: int, last: int, current: Floats, before: Floats, factor: float) -> None:
     """As `extrapolate_velocity`, for impulses; their change is not needed."""
     for q in range(first, last):

@@ -7,12 +7,11 @@ import numpy as np
 from multicor_cli.engine.contact.law import solve_exact
 from multicor_cli.engine.contact.sweep import EXACT, System, general_solution, general_velocity
 from multicor_cli.engine.jit.chunks import CHUNK
-from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
-from multicor_cli.engine.jit.formulas import formula
+from multicor_cli.engine.jit.compile import kernel, loop_body, parallel_kernel, prange
 from multicor_cli.model.columns import BIAS, FIRST, MASS, MU, NORMAL, NX, NY, SECOND, SURFACE, TANGENTIAL, W_NN, W_NT, W_TT, X, Y
 
 
-@formula
+@loop_body
 def _light_residual(k: int, s: System) -> tuple[float, float]:
     """Square of e_c, or -1 if the contact is open and satisfied; and its share of the energy residual."""
     i, j = s.pair[k, FIRST], s.pair[k, SECOND]
