@@ -9,7 +9,9 @@
 | pairs of bodies | `FIRST`, `SECOND` |
 | frames of contacts | `NX`, `NY`, `GAP` [m], `BIAS` [m/s], `MU` |
 | frames of contacts in a sweep | `NX`, `NY`, `MASS` = 1/W_nn [kg] or `W_NN`, `BIAS`, `MU`, and `W_NT`, `W_TT` [1/kg] |
-| geometry of wall shapes | `X`, `Y`; discs, circles: `RADIUS`; see `multicor_cli.model.shapes.SHAPES` |
+| geometry of wall shapes | `X`, `Y`; discs, circles: `RADIUS`; others: `TAIL_X`, `TAIL_Y`; see `multicor_cli.model.shapes.SHAPES` |
+| heat of contacts | `FRICTION`, `IMPACT` [J] |
+| heat of walls | `GIVEN` to grains by conduction, `RECEIVED` from friction and impacts [J] |
 """
 
 from __future__ import annotations
@@ -27,3 +29,7 @@ W_NT, W_TT = 5, 6
 """Normal, bias and friction have the same columns in the frames of all kinds of contacts."""
 
 RADIUS = 2
+TAIL_X, TAIL_Y = 2, 3
+
+FRICTION, IMPACT = 0, 1
+GIVEN, RECEIVED = 0, 1

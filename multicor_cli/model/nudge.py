@@ -12,6 +12,7 @@ import os
 
 import numpy as np
 
+from multicor_cli.model.columns import ANGLE, X
 from multicor_cli.model.model import Floats
 
 VARIABLE = "MULTICOR_NUDGE"
@@ -54,5 +55,5 @@ def nudge(position: Floats, period: float, seed: int) -> Floats:
     lot = (np.random.Philox(seed).random_raw(center.size) % np.uint64(3)).astype(np.int64).reshape(center.shape) - 1
     moved = np.where((lot == 0) | (center == 0.0), center, np.nextafter(center, np.where(lot > 0, np.inf, -np.inf)))
     if period > 0.0:
-        moved[:, 0] = np.where(moved[:, 0] < period, moved[:, 0], center[:, 0])
-    return np.column_stack([moved, position[:, 2]])
+        moved[:, X] = np.where(moved[:, X] < period, moved[:, X], center[:, X])
+    return np.column_stack([moved, position[:, ANGLE]])

@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 
 from multicor_cli.model import Grains, Model, State, Thermal
+from multicor_cli.model.columns import X
 from multicor_cli.model.model import Floats, Ints
 from multicor_cli.model.nudge import nudge, nudge_seed
 from multicor_cli.packing.bodies import SHAPE_FACTOR, Shape, inertias, masses
@@ -78,7 +79,7 @@ def _wrapped(scenario: Scenario, position: Floats) -> Floats:
     """Centers, with x wrapped into the period."""
     center = position[:, :2].copy()
     if scenario.domain.periodic:
-        center[:, 0] = wrap(center[:, 0], scenario.domain.size[0])
+        center[:, X] = wrap(center[:, X], scenario.domain.size[0])
     return center
 
 
@@ -150,7 +151,7 @@ def _repeat(values: list[int], counts: list[int]) -> Ints:
 def _state(model: Model, walls: BuiltWalls, groups: list[Brought]) -> State:
     state = State.at_rest(model, np.concatenate([group.position for group in groups]))
     if model.period > 0.0:
-        state.position[:, 0] = wrap(state.position[:, 0], model.period)
+        state.position[:, X] = wrap(state.position[:, X], model.period)
     state.velocity = np.concatenate([group.velocity for group in groups])
     state.wall_position[:] = walls.position
     return state

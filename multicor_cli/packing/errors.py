@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 Key = tuple[str | int, ...]
 
 
@@ -19,3 +21,19 @@ class PackingError(ValueError):
         self.message = message
         self.remedy = remedy
         self.key = key
+
+
+def check_file(path: Path, most: int, key: Key) -> None:
+    """Refuse a file from elsewhere that is not there or has more than ``most`` bytes, before memory is taken for it.
+
+    Raises:
+        PackingError: If so, with this key.
+    """
+    try:
+        is_file, size = path.is_file(), path.stat().st_size if path.exists() else 0
+    except (OSError, ValueError) as error:
+        raise PackingError(f"cannot read '{path}': {error}", "give an existing file", key) from None
+    if not is_file:
+        raise PackingError(f"there is no file '{path}'", "give its path relative to the scenario file", key)
+    if size > most:
+        raise PackingError(f"'{path}' has {size} bytes", f"at most {most} are read", key)

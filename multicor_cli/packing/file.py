@@ -17,7 +17,7 @@ import numpy as np
 
 from multicor_cli.model.model import Floats
 from multicor_cli.packing.brought import MAX_GRAINS, Brought
-from multicor_cli.packing.errors import PackingError
+from multicor_cli.packing.errors import PackingError, check_file
 from multicor_cli.packing.values import NAMED, describe_faults, faulty_rows, find_fault
 
 REQUIRED = ("x", "y", "radius")
@@ -42,7 +42,7 @@ def read_grains(path: Path, shift: tuple[float, float]) -> Brought:
     Raises:
         PackingError: The file is missing, unreadable, too large, or holds something else; rows are named.
     """
-    _check_file(path)
+    check_file(path, MAX_BYTES, _KEY)
     kind = path.suffix.lower()
     if kind == ".csv":
         columns = _read_csv(path)
@@ -54,17 +54,6 @@ def read_grains(path: Path, shift: tuple[float, float]) -> Brought:
     values = [columns.get(name, np.zeros(n)) for name in (*REQUIRED, *OPTIONAL)]
     x, y, radius, angle, vx, vy, spin = values
     return Brought(radius, np.column_stack([x + shift[0], y + shift[1], angle]), np.column_stack([vx, vy, spin]))
-
-
-def _check_file(path: Path) -> None:
-    try:
-        is_file, size = path.is_file(), path.stat().st_size if path.exists() else 0
-    except (OSError, ValueError) as error:
-        raise PackingError(f"cannot read '{path}': {error}", "give an existing file", _KEY) from None
-    if not is_file:
-        raise PackingError(f"there is no file '{path}'", "give its path relative to the scenario file", _KEY)
-    if size > MAX_BYTES:
-        raise PackingError(f"'{path}' has {size} bytes", f"at most {MAX_BYTES} are read", _KEY)
 
 
 def _check_names(names: list[str], path: Path, what: str) -> None:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from multicor_cli.model.columns import SPIN, X, Y
 from multicor_cli.model.model import Floats
 from multicor_cli.packing.bodies import Shape
 from multicor_cli.packing.brought import Brought
@@ -88,8 +89,8 @@ def make_group(scenario: Scenario, index: int, obstacles: Obstacles) -> Brought:
     velocity = brought.velocity + np.array([*group.velocity, group.spin])
     if group.shear_rate:
         middle = 0.5 * (region.bottom + region.top)
-        velocity[:, 0] += group.shear_rate * (brought.position[:, 1] - middle)
-        velocity[:, 2] -= 0.5 * group.shear_rate
+        velocity[:, X] += group.shear_rate * (brought.position[:, Y] - middle)
+        velocity[:, SPIN] -= 0.5 * group.shear_rate
     return replace(brought, velocity=velocity)
 
 

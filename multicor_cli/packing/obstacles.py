@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from multicor_cli.model.columns import RADIUS, X
 from multicor_cli.model.model import Floats, Ints
 from multicor_cli.model.shapes import ShapeKind
 from multicor_cli.packing.region import Area
@@ -67,7 +68,7 @@ class Obstacles:
         last = int(np.floor(region.right / period)) + 1
         images = [discs + np.array([k * period, 0.0, 0.0]) for k in range(first, last + 1) if k]
         moved = np.concatenate(images) if images else np.zeros((0, 3))
-        near = (moved[:, 0] + moved[:, 2] > region.left) & (moved[:, 0] - moved[:, 2] < region.right)
+        near = (moved[:, X] + moved[:, RADIUS] > region.left) & (moved[:, X] - moved[:, RADIUS] < region.right)
         return self.with_discs(moved[near])
 
     def _append(self, kind: ShapeKind, rows: Floats) -> Obstacles:

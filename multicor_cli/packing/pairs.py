@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from multicor_cli.engine.geometry.grids import classify, make_grids
 from multicor_cli.engine.geometry.neighbors import find_near
+from multicor_cli.model.columns import RADIUS, X
 from multicor_cli.model.model import Floats, Ints
 from multicor_cli.packing.obstacles import Obstacles
 
@@ -38,8 +39,8 @@ def find_pairs(position: Floats, radius: Floats, obstacles: Obstacles, cutoff: f
     discs = obstacles.discs()
     center = np.concatenate([position[:, :2], discs[:, :2]])
     if period > 0.0:
-        center[:, 0] = wrap(center[:, 0], period)
-    radii = np.concatenate([radius, discs[:, 2]])
+        center[:, X] = wrap(center[:, X], period)
+    radii = np.concatenate([radius, discs[:, RADIUS]])
     grids = make_grids(classify(radii), center.min(axis=0), center.max(axis=0), period, cutoff)
     shape_of = (radius.size + np.flatnonzero(obstacles.is_disc)).astype(np.int32)
     others = np.flatnonzero(~obstacles.is_disc).astype(np.int32)

@@ -27,6 +27,9 @@ _FLOOR = -2
 _SIDE = -3
 _MOST_ROLLS = 100_000
 
+Box = tuple[float, float, float, float]
+"""Smallest x and y, width and height [m]."""
+
 
 class PlacedDiscs(NamedTuple):
     """Discs that are already there, as linked lists by cell, and the fixed shapes.
@@ -127,7 +130,14 @@ def _is_free(x: float, y: float, radius: float, field: PlacedDiscs) -> bool:
 
 @kernel
 def insert_at_random(
-    field: PlacedDiscs, fixed: int, first: int, tried: int, attempts: int, uniform: Floats, box: Floats, blocked: Ints
+    field: PlacedDiscs,
+    fixed: int,
+    first: int,
+    tried: int,
+    attempts: int,
+    uniform: Floats,
+    box: tuple[float, float, float, float],
+    blocked: Ints,
 ) -> tuple[int, int]:
     """Place grains at random, from number ``first`` on, until all are placed or the random numbers run out.
 
@@ -138,19 +148,20 @@ def insert_at_random(
         tried: Attempts already spent on it.
         attempts: Attempts per grain.
         uniform: Random numbers in [0, 1), shape ``(k, 2)``; one row is used per attempt.
-        box: Smallest x, y and extents of the region [m], shape ``(4,)``.
+        box: The region.
         blocked: 1 for a grain that found no free place; it stays at the last one tried. **Modified.**
 
     Returns:
         The grain to go on with and the attempts spent on it.
     """
+    left, bottom, width, height = box
     i = first
     for k in range(uniform.shape[0]):
         if fixed + i >= field.disc.shape[0]:
             break
         d = fixed + i
-        field.disc[d, X] = box[0] + uniform[k, 0] * box[2]
-        field.disc[d, Y] = box[1] + uniform[k, 1] * box[3]
+        field.disc[d, X] = left + uniform[k, X] * width
+        field.disc[d, Y] = bottom + uniform[k, Y] * height
         tried += 1
         is_free = _is_free(field.disc[d, X], field.disc[d, Y], field.disc[d, RADIUS], field)
         if is_free or tried >= attempts:
@@ -337,12 +348,12 @@ def make_field(radius: Floats, region: Area, obstacles: Obstacles) -> tuple[Plac
     high = np.array([left + region.width + across, region.top + reach])
     discs = obstacles.discs()
     if period > 0.0:
-        discs = np.column_stack([wrap(discs[:, 0], period), discs[:, 1:]])
+        discs = np.column_stack([wrap(discs[:, X], period), discs[:, 1:]])
     # Discs far from the region can hit nothing; clamped into the border cells they would only lengthen the lists.
     near = np.all((discs[:, :2] + discs[:, 2:] > low) & (discs[:, :2] - discs[:, 2:] < high), axis=1)
     discs = discs[near]
     disc = np.concatenate([discs, np.column_stack([np.zeros((radius.size, 2)), radius])])
-    grids = make_grids(classify(disc[:, 2]), low, high, period, 0.0)
+    grids = make_grids(classify(disc[:, RADIUS]), low, high, period, 0.0)
     columns = np.concatenate([[0], np.cumsum(grids.shape[:, X])]).astype(np.int32)
     field = PlacedDiscs(
         disc=disc,

@@ -12,6 +12,7 @@ import math
 import numpy as np
 
 from multicor_cli.arithmetic.sums import mean, total
+from multicor_cli.model.columns import X, Y
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import IS_THIN
 from multicor_cli.packing.errors import PackingError
@@ -77,7 +78,7 @@ def _insert(radius: Floats, region: Area, obstacles: Obstacles, attempts: int, r
     order = np.argsort(-radius, kind="stable")
     field, fixed = make_field(radius[order], region, obstacles)
     left = 0.0 if region.is_periodic else region.left
-    box = np.array([left, region.bottom, region.width, region.height])
+    box = (left, region.bottom, region.width, region.height)
     blocked = np.zeros(radius.size, np.int32)
     done, tried = 0, 0
     while done < radius.size:
@@ -97,7 +98,7 @@ def _refusal(count: int, fraction: float, why: str) -> PackingError:
 
 def _is_inside(position: Floats, region: Area, is_periodic_in_y: bool) -> bool:
     """Whether no center was pushed through a side."""
-    x, y = position[:, 0], position[:, 1]
+    x, y = position[:, X], position[:, Y]
     across = region.is_periodic or bool(np.all((x >= region.left) & (x <= region.right)))
     return across and (is_periodic_in_y or bool(np.all((y >= region.bottom) & (y <= region.top))))
 

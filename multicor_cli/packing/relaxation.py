@@ -27,6 +27,7 @@ INFLATION = 5e-4
 _LARGEST_STEP = 0.4  # unit mass and stiffness: six contacts per disc give a highest frequency of √12, stable below 0.57
 _FIRST_STEP = 0.1
 _FIRST_MIXING = 0.1
+_STEP, _MIXING, _COUNT = range(3)  # of a clock: time step, mixing, steps since the last uphill one
 _SKIN = 0.3  # of the mean radius
 _JAMMED = 1e-3  # net force over the largest overlap at which a minimum of the energy is reached
 
@@ -103,7 +104,7 @@ def _follow(position: Floats, ghosts: Ghosts, world: Floats) -> None:
 
 @kernel
 def _steer(velocity: Floats, force: Floats, clock: Floats) -> None:
-    """Adapt time step, mixing and velocities; ``clock`` holds time step, mixing, and steps since the last uphill one."""
+    """Adapt time step, mixing and velocities."""
     power, speed, strength = 0.0, 0.0, 0.0
     for i in range(force.shape[0]):
         for c in range(2):
@@ -111,17 +112,17 @@ def _steer(velocity: Floats, force: Floats, clock: Floats) -> None:
             speed += velocity[i, c] * velocity[i, c]
             strength += force[i, c] * force[i, c]
     if power < 0.0:
-        clock[0], clock[1], clock[2] = 0.5 * clock[0], _FIRST_MIXING, 0.0
+        clock[_STEP], clock[_MIXING], clock[_COUNT] = 0.5 * clock[_STEP], _FIRST_MIXING, 0.0
         velocity[:] = 0.0
         return
-    clock[2] += 1.0
-    share = clock[1] * np.sqrt(speed / strength) if strength > 0.0 else 0.0
+    clock[_COUNT] += 1.0
+    share = clock[_MIXING] * np.sqrt(speed / strength) if strength > 0.0 else 0.0
     for i in range(force.shape[0]):
         for c in range(2):
-            velocity[i, c] = (1.0 - clock[1]) * velocity[i, c] + share * force[i, c]
-    if clock[2] > 5.0:
-        clock[0] = min(1.1 * clock[0], _LARGEST_STEP)
-        clock[1] *= 0.99
+            velocity[i, c] = (1.0 - clock[_MIXING]) * velocity[i, c] + share * force[i, c]
+    if clock[_COUNT] > 5.0:
+        clock[_STEP] = min(1.1 * clock[_STEP], _LARGEST_STEP)
+        clock[_MIXING] *= 0.99
 
 
 @kernel
@@ -150,7 +151,7 @@ def _descend(
         world: Geometry of the obstacles [m], images of grains among them. **Modified.**
         ghosts: Which obstacles are images of grains.
         period: Period in x [m] or 0.
-        clock: Time step, mixing, steps since the last uphill one. **Modified.**
+        clock: Time step, mixing, steps since the last uphill one, shape ``(3,)``. **Modified.**
         target: Overlap over the smaller radius at which to stop.
         reach: Distance that the neighbor list allows [m].
         steps: Most steps.
@@ -173,8 +174,8 @@ def _descend(
         moved = 0.0
         for i in range(position.shape[0]):
             for c in range(2):
-                velocity[i, c] += clock[0] * force[i, c]
-                position[i, c] += clock[0] * velocity[i, c]
+                velocity[i, c] += clock[_STEP] * force[i, c]
+                position[i, c] += clock[_STEP] * velocity[i, c]
             dx, dy = position[i, X] - before[i, X], position[i, Y] - before[i, Y]
             moved = max(moved, dx * dx + dy * dy)
         if moved > reach * reach:

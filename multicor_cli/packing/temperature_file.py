@@ -13,7 +13,7 @@ import numpy as np
 
 from multicor_cli.model.model import Floats
 from multicor_cli.packing.brought import MAX_GRAINS
-from multicor_cli.packing.errors import PackingError
+from multicor_cli.packing.errors import PackingError, check_file
 from multicor_cli.scenario.base import KELVIN_BOUNDS
 
 MAX_BYTES = 2**31
@@ -33,7 +33,7 @@ def read_temperatures(path: Path) -> Floats:
     Raises:
         PackingError: The file is missing, unreadable, too large, or holds something else; lines are named.
     """
-    _check_file(path)
+    check_file(path, MAX_BYTES, _KEY)
     values: list[float] = []
     faults: list[str] = []
     try:
@@ -52,17 +52,6 @@ def read_temperatures(path: Path) -> Floats:
     if len(values) > MAX_GRAINS:
         raise PackingError(f"'{path}' holds more than {MAX_GRAINS} temperatures", "give one per grain", _KEY)
     return np.array(values, float)
-
-
-def _check_file(path: Path) -> None:
-    try:
-        is_file, size = path.is_file(), path.stat().st_size if path.exists() else 0
-    except (OSError, ValueError) as error:
-        raise PackingError(f"cannot read '{path}': {error}", "give an existing file", _KEY) from None
-    if not is_file:
-        raise PackingError(f"there is no file '{path}'", "give its path relative to the scenario file", _KEY)
-    if size > MAX_BYTES:
-        raise PackingError(f"'{path}' has {size} bytes", f"at most {MAX_BYTES} are read", _KEY)
 
 
 def _lines(path: Path) -> Iterator[tuple[int, str]]:

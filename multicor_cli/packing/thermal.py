@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from multicor_cli.model import Thermal
+from multicor_cli.model.columns import X, Y
 from multicor_cli.model.model import Floats
 from multicor_cli.packing.bodies import masses
 from multicor_cli.packing.brought import Brought
@@ -95,7 +96,7 @@ def _gradient(table: GradientTemperature, center: Floats) -> Floats:
     wrong = np.flatnonzero(~((temperature >= low) & (temperature <= high)))
     if wrong.size:
         k = int(wrong[0])
-        place = f"the grain {k} of the group at ({center[k, 0]:g}, {center[k, 1]:g}) m"
+        place = f"the grain {k} of the group at ({center[k, X]:g}, {center[k, Y]:g}) m"
         text = f"the gradient gives {place} a temperature of {temperature[k]:g} K, outside {low:g} to {high:g} K"
         raise PackingError(text, "lower the gradient, or set at to a point among the grains", (*_KEY, "gradient"))
     return temperature

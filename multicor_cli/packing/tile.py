@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from multicor_cli.model.columns import X, Y
 from multicor_cli.packing.brought import Brought
 from multicor_cli.packing.errors import PackingError
 from multicor_cli.packing.region import Area
@@ -36,7 +37,7 @@ def repeat_tile(tile: Brought, size: tuple[float, float], repeat: tuple[int, int
     radius, velocity = np.tile(tile.radius, row.size), np.tile(tile.velocity, (row.size, 1))
     closes = region.is_periodic and abs(width - region.width) <= _SLACK * region.width
     reach = radius * (1.0 - _SLACK)
-    x, y = position[:, 0], position[:, 1]
+    x, y = position[:, X], position[:, Y]
     keep = (y - reach >= region.bottom) & (y + reach <= region.top)
     if not closes:
         keep &= (x - reach >= region.left) & (x + reach <= region.right)

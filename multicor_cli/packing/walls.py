@@ -9,6 +9,7 @@ import numpy as np
 
 from multicor_cli.arithmetic.sums import mean, total
 from multicor_cli.model import ShapeKind, WallBody
+from multicor_cli.model.columns import RADIUS, X, Y
 from multicor_cli.model.model import Floats, Walls, WallShapes
 from multicor_cli.model.shapes import TAIL, Tail
 from multicor_cli.packing.bodies import Shape, inertias, masses
@@ -39,7 +40,7 @@ class Front:
         start = np.array(row.start)
         along = (np.array(row.end) - start) / row.length
         normal = np.array([-along[1], along[0]]) * (1.0 if row.is_left else -1.0)
-        return cls(start, along, normal, row.length, math.inf if row.is_closed else mean(glued[:, 2]))
+        return cls(start, along, normal, row.length, math.inf if row.is_closed else mean(glued[:, RADIUS]))
 
 
 def with_glued(body: WallBody, glued: Floats) -> WallBody:
@@ -52,8 +53,8 @@ def glued_inertia(body: WallBody, density: float, shape: Shape, thickness: float
     glued = body.glued
     if not len(glued):
         return math.nan, math.nan
-    mass = masses(glued[:, 2], density, shape, thickness)
-    about = inertias(glued[:, 2], mass, shape) + mass * (glued[:, 0] * glued[:, 0] + glued[:, 1] * glued[:, 1])
+    mass = masses(glued[:, RADIUS], density, shape, thickness)
+    about = inertias(glued[:, RADIUS], mass, shape) + mass * (glued[:, X] * glued[:, X] + glued[:, Y] * glued[:, Y])
     return total(mass), total(about)
 
 

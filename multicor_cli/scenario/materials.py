@@ -4,88 +4,88 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterator
+from dataclasses import dataclass
 from typing import Annotated, Any, Self
 
-from pydantic import AfterValidator, BaseModel, Discriminator, Field, Strict, Tag, WithJsonSchema, field_validator, model_validator
+from pydantic import (
+    BaseModel,
+    Discriminator,
+    Field,
+    GetCoreSchemaHandler,
+    GetJsonSchemaHandler,
+    Strict,
+    Tag,
+    field_validator,
+    model_validator,
+)
+from pydantic.json_schema import JsonSchemaValue
+from pydantic_core import CoreSchema
+from pydantic_core.core_schema import no_info_after_validator_function
 
 from multicor_cli.scenario.base import Fraction, Friction, Kelvin, Table, refuse, require_ascending
 from multicor_cli.scenario.heat import ROOM_TEMPERATURE, Need
 
 MAX_MATERIALS = 100
-DENSITY_BOUNDS = (1.0, 30_000.0)
-YOUNG_BOUNDS = (1e3, 1e13)
-HEAT_CAPACITY_BOUNDS = (10.0, 1e5)
-HARDNESS_BOUNDS = (1e5, 1e12)
 MAX_FRICTION = 10.0
 
 
-def _check_density(value: float) -> float:
-    low, high = DENSITY_BOUNDS
-    if value <= 0.0:
-        raise refuse(f"the density must be positive, is {value:g} kg/m³", "give the density of the grains' solid in kg/m³")
-    if not low <= value <= high:
-        hint = f"did you mean {value * 1000.0:g} (from g/cm³)?" if value < low else "is it in kg/m³?"
-        raise refuse(f"{value:g} kg/m³ is not a density of a solid ({low:g} to {high:g})", hint)
-    return value
+@dataclass(frozen=True)
+class _OfSolids:
+    """A property of solids within bounds, as an annotation; below them it has probably been given in a larger unit.
+
+    Attributes:
+        name: What it is.
+        unit: Its unit.
+        low: Smallest value of a solid.
+        high: Largest value.
+        example: A right value, and of what.
+        power: Of ten, from the unit that was probably meant to ``unit``: 3 or 9.
+        origin: That unit.
+    """
+
+    name: str
+    unit: str
+    low: float
+    high: float
+    example: str
+    power: int
+    origin: str
+
+    def check(self, value: float) -> float:
+        """The value itself, if it is within the bounds."""
+        right = f"give it in {self.unit}, {self.example}"
+        if value <= 0.0:
+            raise refuse(f"the {self.name} must be positive, is {value:g} {self.unit}", right)
+        if not self.low <= value <= self.high:
+            meant = f"{1000.0 * value:g}" if self.power == 3 else f"{value:g}e{self.power}"
+            hint = f"did you mean {meant} (from {self.origin})?" if value < self.low else right
+            raise refuse(f"{value:g} {self.unit} is not the {self.name} of a solid ({self.low:g} to {self.high:g})", hint)
+        return value
+
+    def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
+        return no_info_after_validator_function(self.check, handler(source))
+
+    def __get_pydantic_json_schema__(self, schema: CoreSchema, handler: GetJsonSchemaHandler) -> JsonSchemaValue:
+        return {**handler(schema), "minimum": self.low, "maximum": self.high}
 
 
-def _check_young(value: float) -> float:
-    low, high = YOUNG_BOUNDS
-    if value <= 0.0:
-        raise refuse(f"Young's modulus must be positive, is {value:g} Pa", "give it in Pa, for steel 193e9")
-    if value < low:
-        raise refuse(f"{value:g} Pa is no Young's modulus of a solid", f"did you mean {value:g}e9?")
-    if value > high:
-        raise refuse(f"{value:g} Pa is stiffer than any solid", "give it in Pa, for steel 193e9")
-    return value
-
-
-def _check_heat_capacity(value: float) -> float:
-    low, high = HEAT_CAPACITY_BOUNDS
-    if value <= 0.0:
-        raise refuse(f"the heat capacity must be positive, is {value:g} J/(kg K)", "give it in J/(kg K), for steel 500")
-    if not low <= value <= high:
-        hint = f"did you mean {value * 1000.0:g} (from J/(g K))?" if value < low else "is it in J/(kg K)?"
-        raise refuse(f"{value:g} J/(kg K) is no heat capacity of a solid ({low:g} to {high:g})", hint)
-    return value
-
-
-def _check_hardness(value: float) -> float:
-    low, high = HARDNESS_BOUNDS
-    if value <= 0.0:
-        raise refuse(f"a hardness must be positive, is {value:g} Pa", "give it in Pa, for steel 2e9")
-    if not low <= value <= high:
-        hint = f"did you mean {value:g}e9?" if value < low else "give it in Pa, for steel 2e9"
-        raise refuse(f"{value:g} Pa is not a hardness of a solid ({low:g} to {high:g})", hint)
-    return value
-
-
-Hardness = Annotated[
-    float,
-    AfterValidator(_check_hardness),
-    WithJsonSchema({"type": "number", "minimum": HARDNESS_BOUNDS[0], "maximum": HARDNESS_BOUNDS[1]}),
-]
+Density = Annotated[float, _OfSolids("density", "kg/m³", 1.0, 30_000.0, "for steel 7800", 3, "g/cm³")]
+Young = Annotated[float, _OfSolids("Young's modulus", "Pa", 1e3, 1e13, "for steel 193e9", 9, "GPa")]
+HeatCapacity = Annotated[float, _OfSolids("heat capacity", "J/(kg K)", 10.0, 1e5, "for steel 500", 3, "J/(g K)")]
+Hardness = Annotated[float, _OfSolids("hardness", "Pa", 1e5, 1e12, "for steel 2e9", 9, "GPa")]
 
 
 class Material(Table):
     """``[materials.NAME]``: what grains and walls are made of."""
 
-    density: Annotated[float, AfterValidator(_check_density)] = Field(
-        description="density [kg/m³]", json_schema_extra={"minimum": DENSITY_BOUNDS[0], "maximum": DENSITY_BOUNDS[1]}
-    )
-    young: Annotated[float, AfterValidator(_check_young)] | None = Field(
-        None,
-        description="Young's modulus [Pa]; with poisson it tells how far grains of this material would deflect",
-        json_schema_extra={"minimum": YOUNG_BOUNDS[0], "maximum": YOUNG_BOUNDS[1]},
+    density: Density = Field(description="density [kg/m³]")
+    young: Young | None = Field(
+        None, description="Young's modulus [Pa]; with poisson it tells how far grains of this material would deflect"
     )
     poisson: Annotated[float, Field(gt=-1.0, lt=0.5)] | None = Field(None, description="Poisson's ratio, between -1 and 0.5")
 
     conductivity: Annotated[float, Field(ge=1e-4, le=1e5)] | None = Field(None, description="thermal conductivity [W/(m K)]")
-    heat_capacity: Annotated[float, AfterValidator(_check_heat_capacity)] | None = Field(
-        None,
-        description="specific heat capacity [J/(kg K)]",
-        json_schema_extra={"minimum": HEAT_CAPACITY_BOUNDS[0], "maximum": HEAT_CAPACITY_BOUNDS[1]},
-    )
+    heat_capacity: HeatCapacity | None = Field(None, description="specific heat capacity [J/(kg K)]")
     emissivity: Annotated[float, Field(gt=0.0, le=1.0)] | None = Field(None, description="emissivity, for radiation")
     roughness: Annotated[float, Field(ge=1e-10, le=1e-2)] | None = Field(
         None, description="rms roughness of the surface [m], for rough contacts"

@@ -81,6 +81,8 @@ class Tolerances(NamedTuple):
     energy: float
 
 
+_CROSS, _SQUARE = 0, 1  # columns of partial products
+
 FAST, CALM = 0, 1
 MODES = np.array([[1.0, 1.0, 1.5], [0.5, 1.0, 1.2], [1.0, 1.0, 0.0], [0.25, 1.0, 1.2], [1.0, 0.3, 0.0]])
 """Rows: factors on the normal and tangential corrections; growth of the change per sweep over its lowest value since the last
@@ -146,7 +148,7 @@ def inner_products(first: int, last: int, now: Floats, before: Floats, change: F
 def _products_on_threads(now: Floats, before: Floats, change: Floats, weight: Floats, partial: Floats) -> None:
     for chunk in prange(partial.shape[0]):
         last = min(before.size // 4, (chunk + 1) * CHUNK)
-        partial[chunk, 0], partial[chunk, 1] = inner_products(chunk * CHUNK, last, now, before, change, weight)
+        partial[chunk, _CROSS], partial[chunk, _SQUARE] = inner_products(chunk * CHUNK, last, now, before, change, weight)
 
 
 @kernel
@@ -161,11 +163,11 @@ def _change_products(s: System, m: Momentum, parallel: bool) -> tuple[float, flo
     else:
         for chunk in range(chunks):
             last = min(bodies, (chunk + 1) * CHUNK)
-            partial[chunk, 0], partial[chunk, 1] = inner_products(chunk * CHUNK, last, now, before, change, weight)
+            partial[chunk, _CROSS], partial[chunk, _SQUARE] = inner_products(chunk * CHUNK, last, now, before, change, weight)
     cross, square = 0.0, 0.0
     for chunk in range(chunks):
-        cross += partial[chunk, 0]
-        square += partial[chunk, 1]
+        cross += partial[chunk, _CROSS]
+        square += partial[chunk, _SQUARE]
     return cross, square
 
 

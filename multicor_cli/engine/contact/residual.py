@@ -9,6 +9,9 @@ from multicor_cli.engine.contact.sweep import EXACT, System, general_solution, g
 from multicor_cli.engine.jit.chunks import CHUNK
 from multicor_cli.engine.jit.compile import kernel, loop_body, parallel_kernel, prange
 from multicor_cli.model.columns import BIAS, FIRST, MASS, MU, NORMAL, NX, NY, SECOND, SURFACE, TANGENTIAL, W_NN, W_NT, W_TT, X, Y
+from multicor_cli.model.model import Floats
+
+_SQUARES, _ENERGY, _LARGEST, _ACTIVE = range(4)
 
 
 @loop_body
@@ -46,7 +49,7 @@ def _general_residual(g: int, s: System) -> tuple[float, float]:
 
 
 @kernel
-def _residual_of_chunk(chunk: int, s: System) -> tuple[float, float, float, float]:
+def _residual_of_chunk(chunk: int, s: System, partial: Floats) -> None:
     squares, energy, largest, active = 0.0, 0.0, 0.0, 0.0
     for k in range(chunk * CHUNK, min(s.pair.shape[0], (chunk + 1) * CHUNK)):
         square, share = _light_residual(k, s)
@@ -55,13 +58,14 @@ def _residual_of_chunk(chunk: int, s: System) -> tuple[float, float, float, floa
             active += 1.0
             largest = max(largest, square)
         energy += share
-    return squares, energy, largest, active
+    partial[chunk, _SQUARES], partial[chunk, _ENERGY] = squares, energy
+    partial[chunk, _LARGEST], partial[chunk, _ACTIVE] = largest, active
 
 
 @parallel_kernel
-def _residuals_of_chunks(s: System, partial: np.ndarray) -> None:
+def _residuals_of_chunks(s: System, partial: Floats) -> None:
     for chunk in prange(partial.shape[0]):
-        partial[chunk, 0], partial[chunk, 1], partial[chunk, 2], partial[chunk, 3] = _residual_of_chunk(chunk, s)
+        _residual_of_chunk(chunk, s, partial)
 
 
 @kernel
@@ -83,13 +87,13 @@ def measure_residual(s: System, parallel: bool) -> tuple[float, float, float, fl
         _residuals_of_chunks(s, partial)
     else:
         for chunk in range(chunks):
-            partial[chunk, 0], partial[chunk, 1], partial[chunk, 2], partial[chunk, 3] = _residual_of_chunk(chunk, s)
+            _residual_of_chunk(chunk, s, partial)
     squares, energy, largest, active = 0.0, 0.0, 0.0, 0.0
     for chunk in range(chunks):
-        squares += partial[chunk, 0]
-        energy += partial[chunk, 1]
-        largest = max(largest, partial[chunk, 2])
-        active += partial[chunk, 3]
+        squares += partial[chunk, _SQUARES]
+        energy += partial[chunk, _ENERGY]
+        largest = max(largest, partial[chunk, _LARGEST])
+        active += partial[chunk, _ACTIVE]
     for g in range(s.general_pair.shape[0]):
         square, share = _general_residual(g, s)
         if square >= 0.0:

@@ -7,12 +7,18 @@ import numpy as np
 from multicor_cli.engine.jit.chunks import CHUNK
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
 from multicor_cli.engine.jit.formulas import formula
-from multicor_cli.model.columns import SPIN, X, Y
+from multicor_cli.model.columns import SPIN, TAIL_X, TAIL_Y, X, Y
 from multicor_cli.model.model import Floats, Ints
 from multicor_cli.model.shapes import ShapeKind
 
 _DISC = int(ShapeKind.DISC)
 _PLANE = int(ShapeKind.PLANE)
+
+AT_ORIGIN, PER_X, PER_Y = range(3)
+"""Rows of a fit: the field at the first grain, its change per length in x and in y."""
+
+_SUM_X, _SUM_Y, _SUM_XX, _SUM_XY, _SUM_YY, _SUM_U, _SUM_V, _SUM_XU, _SUM_XV, _SUM_YU, _SUM_YV = range(11)
+_DEVIATION, _LARGEST_U, _LARGEST_V = range(3)
 
 
 @formula
@@ -28,44 +34,44 @@ def _vector(i: int, vectors: Floats, origin: Floats, period: float) -> tuple[flo
 
 @formula
 def _add_to_sums(x: float, y: float, u: float, v: float, row: int, sums: Floats) -> None:
-    sums[row, 0] += x
-    sums[row, 1] += y
-    sums[row, 2] += x * x
-    sums[row, 3] += x * y
-    sums[row, 4] += y * y
-    sums[row, 5] += u
-    sums[row, 6] += v
-    sums[row, 7] += x * u
-    sums[row, 8] += x * v
-    sums[row, 9] += y * u
-    sums[row, 10] += y * v
+    sums[row, _SUM_X] += x
+    sums[row, _SUM_Y] += y
+    sums[row, _SUM_XX] += x * x
+    sums[row, _SUM_XY] += x * y
+    sums[row, _SUM_YY] += y * y
+    sums[row, _SUM_U] += u
+    sums[row, _SUM_V] += v
+    sums[row, _SUM_XU] += x * u
+    sums[row, _SUM_XV] += x * v
+    sums[row, _SUM_YU] += y * u
+    sums[row, _SUM_YV] += y * v
 
 
 @formula
 def _compare_with_fit(x: float, y: float, u: float, v: float, fit: Floats, row: int, farthest: Floats) -> None:
-    du = u - fit[0, 0] - x * fit[1, 0] - y * fit[2, 0]
-    dv = v - fit[0, 1] - x * fit[1, 1] - y * fit[2, 1]
-    farthest[row, 0] = max(farthest[row, 0], du * du + dv * dv)
-    farthest[row, 1] = max(farthest[row, 1], abs(u))
-    farthest[row, 2] = max(farthest[row, 2], abs(v))
+    du = u - fit[AT_ORIGIN, X] - x * fit[PER_X, X] - y * fit[PER_Y, X]
+    dv = v - fit[AT_ORIGIN, Y] - x * fit[PER_X, Y] - y * fit[PER_Y, Y]
+    farthest[row, _DEVIATION] = max(farthest[row, _DEVIATION], du * du + dv * dv)
+    farthest[row, _LARGEST_U] = max(farthest[row, _LARGEST_U], abs(u))
+    farthest[row, _LARGEST_V] = max(farthest[row, _LARGEST_V], abs(v))
 
 
 @formula
 def _least_squares(count: int, sums: Floats, is_periodic: bool, fit: Floats) -> None:
     """The fit out of the first row of the sums."""
-    mean_x, mean_y = sums[0, 0] / count, sums[0, 1] / count
+    mean_x, mean_y = sums[0, _SUM_X] / count, sums[0, _SUM_Y] / count
     # A little more on the diagonal: places may lie on one line. Any fit is good, only the bound grows.
-    more = 1e-9 * (sums[0, 2] + sums[0, 4])
+    more = 1e-9 * (sums[0, _SUM_XX] + sums[0, _SUM_YY])
     more = more if more > 0.0 else 1.0
-    xx, yy = sums[0, 2] - count * mean_x * mean_x + more, sums[0, 4] - count * mean_y * mean_y + more
-    xy = 0.0 if is_periodic else sums[0, 3] - count * mean_x * mean_y
+    xx, yy = sums[0, _SUM_XX] - count * mean_x * mean_x + more, sums[0, _SUM_YY] - count * mean_y * mean_y + more
+    xy = 0.0 if is_periodic else sums[0, _SUM_XY] - count * mean_x * mean_y
     for d in range(2):
-        total = sums[0, 5 + d]
-        x = 0.0 if is_periodic else sums[0, 7 + d] - mean_x * total
-        y = sums[0, 9 + d] - mean_y * total
-        fit[1, d] = (x * yy - y * xy) / (xx * yy - xy * xy)
-        fit[2, d] = (y * xx - x * xy) / (xx * yy - xy * xy)
-        fit[0, d] = total / count - mean_x * fit[1, d] - mean_y * fit[2, d]
+        total = sums[0, _SUM_U + d]
+        x = 0.0 if is_periodic else sums[0, _SUM_XU + d] - mean_x * total
+        y = sums[0, _SUM_YU + d] - mean_y * total
+        fit[PER_X, d] = (x * yy - y * xy) / (xx * yy - xy * xy)
+        fit[PER_Y, d] = (y * xx - x * xy) / (xx * yy - xy * xy)
+        fit[AT_ORIGIN, d] = total / count - mean_x * fit[PER_X, d] - mean_y * fit[PER_Y, d]
 
 
 @formula
@@ -130,12 +136,12 @@ def shape_bounds(
     for k in range(kind.size):
         u, v = vectors[k, X], vectors[k, Y]
         if kind[k] == _DISC:
-            x, y = world[k, 0] - center[X], world[k, 1] - center[Y]
-            du = u - fit[0, 0] - x * fit[1, 0] - y * fit[2, 0]
-            dv = v - fit[0, 1] - x * fit[1, 1] - y * fit[2, 1]
+            x, y = world[k, X] - center[X], world[k, Y] - center[Y]
+            du = u - fit[AT_ORIGIN, X] - x * fit[PER_X, X] - y * fit[PER_Y, X]
+            dv = v - fit[AT_ORIGIN, Y] - x * fit[PER_X, Y] - y * fit[PER_Y, Y]
             square, fastest = max(square, du * du + dv * dv), max(fastest, u * u + v * v)
         elif kind[k] == _PLANE:
-            nx, ny = world[k, 2], world[k, 3]
+            nx, ny = world[k, TAIL_X], world[k, TAIL_Y]
             wall = max(wall, abs(nx) * largest[X] + abs(ny) * largest[Y] + abs(nx * u + ny * v) + turn[k])
         else:
             wall = max(wall, np.sqrt(largest[X] * largest[X] + largest[Y] * largest[Y]) + np.sqrt(u * u + v * v) + turn[k])
@@ -163,5 +169,5 @@ def shape_velocities(
         vectors[k, X], vectors[k, Y] = velocity[w, X], velocity[w, Y]
         turn[k] = abs(velocity[w, SPIN]) * extent[w]
         if kind[k] == _DISC:
-            vectors[k, X] -= velocity[w, SPIN] * (world[k, 1] - wall_position[w, Y])
-            vectors[k, Y] += velocity[w, SPIN] * (world[k, 0] - wall_position[w, X])
+            vectors[k, X] -= velocity[w, SPIN] * (world[k, Y] - wall_position[w, Y])
+            vectors[k, Y] += velocity[w, SPIN] * (world[k, X] - wall_position[w, X])

@@ -6,6 +6,7 @@ from math import floor, inf, sqrt
 
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.formulas import formula
+from multicor_cli.model.columns import TAIL_X, TAIL_Y, X, Y
 from multicor_cli.model.model import Floats, Ints
 from multicor_cli.model.shapes import ShapeKind
 
@@ -71,7 +72,7 @@ def disc_circle(dx: float, dy: float, circle_radius: float, radius: float) -> tu
 def _past_end(x: float, y: float, world: Floats, segment: int, is_start: bool) -> bool:
     """Whether the point of the segment closest to (x, y) is that end."""
     s = world[segment]
-    foot = segment_parameter(x, y, s[0], s[1], s[2], s[3])
+    foot = segment_parameter(x, y, s[X], s[Y], s[TAIL_X], s[TAIL_Y])
     return foot <= 0.0 if is_start else foot >= 1.0
 
 
@@ -81,7 +82,7 @@ def gap_to_shape(
 ) -> tuple[float, float, float]:
     """Gap [m] and unit normal of a grain at (x, y) against a wall shape; ``inf`` where another shape of the wall is closer."""
     what = kind[shape]
-    g0, g1, g2, g3 = world[shape, 0], world[shape, 1], world[shape, 2], world[shape, 3]
+    g0, g1, g2, g3 = world[shape, X], world[shape, Y], world[shape, TAIL_X], world[shape, TAIL_Y]
     dx = nearest_image(x - g0, period)
     dy = y - g1
     if what == _DISC:
@@ -112,7 +113,7 @@ def is_near_shape(x: float, y: float, radius: float, shape: int, kind: Ints, wor
     what = kind[shape]
     if what != _SEGMENT and what != _VERTEX:
         return gap_to_shape(x, y, radius, shape, kind, world, period)[0] < cutoff
-    g0, g1, g2, g3 = world[shape, 0], world[shape, 1], world[shape, 2], world[shape, 3]
+    g0, g1, g2, g3 = world[shape, X], world[shape, Y], world[shape, TAIL_X], world[shape, TAIL_Y]
     dx = nearest_image(x - g0, period)
     dy = y - g1
     if what == _SEGMENT:

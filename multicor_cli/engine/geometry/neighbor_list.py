@@ -10,7 +10,7 @@ from multicor_cli.engine.geometry.drift import bound_closing, fit_drift
 from multicor_cli.engine.geometry.grids import cell_count, cells_for, classify, make_grids
 from multicor_cli.engine.geometry.neighbors import find_near
 from multicor_cli.engine.jit.elementwise import hypot
-from multicor_cli.model.columns import X, Y
+from multicor_cli.model.columns import RADIUS, TAIL_X, TAIL_Y, X, Y
 from multicor_cli.model.model import Floats, Ints, Model
 from multicor_cli.model.shapes import ShapeKind
 
@@ -40,7 +40,7 @@ class NeighborList:
         self._others = np.flatnonzero(kind != ShapeKind.DISC).astype(np.int32)
         self._planes = np.flatnonzero(kind == ShapeKind.PLANE)
         self._shape_of = (model.grain_count + self._disc_shapes).astype(np.int32)
-        self._radius = np.concatenate([model.grains.radius, model.shapes.geometry[self._disc_shapes, 2]])
+        self._radius = np.concatenate([model.grains.radius, model.shapes.geometry[self._disc_shapes, RADIUS]])
         self.largest = 2.0 * float(self._radius.max())
         self._classes = classify(self._radius)
         self._skin = SKIN * model.mean_diameter
@@ -74,7 +74,7 @@ class NeighborList:
         drift = fit_drift(position, self._reference, self._model.period, self._reference)
         change = world - self._reference_world
         turn = np.zeros(len(world))
-        turn[self._others] = hypot(change[self._others, 2], change[self._others, 3])  # see `Tail`
+        turn[self._others] = hypot(change[self._others, TAIL_X], change[self._others, TAIL_Y])  # see `Tail`
         if self._planes.size:  # a tilting plane moves in proportion to the distance from its point
             move = change[self._planes, :2]
             turn[self._planes] *= self._extent + hypot(move[:, X], move[:, Y]) + arithmetic.hypot(*drift.largest.tolist())

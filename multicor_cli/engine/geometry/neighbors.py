@@ -41,9 +41,9 @@ def bin_discs(
     start = np.zeros(level_start[-1] + 1, np.int32)
     for d in range(level.size):
         k = level[d]
-        cx = min(max(int((center[d, X] - origin[X]) / level_cells[k, 0]), 0), level_shape[k, 0] - 1)
-        cy = min(max(int((center[d, Y] - origin[Y]) / level_cells[k, 1]), 0), level_shape[k, 1] - 1)
-        cell[d] = level_start[k] + cy * level_shape[k, 0] + cx
+        cx = min(max(int((center[d, X] - origin[X]) / level_cells[k, X]), 0), level_shape[k, X] - 1)
+        cy = min(max(int((center[d, Y] - origin[Y]) / level_cells[k, Y]), 0), level_shape[k, Y] - 1)
+        cell[d] = level_start[k] + cy * level_shape[k, X] + cx
         start[cell[d] + 1] += 1
     for c in range(start.size - 1):
         start[c + 1] += start[c]
@@ -86,14 +86,14 @@ def _scan_row(
     x, y, r = center[i, X], center[i, Y], radius[i]
     for k in range(level_radius.size):
         reach = r + level_radius[k] + cutoff
-        columns, rows = level_shape[k, 0], level_shape[k, 1]
-        first_y = max(int(np.floor((y - reach - origin[Y]) / level_cells[k, 1])), 0)
-        last_y = min(int(np.floor((y + reach - origin[Y]) / level_cells[k, 1])), rows - 1)
+        columns, rows = level_shape[k, X], level_shape[k, Y]
+        first_y = max(int(np.floor((y - reach - origin[Y]) / level_cells[k, Y])), 0)
+        last_y = min(int(np.floor((y + reach - origin[Y]) / level_cells[k, Y])), rows - 1)
         # Cells beyond the last row or column are merged into it, so a disc outside the grid is still found there.
         first_y = min(first_y, rows - 1)
         last_y = max(last_y, 0)
-        first_x = int(np.floor((x - reach - origin[X]) / level_cells[k, 0]))
-        last_x = int(np.floor((x + reach - origin[X]) / level_cells[k, 0]))
+        first_x = int(np.floor((x - reach - origin[X]) / level_cells[k, X]))
+        last_x = int(np.floor((x + reach - origin[X]) / level_cells[k, X]))
         if period > 0.0:
             last_x = min(last_x, first_x + columns - 1)
         else:

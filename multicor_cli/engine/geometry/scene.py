@@ -10,7 +10,7 @@ from multicor_cli.arithmetic import cos, sin
 from multicor_cli.engine.geometry.gaps import disc_disc, gap_to_shape, minimum_image
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.formulas import formula
-from multicor_cli.model.columns import ANGLE, X, Y
+from multicor_cli.model.columns import ANGLE, TAIL_X, TAIL_Y, X, Y
 from multicor_cli.model.model import Floats, Ints
 from multicor_cli.model.shapes import TAIL, Tail
 
@@ -60,20 +60,20 @@ def place_shapes(kind: Ints, wall: Ints, local: Floats, wall_position: Floats, w
     for k in range(kind.size):
         frame = wall_position[wall[k]]
         c, s = cos(frame[ANGLE]), sin(frame[ANGLE])
-        x, y = local[k, 0], local[k, 1]
-        world[k, 0] = frame[X] + c * x - s * y
-        world[k, 1] = frame[Y] + s * x + c * y
-        u, v = local[k, 2], local[k, 3]
+        x, y = local[k, X], local[k, Y]
+        world[k, X] = frame[X] + c * x - s * y
+        world[k, Y] = frame[Y] + s * x + c * y
+        u, v = local[k, TAIL_X], local[k, TAIL_Y]
         tail = TAIL[kind[k]]
         if tail == _DIRECTION:
-            world[k, 2] = c * u - s * v
-            world[k, 3] = s * u + c * v
+            world[k, TAIL_X] = c * u - s * v
+            world[k, TAIL_Y] = s * u + c * v
         elif tail == _POINT:
-            world[k, 2] = frame[X] + c * u - s * v
-            world[k, 3] = frame[Y] + s * u + c * v
+            world[k, TAIL_X] = frame[X] + c * u - s * v
+            world[k, TAIL_Y] = frame[Y] + s * u + c * v
         else:
-            world[k, 2] = u
-            world[k, 3] = v
+            world[k, TAIL_X] = u
+            world[k, TAIL_Y] = v
 
 
 @formula

@@ -10,6 +10,7 @@ from multicor_cli.arithmetic.sums import total
 from multicor_cli.engine.heat.flow import Flow
 from multicor_cli.engine.heat.rates import OUTSIDE_BOOKS
 from multicor_cli.model.books import HEAT_BOOK_NAMES
+from multicor_cli.model.columns import GIVEN, RECEIVED
 from multicor_cli.model.model import Floats
 from multicor_cli.model.state import State
 
@@ -19,14 +20,14 @@ _BOOK = {name: k for k, name in enumerate(HEAT_BOOK_NAMES)}
 def book_generated(state: State, friction: float, impact: float, to_walls: Floats) -> None:
     """Enter the heat generated in one step [J]; ``to_walls`` of shape ``(w,)`` is what of it went into the walls."""
     _enter(state, {"friction": friction, "impact": impact, "to_walls": total(to_walls)})
-    state.wall_heat[:, 1] += to_walls
+    state.wall_heat[:, RECEIVED] += to_walls
 
 
 def book_flow(state: State, flow: Flow, undelivered: float) -> None:
     """Enter the heat that has flowed; ``undelivered`` [J] is what walls of prescribed flow that touch no grain could not give."""
     outside = dict(zip(OUTSIDE_BOOKS, flow.outside.tolist(), strict=True))
     _enter(state, {"from_walls": total(flow.walls), **outside}, total(np.abs(flow.walls)))
-    state.wall_heat[:, 0] += flow.walls
+    state.wall_heat[:, GIVEN] += flow.walls
     state.heat_books[_BOOK["undelivered"]] += undelivered
     state.heat_books[_BOOK["sub_steps"]] += flow.sub_steps
 

@@ -17,7 +17,7 @@ from multicor_cli.engine.heat.wear import rubbing_of
 from multicor_cli.engine.jit.chunks import CHUNK
 from multicor_cli.engine.jit.compile import parallel_kernel, prange
 from multicor_cli.engine.jit.formulas import formula
-from multicor_cli.model.columns import MU, NORMAL, TANGENTIAL
+from multicor_cli.model.columns import FRICTION, IMPACT, MU, NORMAL, TANGENTIAL
 from multicor_cli.model.model import Floats
 
 FrictionRule = Literal["energy", "sliding", "none"]
@@ -53,16 +53,16 @@ def generated_heat(
     count = contacts.i.size
     for chunk in prange((count + CHUNK - 1) // CHUNK):
         for c in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
-            heat[c, 0], heat[c, 1], rubbing[c] = 0.0, 0.0, 0.0
+            heat[c, FRICTION], heat[c, IMPACT], rubbing[c] = 0.0, 0.0, 0.0
             p_n, p_t = contacts.impulse[c, NORMAL], contacts.impulse[c, TANGENTIAL]
             if p_n > 0.0:
                 u_n, u_t = contact_after(c, scene, contacts, after)
                 mu, slip = contacts.frame[c, MU], 0.5 * (contacts.before[c, TANGENTIAL] + u_t)
                 work = -p_t * slip
                 if rule == ENERGY:
-                    heat[c, 0] = work
+                    heat[c, FRICTION] = work
                 elif rule == SLIDING:
-                    heat[c, 0] = sliding_power(mu, p_n, u_t)
+                    heat[c, FRICTION] = sliding_power(mu, p_n, u_t)
                 if has_impact:
-                    heat[c, 1] = -p_n * 0.5 * (contacts.before[c, NORMAL] + u_n)
+                    heat[c, IMPACT] = -p_n * 0.5 * (contacts.before[c, NORMAL] + u_n)
                 rubbing[c] = rubbing_of(p_n, slip, work, mu)

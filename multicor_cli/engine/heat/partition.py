@@ -24,6 +24,7 @@ from numpy.typing import NDArray
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.heat.wear import archard_volume
 from multicor_cli.engine.jit.compile import kernel
+from multicor_cli.model.columns import FRICTION, IMPACT
 from multicor_cli.model.model import Floats, Ints
 
 if TYPE_CHECKING:
@@ -108,7 +109,7 @@ def share_out(
     grains = scene.radius.size
     for c in range(i.size):
         a, b = scene.material[i[c]], scene.material[j[c]]
-        total = heat[c, 0] + heat[c, 1]
+        total = heat[c, FRICTION] + heat[c, IMPACT]
         mine = laws.share[a, b] * total
         wear[i[c]] += archard_volume(laws.wear[a, b], rubbing[c])
         if j[c] < grains:

@@ -32,6 +32,7 @@ from multicor_cli.engine.heat.spots import (
     touching_pairs,
 )
 from multicor_cli.engine.heat.walls import WallHeat, WallValues
+from multicor_cli.model.columns import FRICTION, IMPACT
 from multicor_cli.model.faults import LARGEST, find_absurd_value
 from multicor_cli.model.model import Floats, Ints, Model
 from multicor_cli.model.state import State
@@ -201,7 +202,7 @@ class HeatEngine:
         state.generated += source
         friction, impact = column_totals(heat).tolist()
         book_generated(state, friction, impact, to_walls)
-        return source, heat[:, 0] + heat[:, 1]
+        return source, heat[:, FRICTION] + heat[:, IMPACT]
 
     def _spots(self, moved: MovedContacts, dt: float) -> Spots:
         contacts, settings = moved.contacts, self.settings
