@@ -11,7 +11,7 @@ import numpy as np
 from case import Floats, FlowPlan, Frames, Glued, Layer
 from scene import DENSITY, FRICTION
 
-from multicor_cli.bench.driving import Prepared, prepare
+from multicor_cli.bench.driving import PreparedScene, prepare
 from multicor_cli.bench.scenes import BenchScene
 from multicor_cli.engine import Settings
 from multicor_cli.engine.coupled import CoupledEngine
@@ -66,7 +66,7 @@ class Start:
             threads: Number of threads that the engines get.
             seed: Seed of sizes and places of the grains.
         """
-        self._prepared: Prepared = prepare(scene, grains, seed=seed, threads=threads)
+        self._prepared: PreparedScene = prepare(scene, grains, seed=seed, threads=threads)
 
     @property
     def model(self) -> Model:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from multicor_cli.bench.driving import Prepared, Round
+from multicor_cli.bench.driving import PreparedScene, Round
 from multicor_cli.model import BOOK_NAMES, HEAT_BOOK_NAMES, TALLY_NAMES
 
 CLOSURE = 1e-10
@@ -13,7 +13,7 @@ WEIGHT = 0.01
 MISSED = 0.01
 
 
-def find_faults(prepared: Prepared, rounds: list[Round]) -> list[str]:
+def find_faults(prepared: PreparedScene, rounds: list[Round]) -> list[str]:
     """What is wrong after the measured steps; empty if nothing is.
 
     Energy books closed to `CLOSURE`, heat books too; overlaps below `OVERLAP` of the smaller radius; at most `MISSED` of the steps
@@ -37,7 +37,7 @@ def find_faults(prepared: Prepared, rounds: list[Round]) -> list[str]:
     return faults
 
 
-def _weigh(prepared: Prepared) -> list[str]:
+def _weigh(prepared: PreparedScene) -> list[str]:
     """The floor's impulse over the time since the scene began is the weight; the window sums it."""
     state, model = prepared.state, prepared.model
     weight = float(model.grains.mass.sum()) * float(np.hypot(*model.gravity))
@@ -45,7 +45,7 @@ def _weigh(prepared: Prepared) -> list[str]:
     return [] if abs(force / weight - 1.0) <= WEIGHT else [f"the floor carries {force / weight:.4f} of the weight"]
 
 
-def _check_heat(prepared: Prepared) -> list[str]:
+def _check_heat(prepared: PreparedScene) -> list[str]:
     state, model, faults = prepared.state, prepared.model, []
     assert model.thermal is not None
     closure = state.heat_books[HEAT_BOOK_NAMES.index("closure")]

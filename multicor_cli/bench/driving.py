@@ -61,8 +61,8 @@ class Round:
 
 
 @dataclass
-class Prepared:
-    """A scene in front of its clock.
+class PreparedScene:
+    """A prepared scene, ready to be timed.
 
     Attributes:
         scene: The scene.
@@ -105,7 +105,7 @@ class Prepared:
         return self.take(1)
 
 
-def prepare(scene: BenchScene, grains: int, *, seed: int = 1, threads: int = 1) -> Prepared:
+def prepare(scene: BenchScene, grains: int, *, seed: int = 1, threads: int = 1) -> PreparedScene:
     """Bring a scene to where it is measured.
 
     Args:
@@ -128,7 +128,7 @@ def prepare(scene: BenchScene, grains: int, *, seed: int = 1, threads: int = 1) 
     stage = plan.stages[-1]
     engine = make_engine(_scenario(scene, count, seed, copies), model, state, threads)
     begin_stage(engine, stage, starts)
-    return Prepared(scene, model, engine, stage)
+    return PreparedScene(scene, model, engine, stage)
 
 
 def _scenario(scene: BenchScene, count: int, seed: int, copies: int) -> Scenario:

@@ -11,7 +11,7 @@ import numpy as np
 
 from multicor_cli.bench.calibration import SweepTimes, time_sweep
 from multicor_cli.bench.checks import find_faults
-from multicor_cli.bench.driving import Prepared, Round, prepare
+from multicor_cli.bench.driving import PreparedScene, Round, prepare
 from multicor_cli.bench.reference import ReferenceStep
 from multicor_cli.bench.rest import NoRestError
 from multicor_cli.bench.scenes import SCENES
@@ -139,7 +139,7 @@ def measure(task: Task) -> Result:
     return _summarize(prepared, task, measured, sweep, memory, faults)
 
 
-def _take_rounds(prepared: Prepared, task: Task) -> _Measured:
+def _take_rounds(prepared: PreparedScene, task: Task) -> _Measured:
     scene, yardstick = prepared.scene, ReferenceStep(prepared.model.grain_count)
     references: list[float] = []
     rounds = [prepared.take(scene.steps, lambda: references.append(yardstick.seconds())) for _ in range(task.rounds)]
@@ -147,14 +147,14 @@ def _take_rounds(prepared: Prepared, task: Task) -> _Measured:
     return _Measured(rounds, references, [prepared.take_cold() for _ in range(_COLD * task.rounds if is_cold else 0)])
 
 
-def _measure_sweep(prepared: Prepared, threads: int) -> SweepTimes:
+def _measure_sweep(prepared: PreparedScene, threads: int) -> SweepTimes:
     stage, state = prepared.stage, prepared.state
     ordered = prepared.engine.mechanics.next_system(stage.dt, state.stage_step * stage.dt)
     return time_sweep(ordered.system, (1, threads) if threads > 1 else (1,))
 
 
 def _summarize(
-    prepared: Prepared, task: Task, measured: _Measured, sweep: SweepTimes | None, memory: float, faults: list[str]
+    prepared: PreparedScene, task: Task, measured: _Measured, sweep: SweepTimes | None, memory: float, faults: list[str]
 ) -> Result:
     rounds, steps = measured.rounds, prepared.scene.steps
     reports = [report for round_ in rounds for report in round_.reports]
@@ -186,10 +186,11 @@ def _summarize(
 
 
 def other_time(rounds: list[Round]) -> float:
-    """Time of a step in everything but the solve, without that of waiting for other programs [s].
+    """Time per step outside the solve, corrected for time lost to other programs [s].
 
-    When in a step it waited is not known. Where most of the step is not the solve the waiting is taken out in proportion; else only
-    steps count that waited least: a quarter, or all that did not.
+    The loss is known only per step, not where in the step it occurred. If the solve takes less than half of a step, the time
+    outside it is scaled by the share of CPU that the step had; otherwise only the quarter of the steps with the least loss is used,
+    or all steps with hardly any.
     """
     steps = np.array([row for round_ in rounds for row in zip(round_.seconds, round_.solves, round_.shares, strict=True)])
     seconds, solves, shares = steps.T

@@ -7,7 +7,7 @@
 | 2 | the command line is wrong |
 | 3 | the scenario is invalid, or not the one that the run began with |
 | 4 | physics: non-finite state, no admissible positions, solver failed by request |
-| 5 | environment: disk full, permission, memory, missing library |
+| 5 | environment: disk full, no permission, out of memory, missing library, environment variable with a wrong value |
 | 6 | the output exists, or another live run holds it |
 | 7 | data damaged, or made by an incompatible version |
 | 75 | stopped at the time limit, resumable |

@@ -27,7 +27,7 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON."
 
 
 def info(directory: RunPath, is_json: AsJson = False) -> None:
-    """Say what a run holds, how far it is, and how good it is."""
+    """Show what a run contains, how far it has got, and how accurate it is."""
     from multicor_cli.engine.heat.watch import biot_warning, undelivered_warning
     from multicor_cli.store import run_info
 
@@ -56,7 +56,7 @@ def verify(directory: RunPath, is_json: AsJson = False) -> None:
     else:
         for finding in findings:
             emit(f"{finding.severity}: {_with_file(finding.file, finding.message)}")
-        say(f"{directory}: {count_noun(len(damaged), 'file')} damaged" if damaged else f"{directory}: everything is whole")
+        say(f"{directory}: {count_noun(len(damaged), 'file')} damaged" if damaged else f"{directory}: no damage found")
     if damaged:
         raise typer.Exit(ExitCode.DAMAGED)
 

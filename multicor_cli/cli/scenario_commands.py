@@ -109,7 +109,7 @@ def _summary(
             "disk_bytes": cost.disk,
             "disk_peak_bytes": cost.disk_peak,
             "wall_seconds": cost.seconds,
-            "hertz_deflection": cost.flattening,
+            "hertz_deflection": cost.deflection,
             "basis": cost.basis,
         },
     }
@@ -145,8 +145,8 @@ def _lines(
         lines.append(("wall time", f"about {format_seconds(cost.seconds)}, and half a minute of compilation the first time"))
     else:
         lines.append(("disk, time", "not known in advance: a stage ends by a condition that cannot be foreseen"))
-    if cost.flattening is not None:
-        text = f"{cost.flattening:.2g} of a diameter is the elastic deflection that rigid grains neglect (Hertz)"
+    if cost.deflection is not None:
+        text = f"{cost.deflection:.2g} of a diameter is the elastic deflection that rigid grains neglect (Hertz)"
         lines.append(("deflection", text))
     return lines
 

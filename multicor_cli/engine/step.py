@@ -246,7 +246,7 @@ class Engine:
         return contacts, scale
 
     def _scale(self, dt: float, squares: float, closing: float) -> ResidualScale:
-        """u_ref = max(rms Δt|F|/m, Δt P d̄/m̄, rms of the closing velocities), and ½ M u_ref² (theory §5.3)."""
+        """u_ref = max(Δt |g|, Δt P d̄/m̄, rms of the closing velocities), and ½ M u_ref² (theory §5.3)."""
         model = self.model
         mean_mass = self._mass / model.grain_count
         reference = max(
@@ -282,7 +282,7 @@ class Engine:
                 wrap(state.position, state.image, model.period)
         with self._timed("account"):
             book_step(state, self._motion, sums, kinetic, gravity_work, wall_before, correction, outcome, dt)
-            state.contact_i, state.contact_j, state.contact_impulse = account.loaded_contacts(contacts)
+            state.contact_i, state.contact_j, state.contact_impulse = account.warm_start_of(contacts)
             state.last_dt = dt
             state.step += 1
             state.stage_step += 1

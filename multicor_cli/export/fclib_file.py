@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from multicor_cli.engine.contact.problem import ContactProblem, free_velocity
 from multicor_cli.export.errors import ExportError
-from multicor_cli.export.target import check_file
+from multicor_cli.export.target import check_output
 from multicor_cli.model.columns import NORMAL, TANGENTIAL
 from multicor_cli.model.model import Floats, Ints
 from multicor_cli.store.atomic import GuardedFile, commit_file, storage_errors, temporary_beside
@@ -154,7 +154,7 @@ def write_fclib(
     if not len(problem.pair):
         message = "there is no contact, so there is no contact problem to export"
         raise ExportError(message)
-    check_file(path, is_overwriting=is_overwriting)
+    check_output(path, is_overwriting=is_overwriting)
     form = local_form(problem)
 
     def write(guarded: GuardedFile) -> None:

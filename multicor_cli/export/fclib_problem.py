@@ -11,7 +11,7 @@ from multicor_cli.engine.contact.problem import ContactProblem
 from multicor_cli.export.errors import ExportError
 from multicor_cli.export.fclib_file import write_fclib
 from multicor_cli.export.selection import choose_frame
-from multicor_cli.export.target import check_file
+from multicor_cli.export.target import check_output
 from multicor_cli.model import Model, State
 from multicor_cli.model.model import Floats
 from multicor_cli.running.plan import RunPlan
@@ -78,7 +78,7 @@ def export_fclib(run: Run, path: Path, frame: int = -1, *, is_overwriting: bool 
         ExportRefused: If the file may not be written.
         StoreError: If the run cannot be read, or the file not be written.
     """
-    check_file(path, is_overwriting=is_overwriting)
+    check_output(path, is_overwriting=is_overwriting)
     found = frame_problem(run, frame)
     name = parse_scenario(run.scenario_resolved, run.path).model.scenario.name
     after = ", one step after the end of the run" if found.is_beyond else ""

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from multicor_cli.export.errors import ExportRefused, MissingLibrary
 from multicor_cli.export.selection import Progress, choose_frames, no_progress
-from multicor_cli.export.target import check_file, new_file
+from multicor_cli.export.target import check_output, new_file
 from multicor_cli.model import Model
 from multicor_cli.model.model import Floats
 from multicor_cli.store import Frame, Run, StorageError, schema
@@ -58,7 +58,7 @@ def export_gsd(
     except ImportError as error:
         message = "GSD files need the library gsd: pip install 'multicor-cli[gsd]'"
         raise MissingLibrary(message) from error
-    check_file(path, is_overwriting=is_overwriting)
+    check_output(path, is_overwriting=is_overwriting)
     chosen = choose_frames(run, frames)
     # A number of a damaged file that single precision cannot hold becomes infinite, without a warning.
     with (

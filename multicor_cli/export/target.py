@@ -30,7 +30,7 @@ def refuse_files_of_runs(path: Path) -> None:
                 raise ExportRefused(f"{path}: is the name of a file of the run; choose another with -o")
 
 
-def check_file(path: Path, *, is_overwriting: bool) -> None:
+def check_output(path: Path, *, is_overwriting: bool) -> None:
     """Refuse a name at which no file may be written; changes nothing.
 
     Raises:
@@ -57,11 +57,11 @@ def new_file(path: Path, *, is_overwriting: bool) -> Iterator[Path]:
         is_overwriting: Whether a file that is there may be replaced.
 
     Raises:
-        ExportRefused: As `check_file`.
+        ExportRefused: As `check_output`.
         StorageFull: If there is not enough space.
         StorageError: For any other error of the system.
     """
-    check_file(path, is_overwriting=is_overwriting)
+    check_output(path, is_overwriting=is_overwriting)
     temporary = temporary_beside(path)
     try:
         with storage_errors(path):

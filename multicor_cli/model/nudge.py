@@ -1,9 +1,9 @@
 """A switch for tests: every initial position moved by an ulp, to show what depends on the last bits of one trajectory.
 
-``MULTICOR_NUDGE=SEED`` moves each coordinate of each grain to the next number up or down, or not at all, by lot. Flows are chaotic:
-after some hundred collisions such a run has nothing in common with the one it was, but for what physics makes of both. A test that
-passes for several seeds therefore asserts physics; one that does not asserts the luck of one trajectory. Never set it for a run
-that is to be kept: run.json says ``nudge`` among its provenance if it was.
+``MULTICOR_NUDGE=SEED`` moves each coordinate of each grain at random to the next number up or down, or leaves it. Flows are
+chaotic: after some hundred collisions the two runs share only their statistics. A test that passes for several seeds checks
+physics; one that does not depends on one particular trajectory. Never set it for a run that is to be kept: the provenance in
+run.json has an entry ``nudge`` if it was.
 """
 
 from __future__ import annotations
@@ -35,7 +35,9 @@ def nudge_seed() -> int | None:
     if not value:
         return None
     if not (value.isascii() and value.isdigit() and len(value) <= _DIGITS):
-        message = f"{VARIABLE}={value}: no seed; unset it, or give a whole number of at most {_DIGITS} digits (for tests only)"
+        message = (
+            f"{VARIABLE}={value} is not a valid seed; unset it, or give a whole number of at most {_DIGITS} digits (for tests only)"
+        )
         raise NudgeError(message)
     return int(value)
 

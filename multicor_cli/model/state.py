@@ -51,7 +51,7 @@ class State:
     contact_i: Ints = _array(("contact_row",), "1", "first shape of each contact that carried an impulse", "i4")
     contact_j: Ints = _array(("contact_row",), "1", "second shape of each of these contacts", "i4")
     contact_impulse: Floats = _array(("contact_row", 2), "N s", "normal and tangential impulse of the last step")
-    books: Floats = _array(("book",), "J", "energy books, in the order of state.BOOK_NAMES")
+    books: Floats = _array(("book",), "J", "energy books, in the order of model.BOOK_NAMES")
     tallies: Floats = _array(("tally",), "mixed", "counters, in the order of state.TALLY_NAMES")
     window: Floats = _array(("window",), "mixed", "sums, in the order of state.WINDOW_NAMES")
     window_wall_impulse: Floats = _array(("wall", 3), "N s, N s, N m s", "impulse on each wall since the last series row")
@@ -76,7 +76,7 @@ class State:
     )
     wall_wear: Floats = _array(("heat_wall",), "m3", "volume worn off since the start")
     wall_temperature: Floats = _array(("heat_wall",), "K", "temperature of the walls; nan where none is prescribed")
-    heat_books: Floats = _array(("heat_book",), "mixed", "heat books, in the order of state.HEAT_BOOK_NAMES")
+    heat_books: Floats = _array(("heat_book",), "mixed", "heat books, in the order of model.HEAT_BOOK_NAMES")
     # The contacts whose force is averaged, ascending by both shapes; from zero at their start.
     mean_i: Ints = _array(("mean_row",), "1", "first shape of each contact with an averaged force", "i4")
     mean_j: Ints = _array(("mean_row",), "1", "second shape of each of these contacts", "i4")
@@ -119,7 +119,7 @@ class State:
         return digest_of(self.as_dict())
 
 
-class Kept:
+class FrameFields:
     """What frames keep of a state as it is: `multicor_cli.store.Frame` has these attributes, None in a run without heat.
 
     A field of `State` with a row for each grain, or wall (``wall_…``), that is named here is in every frame, and is exported.

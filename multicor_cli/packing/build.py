@@ -11,9 +11,9 @@ from multicor_cli.model.columns import X
 from multicor_cli.model.model import Floats, Ints
 from multicor_cli.model.nudge import nudge, nudge_seed
 from multicor_cli.packing.bodies import SHAPE_FACTOR, Shape, inertias, masses
-from multicor_cli.packing.brought import Brought
 from multicor_cli.packing.errors import PackingError
 from multicor_cli.packing.groups import make_group
+from multicor_cli.packing.initial_grains import InitialGrains
 from multicor_cli.packing.laws import contact_laws, touching_pairs
 from multicor_cli.packing.obstacles import Obstacles
 from multicor_cli.packing.overlap import behind_problem, overlap_problems
@@ -56,20 +56,20 @@ def _refusal(scenario: Scenario, errors: list[PackingError]) -> ScenarioError:
     return ScenarioError([scenario.problem(error.key, error.message, error.remedy) for error in errors])
 
 
-def _make_groups(scenario: Scenario, solid: Obstacles) -> list[Brought]:
+def _make_groups(scenario: Scenario, solid: Obstacles) -> list[InitialGrains]:
     """The grains of all groups; problems of all groups are reported together."""
-    groups: list[Brought] = []
+    groups: list[InitialGrains] = []
     errors = []
     for k in range(len(scenario.particles)):
         try:
             _check_period(scenario, k, None)
-            brought = make_group(scenario, k, solid)
-            _check_period(scenario, k, float(brought.radius.max(initial=0.0)))
+            group = make_group(scenario, k, solid)
+            _check_period(scenario, k, float(group.radius.max(initial=0.0)))
         except PackingError as error:
             errors.append(PackingError(error.message, error.remedy, ("particles", k, *error.key)))
             continue
-        groups.append(brought)
-        solid = solid.with_discs(np.column_stack([_wrapped(scenario, brought.position), brought.radius]))
+        groups.append(group)
+        solid = solid.with_discs(np.column_stack([_wrapped(scenario, group.position), group.radius]))
     if errors:
         raise _refusal(scenario, errors)
     return groups
@@ -93,7 +93,7 @@ def _check_period(scenario: Scenario, index: int, largest: float | None) -> None
         raise PackingError(text, "widen the domain or use smaller grains", ("sizes",) if sizes is not None else ("packing",))
 
 
-def _model(scenario: Scenario, walls: BuiltWalls, groups: list[Brought]) -> Model:
+def _model(scenario: Scenario, walls: BuiltWalls, groups: list[InitialGrains]) -> Model:
     names = list(scenario.materials)
     grains = _grains(scenario, groups)
     touching = touching_pairs(grains.material.tolist(), walls.shapes.material.tolist())
@@ -111,7 +111,7 @@ def _model(scenario: Scenario, walls: BuiltWalls, groups: list[Brought]) -> Mode
     )
 
 
-def _thermal(scenario: Scenario, groups: list[Brought]) -> Thermal | None:
+def _thermal(scenario: Scenario, groups: list[InitialGrains]) -> Thermal | None:
     """Heat capacities and initial temperatures, if there is heat; problems of all groups are reported together."""
     if scenario.heat is None:
         return None
@@ -127,7 +127,7 @@ def _thermal(scenario: Scenario, groups: list[Brought]) -> Thermal | None:
     return joined(parts)
 
 
-def _grains(scenario: Scenario, groups: list[Brought]) -> Grains:
+def _grains(scenario: Scenario, groups: list[InitialGrains]) -> Grains:
     names = list(scenario.materials)
     counts = [group.radius.size for group in groups]
     mass, inertia = [], []
@@ -148,7 +148,7 @@ def _repeat(values: list[int], counts: list[int]) -> Ints:
     return np.repeat(np.array(values, np.int32), counts)
 
 
-def _state(model: Model, walls: BuiltWalls, groups: list[Brought]) -> State:
+def _state(model: Model, walls: BuiltWalls, groups: list[InitialGrains]) -> State:
     state = State.at_rest(model, np.concatenate([group.position for group in groups]))
     if model.period > 0.0:
         state.position[:, X] = wrap(state.position[:, X], model.period)

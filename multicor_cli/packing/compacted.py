@@ -23,7 +23,7 @@ from multicor_cli.model.columns import NORMAL, SPIN, X, Y
 from multicor_cli.model.model import Floats
 from multicor_cli.packing.bodies import SHAPE_FACTOR, Shape, inertias, masses
 from multicor_cli.packing.errors import PackingError
-from multicor_cli.packing.region import Area
+from multicor_cli.packing.region import PackingRegion
 from multicor_cli.packing.walls import join_shapes, join_walls
 
 _STEP = 0.1  # of √(m/P), the time in which the load moves a grain by its size
@@ -41,7 +41,7 @@ _UP, _DOWN = (0.0, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0, -1.0)  # planes
 def compact(
     position: Floats,
     radius: Floats,
-    region: Area,
+    region: PackingRegion,
     *,
     density: float,
     shape: Shape,
@@ -141,7 +141,9 @@ class _Press:
         self._start(replace(self.model, laws=higher))
 
 
-def _press(position: Floats, radius: Floats, mass: Floats, region: Area, shape: Shape, friction: float) -> tuple[Model, State]:
+def _press(
+    position: Floats, radius: Floats, mass: Floats, region: PackingRegion, shape: Shape, friction: float
+) -> tuple[Model, State]:
     """Grains between a floor and a lid, with sides unless the region is periodic."""
     floor, lid = WallBody.empty((region.left, region.bottom), region.width), WallBody.empty((region.left, region.top), region.width)
     bodies = [floor.with_shapes(ShapeKind.PLANE, [_UP]), lid.with_shapes(ShapeKind.PLANE, [_DOWN])]

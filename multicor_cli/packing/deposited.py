@@ -17,14 +17,14 @@ from multicor_cli.model.model import Floats
 from multicor_cli.packing.errors import PackingError
 from multicor_cli.packing.obstacles import Obstacles
 from multicor_cli.packing.placing import drop_and_roll, make_field
-from multicor_cli.packing.region import Area
+from multicor_cli.packing.region import PackingRegion
 from multicor_cli.packing.streams import Stream
 
 _ATTEMPTS = 200
 _BATCH = 4096
 
 
-def deposit(radius: Floats, region: Area, obstacles: Obstacles, rng: Stream) -> Floats:
+def deposit(radius: Floats, region: PackingRegion, obstacles: Obstacles, rng: Stream) -> Floats:
     """Centers of grains deposited in the order given [m], shape ``(n, 2)``.
 
     Args:

@@ -23,7 +23,7 @@ class PackingError(ValueError):
         self.key = key
 
 
-def check_file(path: Path, most: int, key: Key) -> None:
+def check_input(path: Path, most: int, key: Key) -> None:
     """Refuse a file from elsewhere that is not there or has more than ``most`` bytes, before memory is taken for it.
 
     Raises:

@@ -16,8 +16,8 @@ from typing import Any
 import numpy as np
 
 from multicor_cli.model.model import Floats
-from multicor_cli.packing.brought import MAX_GRAINS, Brought
-from multicor_cli.packing.errors import PackingError, check_file
+from multicor_cli.packing.errors import PackingError, check_input
+from multicor_cli.packing.initial_grains import MAX_GRAINS, InitialGrains
 from multicor_cli.packing.values import NAMED, describe_faults, faulty_rows, find_fault
 
 REQUIRED = ("x", "y", "radius")
@@ -32,7 +32,7 @@ _LARGEST_CHUNK = 2**20  # values
 _NUMBERS = "uif"  # kinds of numpy types that are plain numbers
 
 
-def read_grains(path: Path, shift: tuple[float, float]) -> Brought:
+def read_grains(path: Path, shift: tuple[float, float]) -> InitialGrains:
     """Grains from a file whose name ends in .csv, .h5 or .hdf5.
 
     Args:
@@ -42,7 +42,7 @@ def read_grains(path: Path, shift: tuple[float, float]) -> Brought:
     Raises:
         PackingError: The file is missing, unreadable, too large, or holds something else; rows are named.
     """
-    check_file(path, MAX_BYTES, _KEY)
+    check_input(path, MAX_BYTES, _KEY)
     kind = path.suffix.lower()
     if kind == ".csv":
         columns = _read_csv(path)
@@ -53,7 +53,7 @@ def read_grains(path: Path, shift: tuple[float, float]) -> Brought:
     n = columns["x"].size
     values = [columns.get(name, np.zeros(n)) for name in (*REQUIRED, *OPTIONAL)]
     x, y, radius, angle, vx, vy, spin = values
-    return Brought(radius, np.column_stack([x + shift[0], y + shift[1], angle]), np.column_stack([vx, vy, spin]))
+    return InitialGrains(radius, np.column_stack([x + shift[0], y + shift[1], angle]), np.column_stack([vx, vy, spin]))
 
 
 def _check_names(names: list[str], path: Path, what: str) -> None:

@@ -6,14 +6,14 @@ from pathlib import Path
 
 import numpy as np
 
-from multicor_cli.packing.brought import Brought
 from multicor_cli.packing.errors import PackingError
+from multicor_cli.packing.initial_grains import InitialGrains
 from multicor_cli.packing.values import describe_faults
 
 _KEY = ("packing", "path")
 
 
-def read_frame(path: Path, frame: int) -> Brought:
+def read_frame(path: Path, frame: int) -> InitialGrains:
     """Grains of a frame: radii, wrapped centers, angles, velocities, spins and, if that run had heat, temperatures.
 
     Walls and materials are not taken over.
@@ -38,17 +38,16 @@ def read_frame(path: Path, frame: int) -> Brought:
             radius = np.array(run.model.grains.radius, float)
     except NoFrame as error:
         raise PackingError(
-            f"the run '{path}' cannot be taken from: {error}", "choose another frame", ("packing", "frame")
+            f"cannot take grains from the run '{path}': {error}", "choose another frame", ("packing", "frame")
         ) from None
     except StoreError as error:
         raise PackingError(f"the run '{path}' cannot be read: {error}", "give the directory of a run", _KEY) from None
     sizes = {len(radius), len(position), len(velocity), len(radius if temperature is None else temperature)}
     if len(sizes) > 1:
-        raise PackingError(
-            f"the run '{path}' is damaged: frame {frame} has other grains than the run", "check it with multicor verify", _KEY
-        )
+        what = f"the run '{path}' is damaged: the number of grains in frame {frame} differs from that of the run"
+        raise PackingError(what, "check it with multicor verify", _KEY)
     columns = dict(zip(("x", "y", "angle", "vx", "vy", "spin"), [*position.T, *velocity.T], strict=True)) | {"radius": radius}
     faults = describe_faults(columns | ({} if temperature is None else {"temperature": temperature}))
     if faults:
         raise PackingError(f"frame {frame} of the run '{path}': {faults}", "check the run with multicor verify", _KEY)
-    return Brought(radius, position, velocity, temperature)
+    return InitialGrains(radius, position, velocity, temperature)

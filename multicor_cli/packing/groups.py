@@ -10,16 +10,16 @@ import numpy as np
 from multicor_cli.model.columns import SPIN, X, Y
 from multicor_cli.model.model import Floats
 from multicor_cli.packing.bodies import Shape
-from multicor_cli.packing.brought import Brought
 from multicor_cli.packing.compacted import compact
 from multicor_cli.packing.deposited import deposit
 from multicor_cli.packing.errors import PackingError
 from multicor_cli.packing.file import read_grains
 from multicor_cli.packing.from_run import read_frame
+from multicor_cli.packing.initial_grains import InitialGrains
 from multicor_cli.packing.lattice import lattice, lattice_capacity
 from multicor_cli.packing.obstacles import Obstacles
 from multicor_cli.packing.random import DEFAULT_ATTEMPTS, random_packing
-from multicor_cli.packing.region import Area
+from multicor_cli.packing.region import PackingRegion
 from multicor_cli.packing.size_tables import sizes_of
 from multicor_cli.packing.sizes import SizeDistribution, disc_area, draw_to_total
 from multicor_cli.packing.streams import Purpose, Stream, TableKind, stream
@@ -56,7 +56,7 @@ class _Task:
     sizes: SizeDistribution
     count: int | None
     fill: float | None
-    region: Area
+    region: PackingRegion
     obstacles: Obstacles
     random: Callable[[Purpose], Stream]
     is_periodic_in_y: bool = False
@@ -72,7 +72,7 @@ class _Task:
         return draw_to_total(self.sizes, disc_area, area, lambda: self.random(Purpose.SIZES))
 
 
-def make_group(scenario: Scenario, index: int, obstacles: Obstacles) -> Brought:
+def make_group(scenario: Scenario, index: int, obstacles: Obstacles) -> InitialGrains:
     """The grains of a group where they are at the start, moving as the scenario says; x is not wrapped yet.
 
     Args:
@@ -85,24 +85,24 @@ def make_group(scenario: Scenario, index: int, obstacles: Obstacles) -> Brought:
     """
     group = scenario.particles[index]
     region = region_of_group(scenario, group)
-    brought = _place(scenario, group, index, region, obstacles)
-    velocity = brought.velocity + np.array([*group.velocity, group.spin])
+    grains = _place(scenario, group, index, region, obstacles)
+    velocity = grains.velocity + np.array([*group.velocity, group.spin])
     if group.shear_rate:
         middle = 0.5 * (region.bottom + region.top)
-        velocity[:, X] += group.shear_rate * (brought.position[:, Y] - middle)
+        velocity[:, X] += group.shear_rate * (grains.position[:, Y] - middle)
         velocity[:, SPIN] -= 0.5 * group.shear_rate
-    return replace(brought, velocity=velocity)
+    return replace(grains, velocity=velocity)
 
 
-def region_of_group(scenario: Scenario, group: ParticleGroup) -> Area:
+def region_of_group(scenario: Scenario, group: ParticleGroup) -> PackingRegion:
     """The rectangle of a group; periodic if the domain is and the rectangle spans it."""
     table, domain = scenario.region(group), scenario.domain
     if domain.is_spanned(table.min[0], table.max[0]):  # exactly, so that nothing is lost between the two ends
-        return Area(table.min[0], table.min[1], table.min[0] + domain.period, table.max[1], True)
-    return Area(*table.min, *table.max)
+        return PackingRegion(table.min[0], table.min[1], table.min[0] + domain.period, table.max[1], True)
+    return PackingRegion(*table.min, *table.max)
 
 
-def _place(scenario: Scenario, group: ParticleGroup, index: int, region: Area, obstacles: Obstacles) -> Brought:
+def _place(scenario: Scenario, group: ParticleGroup, index: int, region: PackingRegion, obstacles: Obstacles) -> InitialGrains:
     packing = group.packing
     if isinstance(packing, FilePacking):
         return read_grains(scenario.resolve_path(packing.path), packing.shift)
@@ -125,9 +125,9 @@ def _tile(
     group: ParticleGroup,
     packing: TilePacking,
     sizes: SizeDistribution,
-    region: Area,
+    region: PackingRegion,
     random: Callable[[Purpose], Stream],
-) -> Brought:
+) -> InitialGrains:
     """One tile, periodic in x (a random one in y too), and its copies."""
     source = packing.source
     if packing.repeat[1] > 1 and isinstance(source, DepositedPacking | CompactedPacking):
@@ -137,7 +137,7 @@ def _tile(
     if width < 8.0 * sizes.largest:
         text = f"a tile of width {width:g} m is too narrow for grains of diameter {2.0 * sizes.largest:g} m"
         raise PackingError(text, "make it at least four of the largest diameters wide", ("packing", "tile"))
-    one = Area(0.0, 0.0, width, height, True)
+    one = PackingRegion(0.0, 0.0, width, height, True)
     is_random = isinstance(source, RandomPacking)
     if is_random and height < 8.0 * sizes.largest and packing.repeat[1] > 1:
         text = f"a tile of height {height:g} m is too low for grains of diameter {2.0 * sizes.largest:g} m"
@@ -146,34 +146,34 @@ def _tile(
     return repeat_tile(_make(scenario, group, source, task), packing.tile, packing.repeat, region)
 
 
-def _make(scenario: Scenario, group: ParticleGroup, packing: Source, task: _Task) -> Brought:
+def _make(scenario: Scenario, group: ParticleGroup, packing: Source, task: _Task) -> InitialGrains:
     if isinstance(packing, LatticePacking):
         return _lattice(packing, task)
     radius = task.radii()
     places = task.random(Purpose.PLACES)
     if isinstance(packing, DepositedPacking):
-        return Brought.at_rest(radius, deposit(radius, task.region, task.obstacles, places))
+        return InitialGrains.at_rest(radius, deposit(radius, task.region, task.obstacles, places))
     if isinstance(packing, RandomPacking):
         centers = random_packing(
             radius, task.region, task.obstacles, packing.separation, packing.attempts, places,
             is_periodic_in_y=task.is_periodic_in_y,
         )  # fmt: skip
-        return Brought.at_rest(radius, centers)
+        return InitialGrains.at_rest(radius, centers)
     loose = random_packing(radius, task.region, task.obstacles, 0.0, DEFAULT_ATTEMPTS, places)
-    return Brought.at_rest(radius, _compacted(scenario, group, packing, task.region, radius, loose))
+    return InitialGrains.at_rest(radius, _compacted(scenario, group, packing, task.region, radius, loose))
 
 
-def _lattice(packing: LatticePacking, task: _Task) -> Brought:
+def _lattice(packing: LatticePacking, task: _Task) -> InitialGrains:
     layout = (task.sizes.largest, task.region, packing.lattice, packing.spacing, packing.jitter)
     if task.count is None and task.fill is None:
         radius = task.sizes.draw(lattice_capacity(*layout), task.random(Purpose.SIZES))
     else:
         radius = task.radii()
-    return Brought.at_rest(radius, lattice(radius.size, *layout, task.random(Purpose.JITTER)))
+    return InitialGrains.at_rest(radius, lattice(radius.size, *layout, task.random(Purpose.JITTER)))
 
 
 def _compacted(
-    scenario: Scenario, group: ParticleGroup, packing: CompactedPacking, region: Area, radius: Floats, loose: Floats
+    scenario: Scenario, group: ParticleGroup, packing: CompactedPacking, region: PackingRegion, radius: Floats, loose: Floats
 ) -> Floats:
     friction = packing.friction
     if friction is None:

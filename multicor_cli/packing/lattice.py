@@ -16,7 +16,7 @@ import numpy as np
 from multicor_cli.engine.jit import elementwise
 from multicor_cli.model.model import Floats
 from multicor_cli.packing.errors import PackingError
-from multicor_cli.packing.region import Area
+from multicor_cli.packing.region import PackingRegion
 from multicor_cli.packing.streams import Stream
 
 LatticeKind = Literal["triangular", "square"]
@@ -27,7 +27,7 @@ _SLACK = 1e-9  # share of a spacing by which rounding may miss a whole number of
 def lattice(
     count: int,
     largest: float,
-    region: Area,
+    region: PackingRegion,
     kind: LatticeKind,
     spacing: float | None,
     jitter: float,
@@ -58,7 +58,7 @@ def lattice(
     return sites
 
 
-def lattice_capacity(largest: float, region: Area, kind: LatticeKind, spacing: float | None, jitter: float) -> int:
+def lattice_capacity(largest: float, region: PackingRegion, kind: LatticeKind, spacing: float | None, jitter: float) -> int:
     """Number of sites that the region holds; arguments as `lattice`.
 
     Raises:
@@ -100,7 +100,7 @@ class _Layout(NamedTuple):
     capacity: int
 
 
-def _lay_out(largest: float, region: Area, kind: LatticeKind, spacing: float | None, jitter: float) -> _Layout:
+def _lay_out(largest: float, region: PackingRegion, kind: LatticeKind, spacing: float | None, jitter: float) -> _Layout:
     step = 2.0 * largest if spacing is None else spacing
     _check_room(step, largest, jitter)
     margin = largest + jitter * step
@@ -124,7 +124,7 @@ def _check_room(step: float, largest: float, jitter: float) -> None:
         raise PackingError(text, f"make it at most {most:.3g}{wider}", ("packing", "jitter"))
 
 
-def _extent(region: Area) -> str:
+def _extent(region: PackingRegion) -> str:
     return f"{region.width:g} m x {region.height:g} m"
 
 
@@ -133,7 +133,7 @@ def _whole(steps: float) -> int:
     return max(0, math.floor(steps + _SLACK) + 1)
 
 
-def _steps(kind: LatticeKind, step: float, region: Area) -> tuple[float, float]:
+def _steps(kind: LatticeKind, step: float, region: PackingRegion) -> tuple[float, float]:
     """Distance of neighbors in a row and of the rows [m]."""
     pitch = step
     if region.is_periodic:
@@ -145,7 +145,7 @@ def _steps(kind: LatticeKind, step: float, region: Area) -> tuple[float, float]:
     return pitch, math.sqrt(step * step - 0.25 * pitch * pitch) if pitch < 1.9 * step else step
 
 
-def _rows(kind: LatticeKind, region: Area, margin: float, pitch: float) -> tuple[_Row, _Row]:
+def _rows(kind: LatticeKind, region: PackingRegion, margin: float, pitch: float) -> tuple[_Row, _Row]:
     """The even and the odd rows."""
     offset = 0.5 * pitch if kind == "triangular" else 0.0
     if region.is_periodic:

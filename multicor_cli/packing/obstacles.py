@@ -9,7 +9,7 @@ import numpy as np
 from multicor_cli.model.columns import RADIUS, X
 from multicor_cli.model.model import Floats, Ints
 from multicor_cli.model.shapes import ShapeKind
-from multicor_cli.packing.region import Area
+from multicor_cli.packing.region import PackingRegion
 
 
 @dataclass(frozen=True)
@@ -44,7 +44,7 @@ class Obstacles:
         rows[:, :3] = discs
         return self._append(ShapeKind.DISC, rows)
 
-    def with_sides(self, region: Area, bottom: bool = True, top: bool = True) -> Obstacles:
+    def with_sides(self, region: PackingRegion, bottom: bool = True, top: bool = True) -> Obstacles:
         """Append planes along the closed sides of ``region``; left and right unless it is periodic."""
         planes = []
         if not region.is_periodic:
@@ -55,7 +55,7 @@ class Obstacles:
             planes.append((region.left, region.top, 0.0, -1.0))
         return self._append(ShapeKind.PLANE, np.array(planes).reshape(-1, 4))
 
-    def around(self, region: Area, period: float) -> Obstacles:
+    def around(self, region: PackingRegion, period: float) -> Obstacles:
         """Make the obstacles of a periodic domain fit for ``region``, which may cover only a part of the period.
 
         A region that spans the period is packed with its own periodicity and nothing changes. Any other is packed as if space

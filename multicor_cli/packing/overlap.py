@@ -23,7 +23,10 @@ LARGEST_OVERLAP = 1e-3
 """Largest overlap that is accepted, over the smaller radius."""
 
 CROWD = 32
-"""Of more grains than this in one cell some overlap: of a class of radii (factor two) 10 have room in twice its largest radius."""
+"""A cell with more grains than this certainly contains overlaps.
+
+Cells are one largest diameter wide, and radii within a class differ by at most a factor of two: about 10 such grains fit.
+"""
 
 _FAR = 2.0**62
 """Cells this far out count as one; a coordinate cannot be so far from the origin for any radius above 1e-13 m."""

@@ -19,7 +19,7 @@ from multicor_cli.model.model import Floats, Ints
 from multicor_cli.model.shapes import ShapeKind
 from multicor_cli.packing.obstacles import Obstacles
 from multicor_cli.packing.pairs import wrap
-from multicor_cli.packing.region import Area
+from multicor_cli.packing.region import PackingRegion
 
 _DISC = int(ShapeKind.DISC)
 _FALLS = -1
@@ -338,7 +338,7 @@ def drop_and_roll(
     return i, tried
 
 
-def make_field(radius: Floats, region: Area, obstacles: Obstacles) -> tuple[PlacedDiscs, int]:
+def make_field(radius: Floats, region: PackingRegion, obstacles: Obstacles) -> tuple[PlacedDiscs, int]:
     """A field for grains of these radii that holds the obstacles so far, and how many discs the obstacles have."""
     period = region.period
     left = 0.0 if region.is_periodic else region.left

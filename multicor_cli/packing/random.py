@@ -19,7 +19,7 @@ from multicor_cli.packing.errors import PackingError
 from multicor_cli.packing.obstacles import Obstacles
 from multicor_cli.packing.pairs import find_pairs
 from multicor_cli.packing.placing import insert_at_random, make_field
-from multicor_cli.packing.region import Area
+from multicor_cli.packing.region import PackingRegion
 from multicor_cli.packing.relaxation import relax
 from multicor_cli.packing.streams import Stream
 
@@ -35,7 +35,7 @@ _BATCH = 1024
 
 def random_packing(
     radius: Floats,
-    region: Area,
+    region: PackingRegion,
     obstacles: Obstacles,
     separation: float,
     attempts: int,
@@ -73,7 +73,7 @@ def random_packing(
     return relaxed.position
 
 
-def _insert(radius: Floats, region: Area, obstacles: Obstacles, attempts: int, rng: Stream) -> tuple[Floats, bool]:
+def _insert(radius: Floats, region: PackingRegion, obstacles: Obstacles, attempts: int, rng: Stream) -> tuple[Floats, bool]:
     """Random sequential addition, largest first: centers [m], and whether every grain found a free place."""
     order = np.argsort(-radius, kind="stable")
     field, fixed = make_field(radius[order], region, obstacles)
@@ -96,14 +96,14 @@ def _refusal(count: int, fraction: float, why: str) -> PackingError:
     return PackingError(text, remedy)
 
 
-def _is_inside(position: Floats, region: Area, is_periodic_in_y: bool) -> bool:
+def _is_inside(position: Floats, region: PackingRegion, is_periodic_in_y: bool) -> bool:
     """Whether no center was pushed through a side."""
     x, y = position[:, X], position[:, Y]
     across = region.is_periodic or bool(np.all((x >= region.left) & (x <= region.right)))
     return across and (is_periodic_in_y or bool(np.all((y >= region.bottom) & (y <= region.top))))
 
 
-def _fraction(radius: Floats, region: Area, obstacles: Obstacles) -> float:
+def _fraction(radius: Floats, region: PackingRegion, obstacles: Obstacles) -> float:
     """Area of the grains over the area of the region that no obstacle covers (estimated on a grid of points)."""
     x = region.left + (np.arange(_PROBES) + 0.5) / _PROBES * region.width
     y = region.bottom + (np.arange(_PROBES) + 0.5) / _PROBES * region.height

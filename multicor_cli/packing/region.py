@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 
 @dataclass(frozen=True)
-class Area:
+class PackingRegion:
     """A rectangle [m]; ``is_periodic``: its left and right sides are one and the same (it spans the period exactly)."""
 
     left: float

@@ -19,7 +19,7 @@ from multicor_cli.model.columns import X, Y
 from multicor_cli.model.model import Floats, Ints
 from multicor_cli.packing.obstacles import Obstacles
 from multicor_cli.packing.pairs import DiscPairs, find_pairs, wrap
-from multicor_cli.packing.region import Area
+from multicor_cli.packing.region import PackingRegion
 
 INFLATION = 5e-4
 """Radii are enlarged by this share while relaxing, so that what is left over at the end is a small gap and no overlap."""
@@ -183,7 +183,7 @@ def _descend(
     return steps, worst, False
 
 
-def _ghosts(position: Floats, radius: Floats, region: Area, obstacles: Obstacles, skin: float) -> tuple[Ghosts, Obstacles]:
+def _ghosts(position: Floats, radius: Floats, region: PackingRegion, obstacles: Obstacles, skin: float) -> tuple[Ghosts, Obstacles]:
     """Images of the grains near the lower and upper side, and the obstacles with them."""
     reach = 2.0 * radius.max() + skin
     low = np.flatnonzero(position[:, Y] < region.bottom + reach)
@@ -198,7 +198,7 @@ def _ghosts(position: Floats, radius: Floats, region: Area, obstacles: Obstacles
 def relax(
     position: Floats,
     radius: Floats,
-    region: Area,
+    region: PackingRegion,
     obstacles: Obstacles,
     *,
     iterations: int = 20_000,

@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from multicor_cli.model.model import Floats
-from multicor_cli.packing.brought import MAX_GRAINS
-from multicor_cli.packing.errors import PackingError, check_file
+from multicor_cli.packing.errors import PackingError, check_input
+from multicor_cli.packing.initial_grains import MAX_GRAINS
 from multicor_cli.scenario.base import KELVIN_BOUNDS
 
 MAX_BYTES = 2**31
@@ -33,7 +33,7 @@ def read_temperatures(path: Path) -> Floats:
     Raises:
         PackingError: The file is missing, unreadable, too large, or holds something else; lines are named.
     """
-    check_file(path, MAX_BYTES, _KEY)
+    check_input(path, MAX_BYTES, _KEY)
     values: list[float] = []
     faults: list[str] = []
     try:

@@ -11,8 +11,8 @@ from multicor_cli.model import Thermal
 from multicor_cli.model.columns import X, Y
 from multicor_cli.model.model import Floats
 from multicor_cli.packing.bodies import masses
-from multicor_cli.packing.brought import Brought
 from multicor_cli.packing.errors import PackingError
+from multicor_cli.packing.initial_grains import InitialGrains
 from multicor_cli.packing.temperature_file import read_temperatures
 from multicor_cli.scenario import Scenario
 from multicor_cli.scenario.base import KELVIN_BOUNDS
@@ -28,20 +28,20 @@ from multicor_cli.scenario.models import (
 _KEY = ("temperature",)
 
 
-def group_thermal(scenario: Scenario, index: int, brought: Brought, center: Floats) -> Thermal:
+def group_thermal(scenario: Scenario, index: int, grains: InitialGrains, center: Floats) -> Thermal:
     """Heat capacities, initial temperatures and surfaces of the grains of a group.
 
     Args:
         scenario: A scenario with heat.
         index: Index of the group.
-        brought: Its grains.
+        grains: Its grains.
         center: Their centers, wrapped into the period [m], shape ``(n, 2)``.
 
     Raises:
         PackingError: The temperatures cannot be read, are not one per grain, or are none; its key is relative to the group.
     """
     group = scenario.particles[index]
-    material, radius = scenario.materials[group.material], brought.radius
+    material, radius = scenario.materials[group.material], grains.radius
     if material.heat_capacity is None:
         message = "a material of grains without heat capacity"  # loading a scenario excludes it
         raise ValueError(message)
@@ -50,7 +50,7 @@ def group_thermal(scenario: Scenario, index: int, brought: Brought, center: Floa
     around = 2.0 * radius if group.shape == "sphere" else np.full(radius.size, group.thickness or math.nan)
     return Thermal(
         capacity=mass * material.heat_capacity,
-        start=_start(scenario, group, brought, center),
+        start=_start(scenario, group, grains, center),
         surface=np.asarray(2.0 * math.pi * radius * around),
     )
 
@@ -64,13 +64,13 @@ def joined(parts: Sequence[Thermal]) -> Thermal:
     )
 
 
-def _start(scenario: Scenario, group: ParticleGroup, brought: Brought, center: Floats) -> Floats:
+def _start(scenario: Scenario, group: ParticleGroup, grains: InitialGrains, center: Floats) -> Floats:
     """Initial temperatures [K], shape ``(n,)``: as the group says, else as the packing brings them, else those of ``[heat]``."""
-    n, table = brought.radius.size, group.temperature
+    n, table = grains.radius.size, group.temperature
     if table is not None:
         return _told(scenario, table, center)
-    if brought.temperature is not None:
-        return brought.temperature
+    if grains.temperature is not None:
+        return grains.temperature
     assert scenario.heat is not None  # only then temperatures are asked for
     return np.full(n, scenario.heat.temperature)
 
@@ -117,7 +117,7 @@ def _one_per_grain(temperature: Floats, n: int, key: str, where: str) -> Floats:
     return temperature
 
 
-def sizes_problems(scenario: Scenario, groups: Sequence[Brought]) -> list[PackingError]:
+def sizes_problems(scenario: Scenario, groups: Sequence[InitialGrains]) -> list[PackingError]:
     """What is wrong with the grains' sizes for the choices in ``[heat]``: the gas model for equal grains needs such."""
     gas = scenario.heat.gas if scenario.heat is not None else None
     if gas is None:

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from multicor_cli.model.columns import X, Y
-from multicor_cli.packing.brought import Brought
 from multicor_cli.packing.errors import PackingError
-from multicor_cli.packing.region import Area
+from multicor_cli.packing.initial_grains import InitialGrains
+from multicor_cli.packing.region import PackingRegion
 
 _SLACK = 1e-9
 
 
-def repeat_tile(tile: Brought, size: tuple[float, float], repeat: tuple[int, int], region: Area) -> Brought:
+def repeat_tile(tile: InitialGrains, size: tuple[float, float], repeat: tuple[int, int], region: PackingRegion) -> InitialGrains:
     """Copies of a tile side by side, from the lower left corner of ``region``.
 
     Grains may stick out of a tile: they reach into the next one. Where there is no next one, because the tiles do not close the
@@ -41,4 +41,4 @@ def repeat_tile(tile: Brought, size: tuple[float, float], repeat: tuple[int, int
     keep = (y - reach >= region.bottom) & (y + reach <= region.top)
     if not closes:
         keep &= (x - reach >= region.left) & (x + reach <= region.right)
-    return Brought(radius[keep], position[keep], velocity[keep])
+    return InitialGrains(radius[keep], position[keep], velocity[keep])

@@ -17,7 +17,7 @@ MAX_SPEED = 1e12
 """Bound on angles [rad], velocities [m/s] and spins [rad/s]."""
 
 NAMED = 5
-"""So many faulty rows are named."""
+"""Number of faulty rows named in a message."""
 
 
 def find_fault(name: str, value: float) -> str:

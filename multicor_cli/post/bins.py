@@ -15,9 +15,9 @@ from multicor_cli.post.extent import Extent, find_extent
 from multicor_cli.post.source import FrameSource, GrainFrame, PostError
 
 BIN_LIMIT = 100_000
-"""Nobody wants more bins than this."""
+"""Largest number of bins; more is taken for a mistake."""
 
-_NOTHING = 1e-9  # of the distance of the walls: a height below that is the rounding of nothing
+_NOTHING = 1e-9  # of the distance of the walls: a height below that is zero but for rounding
 
 
 class BinPlace(NamedTuple):

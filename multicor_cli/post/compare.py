@@ -171,7 +171,7 @@ def compare(
     Args:
         first: A run.
         second: Another run.
-        of: Fields whose profiles are compared, each one of ``FIELDS``.
+        of: Fields whose profiles are compared, each one of ``PROFILED``.
         selection: Which frames of each run; default: the later half of its last stage.
         bins: Number of bins; default: one per mean diameter of the first run.
         names: What the runs are called.

@@ -13,7 +13,7 @@ from multicor_cli.model.shapes import outlines
 from multicor_cli.post.source import FrameSource, GrainFrame
 
 _LEVEL = 0.7  # a plane bounds the grains in y if its normal points within 45 degrees up or down
-_STRAY = 0.1  # part of the grains that may have got through a wall without its ceasing to bound them
+_STRAY = 0.1  # a wall still bounds the grains if no more than this part of them has got through it
 
 
 @dataclass(frozen=True)
@@ -108,7 +108,7 @@ def wall_spans(model: Model) -> tuple[Floats, Floats]:
         np.maximum.at(high, shapes.wall[which], corners[1])
         if outline.normal is not None:
             np.logical_or.at(is_upright, shapes.wall[which], np.abs(outline.normal[:, 1]) < _LEVEL)
-    # Infinities of walls without shapes stay what they are: nothing bounds nothing.
+    # Walls without shapes keep their infinities: they bound no grains.
     size = np.where(np.isfinite(low), high, 0.0) - np.where(np.isfinite(low), low, 0.0)
     is_upright |= size[:, 1] > size[:, 0]
     return np.where(is_upright, -np.inf, low[:, 1]), np.where(is_upright, np.inf, high[:, 1])

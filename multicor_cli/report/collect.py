@@ -61,14 +61,14 @@ class FrameView:
     box: Floats
 
 
-def choose_frames(count: int, wanted: int) -> NDArray[np.int64]:
+def thin_frames(count: int, wanted: int) -> NDArray[np.int64]:
     """Numbers of about ``wanted`` of ``count`` frames, evenly spaced; the last one is always among them."""
     if wanted >= count:
         return np.arange(count)
     return np.unique(np.rint(np.linspace(0.0 if wanted > 1 else count - 1.0, count - 1.0, wanted)).astype(np.int64))
 
 
-def read_frame(run: Run, index: int) -> FrameView:
+def view_of(run: Run, index: int) -> FrameView:
     """Read a frame; raises `multicor_cli.store.StoreError`."""
     frame = run.frames[index]
     scene = make_scene(run, frame)

@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
 from multicor_cli.post import Quantity
-from multicor_cli.report.collect import ContactsView, FrameView, choose_frames, read_frame
+from multicor_cli.report.collect import ContactsView, FrameView, thin_frames, view_of
 from multicor_cli.report.fields import SPACINGS, fields_of
 from multicor_cli.report.quantize import Code, compress
 from multicor_cli.store import Run
@@ -82,7 +82,7 @@ class Packed:
 
     def thinned(self, wanted: int) -> Packed:
         """The same with fewer frames."""
-        kept = choose_frames(len(self.chunks), wanted)
+        kept = thin_frames(len(self.chunks), wanted)
         return replace(self, chunks=tuple(self.chunks[int(k)] for k in kept), walls=self.walls[kept])
 
 
@@ -111,11 +111,11 @@ def pack_frames(run: Run, budget: int, frames: int | None = None, progress: Prog
         StoreError: If the run cannot be read.
     """
     count = len(run.frames)
-    plan = _make_plan(read_frame(run, count - 1), run, budget, min(count, frames or count))
+    plan = _make_plan(view_of(run, count - 1), run, budget, min(count, frames or count))
     views = []
-    chosen = choose_frames(count, plan.frames)
+    chosen = thin_frames(count, plan.frames)
     for number, index in enumerate(chosen.tolist()):
-        view = read_frame(run, index)
+        view = view_of(run, index)
         total = None if view.contacts is None else view.contacts.i.size
         limited = view.contacts if view.contacts is None or plan.contacts is None else view.contacts.strongest(plan.contacts)
         views.append((replace(view, contacts=limited), total))

@@ -101,7 +101,7 @@ def _note(packing: Packed) -> str:
     share = 100.0 * packing.codes["speed"].resolution
     return (
         f"{frames}. Positions are stored in steps of {_up(step)} m, values in steps of {_up(share)} % of their range over these "
-        f"frames or finer; the values told have no more digits than that. The files of the run hold them exactly."
+        f"frames or finer; the values shown are given to that precision. The files of the run hold them exactly."
     )
 
 
@@ -116,7 +116,7 @@ def _up(value: float) -> str:
 def _tables(info: dict[str, Any], books: EnergyTable | None) -> str:
     parts = [
         _table("What was run", describe_run(info)),
-        _table("How good it is", describe_quality(info)),
+        _table("Accuracy", describe_quality(info)),
         *_book_tables(books),
     ]
     return f'<section class="cards">{"".join(parts)}</section>'

@@ -6,7 +6,7 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from multicor_cli.engine.contact.hertz import hertz_flattening
+from multicor_cli.engine.contact.hertz import relative_deflection
 from multicor_cli.engine.motion.drives import Constant, Signal, WallDrive
 from multicor_cli.model import Model, State
 from multicor_cli.running.conditions import StrainReached
@@ -29,8 +29,8 @@ SECONDS_PER_CONTACT = 15e-9
 SECONDS_PER_GRAIN = 2.5e-6
 """Everything but the sweeps, per grain and step, on one core [s]."""
 
-SECONDS_PER_LOOK = 0.5e-6
-"""Heat flow between two looks of a frozen stage, per grain, on one core [s]."""
+SECONDS_PER_FROZEN_STEP = 0.5e-6
+"""Heat flow in one step of a frozen stage, per grain, on one core [s]."""
 
 SECONDS_PER_STEP = 0.6e-3
 """What a step costs however few grains there are [s]."""
@@ -64,7 +64,7 @@ class Estimate:
         disk: Size of the finished run directory [bytes]; None if the number of steps is not known.
         disk_peak: Largest size of the run directory [bytes], while ``results.h5`` is made; None likewise.
         seconds: Wall-clock time, compilation left out [s]; None likewise.
-        flattening: Elastic deflection that rigid grains neglect, over the diameter; None without elastic materials or load.
+        deflection: Elastic deflection that rigid grains neglect, over the diameter; None without elastic materials or load.
         basis: How time and memory were estimated.
     """
 
@@ -75,7 +75,7 @@ class Estimate:
     disk: float | None
     disk_peak: float | None
     seconds: float | None
-    flattening: float | None
+    deflection: float | None
     basis: str
 
 
@@ -105,7 +105,7 @@ def estimate(scenario: Scenario, plan: RunPlan, model: Model, state: State, thre
         disk=disk,
         disk_peak=peak,
         seconds=seconds,
-        flattening=_flattening(scenario, plan, model),
+        deflection=_deflection(scenario, plan, model),
         basis=_basis(n, threads),
     )
 
@@ -118,7 +118,7 @@ def seconds_per_step(grains: int, threads: int) -> float:
 
 def seconds_per_look(grains: int) -> float:
     """Rough wall-clock time of a step in which only heat flows [s]."""
-    return SECONDS_PER_STEP + grains * SECONDS_PER_LOOK
+    return SECONDS_PER_STEP + grains * SECONDS_PER_FROZEN_STEP
 
 
 def _basis(grains: int, threads: int) -> str:
@@ -192,7 +192,7 @@ def _row_bytes(table: tuple[Dataset, ...], model: Model, *, is_single: bool) -> 
     return total
 
 
-def _flattening(scenario: Scenario, plan: RunPlan, model: Model) -> float | None:
+def _deflection(scenario: Scenario, plan: RunPlan, model: Model) -> float | None:
     """Deflection under the largest pressure, weight or load, of the softest material with its smallest grain."""
     force = _typical_force(scenario, plan, model)
     found = []
@@ -200,7 +200,7 @@ def _flattening(scenario: Scenario, plan: RunPlan, model: Model) -> float | None
         material = scenario.materials.get(name)
         radii = model.grains.radius[model.grains.material == index]
         if material is not None and material.young is not None and material.poisson is not None and radii.size and force > 0.0:
-            found.append(hertz_flattening(force, float(radii.min()), material.young, material.poisson))
+            found.append(relative_deflection(force, float(radii.min()), material.young, material.poisson))
     return max(found, default=None)
 
 

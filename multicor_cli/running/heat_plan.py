@@ -8,8 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from multicor_cli.engine.heat.conduction import ContactForce
-from multicor_cli.engine.heat.laws import HeatLaws
-from multicor_cli.engine.heat.laws import heat_laws as laws_of
+from multicor_cli.engine.heat.laws import HeatLaws, heat_laws
 from multicor_cli.engine.heat.settings import MECHANISMS, HeatSettings
 from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.engine.motion.drives import Constant, Shifted
@@ -31,7 +30,7 @@ def heat_settings(scenario: Scenario, model: Model) -> HeatSettings | None:
     if heat is None:
         return None
     mechanisms = tuple(table.as_record(MECHANISMS[key]) for key, table in heat.mechanisms.items())
-    return heat.as_record(HeatSettings, laws=heat_laws(scenario, model.materials), force=_force(heat), mechanisms=mechanisms)
+    return heat.as_record(HeatSettings, laws=laws_of_scenario(scenario, model.materials), force=_force(heat), mechanisms=mechanisms)
 
 
 def _force(heat: Heat) -> ContactForce:
@@ -42,7 +41,7 @@ def _force(heat: Heat) -> ContactForce:
     return ContactForce("prescribed", heat.force.prescribed)
 
 
-def heat_laws(scenario: Scenario, materials: Sequence[str]) -> HeatLaws:
+def laws_of_scenario(scenario: Scenario, materials: Sequence[str]) -> HeatLaws:
     """Thermal properties of the materials and of their pairs, as `multicor_cli.engine.heat.laws.heat_laws`.
 
     Args:
@@ -54,7 +53,7 @@ def heat_laws(scenario: Scenario, materials: Sequence[str]) -> HeatLaws:
         raise ValueError(message)
     tables = [scenario.materials[name].model_dump() for name in materials]
     wear = np.array([[_wear(scenario, a, b) for b in materials] for a in materials], float)
-    return laws_of(tables, scenario.heat.partition, wear)
+    return heat_laws(tables, scenario.heat.partition, wear)
 
 
 def _wear(scenario: Scenario, a: str, b: str) -> float:

@@ -16,7 +16,7 @@ class ExitCode(IntEnum):
     USAGE = 2  # the command line is wrong
     SCENARIO = 3  # the scenario is invalid, or not the one that the run began with
     PHYSICS = 4  # non-finite state, no admissible positions, solver failed by request
-    ENVIRONMENT = 5  # disk full, permission, memory
+    ENVIRONMENT = 5  # disk full, no permission, out of memory, missing library, environment variable with a wrong value
     OCCUPIED = 6  # the output exists, or another live run holds it
     DAMAGED = 7  # data damaged, or made by an incompatible version
     STOPPED = 75  # time limit reached, resumable (EX_TEMPFAIL: schedulers may requeue)

@@ -15,8 +15,8 @@ from multicor_cli.scenario.loading import Stage
 from multicor_cli.scenario.problems import ScenarioError
 from multicor_cli.scenario.scenario import Scenario
 
-MAX_SWINGS = 100.0
-"""Periods of the temperature or heat flow of a wall in one step at most."""
+MAX_OSCILLATIONS = 100.0
+"""Most oscillations of the temperature or heat flow of a wall within one step."""
 
 
 def make_plan(scenario: Scenario, model: Model) -> RunPlan:
@@ -28,7 +28,7 @@ def make_plan(scenario: Scenario, model: Model) -> RunPlan:
 
     Raises:
         ScenarioError: If nothing sets the scale of an automatic time step, or it is too short for the duration of its stage; if the
-            heat of a wall swings too often in a step.
+            temperature or heat flow of a wall oscillates too often within a step.
         ValueError: If the strain of a stage is not defined; loading a scenario excludes it.
     """
     drives = scenario.drives(model.walls.names)
@@ -60,7 +60,7 @@ def _automatic_step(scenario: Scenario, model: Model, number: int, drives: Stage
     path = ("loading", number, "dt") if stage.dt is not None else ("solver", "dt")
     dt = automatic_step(find_scales(scenario, model, drives.started([0.0] * (number + 1))), scenario.output)
     if dt is None:
-        what = f'"auto" finds no scale in stage {number}: no weight, no load and no driven wall'
+        what = f"cannot choose a time step for stage {number}: there is no gravity, no load and no moving wall"
         raise ScenarioError([scenario.problem(path, what, "give the time step [s]")])
     if stage.duration is None:
         return dt
@@ -81,14 +81,16 @@ def _stage_heat(scenario: Scenario, model: Model) -> list[StageHeat | None]:
 
 
 def _refuse_fast_heat(scenario: Scenario, model: Model, number: int, heat: StageHeat | None, dt: float) -> None:
-    """Heat follows every swing of a wall's signal in 16 pieces, so signals that swing too often in one step are refused."""
+    """Heat follows each period of a wall's signal in 16 pieces, so signals with too many periods in one step are refused."""
     if heat is None:
         return
     for name, wall in zip(model.walls.names, heat.conditions.started([0.0] * (number + 1)), strict=True):
         signal = wall.signal.signal if isinstance(wall.signal, Shifted) else wall.signal
-        if isinstance(signal, Sine) and dt > MAX_SWINGS * signal.period:
-            what = f"the heat of the wall '{name}' swings {dt / signal.period:.3g} times in a step of {dt:g} s"
-            remedy = "shorten dt in this stage, or give the mean of the signal"
+        if isinstance(signal, Sine) and dt > MAX_OSCILLATIONS * signal.period:
+            quantity = "heat flow" if wall.kind == "flow" else "temperature"
+            times = f"{dt / signal.period:.3g} times within one step of {dt:g} s"
+            what = f"the {quantity} of the wall '{name}' oscillates {times}"
+            remedy = "use a shorter dt in this stage, or give the mean of the signal"
             raise ScenarioError([scenario.problem(("loading", number), what, remedy)])
 
 

@@ -28,7 +28,7 @@ STRAIN = 0.01
 """Largest strain in a step, γ̇ Δt."""
 
 FALL = 0.3
-"""Largest distance in a step over d̄, at the speed of a free fall through the domain and at that of the grains at the start."""
+"""Largest distance in a step over d̄, at the larger of the speed of a free fall and that between groups of grains."""
 
 
 @dataclass(frozen=True)
@@ -36,9 +36,12 @@ class Scales:
     """Times of a stage [s] that a step must resolve; infinite where nothing sets them.
 
     Attributes:
-        pressure: √(m̄/P), with the larger of the weight of all grains over the width and the loads over their length as P.
-        strain: 1/γ̇: the height of the domain over the largest speed of one wall relative to another, or 1/Ω of the fastest spin.
-        fall: d̄ over the speed of a free fall through the domain, or over the largest initial speed.
+        pressure: √(m̄/P), where P is the larger of the weight of all grains over the side across gravity and the loads over their
+            length.
+        strain: 1/γ̇, with γ̇ the largest of: the sum of the two largest wall speeds in x over the height of the domain, that of the
+            two largest in y over its smaller side, and the fastest spin of a wall.
+        fall: d̄ over the larger of the speed of a free fall through the domain and the largest initial speed of one group of grains
+            relative to another.
     """
 
     pressure: float
@@ -71,7 +74,7 @@ def find_scales(scenario: Scenario, model: Model, drives: Sequence[WallDrive]) -
 
 
 def largest_pressure(scenario: Scenario, model: Model, drives: Sequence[WallDrive]) -> float:
-    """The larger of the weight of all grains over the width, and the loads of a stage over their length [N/m]."""
+    """The larger of the weight of all grains over the side across gravity, and the loads of a stage over their length [N/m]."""
     across = scenario.domain.size[0] if abs(model.gravity[1]) >= abs(model.gravity[0]) else scenario.domain.size[1]
     weight = total(model.grains.mass) * hypot(*model.gravity.tolist()) / across
     loads = [
@@ -130,7 +133,7 @@ class StepReview:
         is_automatic: Whether it was chosen automatically.
         of_pressure: Δt over √(m̄/P).
         strain: Strain in a step, γ̇ Δt: the sliding distance over the diameter, and the angle by which contacts turn.
-        fall: Distance in a step over d̄, at the speed of a free fall through the domain.
+        fall: Distance in a step over d̄, at the speed in `Scales.fall`.
         automatic: What the automatic time step would be [s].
     """
 
@@ -143,11 +146,11 @@ class StepReview:
     def text(self) -> str:
         """In words."""
         shares = [
-            f"{share:.2g} {name}"
-            for share, name in (
-                (self.of_pressure, "√(m̄/P)"),
-                (self.strain, "of strain"),
-                (self.fall, "diameters at most in free fall"),
+            text.format(share)
+            for share, text in (
+                (self.of_pressure, "{:.2g} √(m̄/P)"),
+                (self.strain, "{:.2g} of strain"),
+                (self.fall, "at most {:.2g} diameters per step in free fall"),
             )
             if share is not None
         ]

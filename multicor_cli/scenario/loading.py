@@ -28,7 +28,7 @@ class ForceDof(Table):
 
 def _check_fixed(value: bool) -> bool:
     if not value:
-        raise refuse("fixed = false says nothing", "give velocity or force instead")
+        raise refuse("fixed = false has no effect", "give velocity or force instead")
     return value
 
 
@@ -102,8 +102,8 @@ class Stage(Table):
     until: Until | None = Field(None, description="condition that ends the stage: strain or kinetic_energy_ratio")
     dt: TimeStep | None = Field(
         None,
-        description='time step of this stage [s], or "auto"; default: that of [solver]. In a frozen stage the time between looks '
-        "at the temperatures, and the least time between frames and rows; default: the smaller interval of [output]",
+        description='time step of this stage [s], or "auto"; default: that of [solver]. In a frozen stage: interval at which '
+        "temperatures are evaluated [s], the least between frames and rows; default: the smaller interval of [output]",
     )
     solver: StageSolver | None = Field(None, description="tolerances of [solver] to override in this stage")
     drives: dict[Name, WallDrives] = Field(
@@ -134,7 +134,9 @@ class Stage(Table):
             return self
         if self.dt == "auto":
             raise refuse(
-                "there is no automatic time step with frozen = true", "give the time between looks [s], or remove dt", "dt"
+                "there is no automatic time step with frozen = true",
+                "give the interval at which temperatures are evaluated [s], or remove dt",
+                "dt",
             )
         if self.heat is False:
             raise refuse("nothing happens in a stage with frozen = true and heat = false", "remove one of the two", "heat")
@@ -145,9 +147,9 @@ class Stage(Table):
 
 
 def frozen_dt(stage: Stage, output: Output) -> float:
-    """Time between looks at the temperatures in a frozen stage [s].
+    """Interval at which temperatures are evaluated in a frozen stage [s].
 
-    That of the stage, or the smaller interval of ``output``; shortened so that the duration is a whole number of them.
+    That of the stage, or the smaller interval of ``output``; shortened so that the duration is a whole number of intervals.
     """
     assert stage.duration is not None  # a frozen stage has no other end
     assert stage.dt != "auto"  # nor an automatic time step

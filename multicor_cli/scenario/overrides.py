@@ -66,7 +66,9 @@ def _parse_value(key: str, text: str) -> Any:
         return table["value"]
     if _WORD.fullmatch(text):
         return text
-    raise _BadOverrideError(key, f"{show(text)} is no TOML value", 'write it as in the file, strings in quotes: name="a b"')
+    raise _BadOverrideError(
+        key, f"{show(text)} is not a valid TOML value", 'write it as in the file, strings in quotes: name="a b"'
+    )
 
 
 def _assign(data: dict[str, Any], key: KeyPath, value: Any) -> KeyPath:

@@ -30,8 +30,8 @@ class ParticleGroup(Table):
     fill: AreaFraction | None = Field(None, description="area of the grains over the area of the region (or give count)")
     region: Region | None = Field(None, description="where the grains are placed; default: the whole domain")
     packing: Packing = Field(description='how the grains are placed, as { kind = "random" }')
-    velocity: Vector = Field((0.0, 0.0), description="initial velocity [m/s], added to what the packing brings")
-    spin: Number = Field(0.0, description="initial spin [rad/s], added to what the packing brings")
+    velocity: Vector = Field((0.0, 0.0), description="initial velocity [m/s], added to any velocity that comes with the packing")
+    spin: Number = Field(0.0, description="initial spin [rad/s], added to any spin that comes with the packing")
     shear_rate: Number = Field(
         0.0,
         description="initial shear rate [1/s]: adds shear_rate (y - y of the region's middle) to vx, -shear_rate/2 to spin",

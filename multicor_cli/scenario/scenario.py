@@ -141,7 +141,7 @@ class Scenario:
     def stage_solver(self, stage: int) -> Solver:
         """``[solver]`` with what the stage of this index overrides, its time step included.
 
-        The time step of a frozen stage is the time between looks at the temperatures.
+        The time step of a frozen stage is the interval at which temperatures are evaluated.
         """
         table = self.loading[stage]
         changes = table.solver.model_dump(exclude_none=True) if table.solver else {}

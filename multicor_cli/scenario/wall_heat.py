@@ -38,7 +38,7 @@ def _extremes(signal: AnySignal) -> tuple[float, ...]:
 
 def _check_insulated(value: bool) -> bool:
     if not value:
-        raise refuse("insulated = false says nothing", "give temperature or flow instead")
+        raise refuse("insulated = false has no effect", "give temperature or flow instead")
     return value
 
 

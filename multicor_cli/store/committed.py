@@ -25,7 +25,7 @@ def committed_segments(run: Path) -> list[Segment]:
     sidecar, names = _listed_by_checkpoint(run / layout.CHECKPOINTS)
     segments = read_manifest(directory)
     if [segment.name for segment in segments[: len(names)]] != names:
-        raise DamagedRun(f"{directory / NAME}: damaged (it lacks segments that belong to {sidecar}); continue the run to mend it")
+        raise DamagedRun(f"{directory / NAME}: damaged (segments listed in {sidecar} are missing); continue the run to repair it")
     return segments
 
 

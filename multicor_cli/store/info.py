@@ -7,7 +7,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from multicor_cli.engine.contact.hertz import hertz_flattening
+from multicor_cli.engine.contact.hertz import relative_deflection
 from multicor_cli.store.errors import DamagedRun, StoreError
 from multicor_cli.store.reader import Run, open_run
 from multicor_cli.store.summary import empty_summary
@@ -69,7 +69,7 @@ def _worst_step(run: Run) -> dict[str, float] | None:
 
 
 def hertz_deflection(run: Run, force: float | None) -> float | None:
-    """How much the rigid grains would flatten: δ/(2a) of the largest mean contact force of a step.
+    """Elastic deflection that rigid grains neglect, over the diameter: δ/(2a) of the largest mean contact force of a step.
 
     Two equal elastic spheres, δ = (3F/(4E* √a*))^⅔ with a* = a/2 and E* = E/(2(1−ν²)); the smallest grain of each material that
     has ``young`` and ``poisson``, and of these the largest value. Discs are treated as spheres of their radius.
@@ -95,7 +95,7 @@ def hertz_deflection(run: Run, force: float | None) -> float | None:
         radii = model.grains.radius[model.grains.material == index]
         elastic = _elastic(materials.get(name))
         if radii.size and elastic is not None:
-            found.append(hertz_flattening(force, float(radii.min()), *elastic))
+            found.append(relative_deflection(force, float(radii.min()), *elastic))
     return max(found, default=None)
 
 

@@ -13,12 +13,11 @@ MODEL = "model.h5"
 RESULTS = "results.h5"
 VTKHDF = "results.vtkhdf"
 PROGRESS = "progress.json"
-LOG = "log.jsonl"
 CRASH = "crash.txt"
 SEGMENTS = "segments"
 CHECKPOINTS = "checkpoints"
 
-_FILES = {RUN, LOCK, SOURCE, RESOLVED, MODEL, RESULTS, VTKHDF, PROGRESS, LOG, CRASH}
+_FILES = {RUN, LOCK, SOURCE, RESOLVED, MODEL, RESULTS, VTKHDF, PROGRESS, CRASH}
 _IN_DIRECTORY = {
     SEGMENTS: re.compile(r"(\d{6,}\.h5(\.tmp|(\.\d+)?\.orphan)?|MANIFEST\.jsonl(\.tmp)?)"),
     CHECKPOINTS: re.compile(r"step-\d{11,}(\.\d+)?\.(h5|json)(\.tmp)?"),

@@ -1,4 +1,4 @@
-"""`state.Model` to and from datasets: ``model.h5`` while a run goes on, ``/model`` in ``results.h5`` afterwards."""
+"""`model.Model` to and from datasets: ``model.h5`` while a run goes on, ``/model`` in ``results.h5`` afterwards."""
 
 from __future__ import annotations
 

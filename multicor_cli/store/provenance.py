@@ -99,7 +99,7 @@ def _git(root: Path, *arguments: str) -> str:
 def current_command() -> list[str]:
     """The command line of this process; ``python -m multicor_cli`` is named as the command that it is.
 
-    Names of files may be any bytes: what is no UTF-8 is escaped, for it is stored in texts.
+    Names of files may be any bytes: what is not valid UTF-8 is escaped, since texts are stored as UTF-8.
     """
     name = Path(sys.argv[0]).name or "python"
     words = ["multicor" if name == "__main__.py" else name, *sys.argv[1:]]

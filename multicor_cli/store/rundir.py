@@ -182,11 +182,6 @@ class RunDirectory:
         return read_scenario(self.path / layout.RESOLVED, self._document["resolved_sha256"])
 
     @property
-    def log_path(self) -> Path:
-        """Where the log goes."""
-        return self.path / layout.LOG
-
-    @property
     def crash_path(self) -> Path:
         """Where the traceback of an internal error goes."""
         return self.path / layout.CRASH

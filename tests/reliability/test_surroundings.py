@@ -96,7 +96,7 @@ NAMES = {
     "spaces": "with spaces",
     "dash": "-dash",
     "long": "x" * 200,
-    "no UTF-8": os.fsdecode(b"\xe9t\xe9"),
+    "not UTF-8": os.fsdecode(b"\xe9t\xe9"),
     "quotes": "semi;colon'quote\"",
 }
 
@@ -111,7 +111,7 @@ def test_directories_of_any_name(name: str, finished: Path, tmp_path: Path) -> N
 
 @pytest.mark.reliability
 def test_results_may_be_written_under_any_name(finished: Path, tmp_path: Path) -> None:
-    name = NAMES["no UTF-8"]
+    name = NAMES["not UTF-8"]
     run = tmp_path / name
     shutil.copytree(finished, run)
     commands = {

@@ -39,7 +39,7 @@ def approach(contact_radius: float, effective_radius: float) -> float:
     return contact_radius * contact_radius / effective_radius
 
 
-def hertz_flattening(force: float, radius: float, young: float, poisson: float) -> float:
+def relative_deflection(force: float, radius: float, young: float, poisson: float) -> float:
     """Deflection of two equal elastic spheres pressed together, over their diameter: δ/(2a).
 
     δ = a_c²/a* with the contact radius a_c and a* = a/2. Discs are treated as spheres of their radius.

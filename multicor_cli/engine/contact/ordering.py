@@ -3,7 +3,7 @@
 The order is a pure function of the contacts and positions of the step, hence the same for any number of threads. Within a tile
 the contacts are ordered by key, which keeps the propagation of a serial sweep, cut into `STREAMS` parts from which one contact is
 taken in turn: neighbors by key share a grain, and a processor would wait for the one before it could begin the next (15 to 20 %
-of a sweep). Tiles also keep the bodies of a thread in its cache. StepContacts with fixed or prescribed walls do not tie
+of a sweep). Tiles also keep the bodies of a thread in its cache. Contacts with fixed or prescribed walls do not tie
 tiles together. Heavy grains (many contacts) come last, serially.
 """
 
@@ -93,7 +93,7 @@ def order_contacts(
 
     Args:
         scene: Positions at q_m.
-        contacts: StepContacts sorted by key.
+        contacts: Contacts sorted by key.
         classes: From `classify_contacts`.
         sizes: From `classify_contacts`.
         columns: Number of tiles in x; even or 1 if the domain is periodic.
@@ -103,7 +103,7 @@ def order_contacts(
         height: Height of a tile [m].
 
     Returns:
-        StepContacts of classes 0 and 1 in the order of the sweep; those of class 2; the start of each tile in the order, shape
+        Contacts of classes 0 and 1 in the order of the sweep; those of class 2; the start of each tile in the order, shape
         ``(tiles + 1,)``; the first tile of each color, shape ``(5,)``.
     """
     # Tiles are numbered color by color, so that sorting by tile number sorts by color too.
@@ -225,10 +225,10 @@ def pack_contacts(
 
     Args:
         scene: Shapes at q_m.
-        contacts: StepContacts sorted by key.
+        contacts: Contacts sorted by key.
         free: Free velocities of grains and walls, shape ``(bodies, 4)``.
         place: From `number_grains`.
-        order: StepContacts in the order of the sweep, shape ``(k,)``.
+        order: Contacts in the order of the sweep, shape ``(k,)``.
         wall_number: From `number_wall_contacts`.
         first_anchor: Row of the first anchor in ``velocity``.
         velocity: Bodies, then anchors, shape ``(bodies + anchors, 4)``. **Modified.**
@@ -268,9 +268,9 @@ def pack_general(
 
     Args:
         scene: Shapes at q_m.
-        contacts: StepContacts sorted by key.
+        contacts: Contacts sorted by key.
         place: From `number_grains`.
-        general: StepContacts of class 2, shape ``(g,)``.
+        general: Contacts of class 2, shape ``(g,)``.
         inverse: Inverse mass per degree of freedom of grains and walls, shape ``(n + w, 3)``.
 
     Returns:
@@ -303,7 +303,7 @@ def unpack(order: Ints, impulse: Floats, place: Ints, velocity: Floats, by_conta
     """Back from the arrays of the sweep.
 
     Args:
-        order: StepContacts in the order of the sweep, shape ``(k,)``.
+        order: Contacts in the order of the sweep, shape ``(k,)``.
         impulse: Their impulses, shape ``(k, 2)``.
         place: From `number_grains`, shape ``(n,)``.
         velocity: Bodies as in `pack_contacts`.

@@ -266,7 +266,7 @@ def problem_of_step(scene: Scene, contacts: StepContacts, free: Floats, wall_inv
 
     Args:
         scene: Shapes at q_m.
-        contacts: StepContacts sorted by key.
+        contacts: Contacts sorted by key.
         free: Free velocities (v_x, v_y, a ω or Ω, 1/m), shape ``(n + w, 4)``.
         wall_inverse: Inverse masses of the walls, shape ``(w, 3)``.
         spin_factor: β = m a²/I.

@@ -86,7 +86,7 @@ def solve_system(
 
     Args:
         system: The problem, with velocities that match its impulses. **Impulses and velocities modified.**
-        scale: ResidualScale of the residuals.
+        scale: Scale of the residuals.
         settings: Method, tolerances, cap.
         pace: Decides between one thread and several, and takes note of what they cost.
         should_stop: Asked between slices.

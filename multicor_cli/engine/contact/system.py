@@ -62,7 +62,7 @@ def assemble(
 
     Args:
         scene: Shapes at q_m.
-        contacts: StepContacts sorted by key, with the warm start in ``impulse``.
+        contacts: Contacts sorted by key, with the warm start in ``impulse``.
         free: Free velocities of grains and walls, shape ``(n + w, 4)``.
         wall_inverse: Inverse mass per degree of freedom of the walls, shape ``(w, 3)``.
         wall_is_free: Walls with a driven degree of freedom, shape ``(w,)``.

@@ -75,7 +75,7 @@ def account_contacts(scene: Scene, contacts: StepContacts, after: Floats) -> Con
 
     Args:
         scene: Shapes at q_m.
-        contacts: StepContacts with their impulses, sorted by key.
+        contacts: Contacts with their impulses, sorted by key.
         after: Body velocities v⁺, shape ``(bodies, 4)``.
     """
     partial = chunks_for(contacts.i.size, SUMS)
@@ -87,7 +87,7 @@ def account_contacts(scene: Scene, contacts: StepContacts, after: Floats) -> Con
 
 
 @kernel
-def loaded_contacts(contacts: StepContacts) -> tuple[Ints, Ints, Floats]:
+def warm_start_of(contacts: StepContacts) -> tuple[Ints, Ints, Floats]:
     """Shapes i, j and impulses [N s] of the contacts that carry an impulse, in the same order: shapes ``(k,), (k,), (k, 2)``."""
     found = 0
     for c in range(contacts.i.size):

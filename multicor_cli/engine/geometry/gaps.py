@@ -108,7 +108,7 @@ def gap_to_shape(
 def is_near_shape(x: float, y: float, radius: float, shape: int, kind: Ints, world: Floats, period: float, cutoff: float) -> bool:
     """Whether a grain at (x, y) is nearer than ``cutoff`` [m] to a wall shape with its ends, even if another shape is closer.
 
-    Where a gap is infinite it may be small after a little motion: the gap does not tell which shapes a grain may touch soon.
+    `gap_to_shape` returns infinity where another shape of the wall is closer, so it cannot be used to build the neighbor list.
     """
     what = kind[shape]
     if what != _SEGMENT and what != _VERTEX:

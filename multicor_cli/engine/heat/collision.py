@@ -131,7 +131,7 @@ def collide(
     Args:
         scene: Shapes.
         mass: Masses of the grains [kg], shape ``(n,)``.
-        contacts: StepContacts with their impulses.
+        contacts: Contacts with their impulses.
         is_known: Whether a contact carried an impulse in the step before, shape ``(c,)``.
         laws: Properties of materials.
         dt: Time step [s].

@@ -43,7 +43,7 @@ def generated_heat(
 
     Args:
         scene: Shapes at q_m.
-        contacts: StepContacts with their impulses.
+        contacts: Contacts with their impulses.
         after: Body velocities v⁺, shape ``(bodies, 4)``.
         rule: Rule of the heat of friction.
         has_impact: Whether the energy of impacts counts.

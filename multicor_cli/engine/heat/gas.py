@@ -27,7 +27,7 @@ import numpy as np
 from multicor_cli.arithmetic import log
 from multicor_cli.engine.contact.hertz import effective_radius
 from multicor_cli.engine.geometry.scene import Scene
-from multicor_cli.engine.heat.mechanism import Carried, Mechanism, NearPairs
+from multicor_cli.engine.heat.mechanism import Mechanism, NearPairs, PairTransfer
 from multicor_cli.engine.heat.pairs import other_radius, pair_radius
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.formulas import formula
@@ -64,13 +64,13 @@ class Gas(Mechanism):
     model: GasModel = "parallel"
     reach: float = 0.4
 
-    def between(self, near: NearPairs, scene: Scene, laws: HeatLaws, model: Model) -> Carried:
+    def between(self, near: NearPairs, scene: Scene, laws: HeatLaws, model: Model) -> PairTransfer:
         """The conductance of the gas around each contact and in each gap."""
         conductance = np.zeros(near.i.size)
         ratio = gas_conductances(
             scene, laws, _NUMBER[self.model], self.conductivity, near.i, near.j, near.gap, near.spot, conductance
         )
-        return Carried(conductance, gas_ratio=ratio)
+        return PairTransfer(conductance, gas_ratio=ratio)
 
 
 @formula

@@ -30,7 +30,7 @@ class NearPairs:
 
 
 @dataclass(frozen=True)
-class Carried:
+class PairTransfer:
     """What a mechanism carries between near bodies; what lies beyond its reach is left out by whoever asks.
 
     Attributes:
@@ -68,7 +68,7 @@ class Mechanism:
     reach = 0.0
     """Largest gap that it crosses, over the smaller radius; 0: it carries nothing between near bodies."""
 
-    def between(self, near: NearPairs, scene: Scene, laws: HeatLaws, model: Model) -> Carried:
+    def between(self, near: NearPairs, scene: Scene, laws: HeatLaws, model: Model) -> PairTransfer:
         """What it carries between near bodies; asked only with a reach."""
         raise NotImplementedError
 

@@ -23,7 +23,7 @@ import numpy as np
 
 from multicor_cli.arithmetic import acos
 from multicor_cli.engine.geometry.scene import Scene
-from multicor_cli.engine.heat.mechanism import Carried, Mechanism, NearPairs, Outside
+from multicor_cli.engine.heat.mechanism import Mechanism, NearPairs, Outside, PairTransfer
 from multicor_cli.engine.heat.pairs import other_radius
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.formulas import formula
@@ -51,11 +51,11 @@ class Radiation(Mechanism):
     surroundings: float | None = None
     reach: float = 0.0
 
-    def between(self, near: NearPairs, scene: Scene, laws: HeatLaws, model: Model) -> Carried:
+    def between(self, near: NearPairs, scene: Scene, laws: HeatLaws, model: Model) -> PairTransfer:
         """The area factors of neighbors."""
         assert model.thermal is not None
         is_sphere = model.shape_factor == SPHERE
-        return Carried(area=radiating_areas(scene, laws, model.thermal.surface, is_sphere, near.i, near.j, near.gap))
+        return PairTransfer(area=radiating_areas(scene, laws, model.thermal.surface, is_sphere, near.i, near.j, near.gap))
 
     def outside(self, velocity: Floats, laws: HeatLaws, model: Model) -> Outside | None:
         """The surroundings; the area factor is the emissivity times the surface of each grain."""

@@ -79,7 +79,7 @@ def loaded_pairs(state: State, settings: HeatSettings) -> tuple[Ints, Ints, Floa
     return i, j, np.full(carried.size, force.value) if force.kind == "prescribed" else carried
 
 
-def touching_pairs(near: tuple[Ints, Ints, Floats], settings: HeatSettings) -> tuple[Ints, Ints, Floats]:
+def pairs_at_rest(near: tuple[Ints, Ints, Floats], settings: HeatSettings) -> tuple[Ints, Ints, Floats]:
     """Pairs that touch in a state in which no step has been taken, under the prescribed force; without one it is 0."""
     i, j, _ = near
     return i, j, np.full(i.size, settings.force.value if settings.force.kind == "prescribed" else 0.0)

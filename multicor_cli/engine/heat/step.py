@@ -29,7 +29,7 @@ from multicor_cli.engine.heat.spots import (
     conducting_spots,
     forces_of_step,
     loaded_pairs,
-    touching_pairs,
+    pairs_at_rest,
 )
 from multicor_cli.engine.heat.walls import WallHeat, WallValues
 from multicor_cli.model.columns import FRICTION, IMPACT
@@ -46,10 +46,10 @@ class MovedContacts:
 
     Attributes:
         scene: Shapes at q_m.
-        contacts: StepContacts with their impulses.
+        contacts: Contacts with their impulses.
         after: Body velocities v⁺, shape ``(bodies, 4)``.
-        loaded_i: StepContacts that carried an impulse in the step before: first shapes, ascending.
-        loaded_j: Second shapes.
+        loaded_i: First shapes of the contacts that carried an impulse in the step before, ascending.
+        loaded_j: Their second shapes.
     """
 
     scene: Scene
@@ -170,7 +170,7 @@ class HeatEngine:
             if self.state.last_dt > 0.0:
                 pairs = loaded_pairs(self.state, self.settings)
             else:  # no step has said which contacts carry a force
-                pairs = touching_pairs(self._pairs(scene, TOUCHING), self.settings)
+                pairs = pairs_at_rest(self._pairs(scene, TOUCHING), self.settings)
             spots = conducting_spots(scene, *pairs, self._laws, self.settings)
             self._frozen = links_of(scene, spots, near, self.settings, self.model), spots
         return self._frozen

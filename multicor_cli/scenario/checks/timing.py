@@ -28,7 +28,7 @@ def check(draft: Draft) -> Iterator[Finding]:
 def _time_steps(draft: Draft) -> list[float]:
     """Time steps of the stages in which something moves, as far as they are known.
 
-    A frozen stage is left out: its time step is the time between looks at the temperatures, and output waits for it.
+    A frozen stage is left out: its time step is the interval at which temperatures are evaluated, and output waits for it.
     """
     steps = [_time_step(draft, stage) for stage in draft.loading if stage and not stage.frozen]
     return [dt for dt in steps if dt is not None]

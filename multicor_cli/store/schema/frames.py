@@ -1,7 +1,7 @@
 """What a frame holds: a row for every dataset, which is also the attribute by which `Frame` gives it.
 
 A value of the moment is one more row in a class here. What the engine keeps from step to step, or makes in every contact, says
-itself what it is (`model.state.Kept`, `model.contacts.ContactTable`); its rows follow from that.
+itself what it is (`model.state.FrameFields`, `model.contacts.ContactTable`); its rows follow from that.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from multicor_cli.model.columns import ANGLE, SPIN
 from multicor_cli.model.contacts import ContactTable
-from multicor_cli.model.state import Kept, State
+from multicor_cli.model.state import FrameFields, State
 from multicor_cli.model.stored import DType, Export, Stored, stored_fields
 from multicor_cli.store.moment import in_plane
 from multicor_cli.store.schema.rows import Column, Dataset, Value
@@ -110,7 +110,7 @@ class WallColumns:
     )  # fmt: skip
 
 
-class KeptColumns(Kept):
+class KeptColumns(FrameFields):
     """What frames keep of a state as it is."""
 
 
@@ -161,7 +161,7 @@ def _rows(owner: type) -> tuple[Column[Any], ...]:
     return tuple(row for row in vars(owner).values() if isinstance(row, Column))
 
 
-_KEPT = {name: stored_fields(State)[name] for name in Kept.__annotations__}
+_KEPT = {name: stored_fields(State)[name] for name in FrameFields.__annotations__}
 _KEPT_OF_WALLS = {name: _kept_of_walls(name, about) for name, about in _KEPT.items() if name.startswith("wall_")}
 _KEPT_OF_GRAINS = {name: _kept_of_grains(name, about) for name, about in _KEPT.items() if name not in _KEPT_OF_WALLS}
 _TABLE = {name: _of_contacts(name, about) for name, about in stored_fields(ContactTable).items()}

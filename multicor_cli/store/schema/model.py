@@ -90,7 +90,7 @@ MODEL: tuple[Dataset, ...] = (
         lambda m: m.model.shape_factor,
     ),
 )  # fmt: skip
-"""Written once (`state.Model`)."""
+"""Written once (`model.Model`)."""
 
 SCENARIO: tuple[Dataset, ...] = (
     Dataset("scenario/source", "str", ("one",), "1", "the scenario file as given"),

@@ -43,7 +43,7 @@ def test_the_variable_moves_what_is_built_and_is_recorded(tmp_path, monkeypatch)
 @pytest.mark.parametrize("value", ["yes", "-1", "1.0", "²", " 3", "9" * 19])
 def test_what_is_no_seed_is_refused(monkeypatch, value):
     monkeypatch.setenv(VARIABLE, value)
-    with pytest.raises(NudgeError, match="no seed"):
+    with pytest.raises(NudgeError, match="not a valid seed"):
         nudge_seed()
 
 
@@ -52,5 +52,5 @@ def test_the_command_says_so(tmp_path, monkeypatch):
     write_small(tmp_path)
     done = call("run", "small.toml", cwd=tmp_path)
     assert done.returncode == 5
-    assert "multicor: MULTICOR_NUDGE=yes: no seed" in done.stderr
+    assert "multicor: MULTICOR_NUDGE=yes is not a valid seed" in done.stderr
     assert not (tmp_path / "runs").exists()

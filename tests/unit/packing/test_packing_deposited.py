@@ -7,14 +7,14 @@ from packing_support import generator, pair_gaps, smallest_gap
 from multicor_cli.packing.deposited import deposit
 from multicor_cli.packing.errors import PackingError
 from multicor_cli.packing.obstacles import Obstacles
-from multicor_cli.packing.region import Area
+from multicor_cli.packing.region import PackingRegion
 from multicor_cli.packing.sizes import uniform_sizes
 
 WIDTH = 0.06
 
 
 def drop(radius, periodic=False, obstacles=None, height=10.0, seed=3):
-    region = Area(0.0, 0.0, WIDTH, height, periodic)
+    region = PackingRegion(0.0, 0.0, WIDTH, height, periodic)
     return deposit(radius, region, obstacles if obstacles is not None else Obstacles.none(), generator(seed))
 
 

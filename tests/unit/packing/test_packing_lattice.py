@@ -6,10 +6,10 @@ from packing_support import generator, pair_gaps, smallest_gap
 
 from multicor_cli.packing.errors import PackingError
 from multicor_cli.packing.lattice import lattice, lattice_capacity
-from multicor_cli.packing.region import Area
+from multicor_cli.packing.region import PackingRegion
 
 R = 1e-3
-BOX = Area(0.0, 0.0, 0.02, 0.02)
+BOX = PackingRegion(0.0, 0.0, 0.02, 0.02)
 
 
 def sites(count, region=BOX, kind="triangular", spacing=None, jitter=0.0, seed=3):
@@ -28,7 +28,7 @@ def test_triangular_rows_touch_floor_sides_and_each_other():
 
 
 def test_periodic_triangular_lattice_has_three_contacts_per_grain():
-    region = Area(0.0, 0.0, 0.02, 1.0, True)
+    region = PackingRegion(0.0, 0.0, 0.02, 1.0, True)
     position = sites(10 * 40, region)
     _, _, gap = pair_gaps(position, np.full(400, R), 1e-9, 0.02)
     assert gap.size == 10 * 40 + 2 * 10 * 39
@@ -41,7 +41,7 @@ def test_square_lattice_contacts():
 
 
 def test_row_is_opened_to_close_the_period():
-    region = Area(0.0, 0.0, 0.0215, 0.05, True)
+    region = PackingRegion(0.0, 0.0, 0.0215, 0.05, True)
     position = sites(10 * 6, region)
     row = np.sort(position[:10, 0])
     np.testing.assert_allclose(np.diff(np.append(row, row[0] + 0.0215)), 0.00215, rtol=1e-12)
@@ -51,7 +51,7 @@ def test_row_is_opened_to_close_the_period():
 
 
 def test_rows_are_centered_in_their_region():
-    position = sites(9 + 9, Area(0.0, 0.0, 0.0196, 0.02))
+    position = sites(9 + 9, PackingRegion(0.0, 0.0, 0.0196, 0.02))
     assert position[:, 0].min() + position[:, 0].max() == pytest.approx(0.0196, rel=1e-12)
 
 
@@ -67,7 +67,7 @@ def test_capacity_is_what_fits_and_one_more_is_refused(kind):
 
 def test_region_too_low_for_a_grain_holds_none():
     with pytest.raises(PackingError, match="holds no site"):
-        lattice_capacity(R, Area(0.0, 0.0, 0.02, 1.9e-3), "square", None, 0.0)
+        lattice_capacity(R, PackingRegion(0.0, 0.0, 0.02, 1.9e-3), "square", None, 0.0)
 
 
 def test_jitter_moves_grains_but_never_into_each_other_or_out_of_the_region():

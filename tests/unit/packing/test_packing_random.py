@@ -8,7 +8,7 @@ from multicor_cli.model import ShapeKind
 from multicor_cli.packing.errors import PackingError
 from multicor_cli.packing.obstacles import Obstacles
 from multicor_cli.packing.random import random_packing
-from multicor_cli.packing.region import Area
+from multicor_cli.packing.region import PackingRegion
 from multicor_cli.packing.sizes import disc_area, draw_to_total, uniform_sizes
 
 WIDTH = 0.05
@@ -19,7 +19,7 @@ def radii(fill, low=0.8e-3, high=1.2e-3):
 
 
 def pack(radius, periodic=False, obstacles=None, separation=0.0, seed=3, **options):
-    region = Area(0.0, 0.0, WIDTH, WIDTH, periodic)
+    region = PackingRegion(0.0, 0.0, WIDTH, WIDTH, periodic)
     obstacles = Obstacles.none() if obstacles is None else obstacles
     return random_packing(radius, region, obstacles, separation, 1000, generator(seed), **options)
 

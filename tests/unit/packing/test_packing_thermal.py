@@ -8,8 +8,8 @@ from packing_support import SECOND, scenario, wall
 from scenes import PACKED, changed
 
 from multicor_cli.packing import build
-from multicor_cli.packing.brought import Brought
 from multicor_cli.packing.errors import PackingError
+from multicor_cli.packing.initial_grains import InitialGrains
 from multicor_cli.packing.temperature_file import read_temperatures
 from multicor_cli.scenario import ScenarioError
 
@@ -147,8 +147,8 @@ def brought(monkeypatch):
 
     def bring(temperature):
         radius = np.array([1e-3, 1e-3])
-        grains = Brought.at_rest(radius, np.array([[0.01, 0.01], [0.02, 0.01]]))
-        given = Brought(radius, grains.position, grains.velocity, temperature)
+        grains = InitialGrains.at_rest(radius, np.array([[0.01, 0.01], [0.02, 0.01]]))
+        given = InitialGrains(radius, grains.position, grains.velocity, temperature)
         monkeypatch.setattr("multicor_cli.packing.groups.read_frame", lambda *_: given)
         text = changed(PACKED, ('sizes = { kind = "uniform", min = 0.8e-3, max = 1.2e-3 }\ncount = 200\n', ""))
         heat = [override for override in HOT if "count" not in override]
@@ -169,7 +169,7 @@ def test_gas_for_equal_grains_is_refused_for_unequal_ones_from_a_run(monkeypatch
     start = brought(None)
     gas = ('heat.gas={conductivity=0.026, model="vargas"}', "materials.glass.conductivity=1", "materials.glass.young=7e10")
     assert start(*gas, "materials.glass.poisson=0.2").size == 2
-    grains = Brought.at_rest(np.array([1e-3, 1.2e-3]), np.array([[0.01, 0.01], [0.02, 0.01]]))
+    grains = InitialGrains.at_rest(np.array([1e-3, 1.2e-3]), np.array([[0.01, 0.01], [0.02, 0.01]]))
     monkeypatch.setattr("multicor_cli.packing.groups.read_frame", lambda *_: grains)
     with pytest.raises(ScenarioError, match=r"heat\.gas\.model.*0\.001 to 0\.0012 m"):
         start(*gas, "materials.glass.poisson=0.2")

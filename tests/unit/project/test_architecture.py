@@ -1,4 +1,4 @@
-"""The house is as docs/architecture.md says: contracts about imports, and a table with every room."""
+"""The packages are as docs/architecture.md says: contracts about imports, and a table with every package."""
 
 from __future__ import annotations
 
@@ -10,10 +10,10 @@ from pathlib import Path
 from places import ROOT
 
 LISTED = set(re.findall(r"^\| `([\w/]+)` \|", (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8"), re.MULTILINE))
-"""Rooms in the table."""
+"""Packages in the table."""
 
 
-def test_rooms_import_what_the_contracts_allow() -> None:
+def test_packages_import_what_the_contracts_allow() -> None:
     """``[tool.importlinter]`` in pyproject.toml; `lint-imports` says which import breaks which contract."""
     command = [str(Path(sys.executable).with_name("lint-imports")), "--no-cache"]
     done = subprocess.run(command, cwd=ROOT, capture_output=True, text=True, check=False)
@@ -21,14 +21,14 @@ def test_rooms_import_what_the_contracts_allow() -> None:
     assert "0 broken" in done.stdout
 
 
-def test_every_room_is_in_the_table() -> None:
+def test_every_package_is_in_the_table() -> None:
     package = ROOT / "multicor_cli"
-    rooms = {path.parent.relative_to(package).as_posix() for path in package.rglob("__init__.py")} - {"."}
+    packages = {path.parent.relative_to(package).as_posix() for path in package.rglob("__init__.py")} - {"."}
     modules = {path.stem for path in package.glob("*.py")} - {"__init__", "__main__"}
-    assert {room for room in rooms if not room.startswith("scenario/")} | modules == LISTED
+    assert {name for name in packages if not name.startswith("scenario/")} | modules == LISTED
 
 
-def test_unit_tests_follow_the_rooms() -> None:
-    """What belongs to no room is in ``project``."""
+def test_unit_tests_follow_the_packages() -> None:
+    """What belongs to no package is in ``project``."""
     folder = ROOT / "tests" / "unit"
     assert {path.parent.relative_to(folder).as_posix() for path in folder.rglob("*.py")} <= LISTED | {"project"}

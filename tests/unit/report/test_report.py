@@ -23,7 +23,7 @@ from multicor_cli.export import ExportRefused
 from multicor_cli.post import QUANTITIES, PostError
 from multicor_cli.post.energy import HEAT, EnergyTable
 from multicor_cli.report import ReportExists, write_report
-from multicor_cli.report.collect import ContactsView, choose_frames
+from multicor_cli.report.collect import ContactsView, thin_frames
 from multicor_cli.report.fields import values_of
 from multicor_cli.report.figures import _book_lines, _Thinning
 from multicor_cli.report.pack import _color_range, _ends, pack_frames
@@ -71,9 +71,9 @@ def test_compression_separates_bytes() -> None:
 
 
 def test_chosen_frames_are_evenly_spaced_and_end_with_the_last() -> None:
-    assert choose_frames(5, 9).tolist() == [0, 1, 2, 3, 4]
-    assert choose_frames(101, 3).tolist() == [0, 50, 100]
-    assert choose_frames(100, 1).tolist() == [99]
+    assert thin_frames(5, 9).tolist() == [0, 1, 2, 3, 4]
+    assert thin_frames(101, 3).tolist() == [0, 50, 100]
+    assert thin_frames(100, 1).tolist() == [99]
 
 
 def test_strongest_contacts_stay_in_order() -> None:
@@ -180,7 +180,7 @@ def test_page_asks_for_nothing_from_anywhere(page: str) -> None:
 
 
 def test_page_names_what_was_run_and_how_good_it_is(page: str) -> None:
-    for words in ("What was run", "How good it is", "Energy books", "Books of heat", "heat closure", "energy closure"):
+    for words in ("What was run", "Accuracy", "Energy books", "Books of heat", "heat closure", "energy closure"):
         assert words in page
     assert "All 6 frames of the run" in page
     for title in ("Temperature over time", "Work of the solver", "Contacts that carry a force"):

@@ -18,7 +18,7 @@ from multicor_cli.engine.heat.settings import MECHANISMS, HeatSettings
 from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.engine.motion.drives import Constant, Ramp, Shifted, Sine
 from multicor_cli.packing import build
-from multicor_cli.running.heat_plan import heat_laws, heat_settings, wall_heat
+from multicor_cli.running.heat_plan import heat_settings, laws_of_scenario, wall_heat
 from multicor_cli.running.planning import make_plan
 from multicor_cli.scenario import ScenarioError, parse_scenario
 from multicor_cli.scenario.heat import Heat, MechanismTable
@@ -35,14 +35,14 @@ def heated():
 
 
 def laws_of(*overrides, names=NAMES):
-    return heat_laws(parse_scenario(HEATED, "heated.toml", overrides), names)
+    return laws_of_scenario(parse_scenario(HEATED, "heated.toml", overrides), names)
 
 
 def test_a_scenario_without_heat_has_no_settings():
     scenario = cold_scenario("particles.0.count=10")
     assert heat_settings(scenario, build(scenario)[0]) is None
     with pytest.raises(ValueError, match="no heat laws"):
-        heat_laws(scenario, ("glass",))
+        laws_of_scenario(scenario, ("glass",))
 
 
 def test_choices_are_handed_on(heated):
@@ -189,8 +189,8 @@ def test_walls_come_in_the_order_asked_for_and_are_insulated_at_first(heated):
     assert all(stage.walls == (WallHeat(),) * 3 for stage in cold)
 
 
-def test_heat_that_swings_no_end_of_times_in_a_step_is_refused():
-    """Each swing is followed in 16 pieces: a list of 10¹⁰ of them would fill the memory."""
+def test_heat_that_oscillates_too_often_in_a_step_is_refused():
+    """Each period is followed in 16 pieces: a list of 10¹⁰ of them would fill the memory."""
     scenario = parse_scenario(changed(WARM, ("period = 0.05", "period = 1e-12")), "warm.toml")
-    with pytest.raises(ScenarioError, match=r"wall 'floor' swings 5e\+08 times in a step of 0.0005 s; shorten dt"):
+    with pytest.raises(ScenarioError, match=r"wall 'floor' oscillates 5e\+08 times within one step of 0.0005 s; use a shorter dt"):
         make_plan(scenario, build(scenario)[0])

@@ -14,7 +14,7 @@ from run_fakes import FakeDrives, make_plan
 from scene_parts import between_planes
 from scenes import SMALL, write_small
 
-from multicor_cli.engine.contact.hertz import hertz_flattening
+from multicor_cli.engine.contact.hertz import relative_deflection
 from multicor_cli.engine.contact.solve import Settings
 from multicor_cli.engine.motion.drives import Constant, DofDrive, Ramp, Sine, WallDrive
 from multicor_cli.model import State
@@ -109,8 +109,8 @@ def test_estimate_grows_with_what_it_depends_on(tmp_path: Path) -> None:
     base = estimate(scenario, plan, model, state, 1)
     assert base.steps is not None
     assert base.steps == 150 + estimate_steps(plan, model, state)[1] + 20
-    assert base.flattening is not None
-    assert 0.0 < base.flattening < 1e-2
+    assert base.deflection is not None
+    assert 0.0 < base.deflection < 1e-2
     single = parse_scenario(SMALL + 'precision = "single"\ncontacts = false\n', tmp_path / "s.toml")
     small = estimate(single, plan_of(single, model), model, state, 1)
     assert small.disk is not None
@@ -126,10 +126,10 @@ def test_frames_of_the_estimate_are_those_of_the_run() -> None:
     assert steps == [20, 20, 7]
 
 
-def test_hertz_flattening_of_a_contact() -> None:
+def test_deflection_of_a_contact() -> None:
     """R = 1.5 mm: an overlap of 55.28 nm has a contact radius of 6.4387 µm = √(R* δ), and F = 4/3 E* √R* δ^1.5."""
     young, poisson, radius, depth = 193e9, 0.29, 1.5e-3, 55.28e-9
     modulus, reduced = young / (2.0 * (1.0 - poisson**2)), 0.5 * radius
     assert np.sqrt(reduced * depth) == pytest.approx(6.4387e-6, rel=1e-4)
     force = 4.0 / 3.0 * modulus * np.sqrt(reduced) * depth**1.5
-    assert hertz_flattening(force, radius, young, poisson) == pytest.approx(depth / (2.0 * radius), rel=1e-12)
+    assert relative_deflection(force, radius, young, poisson) == pytest.approx(depth / (2.0 * radius), rel=1e-12)

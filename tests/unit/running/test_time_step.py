@@ -87,7 +87,7 @@ def test_a_scenario_without_scale_is_refused():
     stages = ["loading=[{duration=1.0}]", "domain.gravity=[0.0,0.0]", "walls.1.gravity=false"]
     scenario = parse_scenario(SHEAR, "shear.toml", ["solver.dt=auto", *stages])
     model, _ = build(scenario)
-    with pytest.raises(ScenarioError, match=r"solver\.dt: .*finds no scale.*give the time step"):
+    with pytest.raises(ScenarioError, match=r"solver\.dt: .*cannot choose a time step for stage 0: .*give the time step"):
         make_plan(scenario, model)
 
 

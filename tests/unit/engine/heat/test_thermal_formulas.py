@@ -65,9 +65,9 @@ def test_approach_and_pressure_of_one_newton():
 
 
 def test_one_hertz_formula():
-    """The flattening that is reported for rigid grains is that of the contact spot; δ = (3F/(4E* √a*))^⅔."""
+    """The deflection that is reported for rigid grains is that of the contact spot; δ = (3F/(4E* √a*))^⅔."""
     delta = (3.0 / (4.0 * MODULUS * sqrt(A_EFF))) ** (2.0 / 3.0)
-    assert hertz.hertz_flattening(1.0, A, YOUNG, POISSON) == pytest.approx(delta / (2.0 * A), rel=1e-13)
+    assert hertz.relative_deflection(1.0, A, YOUNG, POISSON) == pytest.approx(delta / (2.0 * A), rel=1e-13)
 
 
 def test_unlike_conductors():

@@ -13,7 +13,7 @@ MAX_GRAINS = 50_000_000
 
 
 @dataclass(frozen=True)
-class Brought:
+class InitialGrains:
     """Grains at rest or in motion.
 
     Attributes:
@@ -29,7 +29,7 @@ class Brought:
     temperature: Floats | None = None
 
     @classmethod
-    def at_rest(cls, radius: Floats, position: Floats) -> Brought:
+    def at_rest(cls, radius: Floats, position: Floats) -> InitialGrains:
         """Grains that do not move; ``position`` has shape ``(n, 2)``."""
         full = np.zeros((radius.size, 3))
         full[:, :2] = position
