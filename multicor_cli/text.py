@@ -1,4 +1,7 @@
-"""Text from outside, made safe to print: control characters could command a terminal. Uses the standard library only."""
+"""Text for people; text from outside is made safe to print, since control characters could command a terminal.
+
+Uses the standard library only.
+"""
 
 from __future__ import annotations
 
@@ -11,3 +14,12 @@ def printable(text: str) -> str:
 def one_line(text: str) -> str:
     """Any text on one line, one printed character for each of its own: what cannot be printed becomes ``�``."""
     return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)
+
+
+def format_bytes(size: float) -> str:
+    """A size in bytes with a unit, as ``1.5 GB``."""
+    for unit in ("B", "kB", "MB", "GB", "TB"):
+        if size < 999.5 or unit == "TB":
+            return f"{size:.0f} {unit}" if unit == "B" else f"{size:.3g} {unit}"
+        size /= 1000.0
+    raise AssertionError

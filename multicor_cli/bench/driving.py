@@ -49,14 +49,14 @@ class Round:
         seconds: Time of each step [s].
         solves: That of the solve alone [s].
         shares: Share of each step in which this program had a core; the rest it waited for others.
-        stages: Seconds in each stage of the time step.
+        phases: Seconds in each phase of the time step.
         reports: What the steps said.
     """
 
     seconds: list[float]
     solves: list[float]
     shares: list[float]
-    stages: dict[str, float]
+    phases: dict[str, float]
     reports: list[StepReport]
 
 

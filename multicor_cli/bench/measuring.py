@@ -60,7 +60,7 @@ class Result:
         missed: Steps that did not converge.
         residual: Largest rms residual of a step over its scale.
         step: Time of a step [s].
-        stages: Time in each stage of a step [s].
+        phases: Time in each phase of a step [s].
         grain_steps: n × steps per second [1/s].
         per_contact: Time of the solve per contact and sweep-equivalent, residual checks and momentum included: lower quartile over
             the steps; where the grains rest, of those without a warm start. None where nothing moves [s].
@@ -84,7 +84,7 @@ class Result:
     missed: int = 0
     residual: float = 0.0
     step: float = 0.0
-    stages: dict[str, float] = field(default_factory=dict)
+    phases: dict[str, float] = field(default_factory=dict)
     grain_steps: float = 0.0
     per_contact: float | None = None
     reference: float = 0.0
@@ -96,7 +96,7 @@ class Result:
     @property
     def other(self) -> float:
         """Time of a step in everything but the solve [s]."""
-        return sum(seconds for name, seconds in self.stages.items() if name != "solve")
+        return sum(seconds for name, seconds in self.phases.items() if name != "solve")
 
     @property
     def other_share(self) -> float | None:
@@ -174,7 +174,7 @@ def _summarize(
         missed=sum(not report.converged for report in reports),
         residual=max(report.rms for report in reports),
         step=step,
-        stages={name: statistics.median(round_.stages[name] for round_ in rounds) / steps for name in rounds[0].stages},
+        phases={name: statistics.median(round_.phases[name] for round_ in rounds) / steps for name in rounds[0].phases},
         grain_steps=prepared.model.grain_count / step,
         per_contact=None if prepared.scene.is_frozen else _per_contact(measured.cold or rounds),
         reference=_quartile(measured.references),

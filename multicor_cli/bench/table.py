@@ -22,7 +22,7 @@ def _row(result: Result) -> list[str]:
     head = [result.scene, f"{result.grains}", f"{result.threads}", f"{result.candidates:.0f}", f"{result.sweeps:.0f}"]
     if result.faults:
         return [*head, "refused", *[""] * (len(HEADINGS) - len(head) - 1)]
-    solve = result.stages.get("solve", 0.0) / max(sum(result.stages.values()), 1e-300)
+    solve = result.phases.get("solve", 0.0) / max(sum(result.phases.values()), 1e-300)
     sweep, share, each = result.sweep, result.other_share, result.per_contact
     gain = "" if sweep is None or len(sweep.ours) < 2 else f"{sweep.ours[1] / sweep.ours[result.threads]:.2f}"
     return [

@@ -17,9 +17,7 @@ if TYPE_CHECKING:
     from multicor_cli.post import GrainMap
     from multicor_cli.store import Run
 
-FilmOf = Annotated[
-    str, typer.Option("--of", metavar="FIELD", help="What to show: temperature, velocity, fluctuation, heat, stress, spin.")
-]
+FilmOf = Annotated[str, typer.Option("--of", metavar="FIELD", help="What to show: {mapped}.")]
 FilmFile = Annotated[Path, typer.Option("-o", "--output", metavar="FILE", help="File to write: FILE.mp4 or .gif.")]
 Rate = Annotated[float, typer.Option("--fps", metavar="N", min=0.1, max=120.0, help="Pictures per second.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace the file if it exists.")]

@@ -11,6 +11,7 @@ import typer
 
 from multicor_cli.cli.console import emit_json, emit_table, say
 from multicor_cli.cli.exit_codes import ExitCode
+from multicor_cli.cli.listing import ListingCommand
 
 if TYPE_CHECKING:
     from multicor_cli.bench.measuring import Result, Task
@@ -18,14 +19,14 @@ if TYPE_CHECKING:
 
 SceneNames = Annotated[
     Optional[list[str]],  # noqa: UP045  (evaluated by typer)
-    typer.Argument(metavar="[SCENE]...", help="bed, shear, shear-dynamic, collapse, heated-bed, drum; all if none is named."),
+    typer.Argument(metavar="[SCENE]...", help="Scenes: {scenes}; all if none is named."),
 ]
 Grains = Annotated[
     Optional[list[int]],  # noqa: UP045
     typer.Option("--grains", metavar="N", min=100, max=10_000_000, help="Number of grains; may be given several times."),
 ]
 Threads = Annotated[int, typer.Option("--threads", min=0, max=1024, help="Number of threads; 0 takes all cores.")]
-Rounds = Annotated[int, typer.Option("--rounds", min=1, max=1000, help="Rounds of which the medians are given.")]
+Rounds = Annotated[int, typer.Option("--rounds", min=1, max=1000, help="Number of rounds; the medians over them are printed.")]
 Seed = Annotated[int, typer.Option("--seed", min=0, help="Seed of the scenes.")]
 Quick = Annotated[bool, typer.Option("--quick", help="The few scenes that CI measures, on one thread.")]
 Compilation = Annotated[bool, typer.Option("--compilation", help="Measure compilation too, with an empty cache.")]
@@ -120,4 +121,4 @@ def _slower(tasks: list[Task], results: list[Result], known: dict[str, dict[str,
 
 def register(app: typer.Typer, wrap: Any) -> None:
     """Add the command."""
-    app.command("bench")(wrap(bench))
+    app.command("bench", cls=ListingCommand)(wrap(bench))

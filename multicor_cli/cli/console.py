@@ -56,15 +56,6 @@ def emit_pairs(pairs: Sequence[tuple[str, str]]) -> None:
         emit(printable(f"{name:<{width}}  {value}"))
 
 
-def format_bytes(size: float) -> str:
-    """A size in bytes with a unit, as ``1.5 GB``."""
-    for unit in ("B", "kB", "MB", "GB", "TB"):
-        if size < 999.5 or unit == "TB":
-            return f"{size:.0f} {unit}" if unit == "B" else f"{size:.3g} {unit}"
-        size /= 1000.0
-    raise AssertionError
-
-
 def format_seconds(seconds: float) -> str:
     """A span of time for people, as ``42 s``, ``3 min 05 s``, ``2 h 10 min``."""
     if seconds < 99.5:

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from multicor_cli import __version__
-from multicor_cli.cli.console import format_bytes
+from multicor_cli.text import format_bytes
 
 _LIBRARIES = ("numpy", "numba", "llvmlite", "h5py", "pydantic", "typer", "rich")
 _OPTIONAL = {

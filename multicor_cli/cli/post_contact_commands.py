@@ -20,14 +20,14 @@ from multicor_cli.cli.post_options import (
 )
 from multicor_cli.cli.post_output import TableOutput
 
-Distribution = Annotated[bool, typer.Option("--distribution", help="The distribution of the forces over their magnitude instead.")]
-Angles = Annotated[bool, typer.Option("--angles", help="The distribution of contacts and forces over their directions instead.")]
+Distribution = Annotated[bool, typer.Option("--distribution", help="Show how many contacts carry which force instead.")]
+Angles = Annotated[bool, typer.Option("--angles", help="Show contacts and forces by direction instead.")]
 Margin = Annotated[
     Optional[float],  # noqa: UP045  (evaluated by typer)
     typer.Option(
         "--margin",
         metavar="D",
-        help="Mean diameters next to each wall that are not bulk.",
+        help="Thickness of the layer at each wall that is left out of the bulk, in mean diameters.",
         show_default="8, or a quarter of the height if less",
     ),
 ]
@@ -36,7 +36,7 @@ ManyFrames = Annotated[
     typer.Option(
         "--frames",
         metavar="A:B[:STEP]",
-        help="With --distribution or --angles: these frames, not only one.",
+        help="With --distribution or --angles: the frames to average over.",
         show_default=False,
     ),
 ]

@@ -35,11 +35,11 @@ MapOf = Annotated[
 Normalized = Annotated[
     bool,
     typer.Option(
-        "--normalised",
         "--normalized",
         help="y/H, and velocity or temperature from 0 at the lower to 1 at the upper wall; spin over the shear rate of the walls.",
     ),
 ]
+BritishNormalized = Annotated[bool, typer.Option("--normalised", hidden=True)]
 WallName = Annotated[
     Optional[str],  # noqa: UP045  (evaluated by typer)
     typer.Option("--wall", metavar="NAME", help="Wall from which η counts.", show_default="the only one with a temperature"),
@@ -52,7 +52,7 @@ Reference = Annotated[
     Optional[float],  # noqa: UP045
     typer.Option("--reference", metavar="T0", help="Temperature T₀ (in K).", show_default="mean of the first frame"),
 ]
-Grains = Annotated[bool, typer.Option("--grains", help="The single grains too in JSON, and instead of the bins in CSV.")]
+Grains = Annotated[bool, typer.Option("--grains", help="Include every grain: in JSON besides the bins, in CSV instead of them.")]
 BinWidth = Annotated[
     Optional[float],  # noqa: UP045
     typer.Option("--bin-width", metavar="D", help="Width of a bin in mean diameters, instead of --bins.", show_default="1"),
@@ -72,6 +72,7 @@ def profile(
     directory: RunPath,
     of: ProfileOf = "velocity",
     is_normalized: Normalized = False,
+    is_normalised: BritishNormalized = False,
     start: Start = None,
     end: End = None,
     frames: Frames = None,
@@ -98,7 +99,7 @@ def profile(
     selection = Selection(start, end, parse_frames(frames, start, end))
     with open_run(directory) as run:
         found = profiles(run, of, selection, bins, bin_width=bin_width, exclude_walls=exclude_walls)
-    if is_normalized:
+    if is_normalized or is_normalised:
         found = found.normalized()
     output.draw(found)
     table = found.first

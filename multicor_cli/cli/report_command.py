@@ -7,9 +7,10 @@ from typing import Annotated, Any, Optional
 
 import typer
 
-from multicor_cli.cli.console import format_bytes, say
+from multicor_cli.cli.console import say
 from multicor_cli.cli.options import RunPath
 from multicor_cli.cli.progress import show_progress
+from multicor_cli.text import format_bytes
 
 PageFile = Annotated[
     Optional[Path],  # noqa: UP045  (evaluated by typer)
@@ -23,7 +24,7 @@ Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace the file i
 
 
 def report(directory: RunPath, output: PageFile = None, frames: FrameLimit = None, is_overwriting: Overwrite = False) -> None:
-    """Write one HTML page about a run that can be mailed: how it went, figures, and the grains to play, zoom and point at.
+    """Write one HTML page about a run, to mail or to keep: how it went, figures, and an interactive view of the grains.
 
     The page needs no network and opens in any current browser. It works on a run that is still going on. Frames are left
     out, evenly, if the page would become larger than 30 MB, and it says so.

@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from multicor_cli.cli.console import emit_json, emit_pairs, format_bytes, format_seconds, say
+from multicor_cli.cli.console import emit_json, emit_pairs, format_seconds, say
 from multicor_cli.cli.exit_codes import ExitCode
+from multicor_cli.cli.listing import ListingCommand
 from multicor_cli.cli.options import Overrides, ScenarioFile, count_noun
+from multicor_cli.text import format_bytes
 
 if TYPE_CHECKING:
     from multicor_cli.model import Model
@@ -22,7 +24,7 @@ if TYPE_CHECKING:
     from multicor_cli.scenario.scenario import Scenario
 
 NAME_HELP = "Name of the scenario; the file is NAME.toml."
-TEMPLATE_HELP = "What to start from: shear, column, hopper or drum."
+TEMPLATE_HELP = "What to start from: {templates}."
 
 
 def new(
@@ -153,6 +155,6 @@ def _lines(
 
 def register(app: typer.Typer, wrap: Any) -> None:
     """Add the commands."""
-    app.command("new")(wrap(new))
+    app.command("new", cls=ListingCommand)(wrap(new))
     app.command("validate")(wrap(validate))
     app.command("schema")(wrap(schema))

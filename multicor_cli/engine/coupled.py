@@ -50,7 +50,7 @@ class CoupledEngine:
 
     @property
     def timers(self) -> dict[str, float]:
-        """Seconds spent in each stage of a step."""
+        """Seconds spent in each phase of the time step."""
         heat = {} if self.heat is None else {"heat": self.heat.seconds}
         return {**self.mechanics.timers, **heat}
 

@@ -1,4 +1,4 @@
-"""One time step of rigid grains with Coulomb friction: the stages of Moreau–Jean time stepping, in order."""
+"""One time step of rigid grains with Coulomb friction: the phases of Moreau–Jean time stepping, in order."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ from multicor_cli.model.model import Floats, Model
 from multicor_cli.model.state import State
 
 PARALLEL_GRAINS = 4_000  # below this, starting threads costs more than they save; results are the same
-STAGES = ("predict", "detect", "prepare", "solve", "account", "move", "correct")
+PHASES = ("predict", "detect", "prepare", "solve", "account", "move", "correct")
 
 
 class Engine:
@@ -47,7 +47,7 @@ class Engine:
         model: What does not change.
         state: What does; updated in place by `step`, untouched by a step that is interrupted.
         settings: Choices of the contact solver; may be replaced between steps.
-        timers: Seconds spent in each stage since the start.
+        timers: Seconds spent in each phase of the time step since the start.
         shape_temperature: Temperatures of all shapes [K], for friction that depends on them; nan where a wall has none.
     """
 
@@ -66,7 +66,7 @@ class Engine:
         self.model = model
         self.state = state
         self.settings = settings or Settings()
-        self.timers = dict.fromkeys(STAGES, 0.0)
+        self.timers = dict.fromkeys(PHASES, 0.0)
         available = int(numba.config.NUMBA_NUM_THREADS)  # type: ignore[attr-defined]
         wanted = min(threads, available) if threads > 0 else available
         self.threads = wanted if model.grain_count >= PARALLEL_GRAINS else 1
@@ -296,10 +296,10 @@ class Engine:
         )  # fmt: skip
 
     @contextmanager
-    def _timed(self, stage: str) -> Iterator[None]:
+    def _timed(self, phase: str) -> Iterator[None]:
         started = time.perf_counter()
         yield
-        self.timers[stage] += time.perf_counter() - started
+        self.timers[phase] += time.perf_counter() - started
 
 
 def _name_absurd(state: State, model: Model) -> str:

@@ -15,9 +15,10 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.export.selection import Progress, choose_frames, no_progress
+from multicor_cli.export.selection import choose_frames
 from multicor_cli.export.target import new_directory
 from multicor_cli.store import Frame, Run, schema
+from multicor_cli.store.progress import Progress, no_progress
 from multicor_cli.store.schema import Dataset
 
 FILE_NAMES = re.compile(r"(grains|contacts|walls)-\d{6,}\.csv|(frames|series)\.csv")

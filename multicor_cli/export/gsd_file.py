@@ -16,11 +16,12 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.export.errors import ExportRefused, MissingLibrary
-from multicor_cli.export.selection import Progress, choose_frames, no_progress
+from multicor_cli.export.selection import choose_frames
 from multicor_cli.export.target import check_output, new_file
 from multicor_cli.model import Model
 from multicor_cli.model.model import Floats
 from multicor_cli.store import Frame, Run, StorageError, schema
+from multicor_cli.store.progress import Progress, no_progress
 from multicor_cli.store.schema.rows import Column, Reader
 
 _DEPTH = 1.0

@@ -2,18 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-
 from multicor_cli.export.errors import ExportError
 from multicor_cli.store import Frame, Run
 from multicor_cli.store.errors import NoFrame, what_frames
-
-Progress = Callable[[int, int], None]
-"""Is told how many frames are done, and of how many."""
-
-
-def no_progress(done: int, total: int) -> None:
-    """Report nothing."""
 
 
 def choose_frames(run: Run, frames: slice | None) -> list[Frame]:

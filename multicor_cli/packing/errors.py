@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
+from multicor_cli.text import format_bytes
+
 Key = tuple[str | int, ...]
 
 
@@ -36,4 +38,4 @@ def check_input(path: Path, most: int, key: Key) -> None:
     if not is_file:
         raise PackingError(f"there is no file '{path}'", "give its path relative to the scenario file", key)
     if size > most:
-        raise PackingError(f"'{path}' has {size} bytes", f"at most {most} are read", key)
+        raise PackingError(f"'{path}' is too large ({format_bytes(size)})", f"the limit is {format_bytes(most)}", key)

@@ -74,7 +74,7 @@ def _refuse_count(path: Path, n: int) -> None:
     if n == 0:
         raise PackingError(f"'{path}' holds no grains", "add one row per grain", _KEY)
     if n > MAX_GRAINS:
-        raise PackingError(f"'{path}' holds {n} grains", f"at most {MAX_GRAINS} are read", _KEY)
+        raise PackingError(f"'{path}' holds {n} grains", f"the limit is {MAX_GRAINS}", _KEY)
 
 
 def _refuse_rows(path: Path, faults: list[str], total: str) -> PackingError:

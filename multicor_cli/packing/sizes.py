@@ -1,6 +1,6 @@
 """Distributions of radii, by number or by mass, and drawing from them.
 
-Lists are drawn by exact quotas (largest remainder, ties by lot), so that the fractions hold as well as whole grains can;
+Lists are drawn by exact quotas (largest remainder, ties at random), so that the fractions hold as well as whole grains can;
 continuous distributions are drawn by stratified sampling, one grain per interval of equal probability, so that their moments
 hold far better than with independent draws. Both are then shuffled.
 

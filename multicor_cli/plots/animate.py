@@ -19,6 +19,7 @@ from multicor_cli.plots.scene import place_scene
 from multicor_cli.plots.style import PAGE, PlotError, house_style
 from multicor_cli.post.grain_map import GrainMap
 from multicor_cli.store.atomic import storage_errors
+from multicor_cli.store.progress import Progress, no_progress
 
 SUFFIXES = (".mp4", ".gif")
 """Formats of films."""
@@ -26,9 +27,6 @@ SUFFIXES = (".mp4", ".gif")
 _SIDES = {".mp4": 1200, ".gif": 800}  # pixels of the longer side of a picture
 _TITLE = 0.32  # room for the time [inch]
 _SAMPLE = 2_000_000  # values that the color scale is made from, at most
-
-Progress = Callable[[int, int], None]
-"""Is told how many frames have been drawn, and of how many."""
 
 
 @dataclass(frozen=True)
@@ -57,7 +55,7 @@ def write_film(
     path: Path,
     *,
     rate: float = 20.0,
-    progress: Progress = lambda done, total: None,
+    progress: Progress = no_progress,
 ) -> Film:
     """Draw maps one after the other into a film. It appears under its name when it is complete.
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,6 +16,7 @@ from multicor_cli.report.collect import ContactsView, FrameView, thin_frames, vi
 from multicor_cli.report.fields import SPACINGS, fields_of
 from multicor_cli.report.quantize import Code, compress
 from multicor_cli.store import Run
+from multicor_cli.store.progress import Progress, no_progress
 
 _CONTACT_SHARE = 0.25  # of the bytes of a frame may belong to contacts if not everything fits
 _SAFETY = 1.03  # frames may be this much larger than the one that was tried
@@ -25,9 +26,6 @@ _WORTH = 0.1  # values are left out of the colors at an end only if that shorten
 _DECADES = 1e-4  # lowest color of a logarithmic scale over the highest
 _ABSURD = 1e38  # single precision ends there
 _ANGLES = 1024  # directions that the contact with a wall can have
-
-Progress = Callable[[int, int], None]
-"""Is told how many frames have been read, and of how many."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +93,7 @@ class _Plan:
     contacts: int | None
 
 
-def pack_frames(run: Run, budget: int, frames: int | None = None, progress: Progress = lambda done, total: None) -> Packed:
+def pack_frames(run: Run, budget: int, frames: int | None = None, progress: Progress = no_progress) -> Packed:
     """Pack as many frames of a run as fit.
 
     Everything is kept if it fits. Otherwise values are stored with 8 instead of 16 bits, then only the strongest contacts of

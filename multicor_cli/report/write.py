@@ -12,10 +12,11 @@ from multicor_cli.export.target import refuse_files_of_runs
 from multicor_cli.post.energy import energy
 from multicor_cli.post.source import PostError
 from multicor_cli.report.figures import make_figures
-from multicor_cli.report.pack import Packed, Progress, pack_frames
+from multicor_cli.report.pack import Packed, pack_frames
 from multicor_cli.report.page import MARK, make_page
 from multicor_cli.store import StoreError, open_run, run_info
 from multicor_cli.store.atomic import commit_result
+from multicor_cli.store.progress import Progress, no_progress
 
 SIZE_LIMIT = 30_000_000
 """Largest size of a page [bytes]: what most mail servers still take."""
@@ -64,7 +65,7 @@ def write_report(
     *,
     frames: int | None = None,
     is_overwriting: bool = False,
-    progress: Progress = lambda done, total: None,
+    progress: Progress = no_progress,
 ) -> ReportSummary:
     """Write one self-contained HTML page about a run, finished or not.
 

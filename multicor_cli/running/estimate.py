@@ -94,7 +94,7 @@ def estimate(scenario: Scenario, plan: RunPlan, model: Model, state: State, thre
         disk = results + 2.0 * _checkpoint_bytes(model)
         peak = disk + results
         seconds = math.fsum(
-            count * (seconds_per_look(n) if stage.is_frozen else seconds_per_step(n, threads))
+            count * (seconds_per_frozen_step(n) if stage.is_frozen else seconds_per_step(n, threads))
             for count, stage in zip(known, plan.stages, strict=True)
         )
     return Estimate(
@@ -116,7 +116,7 @@ def seconds_per_step(grains: int, threads: int) -> float:
     return SECONDS_PER_STEP + (work / (0.8 * threads) if threads > 1 and grains >= THREADS_FROM else work)
 
 
-def seconds_per_look(grains: int) -> float:
+def seconds_per_frozen_step(grains: int) -> float:
     """Rough wall-clock time of a step in which only heat flows [s]."""
     return SECONDS_PER_STEP + grains * SECONDS_PER_FROZEN_STEP
 

@@ -96,7 +96,7 @@ def require_ascending(values: Sequence[float], what: str) -> None:
     """Raise unless ``values`` ascend strictly; ``what`` names them."""
     for k in range(1, len(values)):
         if not values[k] > values[k - 1]:
-            raise refuse(f"{what} must ascend, {values[k]!r} follows {values[k - 1]!r}", "sort the rows and drop double ones", k)
+            raise refuse(f"{what} must ascend, {values[k]!r} follows {values[k - 1]!r}", "sort the rows and remove duplicates", k)
 
 
 def tag_by_key(*keys: str) -> Callable[[Any], str | None]:

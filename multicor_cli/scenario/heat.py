@@ -157,16 +157,16 @@ class RadiationTable(MechanismTable):
     """Thermal radiation of gray grains."""
 
     surroundings: Kelvin | None = Field(None, description="temperature of the surroundings, a black body [K]; default: none")
-    neighbors: bool = Field(False, description="whether grains and walls within reach radiate at each other")
+    neighbors: bool = Field(False, description="whether grains and walls within reach exchange radiation")
     reach: Reach | None = Field(
         default_factory=_default_reach,
-        description="largest gap across which neighbors radiate at each other, over the smaller radius; default: 0.4",
+        description="largest gap across which neighbors exchange radiation, over the smaller radius; default: 0.4",
     )
 
     @model_validator(mode="after")
     def _radiates(self) -> Self:
         if self.surroundings is None and not self.neighbors:
-            raise refuse("there is nothing to radiate at", "give surroundings [K], or neighbors = true")
+            raise refuse("there is nothing to exchange radiation with", "give surroundings [K], or neighbors = true")
         if self.reach is not None and not self.neighbors:
             raise refuse("reach has no meaning without neighbors = true", "remove it, or add neighbors = true", "reach")
         return self

@@ -123,7 +123,7 @@ def _not_utf8(path: Path, content: bytes, offset: int) -> Problem:
 def _parse(text: str, file: str) -> dict[str, Any]:
     if (offset := find_deep_nesting(text)) is not None:
         message = f"nested more than {MAX_NESTING} deep"
-        raise ScenarioError([_at_offset(file, text, offset, message, "no scenario needs that")])
+        raise ScenarioError([_at_offset(file, text, offset, message, "use fewer levels")])
     try:
         return tomllib.loads(text)
     except tomllib.TOMLDecodeError as error:

@@ -123,7 +123,7 @@ class Stage(Table):
     @model_validator(mode="after")
     def _ends(self) -> Self:
         if self.duration is None and self.until is None:
-            raise refuse("a stage without end", "give duration [s] or until")
+            raise refuse("the stage has no end", "give duration [s] or until")
         if self.duration is None and isinstance(self.until, UntilRest):
             raise refuse("a stage that waits for rest may never end", "give duration [s] too, as its upper bound", "until")
         return self

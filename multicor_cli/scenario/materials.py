@@ -80,7 +80,7 @@ class Material(Table):
 
     density: Density = Field(description="density [kg/m³]")
     young: Young | None = Field(
-        None, description="Young's modulus [Pa]; with poisson it tells how far grains of this material would deflect"
+        None, description="Young's modulus [Pa]; with poisson it gives the elastic deflection that rigid grains neglect"
     )
     poisson: Annotated[float, Field(gt=-1.0, lt=0.5)] | None = Field(None, description="Poisson's ratio, between -1 and 0.5")
 
@@ -142,7 +142,7 @@ class Softening(Table):
                 if getattr(self, key) is not None:
                     raise refuse(f"{key} has no meaning without softening", "add softening [1/K], or remove it", key)
         elif self.min is not None and self.max is not None and self.max < self.min:
-            raise refuse(f"max = {self.max:g} is below min = {self.min:g}", "exchange the two", "max")
+            raise refuse(f"max = {self.max:g} is below min = {self.min:g}", "swap the two", "max")
         return self
 
 

@@ -18,7 +18,7 @@ class Region(Table):
     def _above_min(cls, corner: tuple[float, float], info: ValidationInfo) -> tuple[float, float]:
         low = info.data.get("min")
         if low is not None and not (corner[0] > low[0] and corner[1] > low[1]):
-            raise refuse(f"max = {list(corner)} is not above and to the right of min = {list(low)}", "exchange the corners")
+            raise refuse(f"max = {list(corner)} is not above and to the right of min = {list(low)}", "swap the corners")
         return corner
 
     @property

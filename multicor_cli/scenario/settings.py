@@ -61,7 +61,9 @@ class Solver(Table):
     tolerance_max: Tolerance = Field(5e-2, description="largest velocity correction over the reference velocity")
     tolerance_energy: Tolerance = Field(1e-2, description="energy error over the reference energy")
     max_sweeps: int = Field(10_000, ge=1, le=MAX_SWEEPS, description="largest number of sweeps in a step")
-    on_failure: Literal["warn", "error"] = Field("warn", description="what a step that does not converge does")
+    on_failure: Literal["warn", "error"] = Field(
+        "warn", description='what to do if a step does not converge: "warn" or "error" (stop)'
+    )
     threads: Annotated[int, FREE] = Field(0, ge=0, le=1024, description="number of threads; 0: all cores")
 
 
@@ -72,7 +74,9 @@ class StageSolver(Table):
     tolerance_max: Tolerance | None = Field(None, description="largest velocity correction over the reference velocity")
     tolerance_energy: Tolerance | None = Field(None, description="energy error over the reference energy")
     max_sweeps: int | None = Field(None, ge=1, le=MAX_SWEEPS, description="largest number of sweeps in a step")
-    on_failure: Literal["warn", "error"] | None = Field(None, description="what a step that does not converge does")
+    on_failure: Literal["warn", "error"] | None = Field(
+        None, description='what to do if a step does not converge: "warn" or "error" (stop)'
+    )
 
 
 def default_series_interval(frame_interval: float) -> float:

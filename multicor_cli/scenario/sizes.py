@@ -58,9 +58,12 @@ class _Range(_Sizes):
     def _above_min(cls, largest: float, info: ValidationInfo) -> float:
         smallest = info.data.get("min", largest)
         if largest < smallest:
-            raise refuse(f"max = {largest:g} is below min = {smallest:g}", "exchange the two")
+            raise refuse(f"max = {largest:g} is below min = {smallest:g}", "swap the two")
         if largest > MAX_SIZE_RATIO * smallest:
-            raise refuse(f"max = {largest:g} is more than {MAX_SIZE_RATIO:g} times min = {smallest:g}", "both are in meters")
+            raise refuse(
+                f"max = {largest:g} is more than {MAX_SIZE_RATIO:g} times min = {smallest:g}",
+                "narrow the range; radii are in meters",
+            )
         return largest
 
     @property

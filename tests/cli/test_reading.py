@@ -190,7 +190,7 @@ def test_profiles_of_heat(heated: Path, tmp_path: Path) -> None:
     base = ["post", "profile", str(heated), "--frames", "1:", "--bins", "10", "--json"]
     heat = json.loads(runner.invoke(app, [*base, "--of", "heat"]).stdout)
     assert heat["value"] == pytest.approx((RATES / 0.4).tolist())
-    temperature = json.loads(runner.invoke(app, [*base, "--of", "temperature", "--normalised"]).stdout)
+    temperature = json.loads(runner.invoke(app, [*base, "--of", "temperature", "--normalized"]).stdout)
     assert temperature["value"] == pytest.approx(temperature["y"])
     done = runner.invoke(app, [*base[:-1], "--of", "heat", "--plot", str(tmp_path / "heat.svg")])
     assert done.exit_code == 0

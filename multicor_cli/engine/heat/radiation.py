@@ -45,7 +45,7 @@ class Radiation(Mechanism):
 
     Attributes:
         surroundings: Temperature of the surroundings, a black body [K], or None: none.
-        reach: Largest gap across which grains and walls radiate at each other, over the smaller radius; 0: they do not.
+        reach: Largest gap across which grains and walls exchange radiation, over the smaller radius; 0: they do not.
     """
 
     surroundings: float | None = None

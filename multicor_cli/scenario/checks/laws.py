@@ -85,7 +85,7 @@ def _ambiguous_pairs(draft: Draft) -> Iterator[Finding]:
         rivals = sorted(first[key] for key in {("*", a), ("*", b)} if key in first)
         if len(rivals) == 2 and (a, b) not in first and rivals[1] not in told:
             told.add(rivals[1])
-            what = f"contacts.{rivals[0]} and contacts.{rivals[1]} both speak of {_show_pair((a, b))}"
+            what = f"contacts.{rivals[0]} and contacts.{rivals[1]} both apply to the pair {_show_pair((a, b))}"
             yield Finding(("contacts", rivals[1], "pair"), what, f"add an entry with pair = {_show_pair((a, b))}")
 
 

@@ -127,9 +127,9 @@ def test_a_bed_that_floats_is_found() -> None:
 
 def result(**changes: object) -> Result:
     sweep = SweepTimes(2000, 10**5, {1: 1.1e-8}, 1e-8, 1.1)
-    stages = {"solve": 6e-4, "detect": 3e-4, "prepare": 1e-4}
+    phases = {"solve": 6e-4, "detect": 3e-4, "prepare": 1e-4}
     found = Result(
-        "bed", 1000, 1, 20, 3, candidates=2000.0, sweeps=35.0, median_sweeps=30.0, cold_sweeps=300.0, step=1e-3, stages=stages,
+        "bed", 1000, 1, 20, 3, candidates=2000.0, sweeps=35.0, median_sweeps=30.0, cold_sweeps=300.0, step=1e-3, phases=phases,
         per_contact=1e-8, other_ratio=2.0, sweep=sweep,
     )  # fmt: skip
     return replace(found, **changes)

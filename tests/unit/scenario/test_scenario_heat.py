@@ -167,7 +167,7 @@ MISTAKES = {
         "exactly one of coefficient, correlation",
     ),
     "no convection": ((AMBIENT, "ambient = { temperature = 290.0 }"), "heat.ambient", "ambient", "exactly one of"),
-    "nothing to radiate at": ((RADIATION, "radiation = {}"), "heat.radiation", "radiation = {}", "surroundings"),
+    "nothing to exchange radiation with": ((RADIATION, "radiation = {}"), "heat.radiation", "radiation = {}", "surroundings"),
     "reach unused": (
         (RADIATION, "radiation = { surroundings = 300, reach = 1 }"),
         "heat.radiation.reach",
@@ -194,7 +194,7 @@ MISTAKES = {
         (GRAINS, "temperature = { value = 300, regions = [{ min = [1, 0], max = [0, 1], value = 400 }] }"),
         "particles.0.temperature.regions.0.max",
         "max = [0, 1]",
-        "exchange the corners",
+        "swap the corners",
     ),
     "region in celsius": (
         (GRAINS, "temperature = { value = 300, regions = [{ min = [0, 0], max = [1, 1], value = -10 }] }"),
