@@ -173,7 +173,7 @@ def behind_problem(position: Floats, front: Front, name: str, w: int, period: fl
     found = found[np.lexsort((found, across[found]))]
     items = [f"grain {g} by {-across[g]:.3g} m" for g in found[:_NAMED]]
     text = f"grains lie behind the rough wall '{name}', whose flow side is the other: {_listing(items, found.size, 'grains')}"
-    return PackingError(text, 'choose the other side, "left" or "right", or keep the grains\' region clear of the wall', ("walls", w))
+    return PackingError(text, "choose the other side, or keep the grains' region clear of the wall", ("walls", w))
 
 
 def _along(offset: Floats, direction: Floats) -> Floats:
