@@ -84,7 +84,7 @@ def test_missing_foreign_and_huge_files(tmp_path, monkeypatch):
         with pytest.raises(PackingError, match=words):
             read_grains(path, (0.0, 0.0))
     monkeypatch.setattr(file, "MAX_BYTES", 10)
-    with pytest.raises(PackingError, match="bytes"):
+    with pytest.raises(PackingError, match=r"is too large \(\d+ B\); the limit is 10 B"):
         read_grains(csv(tmp_path, "x,y,radius\n1,2,3\n"), (0.0, 0.0))
 
 

@@ -110,7 +110,7 @@ MISTAKES = {
         "cannot turn",
         "periodic = false",
     ),
-    "stage without end": (("duration = 0.5\n", ""), "loading.2", "[[loading]]\ndrives.bottom", "without end", "duration"),
+    "stage without end": (("duration = 0.5\n", ""), "loading.2", "[[loading]]\ndrives.bottom", "has no end", "duration"),
     "rest without bound": (("duration = 1.0\n", ""), "loading.0.until", "until = { kinetic", "may never end", "duration"),
     "strain without motion": (("ramp = [0.0, 0.1]", "ramp = [0, 0]"), "loading.1.until.strain", "strain = {", "moves in x"),
     "strain that stalls": (("ramp = [0.0, 0.1]", "ramp = [0.1, 0]"), "loading.1.until.strain", "strain = {", "never end"),

@@ -176,7 +176,7 @@ MISTAKES = {
     ),
     "softening missing": ((SOFT, "friction = { value = 0.5, min = 0.1 }"), "contacts.0.friction.min", "min = 0.1", "softening"),
     "number in a table": ((SOFT, "friction = { value = 0.5 }"), "contacts.0.friction", "friction = {", "add softening"),
-    "crossed limits": (("min = 0.1, max = 1.0", "min = 0.1, max = 0.05"), "contacts.0.friction.max", "max = 0.05", "exchange"),
+    "crossed limits": (("min = 0.1, max = 1.0", "min = 0.1, max = 0.05"), "contacts.0.friction.max", "max = 0.05", "swap"),
     "value and table": (
         ("values = [0.3, 0.2], soft", "value = 0.3, values = [0.3, 0.2], soft"),
         "contacts.1.friction.value",
@@ -250,7 +250,7 @@ MISTAKES = {
         "heat = false\ndt",
         "nothing happens",
     ),
-    "frozen without end": (("duration = 1800.0\n", ""), "loading.1", '[[loading]]\nname = "soak"', "without end"),
+    "frozen without end": (("duration = 1800.0\n", ""), "loading.1", '[[loading]]\nname = "soak"', "has no end"),
     "long look": (("dt = 60.0", "dt = 6000.0"), "loading.1.duration", "duration = 1800", "shorter than the time step"),
 }
 
