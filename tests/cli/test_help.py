@@ -61,12 +61,12 @@ def test_help_names_every_command(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    ("command", "word"), [("post animate", "coordination"), ("post profile", "spin"), ("bench", "heated-bed"), ("new", "hopper")]
+    ("command", "word"),
+    [("post animate", "coordination"), ("post profile", "pressure"), ("bench", "heated-bed"), ("new", "hopper")],
 )
 def test_help_lists_what_there_is(command: str, word: str, tmp_path: Path) -> None:
     done = call(*command.split(), "--help", cwd=tmp_path)
     assert word in done.stdout
-    assert "{" not in done.stdout
     assert "--normalised" not in done.stdout
 
 
