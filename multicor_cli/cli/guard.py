@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from multicor_cli.cli.console import complain, say
-from multicor_cli.cli.exit_codes import ExitCode, exit_code_of
+from multicor_cli.running.outcome import ExitCode, exit_code_of
 
 _crash_directory: Path | None = None
 

@@ -11,8 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from multicor_cli.cli.console import emit_json, emit_pairs, format_bytes, format_seconds, say
-from multicor_cli.cli.exit_codes import ExitCode
 from multicor_cli.cli.options import Overrides, ScenarioFile, count_noun
+from multicor_cli.running.outcome import ExitCode
 
 if TYPE_CHECKING:
     from multicor_cli.model import Model

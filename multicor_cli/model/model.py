@@ -172,6 +172,11 @@ class Model:
         return len(self.walls.names)
 
     @functools.cached_property
+    def material(self) -> Ints:
+        """Index of the material of all shapes, grains first, shape ``(n + m,)``."""
+        return np.concatenate([self.grains.material, self.shapes.material]).astype(np.int32)
+
+    @functools.cached_property
     def mean_diameter(self) -> float:
         """Mean diameter of the grains d̄ [m]."""
         return 2.0 * mean(self.grains.radius)

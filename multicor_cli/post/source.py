@@ -18,6 +18,8 @@ if TYPE_CHECKING:
 class PostError(Exception):
     """What was asked for cannot be computed from this run: one message for the user."""
 
+    exit_code = 2
+
 
 class GrainFrame(Protocol):
     """The grains and walls at one time; what belongs to heat is None in a run without."""
