@@ -33,7 +33,7 @@ from multicor_cli.engine.motion.moves import move, predict, wrap
 from multicor_cli.engine.motion.walls import WallMotion
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.model.faults import LARGEST, find_absurd_value
-from multicor_cli.model.model import Floats, Model
+from multicor_cli.model.model import LEAST_DIAMETERS, Floats, Model
 from multicor_cli.model.state import State
 
 PARALLEL_GRAINS = 4_000  # below this, starting threads costs more than they save; results are the same
@@ -71,7 +71,7 @@ class Engine:
         wanted = min(threads, available) if threads > 0 else available
         self.threads = wanted if model.grain_count >= PARALLEL_GRAINS else 1
         largest = float(model.grains.radius.max())
-        if 0.0 < model.period < 8.0 * largest:
+        if 0.0 < model.period < 2.0 * LEAST_DIAMETERS * largest:
             message = f"the period {model.period:g} m is less than four times the largest diameter {2.0 * largest:g} m"
             raise ValueError(message)
         n, w = model.grain_count, model.wall_count

@@ -16,9 +16,10 @@ from typing import Any
 import numpy as np
 
 from multicor_cli.model.model import Floats
-from multicor_cli.packing.brought import MAX_GRAINS, Brought
+from multicor_cli.packing.brought import Brought
 from multicor_cli.packing.errors import PackingError, check_file
 from multicor_cli.packing.values import NAMED, describe_faults, faulty_rows, find_fault
+from multicor_cli.scenario.checks.grains import MAX_GRAINS
 
 REQUIRED = ("x", "y", "radius")
 OPTIONAL = ("angle", "vx", "vy", "spin")

@@ -17,6 +17,7 @@ from multicor_cli.model.shapes import ShapeKind
 from multicor_cli.packing.errors import PackingError
 from multicor_cli.packing.obstacles import Obstacles
 from multicor_cli.packing.pairs import find_pairs
+from multicor_cli.packing.values import NAMED
 from multicor_cli.packing.walls import Front
 
 LARGEST_OVERLAP = 1e-3
@@ -27,7 +28,6 @@ CROWD = 32
 
 _FAR = 2.0**62
 """Cells this far out count as one; a coordinate cannot be so far from the origin for any radius above 1e-13 m."""
-_NAMED = 5
 _DISC = int(ShapeKind.DISC)
 
 
@@ -126,7 +126,7 @@ def overlap_problems(
     if among.any():
         a, b, size = i[among], j[among], overlap[among]
         smaller = np.minimum(radius[a], radius[b])
-        items = [f"grains {a[k]} and {b[k]} by {_amount(size[k], smaller[k])}" for k in range(min(_NAMED, a.size))]
+        items = [f"grains {a[k]} and {b[k]} by {_amount(size[k], smaller[k])}" for k in range(min(NAMED, a.size))]
         text = f"grains overlap at the start: {_listing(items, a.size, 'pairs' if kept.size == count else 'pairs at least')}"
         key = ("particles", int(max(group[a[0]], group[b[0]])))
         problems.append(PackingError(text, "move them apart: a larger spacing or region, or fewer grains", key))
@@ -141,7 +141,7 @@ def overlap_problems(
 
 
 def _wall_problem(name: str, w: int, grain: Ints, overlap: Floats, radius: Floats) -> PackingError:
-    items = [f"grain {grain[k]} by {_amount(overlap[k], radius[grain[k]])}" for k in range(min(_NAMED, grain.size))]
+    items = [f"grain {grain[k]} by {_amount(overlap[k], radius[grain[k]])}" for k in range(min(NAMED, grain.size))]
     text = f"the wall '{name}' cuts grains at the start: {_listing(items, grain.size, 'grains')}"
     return PackingError(text, "move the wall, or give the grains a region that keeps clear of it", ("walls", w))
 
@@ -168,7 +168,7 @@ def behind_problem(position: Floats, front: Front, name: str, w: int, period: fl
     if not found.size:
         return None
     found = found[np.lexsort((found, across[found]))]
-    items = [f"grain {g} by {-across[g]:.3g} m" for g in found[:_NAMED]]
+    items = [f"grain {g} by {-across[g]:.3g} m" for g in found[:NAMED]]
     text = f"grains lie behind the rough wall '{name}', whose flow side is the other: {_listing(items, found.size, 'grains')}"
     return PackingError(text, 'exchange side = "left" and "right", or keep the grains\' region clear of the wall', ("walls", w))
 

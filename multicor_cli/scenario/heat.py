@@ -96,9 +96,12 @@ class GasTable(MechanismTable):
             what = f"{least}, '{name}' is {solid / self.conductivity:.3g} times"
             yield Finding(("heat", "gas", "model"), what, 'use "parallel"')
 
-    def holds_for(self, smallest: float, largest: float) -> bool:
-        """Whether the formula holds for grains of these smallest and largest radii [m]."""
-        return self.model != "vargas" or largest <= EQUAL * smallest
+    def misfits(self, smallest: float, largest: float) -> list[Finding]:
+        """What is wrong with it for grains of these smallest and largest radii [m]."""
+        if self.model != "vargas" or largest <= EQUAL * smallest:
+            return []
+        what = f'"vargas" is for grains of equal size, but the radii are {smallest:g} to {largest:g} m'
+        return [Finding(("heat", "gas", "model"), what, 'use "parallel" or "batchelor"')]
 
 
 class AmbientCoefficient(MechanismTable):
