@@ -6,6 +6,9 @@ from pathlib import Path
 
 Key = tuple[str | int, ...]
 
+NAMED = 5
+"""So many faulty lines, rows or grains are named."""
+
 
 class PackingError(ValueError):
     """A packing or a wall cannot be made as asked.

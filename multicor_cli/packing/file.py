@@ -17,8 +17,8 @@ import numpy as np
 
 from multicor_cli.model.model import Floats
 from multicor_cli.packing.brought import Brought
-from multicor_cli.packing.errors import PackingError, check_file
-from multicor_cli.packing.values import NAMED, describe_faults, faulty_rows, find_fault
+from multicor_cli.packing.errors import NAMED, PackingError, check_file
+from multicor_cli.packing.values import describe_faults, faulty_rows, find_fault
 from multicor_cli.scenario.checks.grains import MAX_GRAINS
 
 REQUIRED = ("x", "y", "radius")

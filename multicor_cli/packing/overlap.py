@@ -14,10 +14,9 @@ from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.model.columns import RADIUS, X, Y
 from multicor_cli.model.model import Floats, Ints
 from multicor_cli.model.shapes import ShapeKind
-from multicor_cli.packing.errors import PackingError
+from multicor_cli.packing.errors import NAMED, PackingError
 from multicor_cli.packing.obstacles import Obstacles
 from multicor_cli.packing.pairs import find_pairs
-from multicor_cli.packing.values import NAMED
 from multicor_cli.packing.walls import Front
 
 LARGEST_OVERLAP = 1e-3

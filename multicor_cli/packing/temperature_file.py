@@ -12,8 +12,8 @@ from pathlib import Path
 import numpy as np
 
 from multicor_cli.model.model import Floats
-from multicor_cli.packing.errors import PackingError, check_file
-from multicor_cli.packing.values import NAMED, find_fault
+from multicor_cli.packing.errors import NAMED, PackingError, check_file
+from multicor_cli.packing.values import find_fault
 from multicor_cli.scenario.checks.grains import MAX_GRAINS
 
 MAX_BYTES = 2**31

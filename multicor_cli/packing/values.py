@@ -9,15 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
+from multicor_cli.packing.errors import NAMED
 from multicor_cli.scenario.base import KELVIN_BOUNDS
 
 MAX_COORDINATE = 1e6
 """Bound on coordinates and radii [m], as in the scenario file."""
 MAX_SPEED = 1e12
 """Bound on angles [rad], velocities [m/s] and spins [rad/s]."""
-
-NAMED = 5
-"""So many faulty rows are named."""
 
 
 def find_fault(name: str, value: float) -> str:

@@ -23,14 +23,7 @@ from multicor_cli.engine.heat.network import Links, Pairs, links_of, network_of
 from multicor_cli.engine.heat.pairs import look_up, near_pairs
 from multicor_cli.engine.heat.partition import share_out
 from multicor_cli.engine.heat.settings import HeatSettings
-from multicor_cli.engine.heat.spots import (
-    TOUCHING,
-    Spots,
-    conducting_spots,
-    forces_of_step,
-    loaded_pairs,
-    touching_pairs,
-)
+from multicor_cli.engine.heat.spots import TOUCHING, Spots, conducting_spots, forces_of_step, loaded_pairs, touching_pairs
 from multicor_cli.engine.heat.walls import WallHeat, WallValues
 from multicor_cli.model.columns import FRICTION, IMPACT
 from multicor_cli.model.faults import LARGEST, find_absurd_value
