@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,7 +10,7 @@ from multicor_cli.plots.dispatch import Ways
 from multicor_cli.plots.scene import Place, draw_discs, draw_walls, is_wide, place_scene
 from multicor_cli.plots.small_rises import rise_formatter, rise_label, rise_reference
 from multicor_cli.plots.streamlines import draw_streamlines
-from multicor_cli.plots.style import COLUMN, color_map, figure_file
+from multicor_cli.plots.style import COLUMN, color_map
 from multicor_cli.plots.text_picture import Terminal, draw_picture
 from multicor_cli.post.grain_map import GrainMap
 from multicor_cli.post.quantities import color_range
@@ -21,24 +20,18 @@ _LONG = 0.95  # this part of the arrows are as long as their velocity says; long
 _LENGTH = 2.0  # length of the longest arrow over the mean distance of arrows
 
 
-def plot_map(table: GrainMap, path: Path, *, has_streamlines: bool = True) -> None:
-    """Draw a map.
-
-    Args:
-        table: The map.
-        path: File to write; its ending (.png, .svg, .pdf) chooses the format.
-        has_streamlines: Whether vectors are shown as streamlines of their local mean, in which vortices are seen, or as arrows.
-
-    Raises:
-        PlotError: If matplotlib is not installed or the ending is not known.
-        StorageError: If the file cannot be written.
-    """
-    with figure_file(path, COLUMN, COLUMN) as figure:
-        draw_map(place_scene(figure, table.scene), table, has_streamlines=has_streamlines)
+def _fill(figure: Any, table: GrainMap, *, has_streamlines: bool = True) -> None:
+    draw_map(place_scene(figure, table.scene), table, has_streamlines=has_streamlines)
 
 
 def draw_map(place: Place, table: GrainMap, *, has_streamlines: bool = True) -> None:
-    """Draw a map with its color bar where `place_scene` has made room; see `plot_map`."""
+    """Draw a map with its color bar where `place_scene` has made room.
+
+    Args:
+        place: The room.
+        table: The map.
+        has_streamlines: Whether vectors are shown as streamlines of their local mean, in which vortices are seen, or as arrows.
+    """
     scale = color_scale(table)
     draw_bar(place.bar, table, draw_values(place.axes, table, scale[0], has_streamlines=has_streamlines), scale)
 
@@ -114,4 +107,4 @@ def map_text(table: GrainMap, terminal: Terminal, *, has_streamlines: bool = Tru
     return f"{picture}\n{table.field.label} [{table.field.unit}] from {norm.vmin:.6g} to {norm.vmax:.6g}"
 
 
-FIGURES = {GrainMap: Ways(plot_map, map_text)}
+FIGURES = {GrainMap: Ways(lambda _: (COLUMN, COLUMN), _fill, map_text)}
