@@ -10,7 +10,7 @@ from entry import Entry, Panel, Rows, on_axes, percent
 from numpy.typing import NDArray
 
 from multicor_cli import open_run
-from multicor_cli.plots import plot_map
+from multicor_cli.plots import plot
 from multicor_cli.plots.style import COLORS, COLUMN
 from multicor_cli.post import grain_map
 
@@ -122,7 +122,7 @@ def _figure_6(table: Any, celsius: Floats) -> Entry:
         "Temperatures of all grains",
         ["The temperatures of all fourteen grains while the heat spreads from grain 1."],
         ["At which time."],
-        [Panel("figure-06", f"t = {table.time:g} s, about C/H.", lambda path: plot_map(table, path))],
+        [Panel("figure-06", f"t = {table.time:g} s, about C/H.", lambda path: plot(table, path))],
         ("", "ours"),
         rows,
         ["Nothing in what the paper states contradicts this map; its numbers depend on the same open choices as figure 5."],

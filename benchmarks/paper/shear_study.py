@@ -12,7 +12,7 @@ from entry import Entry, Panel, Rows, percent, versus
 from flow_numbers import BINS, LAYER, LEVELS, Flow, measure
 
 from multicor_cli import open_run
-from multicor_cli.plots import plot_forces, plot_map, plot_profile
+from multicor_cli.plots import plot
 from multicor_cli.post import grain_map, profile
 from multicor_cli.store import Run
 
@@ -51,7 +51,7 @@ def _maps(regimes: list[_Regime], number: str, of: str) -> list[Panel]:
 def _map_panel(regime: _Regime, number: str, of: str) -> Panel:
     table = grain_map(regime.run, of)
     caption = f"{regime.label}: {table.field.label}, t = {table.time:.3g} s (the last frame)."
-    return Panel(f"figure-{number}-{of}-{regime.name}", caption, lambda path: plot_map(table, path))
+    return Panel(f"figure-{number}-{of}-{regime.name}", caption, lambda path: plot(table, path))
 
 
 def _profiles(regimes: list[_Regime], number: str, of: str, *, bins: int | None = None, is_normalized: bool = False) -> list[Panel]:
@@ -62,7 +62,7 @@ def _profile_panel(regime: _Regime, number: str, of: str, bins: int | None, *, i
     table: Any = profile(regime.run, of, bins=bins)
     table = table.normalized() if is_normalized else table
     caption = f"{regime.label}: {table.field.label}, mean over t = {table.times[0]:.3g} to {table.times[1]:.3g} s."
-    return Panel(f"figure-{number}-{of}-{regime.name}", caption, lambda path: plot_profile(table, path))
+    return Panel(f"figure-{number}-{of}-{regime.name}", caption, lambda path: plot(table, path))
 
 
 def _figure_9(regimes: list[_Regime]) -> Entry:
@@ -128,7 +128,7 @@ def _figure_10(regimes: list[_Regime]) -> Entry:
         Panel(
             f"figure-10-{when}-{regime.name}",
             f"{regime.label}, {text}: t = {network.time:.3g} s.",
-            partial(plot_forces, network),
+            partial(plot, network),
         )
         for when, text in (("start", "at the start of the shearing"), ("flow", "in the flow"))
         for regime in regimes

@@ -26,6 +26,8 @@ _ENOUGH = 30.0
 class RecordError(Exception):
     """A file of recorded ratios cannot be used: one message for the user."""
 
+    exit_code = 2
+
 
 def ratios(result: Result) -> dict[str, float]:
     """What of a result does not depend on how fast the machine is, nor on the bits of one trajectory; only what could be measured.

@@ -35,6 +35,7 @@ def animate(
 
     An .mp4 needs ffmpeg; where it is missing a .gif is written instead.
     """
+    from multicor_cli.export.target import check_output
     from multicor_cli.plots.animate import SUFFIXES, film_path, write_film
 
     if output.suffix.lower() not in SUFFIXES:
@@ -42,7 +43,7 @@ def animate(
     target = film_path(output)
     if target != output:
         say(f"ffmpeg is not installed: writing {target} instead of {output}")
-    _check_free(target, is_overwriting=is_overwriting)
+    check_output(target, is_overwriting=is_overwriting)
     from multicor_cli.post import Selection
     from multicor_cli.store import open_run
 
@@ -51,13 +52,6 @@ def animate(
         film = write_film(lambda: _maps(run, of, chosen), len(chosen), output, rate=rate, progress=progress)
     skipped = f", without {film.skipped} that lack this quantity" if film.skipped else ""
     say(f"wrote {film.path}: {film.frames} frames{skipped}")
-
-
-def _check_free(path: Path, *, is_overwriting: bool) -> None:
-    if path.is_dir() or (path.exists() and not is_overwriting):
-        from multicor_cli.store import DirectoryRefused
-
-        raise DirectoryRefused(f"{path} exists; choose another file with -o, or replace it with --overwrite")
 
 
 def _maps(run: Run, of: str, chosen: list[int]) -> Iterator[GrainMap | None]:

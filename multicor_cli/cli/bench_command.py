@@ -10,8 +10,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Optional
 import typer
 
 from multicor_cli.cli.console import emit_json, emit_table, say
-from multicor_cli.cli.exit_codes import ExitCode
 from multicor_cli.cli.listing import ListingCommand
+from multicor_cli.running.outcome import ExitCode
 
 if TYPE_CHECKING:
     from multicor_cli.bench.measuring import Result, Task

@@ -16,7 +16,8 @@ from pathlib import Path
 from typing import Any
 
 from multicor_cli.cli.console import complain, say
-from multicor_cli.cli.exit_codes import ExitCode, exit_code_of
+from multicor_cli.running.outcome import ExitCode, exit_code_of
+from multicor_cli.store import layout
 
 _crash_directory: Path | None = None
 
@@ -109,9 +110,9 @@ def _write_crash(error: BaseException) -> str:
     text = "".join(traceback.format_exception(error))
     command = " ".join(sys.argv)
     content = f"multicor crashed\ncommand: {command}\n\n{text}".encode(errors="backslashreplace")
-    if _crash_directory is not None and (_crash_directory / "run.json").is_file():
+    if _crash_directory is not None and (_crash_directory / layout.RUN).is_file():
         with contextlib.suppress(OSError):
-            path = _crash_directory / "crash.txt"
+            path = _crash_directory / layout.CRASH
             with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NOFOLLOW, 0o666), "wb") as file:
                 file.write(content)
             return str(path)

@@ -8,16 +8,7 @@ from typing import Annotated, Any, Optional
 import typer
 
 from multicor_cli.cli.options import RunPath, count_noun
-from multicor_cli.cli.post_options import (
-    AsCsv,
-    AsJson,
-    End,
-    FigureFile,
-    Frames,
-    OneFrame,
-    Start,
-    parse_frames,
-)
+from multicor_cli.cli.post_options import AsCsv, AsJson, End, FigureFile, Frames, OneFrame, Start, parse_frames
 from multicor_cli.cli.post_output import TableOutput
 
 Distribution = Annotated[bool, typer.Option("--distribution", help="Show how many contacts carry which force instead.")]

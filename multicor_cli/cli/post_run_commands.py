@@ -9,16 +9,7 @@ import typer
 
 from multicor_cli.cli.console import say
 from multicor_cli.cli.options import RunPath
-from multicor_cli.cli.post_options import (
-    AsCsv,
-    AsJson,
-    Bins,
-    End,
-    FigureFile,
-    Frames,
-    Start,
-    parse_frames,
-)
+from multicor_cli.cli.post_options import AsCsv, AsJson, Bins, End, FigureFile, Frames, Start, parse_frames
 from multicor_cli.cli.post_output import TableOutput
 
 Earliest = Annotated[

@@ -7,8 +7,8 @@ from typing import Annotated, Any
 import typer
 
 from multicor_cli.cli.console import emit, emit_json, emit_pairs, format_seconds, say
-from multicor_cli.cli.exit_codes import ExitCode
 from multicor_cli.cli.options import RunPath, count_noun
+from multicor_cli.running.outcome import ExitCode
 
 _HEAT_LABELS = {
     "friction": "  of friction",

@@ -11,9 +11,9 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 
 from multicor_cli.cli.console import emit_json, emit_pairs, format_seconds, say
-from multicor_cli.cli.exit_codes import ExitCode
 from multicor_cli.cli.listing import ListingCommand
 from multicor_cli.cli.options import Overrides, ScenarioFile, count_noun
+from multicor_cli.running.outcome import ExitCode
 from multicor_cli.text import format_bytes
 
 if TYPE_CHECKING:

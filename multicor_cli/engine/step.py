@@ -25,7 +25,7 @@ from multicor_cli.engine.energy import account
 from multicor_cli.engine.energy.books import book_step, start_books, switch_wall_kinetic
 from multicor_cli.engine.geometry.drift import fit_drift
 from multicor_cli.engine.geometry.neighbor_list import NeighborList
-from multicor_cli.engine.geometry.scene import Scene, place_shapes
+from multicor_cli.engine.geometry.scene import Scene, scene_of
 from multicor_cli.engine.jit.chunks import chunks_for
 from multicor_cli.engine.motion.correction import correct_positions
 from multicor_cli.engine.motion.drives import WallDrive
@@ -33,7 +33,7 @@ from multicor_cli.engine.motion.moves import move, predict, wrap
 from multicor_cli.engine.motion.walls import WallMotion
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.model.faults import LARGEST, find_absurd_value
-from multicor_cli.model.model import Floats, Model
+from multicor_cli.model.model import LEAST_DIAMETERS, Floats, Model
 from multicor_cli.model.state import State
 
 PARALLEL_GRAINS = 4_000  # below this, starting threads costs more than they save; results are the same
@@ -71,7 +71,7 @@ class Engine:
         wanted = min(threads, available) if threads > 0 else available
         self.threads = wanted if model.grain_count >= PARALLEL_GRAINS else 1
         largest = float(model.grains.radius.max())
-        if 0.0 < model.period < 8.0 * largest:
+        if 0.0 < model.period < 2.0 * LEAST_DIAMETERS * largest:
             message = f"the period {model.period:g} m is less than four times the largest diameter {2.0 * largest:g} m"
             raise ValueError(message)
         n, w = model.grain_count, model.wall_count
@@ -82,7 +82,6 @@ class Engine:
         self._free = np.zeros((n + w, 4))
         self._flagged = np.zeros(n, np.bool_)
         self._mass = total(model.grains.mass)
-        self._material = np.concatenate([model.grains.material, model.shapes.material]).astype(np.int32)
         self.shape_temperature: Floats = np.empty(0)
         self._pace = ThreadChoice(self.threads)
         self._contacts: StepContacts | None = None
@@ -156,12 +155,12 @@ class Engine:
         """
         return tabulate_contacts(self._last_scene, self._contacts, self._after)
 
-    def next_problem(self, dt: float, t: float) -> ContactProblem:
-        """The contact problem of the next step, without taking it: to save, compare and study. Arguments as `step`."""
-        return self.next_start(dt, t)[0]
-
     def next_start(self, dt: float, t: float) -> tuple[ContactProblem, Floats]:
-        """As `next_problem`, with the impulses from which the solver would start [N s], shape ``(c, 2)``."""
+        """The contact problem of the next step, without taking it: to save, compare and study. Arguments as `step`.
+
+        Returns:
+            The problem, and the impulses from which the solver would start [N s], shape ``(c, 2)``.
+        """
         scene, contacts = self._next_contacts(dt, t)
         problem = problem_of_step(scene, contacts, self._free, self._motion.inverse, self.model.shape_factor)
         return problem, contacts.impulse
@@ -192,7 +191,7 @@ class Engine:
         of_walls = np.concatenate([walls, state.wall_velocity, state.wall_position])
         if not np.isfinite(speeds).all() or not (np.abs(of_walls) <= LARGEST).all():
             raise PhysicsError(state.step, _name_absurd(state, model))
-        scene = self._scene(self._middle, state.wall_position + 0.5 * dt * state.wall_velocity)
+        scene = scene_of(model, self._middle, state.wall_position + 0.5 * dt * state.wall_velocity, self.shape_temperature)
         drift = fit_drift(self._free, self._middle, model.period)
         fall = dt * np.abs(model.gravity)  # between the velocities at the start and the free ones
         drift = replace(drift, rest=drift.rest + hypot(*fall.tolist()), largest=drift.largest + fall)
@@ -208,15 +207,6 @@ class Engine:
         """A gap that no pair closes in the step with the velocities v⁺ [m]."""
         drift = fit_drift(after, self._middle, self.model.period)
         return self._motion.closing(drift, scene, after[self.model.grain_count :, :3].copy()).reach(dt, self._list.largest)
-
-    def _scene(self, position: Floats, wall_position: Floats) -> Scene:
-        model = self.model
-        world = np.empty((model.shape_count, 4))  # of its own: heat still looks at that of q_m when positions are corrected
-        place_shapes(model.shapes.kind, model.shapes.wall, model.shapes.geometry, wall_position, world)
-        return Scene(
-            position, model.grains.radius, self._material, model.shapes.kind, model.shapes.wall, world, wall_position,
-            model.period, self.shape_temperature,
-        )  # fmt: skip
 
     def _solve(
         self, scene: Scene, margin: float, dt: float, should_stop: Callable[[], bool] | None
@@ -276,7 +266,8 @@ class Engine:
             state.wall_velocity = wall_after
             state.wall_position = scene.wall_position + 0.5 * dt * wall_after
         with self._timed("correct"):
-            end = self._scene(state.position, state.wall_position)
+            # Not that of q_m with other positions: heat still looks at it.
+            end = scene_of(model, state.position, state.wall_position)
             correction = correct_positions(end, model, self._motion, self._list, reach, self._flagged, state.step)
             if model.period > 0.0:
                 wrap(state.position, state.image, model.period)

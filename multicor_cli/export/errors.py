@@ -19,5 +19,3 @@ class ExportRefused(StoreError):
 
 class MissingLibrary(StoreError):
     """A library that the format needs is not installed (exit code 5)."""
-
-    exit_code = 5

@@ -221,31 +221,3 @@ def read_fclib(path: Path) -> tuple[ContactProblem, Floats | None]:
         problem = ContactProblem(**arrays)
         start = file[f"{_GUESSES}/1/r"][...].reshape(len(problem.pair), 2) if _GUESSES in file else None
         return problem, start
-
-
-def read_local_form(path: Path) -> LocalForm:
-    """The local form in an FCLib file, from any program that stores W as compressed rows (or columns, if W is symmetric).
-
-    Raises:
-        ExportError: If the problem is not two-dimensional, or W is stored in another way.
-        DamagedRun: If it is damaged, or holds no local form.
-        StorageError: If it cannot be read.
-    """
-    with reading(path), h5py.File(path, "r", locking=False) as file:
-        local = file[_LOCAL]
-        if local["spacedim"][...].tolist() != [2] or local["W/nz"][...].tolist() not in ([-1], [_ROWS]):
-            raise ExportError(f"{path}: is not a two-dimensional problem with a matrix in compressed rows")
-        start, column, value = (local[f"W/{name}"][...] for name in "pix")
-        form = LocalForm(start, column, value, local["vectors/q"][...], local["vectors/mu"][...])
-        _check_form(form)
-        return form
-
-
-def _check_form(form: LocalForm) -> None:
-    """Raises `ValueError` if the arrays do not belong together."""
-    entries, rows = len(form.value), 2 * len(form.friction)
-    is_whole = form.q.shape == (rows,) and form.start.shape == (rows + 1,) and form.column.shape == (entries,)
-    if not is_whole or form.start[0] != 0 or form.start[-1] != entries or (np.diff(form.start) < 0).any():
-        raise ValueError(f"W, q and mu are not those of {len(form.friction)} contacts")
-    if entries and not 0 <= int(form.column.min()) <= int(form.column.max()) < rows:
-        raise ValueError(f"W has columns outside 0 … {rows - 1}")

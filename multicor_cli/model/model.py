@@ -18,6 +18,12 @@ from multicor_cli.arithmetic.sums import mean
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int32]
 
+LEAST_DIAMETERS = 4.0
+"""Shortest period over the largest diameter: with less, a grain and the image of its neighbor would be neighbors too."""
+
+SHAPE_FACTOR = {"disc": 2.0, "sphere": 2.5}
+"""m a²/I by the shape of the grains."""
+
 
 @dataclass(frozen=True)
 class Grains:
@@ -141,7 +147,7 @@ class Model:
         groups: Names of the particle groups.
         period: Period in x [m]; 0 if the domain is not periodic.
         gravity: Acceleration of gravity [m/s²], shape ``(2,)``.
-        shape_factor: m a²/I, the same for all grains: 2 for discs, 5/2 for spheres.
+        shape_factor: m a²/I, one of `SHAPE_FACTOR`, the same for all grains.
         thermal: Heat capacities and initial temperatures, or None if the run has no heat.
     """
 
@@ -170,6 +176,11 @@ class Model:
     def wall_count(self) -> int:
         """Number of wall bodies w."""
         return len(self.walls.names)
+
+    @functools.cached_property
+    def material(self) -> Ints:
+        """Index of the material of all shapes, grains first, shape ``(n + m,)``."""
+        return np.concatenate([self.grains.material, self.shapes.material]).astype(np.int32)
 
     @functools.cached_property
     def mean_diameter(self) -> float:

@@ -24,6 +24,8 @@ _DIGITS = 18
 class NudgeError(ValueError):
     """The switch is set to something that is not a seed: one message for the user."""
 
+    exit_code = 5
+
 
 def nudge_seed() -> int | None:
     """The seed in the environment; None if positions stay as they are.

@@ -7,12 +7,9 @@ from typing import Literal
 
 import numpy as np
 
-from multicor_cli.model.model import Floats
+from multicor_cli.model.model import SHAPE_FACTOR, Floats
 
 Shape = Literal["disc", "sphere"]
-
-SHAPE_FACTOR = {"disc": 2.0, "sphere": 2.5}
-"""m a²/I by shape."""
 
 
 def masses(radius: Floats, density: float, shape: Shape, thickness: float | None) -> Floats:

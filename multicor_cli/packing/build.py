@@ -8,9 +8,9 @@ import numpy as np
 
 from multicor_cli.model import Grains, Model, State, Thermal
 from multicor_cli.model.columns import X
-from multicor_cli.model.model import Floats, Ints
+from multicor_cli.model.model import LEAST_DIAMETERS, SHAPE_FACTOR, Floats, Ints
 from multicor_cli.model.nudge import nudge, nudge_seed
-from multicor_cli.packing.bodies import SHAPE_FACTOR, Shape, inertias, masses
+from multicor_cli.packing.bodies import Shape, inertias, masses
 from multicor_cli.packing.errors import PackingError
 from multicor_cli.packing.groups import make_group
 from multicor_cli.packing.initial_grains import InitialGrains
@@ -21,9 +21,6 @@ from multicor_cli.packing.pairs import wrap
 from multicor_cli.packing.thermal import group_thermal, joined, sizes_problems
 from multicor_cli.packing.wall_tables import BuiltWalls, build_walls
 from multicor_cli.scenario import Scenario, ScenarioError
-
-_LEAST_DIAMETERS = 4.0
-"""Shortest period over the largest diameter: the engine finds each neighbor once only if it is not its own neighbor's image."""
 
 
 def build(scenario: Scenario) -> tuple[Model, State]:
@@ -62,7 +59,6 @@ def _make_groups(scenario: Scenario, solid: Obstacles) -> list[InitialGrains]:
     errors = []
     for k in range(len(scenario.particles)):
         try:
-            _check_period(scenario, k, None)
             group = make_group(scenario, k, solid)
             _check_period(scenario, k, float(group.radius.max(initial=0.0)))
         except PackingError as error:
@@ -83,12 +79,10 @@ def _wrapped(scenario: Scenario, position: Floats) -> Floats:
     return center
 
 
-def _check_period(scenario: Scenario, index: int, largest: float | None) -> None:
-    """Refuse a period that is too short for grains of radius ``largest``, or, if None, for the sizes the scenario names."""
+def _check_period(scenario: Scenario, index: int, largest: float) -> None:
+    """Refuse a period that is too short for grains of radius ``largest``."""
     sizes, domain = scenario.particles[index].sizes, scenario.domain
-    if largest is None:
-        largest = sizes.largest if sizes is not None else 0.0
-    if domain.periodic and domain.size[0] < 2.0 * _LEAST_DIAMETERS * largest:
+    if domain.periodic and domain.size[0] < 2.0 * LEAST_DIAMETERS * largest:
         text = f"the period {domain.size[0]:g} m is less than four of the largest diameters, {2.0 * largest:g} m"
         raise PackingError(text, "widen the domain or use smaller grains", ("sizes",) if sizes is not None else ("packing",))
 

@@ -20,8 +20,8 @@ from multicor_cli.arithmetic.sums import mean, total
 from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
 from multicor_cli.model import ContactLaws, Grains, Model, ShapeKind, State, WallBody
 from multicor_cli.model.columns import NORMAL, SPIN, X, Y
-from multicor_cli.model.model import Floats
-from multicor_cli.packing.bodies import SHAPE_FACTOR, Shape, inertias, masses
+from multicor_cli.model.model import SHAPE_FACTOR, Floats
+from multicor_cli.packing.bodies import Shape, inertias, masses
 from multicor_cli.packing.errors import PackingError
 from multicor_cli.packing.region import PackingRegion
 from multicor_cli.packing.walls import join_shapes, join_walls
@@ -33,7 +33,6 @@ _BALANCE = 0.02  # the lid carries its load to this share
 _MOST_STEPS = 20_000
 _PATIENCE = 600  # steps of creep before the grains are held
 _HOLDING_FRICTION = 0.5
-_ALL_THREADS = 5_000  # grains from which several threads pay
 _LID = 1  # index of the lid; the floor is wall 0
 _UP, _DOWN = (0.0, 0.0, 0.0, 1.0), (0.0, 0.0, 0.0, -1.0)  # planes
 
@@ -106,7 +105,7 @@ class _Press:
 
         # The result is a place to start from, not a measurement: a step that needs very many sweeps may stay inexact.
         settings = Settings(tolerance_rms=3e-4, tolerance_max=5e-3, max_sweeps=300)
-        self._engine = Engine(model, self.state, settings, 0 if model.grain_count >= _ALL_THREADS else 1)
+        self._engine = Engine(model, self.state, settings)
         self._engine.set_drives(self._drives)
 
     def _advance(self) -> tuple[float, float]:

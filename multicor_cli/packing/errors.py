@@ -8,6 +8,9 @@ from multicor_cli.text import format_bytes
 
 Key = tuple[str | int, ...]
 
+NAMED = 5
+"""So many faulty lines, rows or grains are named."""
+
 
 class PackingError(ValueError):
     """A packing or a wall cannot be made as asked.

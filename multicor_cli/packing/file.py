@@ -16,9 +16,10 @@ from typing import Any
 import numpy as np
 
 from multicor_cli.model.model import Floats
-from multicor_cli.packing.errors import PackingError, check_input
-from multicor_cli.packing.initial_grains import MAX_GRAINS, InitialGrains
-from multicor_cli.packing.values import NAMED, describe_faults, faulty_rows, find_fault
+from multicor_cli.packing.errors import NAMED, PackingError, check_input
+from multicor_cli.packing.initial_grains import InitialGrains
+from multicor_cli.packing.values import describe_faults, faulty_rows, find_fault
+from multicor_cli.scenario.checks.grains import MAX_GRAINS
 
 REQUIRED = ("x", "y", "radius")
 OPTIONAL = ("angle", "vx", "vy", "spin")

@@ -8,9 +8,6 @@ import numpy as np
 
 from multicor_cli.model.model import Floats
 
-MAX_GRAINS = 50_000_000
-"""More grains than any machine can hold today; a file that claims more is refused before memory is taken."""
-
 
 @dataclass(frozen=True)
 class InitialGrains:

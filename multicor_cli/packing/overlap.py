@@ -14,7 +14,7 @@ from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.model.columns import RADIUS, X, Y
 from multicor_cli.model.model import Floats, Ints
 from multicor_cli.model.shapes import ShapeKind
-from multicor_cli.packing.errors import PackingError
+from multicor_cli.packing.errors import NAMED, PackingError
 from multicor_cli.packing.obstacles import Obstacles
 from multicor_cli.packing.pairs import find_pairs
 from multicor_cli.packing.walls import Front
@@ -30,7 +30,6 @@ Cells are one largest diameter wide, and radii within a class differ by at most 
 
 _FAR = 2.0**62
 """Cells this far out count as one; a coordinate cannot be so far from the origin for any radius above 1e-13 m."""
-_NAMED = 5
 _DISC = int(ShapeKind.DISC)
 
 
@@ -129,7 +128,7 @@ def overlap_problems(
     if among.any():
         a, b, size = i[among], j[among], overlap[among]
         smaller = np.minimum(radius[a], radius[b])
-        items = [f"grains {a[k]} and {b[k]} by {_amount(size[k], smaller[k])}" for k in range(min(_NAMED, a.size))]
+        items = [f"grains {a[k]} and {b[k]} by {_amount(size[k], smaller[k])}" for k in range(min(NAMED, a.size))]
         text = f"grains overlap at the start: {_listing(items, a.size, 'pairs' if kept.size == count else 'pairs at least')}"
         key = ("particles", int(max(group[a[0]], group[b[0]])))
         problems.append(PackingError(text, "move them apart: a larger spacing or region, or fewer grains", key))
@@ -144,7 +143,7 @@ def overlap_problems(
 
 
 def _wall_problem(name: str, w: int, grain: Ints, overlap: Floats, radius: Floats) -> PackingError:
-    items = [f"grain {grain[k]} by {_amount(overlap[k], radius[grain[k]])}" for k in range(min(_NAMED, grain.size))]
+    items = [f"grain {grain[k]} by {_amount(overlap[k], radius[grain[k]])}" for k in range(min(NAMED, grain.size))]
     text = f"the wall '{name}' cuts grains at the start: {_listing(items, grain.size, 'grains')}"
     return PackingError(text, "move the wall, or give the grains a region that keeps clear of it", ("walls", w))
 
@@ -171,7 +170,7 @@ def behind_problem(position: Floats, front: Front, name: str, w: int, period: fl
     if not found.size:
         return None
     found = found[np.lexsort((found, across[found]))]
-    items = [f"grain {g} by {-across[g]:.3g} m" for g in found[:_NAMED]]
+    items = [f"grain {g} by {-across[g]:.3g} m" for g in found[:NAMED]]
     text = f"grains lie behind the rough wall '{name}', whose flow side is the other: {_listing(items, found.size, 'grains')}"
     return PackingError(text, "choose the other side, or keep the grains' region clear of the wall", ("walls", w))
 

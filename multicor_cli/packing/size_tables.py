@@ -5,14 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from multicor_cli.packing.bodies import Shape
-from multicor_cli.packing.sizes import (
-    MASS_POWER,
-    SizeDistribution,
-    list_sizes,
-    lognormal_sizes,
-    power_sizes,
-    uniform_sizes,
-)
+from multicor_cli.packing.sizes import MASS_POWER, SizeDistribution, list_sizes, lognormal_sizes, power_sizes, uniform_sizes
 from multicor_cli.scenario.models import AnySizes, ListSizes, LognormalSizes, PowerSizes
 
 

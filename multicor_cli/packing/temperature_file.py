@@ -12,16 +12,15 @@ from pathlib import Path
 import numpy as np
 
 from multicor_cli.model.model import Floats
-from multicor_cli.packing.errors import PackingError, check_input
-from multicor_cli.packing.initial_grains import MAX_GRAINS
-from multicor_cli.scenario.base import KELVIN_BOUNDS
+from multicor_cli.packing.errors import NAMED, PackingError, check_input
+from multicor_cli.packing.values import find_fault
+from multicor_cli.scenario.checks.grains import MAX_GRAINS
 
 MAX_BYTES = 2**31
 """Largest file: more than 40 characters for each of the most grains there can be."""
 
 _KEY = ("temperature", "file")
 _MAX_LINE = 1000
-_NAMED = 5
 
 
 def read_temperatures(path: Path) -> Floats:
@@ -42,13 +41,13 @@ def read_temperatures(path: Path) -> Floats:
             if fault:
                 faults.append(f"line {number}: {fault}")
             values.append(value)
-            if len(faults) > _NAMED or len(values) > MAX_GRAINS:
+            if len(faults) > NAMED or len(values) > MAX_GRAINS:
                 break
     except (OSError, UnicodeDecodeError) as error:
         raise PackingError(f"cannot read '{path}': {error}", "it must be text in UTF-8, one temperature per line", _KEY) from None
     if faults:
-        more = "; and more" if len(faults) > _NAMED else ""
-        raise PackingError(f"'{path}': {'; '.join(faults[:_NAMED])}{more}", "give one temperature in kelvin per line", _KEY)
+        more = "; and more" if len(faults) > NAMED else ""
+        raise PackingError(f"'{path}': {'; '.join(faults[:NAMED])}{more}", "give one temperature in kelvin per line", _KEY)
     if len(values) > MAX_GRAINS:
         raise PackingError(f"'{path}' holds more than {MAX_GRAINS} temperatures", "give one per grain", _KEY)
     return np.array(values, float)
@@ -75,9 +74,4 @@ def _parse(text: str) -> tuple[float, str]:
         value = float(text)
     except ValueError:
         return 0.0, f"{text[:40]!r} is not a number"
-    low, high = KELVIN_BOUNDS
-    if low <= value <= high:
-        return value, ""
-    if -273.15 < value <= 0.0:
-        return value, f"{value:g} K is not above absolute zero (from degrees Celsius: {value + 273.15:g})"
-    return value, f"{value:g} K is not between {low:g} and {high:g} K"
+    return value, find_fault("temperature", value)

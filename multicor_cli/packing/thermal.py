@@ -124,7 +124,4 @@ def sizes_problems(scenario: Scenario, groups: Sequence[InitialGrains]) -> list[
         return []
     smallest = min(float(group.radius.min()) for group in groups)
     largest = max(float(group.radius.max()) for group in groups)
-    if gas.holds_for(smallest, largest):
-        return []
-    text = f'model = "vargas" is for grains of equal size, but the radii are {smallest:g} to {largest:g} m'
-    return [PackingError(text, 'use model = "parallel" or "batchelor"', ("heat", "gas", "model"))]
+    return [PackingError(found.message, found.remedy, found.path) for found in gas.misfits(smallest, largest)]

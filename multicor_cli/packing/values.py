@@ -9,15 +9,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
+from multicor_cli.packing.errors import NAMED
 from multicor_cli.scenario.base import KELVIN_BOUNDS
 
 MAX_COORDINATE = 1e6
 """Bound on coordinates and radii [m], as in the scenario file."""
 MAX_SPEED = 1e12
 """Bound on angles [rad], velocities [m/s] and spins [rad/s]."""
-
-NAMED = 5
-"""Number of faulty rows named in a message."""
 
 
 def find_fault(name: str, value: float) -> str:
@@ -27,7 +25,8 @@ def find_fault(name: str, value: float) -> str:
     if name == "radius" and not 0.0 < value <= MAX_COORDINATE:
         return f"radius = {value:g} m is not between 0 and {MAX_COORDINATE:g} m"
     if name == "temperature" and not KELVIN_BOUNDS[0] <= value <= KELVIN_BOUNDS[1]:
-        return f"temperature = {value:g} K is not between {KELVIN_BOUNDS[0]:g} and {KELVIN_BOUNDS[1]:g} K"
+        hint = f" (from degrees Celsius: {value + 273.15:g})" if -273.15 < value <= 0.0 else ""
+        return f"temperature = {value:g} K is not between {KELVIN_BOUNDS[0]:g} and {KELVIN_BOUNDS[1]:g} K{hint}"
     low, high = _bounds(name)
     if not low <= value <= high:
         return f"{name} = {value:g} m is beyond {high:g} m" if name in ("x", "y") else f"{name} = {value:g} is beyond {high:g}"

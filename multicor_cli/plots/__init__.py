@@ -1,17 +1,17 @@
-"""Figures of the tables that `post` makes, each in a module of the same name; these are at hand here."""
+"""Figures of the tables that `post` makes, each in a module of the same name; `plot` and `show` draw any of them."""
 
-from multicor_cli.plots.compare import draw_comparison, plot_comparison
+from multicor_cli.plots.compare import draw_comparison
 from multicor_cli.plots.dispatch import plot, show
-from multicor_cli.plots.energy import draw_energy, plot_energy
-from multicor_cli.plots.force_statistics import draw_angles, draw_distribution, plot_angles, plot_distribution
-from multicor_cli.plots.forces import draw_forces, plot_forces
-from multicor_cli.plots.grain_map import draw_map, plot_map
-from multicor_cli.plots.profile import draw_profile, plot_profile, plot_profiles
-from multicor_cli.plots.rheology import draw_rheology, plot_rheology
+from multicor_cli.plots.energy import draw_energy
+from multicor_cli.plots.force_statistics import draw_angles, draw_distribution
+from multicor_cli.plots.forces import draw_forces
+from multicor_cli.plots.grain_map import draw_map
+from multicor_cli.plots.profile import draw_profile
+from multicor_cli.plots.rheology import draw_rheology
 from multicor_cli.plots.scene import Place, place_scene
 from multicor_cli.plots.style import PlotError
 from multicor_cli.plots.text_picture import Terminal
-from multicor_cli.plots.theta_eta import draw_theta_eta, plot_theta_eta
+from multicor_cli.plots.theta_eta import draw_theta_eta
 
 __all__ = [
     "Place",
@@ -28,15 +28,5 @@ __all__ = [
     "draw_theta_eta",
     "place_scene",
     "plot",
-    "plot_angles",
-    "plot_comparison",
-    "plot_distribution",
-    "plot_energy",
-    "plot_forces",
-    "plot_map",
-    "plot_profile",
-    "plot_profiles",
-    "plot_rheology",
-    "plot_theta_eta",
     "show",
 ]

@@ -2,32 +2,16 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from multicor_cli.plots.dispatch import Ways
 from multicor_cli.plots.profile import axis_labels
-from multicor_cli.plots.style import COLORS, COLUMN, PAGE, figure_file
+from multicor_cli.plots.style import COLORS, COLUMN, PAGE
 from multicor_cli.plots.text_chart import TextLine, draw_text
 from multicor_cli.plots.text_picture import Terminal
 from multicor_cli.post.compare import Comparison, ProfilePair
-
-
-def plot_comparison(comparison: Comparison, path: Path) -> None:
-    """Draw the profiles of a comparison.
-
-    Args:
-        comparison: The comparison.
-        path: File to write; its ending (.png, .svg, .pdf) chooses the format.
-
-    Raises:
-        PlotError: If matplotlib is not installed, the ending is not known, or there are no profiles.
-        StorageError: If the file cannot be written.
-    """
-    with figure_file(path, PAGE, 0.85 * COLUMN * len(comparison.profiles)) as figure:
-        draw_comparison(figure, comparison)
 
 
 def draw_comparison(figure: Any, comparison: Comparison) -> None:
@@ -71,4 +55,4 @@ def comparison_text(comparison: Comparison, _terminal: Terminal) -> str:
     return "\n\n".join(charts)
 
 
-FIGURES = {Comparison: Ways(plot_comparison, comparison_text)}
+FIGURES = {Comparison: Ways(lambda table: (PAGE, 0.85 * COLUMN * len(table.profiles)), draw_comparison, comparison_text)}

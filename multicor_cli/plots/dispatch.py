@@ -7,14 +7,17 @@ from importlib import import_module
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from multicor_cli.plots.style import figure_file
+
 if TYPE_CHECKING:
     from multicor_cli.plots.text_picture import Terminal
 
 
 class Ways(NamedTuple):
-    """How a table is drawn: into a file, and as text for a terminal."""
+    """How a table is drawn: how large a figure of it is [inch], into a figure of matplotlib, and as text for a terminal."""
 
-    file: Callable[..., None]
+    size: Callable[[Any], tuple[float, float]]
+    draw: Callable[..., None]
     text: Callable[..., str]
 
 
@@ -30,7 +33,9 @@ def plot(table: Any, path: Path, **options: Any) -> None:
         PlotError: If matplotlib is not installed or the ending is not known.
         StorageError: If the file cannot be written.
     """
-    _ways(table).file(table, path, **options)
+    ways = _ways(table)
+    with figure_file(path, *ways.size(table)) as figure:
+        ways.draw(figure, table, **options)
 
 
 def show(table: Any, terminal: Terminal, **options: Any) -> str:

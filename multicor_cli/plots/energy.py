@@ -3,14 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from multicor_cli.model.model import Floats
 from multicor_cli.plots.dispatch import Ways
-from multicor_cli.plots.style import COLORS, COLUMN, PAGE, figure_file, show_decades
+from multicor_cli.plots.style import COLORS, COLUMN, PAGE, show_decades
 from multicor_cli.plots.text_chart import TextLine, draw_text
 from multicor_cli.plots.text_picture import Terminal
 from multicor_cli.post.energy import HEAT, MECHANICAL, BookLine, EnergyTable
@@ -24,21 +23,6 @@ _SHORT = {
     "heat_impact": "impacts", "heat_from_walls": "from walls", "heat_from_ambient": "from fluid",
     "heat_from_surroundings": "surroundings", "heat_to_walls": "into walls", "heat_stored": "stored",
 }  # fmt: skip
-
-
-def plot_energy(table: EnergyTable, path: Path) -> None:
-    """Draw the energy books.
-
-    Args:
-        table: The books.
-        path: File to write; its ending (.png, .svg, .pdf) chooses the format.
-
-    Raises:
-        PlotError: If matplotlib is not installed or the ending is not known.
-        StorageError: If the file cannot be written.
-    """
-    with figure_file(path, COLUMN if table.heat_closure is None else PAGE, 1.15 * COLUMN) as figure:
-        draw_energy(figure, table)
 
 
 def draw_energy(figure: Any, table: EnergyTable) -> None:
@@ -88,4 +72,6 @@ def energy_text(table: EnergyTable, _terminal: Terminal) -> str:
     return draw_text([line for line in lines if np.abs(line.y).max() > _VISIBLE * largest], "time [s]", "energy [J]")
 
 
-FIGURES = {EnergyTable: Ways(plot_energy, energy_text)}
+FIGURES = {
+    EnergyTable: Ways(lambda table: (COLUMN if table.heat_closure is None else PAGE, 1.15 * COLUMN), draw_energy, energy_text)
+}

@@ -2,31 +2,15 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from multicor_cli.plots.dispatch import Ways
-from multicor_cli.plots.style import COLORS, COLUMN, PAGE, figure_file, show_decades
+from multicor_cli.plots.style import COLORS, COLUMN, PAGE, show_decades
 from multicor_cli.plots.text_chart import TextLine, draw_text
 from multicor_cli.plots.text_picture import Terminal
 from multicor_cli.post.force_statistics import AngularDistribution, ForceDistribution
-
-
-def plot_distribution(table: ForceDistribution, path: Path) -> None:
-    """Draw a force distribution on logarithmic scales.
-
-    Args:
-        table: The distribution.
-        path: File to write; its ending (.png, .svg, .pdf) chooses the format.
-
-    Raises:
-        PlotError: If matplotlib is not installed or the ending is not known.
-        StorageError: If the file cannot be written.
-    """
-    with figure_file(path, COLUMN, 0.85 * COLUMN) as figure:
-        draw_distribution(figure.add_subplot(), table)
 
 
 def draw_distribution(axes: Any, table: ForceDistribution) -> None:
@@ -42,21 +26,6 @@ def draw_distribution(axes: Any, table: ForceDistribution) -> None:
     axes.set_xlabel(r"force $f/\langle f \rangle$ [–]")
     axes.set_ylabel(r"probability density $P(f/\langle f \rangle)$ [–]")
     axes.legend(loc="lower left")
-
-
-def plot_angles(table: AngularDistribution, path: Path) -> None:
-    """Draw the angular distributions of contacts and normal forces as polar histograms.
-
-    Args:
-        table: The distributions.
-        path: File to write; its ending (.png, .svg, .pdf) chooses the format.
-
-    Raises:
-        PlotError: If matplotlib is not installed or the ending is not known.
-        StorageError: If the file cannot be written.
-    """
-    with figure_file(path, PAGE, 0.55 * PAGE) as figure:
-        draw_angles(figure, table)
 
 
 def draw_angles(figure: Any, table: AngularDistribution) -> None:
@@ -105,6 +74,8 @@ def angles_text(table: AngularDistribution, _terminal: Terminal) -> str:
 
 
 FIGURES = {
-    ForceDistribution: Ways(plot_distribution, distribution_text),
-    AngularDistribution: Ways(plot_angles, angles_text),
+    ForceDistribution: Ways(
+        lambda _: (COLUMN, 0.85 * COLUMN), lambda figure, table: draw_distribution(figure.add_subplot(), table), distribution_text
+    ),
+    AngularDistribution: Ways(lambda _: (PAGE, 0.55 * PAGE), draw_angles, angles_text),
 }

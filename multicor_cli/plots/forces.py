@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -10,7 +9,7 @@ import numpy as np
 from multicor_cli.model.model import Floats
 from multicor_cli.plots.dispatch import Ways
 from multicor_cli.plots.scene import draw_discs, draw_walls, place_scene
-from multicor_cli.plots.style import COLORS, COLUMN, figure_file
+from multicor_cli.plots.style import COLORS, COLUMN
 from multicor_cli.plots.text_picture import Terminal, draw_picture
 from multicor_cli.post.forces import ForceNetwork
 from multicor_cli.post.scene import images
@@ -21,19 +20,8 @@ _LEGEND = 0.5  # room for the legend [inch]
 _WIDEST = 1.0  # width of the widest line over the mean diameter
 
 
-def plot_forces(network: ForceNetwork, path: Path) -> None:
-    """Draw a force network.
-
-    Args:
-        network: The contacts.
-        path: File to write; its ending (.png, .svg, .pdf) chooses the format.
-
-    Raises:
-        PlotError: If matplotlib is not installed or the ending is not known.
-        StorageError: If the file cannot be written.
-    """
-    with figure_file(path, COLUMN, COLUMN) as figure:
-        draw_forces(place_scene(figure, network.scene, has_bar=False, top=_LEGEND).axes, network)
+def _fill(figure: Any, network: ForceNetwork) -> None:
+    draw_forces(place_scene(figure, network.scene, has_bar=False, top=_LEGEND).axes, network)
 
 
 def draw_forces(axes: Any, network: ForceNetwork) -> None:
@@ -95,4 +83,4 @@ def forces_text(network: ForceNetwork, terminal: Terminal) -> str:
     return f"{picture}\nwidth: normal force, mean {mean:.3g} N; blue: sticking, red: sliding"
 
 
-FIGURES = {ForceNetwork: Ways(plot_forces, forces_text)}
+FIGURES = {ForceNetwork: Ways(lambda _: (COLUMN, COLUMN), _fill, forces_text)}

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -11,36 +10,28 @@ from multicor_cli.plots.dispatch import Ways
 from multicor_cli.plots.scene import Place, draw_discs, draw_walls, is_wide, place_scene
 from multicor_cli.plots.small_rises import rise_formatter, rise_label, rise_reference
 from multicor_cli.plots.streamlines import draw_streamlines
-from multicor_cli.plots.style import COLUMN, color_map, figure_file
+from multicor_cli.plots.style import COLUMN, color_map
 from multicor_cli.plots.text_picture import Terminal, draw_picture
 from multicor_cli.post.grain_map import GrainMap
+from multicor_cli.post.quantities import color_range
 
 _ARROWS = 1500  # at most this many arrows, or they cannot be told apart
 _LONG = 0.95  # this part of the arrows are as long as their velocity says; longer ones are cut to this length
 _LENGTH = 2.0  # length of the longest arrow over the mean distance of arrows
-_QUANTILE = 0.995  # colors span this part of the grains; the few beyond have the color at the end
-_ENOUGH = 400  # with fewer grains colors span all of them
-_DECADES = 1e-4  # lowest color of a logarithmic scale over the highest
 
 
-def plot_map(table: GrainMap, path: Path, *, has_streamlines: bool = True) -> None:
-    """Draw a map.
-
-    Args:
-        table: The map.
-        path: File to write; its ending (.png, .svg, .pdf) chooses the format.
-        has_streamlines: Whether vectors are shown as streamlines of their local mean, in which vortices are seen, or as arrows.
-
-    Raises:
-        PlotError: If matplotlib is not installed or the ending is not known.
-        StorageError: If the file cannot be written.
-    """
-    with figure_file(path, COLUMN, COLUMN) as figure:
-        draw_map(place_scene(figure, table.scene), table, has_streamlines=has_streamlines)
+def _fill(figure: Any, table: GrainMap, *, has_streamlines: bool = True) -> None:
+    draw_map(place_scene(figure, table.scene), table, has_streamlines=has_streamlines)
 
 
 def draw_map(place: Place, table: GrainMap, *, has_streamlines: bool = True) -> None:
-    """Draw a map with its color bar where `place_scene` has made room; see `plot_map`."""
+    """Draw a map with its color bar where `place_scene` has made room.
+
+    Args:
+        place: The room.
+        table: The map.
+        has_streamlines: Whether vectors are shown as streamlines of their local mean, in which vortices are seen, or as arrows.
+    """
     scale = color_scale(table)
     draw_bar(place.bar, table, draw_values(place.axes, table, scale[0], has_streamlines=has_streamlines), scale)
 
@@ -72,23 +63,11 @@ def color_scale(table: GrainMap) -> tuple[Any, str]:
     """Norm of matplotlib for the values, and which ends of the color bar stand for more than their value."""
     from matplotlib.colors import LogNorm, Normalize
 
-    value = table.value
-    if table.field.scale == "logarithmic":
-        high = float(value.max())
-        high = high if high > 0.0 else 1.0
-        # what has received nothing has the lowest color
-        return LogNorm(high * _DECADES, high, clip=True), "min" if value.min() < high * _DECADES else "neither"
-    beyond = 1.0 - _QUANTILE if value.size >= _ENOUGH else 0.0
-    low, high = np.quantile(value, (beyond, 1.0 - beyond)).tolist()
-    if table.vector is not None:
-        low = 0.0
-    if table.field.scale == "centered":
-        high = max(abs(low), abs(high))
-        low = -high
-    if low == high:
-        low, high = low - (abs(low) * 1e-3 or 1.0), high + (abs(high) * 1e-3 or 1.0)
+    value, is_logarithmic = table.value, table.field.scale == "logarithmic"
+    low, high = color_range(table.field, value, table.scene.radius.size)
     ends = (bool(value.min() < low), bool(value.max() > high))
-    return Normalize(low, high), {(False, False): "neither", (True, False): "min", (False, True): "max"}.get(ends, "both")
+    extend = {(False, False): "neither", (True, False): "min", (False, True): "max"}.get(ends, "both")
+    return LogNorm(low, high, clip=True) if is_logarithmic else Normalize(low, high), extend
 
 
 def _draw_arrows(axes: Any, table: GrainMap) -> None:
@@ -128,4 +107,4 @@ def map_text(table: GrainMap, terminal: Terminal, *, has_streamlines: bool = Tru
     return f"{picture}\n{table.field.label} [{table.field.unit}] from {norm.vmin:.6g} to {norm.vmax:.6g}"
 
 
-FIGURES = {GrainMap: Ways(plot_map, map_text)}
+FIGURES = {GrainMap: Ways(lambda _: (COLUMN, COLUMN), _fill, map_text)}

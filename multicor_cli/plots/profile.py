@@ -2,42 +2,25 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from multicor_cli.plots.dispatch import Ways
 from multicor_cli.plots.small_rises import rise_formatter, rise_label, rise_reference
-from multicor_cli.plots.style import COLORS, COLUMN, figure_file
+from multicor_cli.plots.style import COLORS, COLUMN
 from multicor_cli.plots.text_chart import TextLine, draw_text
 from multicor_cli.plots.text_picture import Terminal
 from multicor_cli.post import ProfileSet, ProfileTable
 
 
-def plot_profile(table: ProfileTable, path: Path) -> None:
-    """Draw a profile with its standard error as a band.
-
-    Args:
-        table: The profile.
-        path: File to write; its ending (.png, .svg, .pdf) chooses the format.
-
-    Raises:
-        PlotError: If matplotlib is not installed or the ending is not known.
-        StorageError: If the file cannot be written.
-    """
-    with figure_file(path, COLUMN, 0.9 * COLUMN) as figure:
-        draw_profile(figure.add_subplot(), table)
-
-
-def plot_profiles(profiles: ProfileSet, path: Path) -> None:
-    """Draw profiles of several fields of one unit into one figure, or one as `plot_profile` does; see there."""
+def _fill(figure: Any, profiles: ProfileSet) -> None:
+    """Draw one profile as `draw_profile` does, or those of several fields of one unit into one panel."""
     if len(profiles.tables) == 1:
-        plot_profile(profiles.first, path)
+        draw_profile(figure.add_subplot(), profiles.first)
         return
-    with figure_file(path, COLUMN, COLUMN) as figure:
-        _draw_profiles(figure.add_subplot(), profiles)
-        figure.legend(loc="outside upper center", ncols=4, columnspacing=1.2)
+    _draw_profiles(figure.add_subplot(), profiles)
+    figure.legend(loc="outside upper center", ncols=4, columnspacing=1.2)
 
 
 def _draw_profiles(axes: Any, profiles: ProfileSet) -> None:
@@ -105,4 +88,11 @@ def profiles_text(profiles: ProfileSet, _terminal: Terminal) -> str:
     return draw_text(lines, f"{label} [{first.units[1]}]", f"height y [{first.units[0]}]")
 
 
-FIGURES = {ProfileSet: Ways(plot_profiles, profiles_text)}
+FIGURES = {
+    ProfileSet: Ways(lambda table: (COLUMN, COLUMN if len(table.tables) > 1 else 0.9 * COLUMN), _fill, profiles_text),
+    ProfileTable: Ways(
+        lambda _: (COLUMN, 0.9 * COLUMN),
+        lambda figure, table: draw_profile(figure.add_subplot(), table),
+        lambda table, terminal: profiles_text(ProfileSet(table.field.name, (table,)), terminal),
+    ),
+}

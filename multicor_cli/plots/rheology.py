@@ -2,13 +2,12 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from multicor_cli.plots.dispatch import Ways
-from multicor_cli.plots.style import COLORS, PAGE, figure_file
+from multicor_cli.plots.style import COLORS, PAGE
 from multicor_cli.plots.text_chart import TextLine, draw_text
 from multicor_cli.plots.text_picture import Terminal
 from multicor_cli.post.rheology import Rheology
@@ -32,21 +31,6 @@ _CHARTS = (
     ("contacts per grain [1]", (("coordination", "all"), ("coordination_loaded", "without rattlers"))),
 )
 """The same for charts of letters."""
-
-
-def plot_rheology(table: Rheology, path: Path) -> None:
-    """Draw a rheology over time.
-
-    Args:
-        table: The rheology.
-        path: File to write; its ending (.png, .svg, .pdf) chooses the format.
-
-    Raises:
-        PlotError: If matplotlib is not installed or the ending is not known.
-        StorageError: If the file cannot be written.
-    """
-    with figure_file(path, PAGE, 0.62 * PAGE) as figure:
-        draw_rheology(figure, table)
 
 
 def draw_rheology(figure: Any, table: Rheology) -> None:
@@ -94,4 +78,4 @@ def rheology_text(table: Rheology, _terminal: Terminal) -> str:
     return "\n\n".join(charts)
 
 
-FIGURES = {Rheology: Ways(plot_rheology, rheology_text)}
+FIGURES = {Rheology: Ways(lambda _: (PAGE, 0.62 * PAGE), draw_rheology, rheology_text)}

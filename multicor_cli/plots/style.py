@@ -68,6 +68,8 @@ def color_map(name: str) -> str:
 class PlotError(Exception):
     """A figure cannot be made: one message for the user."""
 
+    exit_code = 5
+
 
 @contextmanager
 def house_style() -> Iterator[None]:

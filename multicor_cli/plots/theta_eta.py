@@ -2,34 +2,18 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
 
 from multicor_cli.plots.dispatch import Ways
-from multicor_cli.plots.style import COLORS, COLUMN, figure_file
+from multicor_cli.plots.style import COLORS, COLUMN
 from multicor_cli.plots.text_chart import TextLine, draw_text
 from multicor_cli.plots.text_picture import Terminal
 from multicor_cli.post.theta_eta import ThetaTable
 
 _NOTHING = 0.005
 """Mean θ that cannot be told from 0 in a figure."""
-
-
-def plot_theta_eta(table: ThetaTable, path: Path) -> None:
-    """Draw θ against η.
-
-    Args:
-        table: The table.
-        path: File to write; its ending (.png, .svg, .pdf) chooses the format.
-
-    Raises:
-        PlotError: If matplotlib is not installed or the ending is not known.
-        StorageError: If the file cannot be written.
-    """
-    with figure_file(path, COLUMN, 0.8 * COLUMN) as figure:
-        draw_theta_eta(figure.add_subplot(), table)
 
 
 def draw_theta_eta(axes: Any, table: ThetaTable) -> None:
@@ -71,4 +55,8 @@ def theta_eta_text(table: ThetaTable, _terminal: Terminal) -> str:
     return draw_text([TextLine("", table.center, table.mean)], "eta [1]", "theta [1]")
 
 
-FIGURES = {ThetaTable: Ways(plot_theta_eta, theta_eta_text)}
+FIGURES = {
+    ThetaTable: Ways(
+        lambda _: (COLUMN, 0.8 * COLUMN), lambda figure, table: draw_theta_eta(figure.add_subplot(), table), theta_eta_text
+    )
+}

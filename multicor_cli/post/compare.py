@@ -12,7 +12,7 @@ from multicor_cli.model.model import Floats
 from multicor_cli.post.energy import BookLine, energy
 from multicor_cli.post.profile import ProfileTable, profile
 from multicor_cli.post.rheology import QUANTITIES, Rheology, SeriesSource, rheology
-from multicor_cli.post.source import PostError, Selection
+from multicor_cli.post.source import PostError, Selection, rows_of
 
 
 class ScenarioSource(SeriesSource, Protocol):
@@ -142,7 +142,7 @@ class Comparison:
         rows: list[tuple[Any, ...]] = []
         for name, p in self.profiles.items():
             columns = (p.y, p.first.value, p.first.error, p.second.value, p.second.error, p.ratio)
-            rows += [(name, *row) for row in zip(*(column.tolist() for column in columns), strict=True)]
+            rows += [(name, *row) for row in rows_of(columns)]
         return rows
 
     def as_dict(self) -> dict[str, Any]:

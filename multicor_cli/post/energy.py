@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
-from multicor_cli.post.source import PostError, within
+from multicor_cli.post.source import PostError, rows_of, within
 
 
 class SeriesHolder(Protocol):
@@ -108,7 +108,7 @@ class EnergyTable:
     def detail_rows(self) -> list[tuple[float, ...]]:
         """One row per row of the time series."""
         closures = (self.closure,) if self.heat_closure is None else (self.closure, self.heat_closure)
-        return list(zip(*(column.tolist() for column in (self.time, *self.books.values(), *closures)), strict=True))
+        return rows_of((self.time, *self.books.values(), *closures))
 
     def as_dict(self) -> dict[str, Any]:
         """Everything as JSON types, in joules and seconds."""

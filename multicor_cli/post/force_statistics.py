@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
 from multicor_cli.post.contacts import LoadedContacts, loaded_contacts, with_forces
-from multicor_cli.post.source import FrameSource, PostError, Selection
+from multicor_cli.post.source import FrameSource, PostError, Selection, rows_of
 
 FORCE_BINS = 40
 """Logarithmic bins of the force distribution."""
@@ -64,8 +64,7 @@ class ForceDistribution:
     @property
     def rows(self) -> list[tuple[float, ...]]:
         """One row per bin."""
-        columns = (self.edges[:-1], self.edges[1:], self.normal, self.tangential, self.count)
-        return list(zip(*(column.tolist() for column in columns), strict=True))
+        return rows_of((self.edges[:-1], self.edges[1:], self.normal, self.tangential, self.count))
 
     def as_dict(self) -> dict[str, Any]:
         """Everything as JSON types; numbers may be nan."""
@@ -123,8 +122,7 @@ class AngularDistribution:
     @property
     def rows(self) -> list[tuple[float, ...]]:
         """One row per bin."""
-        columns = (np.degrees(self.angle), self.density, self.normal, self.tangential)
-        return list(zip(*(column.tolist() for column in columns), strict=True))
+        return rows_of((np.degrees(self.angle), self.density, self.normal, self.tangential))
 
     def as_dict(self) -> dict[str, Any]:
         """Everything as JSON types; numbers may be nan."""

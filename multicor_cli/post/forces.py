@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from multicor_cli.model.model import Floats
 from multicor_cli.post.contacts import loaded_contacts, with_forces
 from multicor_cli.post.scene import GrainScene, make_scene
-from multicor_cli.post.source import FrameSource, frame_index
+from multicor_cli.post.source import FrameSource, frame_index, rows_of
 
 
 @dataclass(frozen=True)
@@ -94,8 +94,7 @@ class ForceNetwork:
     def detail_rows(self) -> list[tuple[float, ...]]:
         """One row per contact; x and y are the point where the grain i touches."""
         touch = self.start - self.normal * self.scene.radius[self.i][:, np.newaxis]
-        columns = [self.i, self.j, *touch.T, *self.normal.T, *self.force.T, self.sliding.astype(np.int64)]
-        return list(zip(*(column.tolist() for column in columns), strict=True))
+        return rows_of([self.i, self.j, *touch.T, *self.normal.T, *self.force.T, self.sliding.astype(np.int64)])
 
     def as_dict(self) -> dict[str, Any]:
         """The numbers of the whole network as JSON types; numbers may be nan."""

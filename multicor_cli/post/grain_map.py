@@ -10,7 +10,7 @@ import numpy as np
 from multicor_cli.model.model import Floats
 from multicor_cli.post.quantities import MAPPED, Quantity
 from multicor_cli.post.scene import GrainScene, make_scene
-from multicor_cli.post.source import FrameSource, PostError, frame_index
+from multicor_cli.post.source import FrameSource, PostError, frame_index, rows_of
 
 
 @dataclass(frozen=True)
@@ -57,8 +57,7 @@ class GrainMap:
     @property
     def detail_rows(self) -> list[tuple[float, ...]]:
         """One row per grain: center, radius, value, and the vector if there is one."""
-        columns = [*self.scene.center.T, self.scene.radius, self.value, *(() if self.vector is None else self.vector.T)]
-        return list(zip(*(column.tolist() for column in columns), strict=True))
+        return rows_of([*self.scene.center.T, self.scene.radius, self.value, *(() if self.vector is None else self.vector.T)])
 
     def as_dict(self) -> dict[str, Any]:
         """Everything as JSON types."""

@@ -14,18 +14,8 @@ from multicor_cli.post.bins import Bins, make_bins
 from multicor_cli.post.contacts import with_forces
 from multicor_cli.post.flow import RelativeFrame, mean_flow
 from multicor_cli.post.quantities import PROFILE_GROUPS, PROFILED, Quantity
-from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Selection
-from multicor_cli.post.sums import (
-    Sums,
-    Values,
-    average,
-    plane_width,
-    sum_contacts,
-    sum_means,
-    sum_numbers,
-    sum_rates,
-    sum_shares,
-)
+from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Selection, rows_of
+from multicor_cli.post.sums import Sums, Values, average, plane_width, sum_contacts, sum_means, sum_numbers, sum_rates, sum_shares
 
 
 @dataclass(frozen=True)
@@ -88,8 +78,7 @@ class ProfileTable:
     @property
     def rows(self) -> list[tuple[float, float, float, float]]:
         """Height, value, standard error and area of every bin; nan where there is none."""
-        columns = (self.y, self.value, self.error, self.area)
-        return list(zip(*(column.tolist() for column in columns), strict=True))
+        return rows_of((self.y, self.value, self.error, self.area))
 
     def as_dict(self) -> dict[str, Any]:
         """Everything as JSON types; numbers may be nan."""
@@ -189,8 +178,7 @@ class ProfileSet:
     def rows(self) -> list[tuple[float, ...]]:
         """Height, value and standard error of every field, and area of every bin; nan where there is none."""
         own = [column for table in self.tables for column in (table.value, table.error)]
-        columns = (self.first.y, *own, self.first.area)
-        return list(zip(*(column.tolist() for column in columns), strict=True))
+        return rows_of((self.first.y, *own, self.first.area))
 
     def as_dict(self) -> dict[str, Any]:
         """Everything as JSON types; numbers may be nan."""

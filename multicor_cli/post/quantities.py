@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats, Model
 from multicor_cli.post.contacts import LoadedContacts, loaded_contacts, with_forces
@@ -34,8 +35,13 @@ velocities over their distance. ``none``: there is no normalized form.
 Colors = Literal["viridis", "plasma", "magma", "cividis", "balance"]
 """Color maps; ``balance`` goes from blue through white to red."""
 
-Scale = Literal["linear", "centered", "logarithmic"]
+Scale = Literal["linear", "from zero", "centered", "logarithmic"]
 """How values become colors: ``centered`` scales are symmetric about zero."""
+
+_ENOUGH = 400  # with fewer grains colors span all values
+_QUANTILE = 0.995  # with more of them colors may span this part
+_WORTH = 0.1  # values are left out of the colors at an end only if that shortens the scale by more than this part
+_DECADES = 1e-4  # lowest color of a logarithmic scale over the highest
 
 
 @dataclass(frozen=True)
@@ -88,6 +94,27 @@ class Quantity:
     def of_profile(self) -> Quantity:
         """The same with the symbol and the unit of its profiles."""
         return self if self.per_area is None else replace(self, symbol=self.per_area[0], unit=self.per_area[1])
+
+
+def color_range(quantity: Quantity, values: NDArray[Any], grains: int) -> tuple[float, float]:
+    """Smallest and largest value with a color of its own, of finite values of one frame or more of so many grains."""
+    if not values.size:
+        return 0.0, 1.0
+    low, high = float(values.min()), float(values.max())
+    if quantity.scale == "logarithmic":
+        high = high if high > 0.0 else 1.0
+        return _DECADES * high, high  # what has received nothing has the lowest color
+    if grains >= _ENOUGH:
+        inner = np.quantile(values, (1.0 - _QUANTILE, _QUANTILE)).tolist()
+        room = _WORTH * (inner[1] - inner[0])
+        low, high = (low if low >= inner[0] - room else inner[0]), (high if high <= inner[1] + room else inner[1])
+    if quantity.scale == "from zero":
+        return 0.0, high or 1.0
+    if quantity.scale == "centered":
+        low, high = -max(abs(low), abs(high)), max(abs(low), abs(high))
+    if low == high:
+        low, high = low - (abs(low) * 1e-3 or 1.0), high + (abs(high) * 1e-3 or 1.0)
+    return low, high
 
 
 def _each(values: Callable[[GrainFrame], Any]) -> dict[str, Any]:
@@ -182,7 +209,7 @@ QUANTITIES: dict[str, Quantity] = {
         Quantity(
             "velocity", "velocity", "v_x", "m/s", **_each(lambda frame: frame.velocity[:, 0]), of_walls=_wall(0), scaling="walls"
         ),
-        Quantity("speed", "speed", r"|v|", "m/s", _speeds),
+        Quantity("speed", "speed", r"|v|", "m/s", _speeds, scale="from zero"),
         Quantity(
             "spin", "spin", r"\omega", "rad/s", **_each(lambda frame: frame.spin),
             of_walls=_wall(2), scaling="shear", colors="balance", scale="centered",
@@ -195,14 +222,17 @@ QUANTITIES: dict[str, Quantity] = {
             "heat", "generated heat", r"\dot{Q}", "W", _heat_rates, "magma", "logarithmic", needs_heat=True,
             averaged=lambda frame, _model: need_heat(frame.generated), kind="rate", per_area=(r"\dot{q}", "W/m2"),
         ),
-        Quantity("fluctuation", "velocity fluctuation", r"|v - \langle v_x \rangle|", "m/s", fluctuations),
+        Quantity("fluctuation", "velocity fluctuation", r"|v - \langle v_x \rangle|", "m/s", fluctuations, scale="from zero"),
         Quantity("solid-fraction", "solid fraction", r"\phi", "1", averaged=_one, kind="share"),
         Quantity("granular-temperature", "granular temperature", r"T_g", "m2/s2", averaged=_granular_temperature, is_relative=True),
         Quantity(
             "coordination", "contacts per grain", "Z", "1", _of_contacts(lambda contacts: contacts.counts),
             averaged=_coordination, kind="number", needs_contacts=True,
         ),
-        Quantity("force", "largest contact force", r"f_\mathrm{max}", "N", _of_contacts(lambda contacts: contacts.largest)),
+        Quantity(
+            "force", "largest contact force", r"f_\mathrm{max}", "N", _of_contacts(lambda contacts: contacts.largest),
+            scale="from zero",
+        ),
         Quantity("stress", "contact pressure", "p", "N/m", _pressures, "cividis", "logarithmic"),
         Quantity("pressure", "contact pressure", "p", "N/m", kind="contact", of_contacts=_mean_pressure, needs_contacts=True),
         *(_stress(a, b) for a in (0, 1) for b in (0, 1)),

@@ -16,7 +16,7 @@ from multicor_cli.post.bins import make_bins
 from multicor_cli.post.bulk import SUM_NAMES, Band, find_band, interval_sums
 from multicor_cli.post.extent import Extent, find_extent
 from multicor_cli.post.flow import mean_flow
-from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Selection
+from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Selection, rows_of
 from multicor_cli.post.sums import block_rows, standard_error
 
 
@@ -122,8 +122,7 @@ class Rheology:
     @property
     def detail_rows(self) -> list[tuple[float, ...]]:
         """One row per interval."""
-        columns = (self.time, *(self.values[q.name] for q in QUANTITIES))
-        return list(zip(*(column.tolist() for column in columns), strict=True))
+        return rows_of((self.time, *(self.values[q.name] for q in QUANTITIES)))
 
     def as_dict(self) -> dict[str, Any]:
         """Everything as JSON types; numbers may be nan."""

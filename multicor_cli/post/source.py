@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -17,6 +18,13 @@ if TYPE_CHECKING:
 
 class PostError(Exception):
     """What was asked for cannot be computed from this run: one message for the user."""
+
+    exit_code = 2
+
+
+def rows_of(columns: Iterable[NDArray[Any]]) -> list[tuple[Any, ...]]:
+    """The rows of a table of these columns, as plain numbers."""
+    return list(zip(*(column.tolist() for column in columns), strict=True))
 
 
 class GrainFrame(Protocol):

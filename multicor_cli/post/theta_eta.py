@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from multicor_cli.model.model import Floats
 from multicor_cli.post.bins import BIN_LIMIT
 from multicor_cli.post.extent import wall_spans
-from multicor_cli.post.source import FrameSource, GrainFrame, PostError, frame_index, need_heat
+from multicor_cli.post.source import FrameSource, GrainFrame, PostError, frame_index, need_heat, rows_of
 
 _ROUNDING = 1e-12  # of a mean of equal temperatures, which is to be that temperature
 
@@ -62,8 +62,7 @@ class ThetaTable:
     @property
     def rows(self) -> list[tuple[float, ...]]:
         """One row per bin; nan where there is no grain."""
-        columns = (self.center, self.mean, self.spread, self.lowest, self.highest, self.count)
-        return list(zip(*(column.tolist() for column in columns), strict=True))
+        return rows_of((self.center, self.mean, self.spread, self.lowest, self.highest, self.count))
 
     @property
     def detail_headings(self) -> tuple[str, ...]:

@@ -4,6 +4,6 @@
 how the run went, ``page`` joins all that with the hand-written scripts beside it into one file, ``write`` decides where it goes.
 """
 
-from multicor_cli.report.write import ReportExists, ReportSummary, write_report
+from multicor_cli.report.write import ReportSummary, write_report
 
-__all__ = ["ReportExists", "ReportSummary", "write_report"]
+__all__ = ["ReportSummary", "write_report"]

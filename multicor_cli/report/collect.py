@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
+from multicor_cli.post.contacts import has_forces, loaded_contacts
 from multicor_cli.post.scene import make_scene
 from multicor_cli.report.fields import fields_of, values_of
 from multicor_cli.store import Run
@@ -84,12 +85,9 @@ def view_of(run: Run, index: int) -> FrameView:
 
 def _contacts(run: Run, index: int) -> ContactsView | None:
     frame = run.frames[index]
-    contacts = frame.contacts
-    if not contacts.recorded or not frame.dt > 0.0:
+    if not has_forces(frame):
         return None
-    force = np.asarray(contacts.force[:, 0], np.float32)
-    loaded = np.flatnonzero(force > 0.0)
-    normal, j = np.asarray(contacts.normal, np.float64)[loaded], contacts.j[loaded].astype(np.int64)
-    j[j >= run.model.grain_count] = -1
+    contacts = loaded_contacts(frame, run.model)
+    normal, j = contacts.normal, np.where(contacts.is_wall, -1, contacts.j).astype(np.int64)
     angle = np.arctan2(-normal[:, 1], -normal[:, 0]).astype(np.float32)
-    return ContactsView(contacts.i[loaded].astype(np.int64), j, angle, force[loaded])
+    return ContactsView(contacts.i.astype(np.int64), j, angle, contacts.force[:, 0].astype(np.float32))

@@ -12,6 +12,7 @@ from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
 from multicor_cli.post import Quantity
+from multicor_cli.post.quantities import color_range
 from multicor_cli.report.collect import ContactsView, FrameView, thin_frames, view_of
 from multicor_cli.report.fields import SPACINGS, fields_of
 from multicor_cli.report.quantize import Code, compress
@@ -20,10 +21,6 @@ from multicor_cli.store.progress import Progress, no_progress
 
 _CONTACT_SHARE = 0.25  # of the bytes of a frame may belong to contacts if not everything fits
 _SAFETY = 1.03  # frames may be this much larger than the one that was tried
-_ENOUGH = 400  # with fewer grains colors span all values
-_QUANTILE = 0.995  # with more of them colors may span this part
-_WORTH = 0.1  # values are left out of the colors at an end only if that shortens the scale by more than this part
-_DECADES = 1e-4  # lowest color of a logarithmic scale over the highest
 _ABSURD = 1e38  # single precision ends there
 _ANGLES = 1024  # directions that the contact with a wall can have
 
@@ -210,30 +207,8 @@ def _color_ranges(fields: tuple[Quantity, ...], views: list[FrameView]) -> dict[
     found = {}
     for field in fields:
         values = [view.values[field.name] for view in views if field.name in view.values]
-        found[field.name] = _color_range(field, np.concatenate(values or [np.zeros(0)]), views[0].center.shape[0])
+        found[field.name] = color_range(field, _sane(np.concatenate(values or [np.zeros(0)])), views[0].center.shape[0])
     return found
-
-
-def _color_range(field: Quantity, values: NDArray[Any], grains: int) -> tuple[float, float]:
-    """About as in the figures of `multicor post map`, for all frames together."""
-    values = _sane(values)
-    if not values.size:
-        return 0.0, 1.0
-    if field.scale == "logarithmic":
-        high = float(values.max()) or 1.0
-        return _DECADES * high, high
-    low, high = float(values.min()), float(values.max())
-    if grains >= _ENOUGH:
-        inner = np.quantile(values, (1.0 - _QUANTILE, _QUANTILE)).tolist()
-        room = _WORTH * (inner[1] - inner[0])
-        low, high = (low if low >= inner[0] - room else inner[0]), (high if high <= inner[1] + room else inner[1])
-    if field.scale == "centered":
-        low, high = -max(abs(low), abs(high)), max(abs(low), abs(high))
-    elif SPACINGS[field.name] == "square":
-        return 0.0, high or 1.0
-    if low == high:
-        low, high = low - (abs(low) * 1e-3 or 1.0), high + (abs(high) * 1e-3 or 1.0)
-    return low, high
 
 
 def _join_boxes(boxes: list[Floats], codes: dict[str, Code]) -> Floats:

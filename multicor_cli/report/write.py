@@ -8,13 +8,14 @@ from pathlib import Path
 
 import numpy as np
 
-from multicor_cli.export.target import refuse_files_of_runs
+from multicor_cli.export.errors import ExportRefused
+from multicor_cli.export.target import check_output
 from multicor_cli.post.energy import energy
 from multicor_cli.post.source import PostError
 from multicor_cli.report.figures import make_figures
 from multicor_cli.report.pack import Packed, pack_frames
 from multicor_cli.report.page import MARK, make_page
-from multicor_cli.store import StoreError, open_run, run_info
+from multicor_cli.store import open_run, run_info
 from multicor_cli.store.atomic import commit_result
 from multicor_cli.store.progress import Progress, no_progress
 
@@ -23,12 +24,6 @@ SIZE_LIMIT = 30_000_000
 
 _ROOM = 2_000_000  # for figures, scripts and the scenario [bytes]
 _BASE64 = 4.0 / 3.0
-
-
-class ReportExists(StoreError):
-    """The file of the report exists already (exit code 6)."""
-
-    exit_code = 6
 
 
 @dataclass(frozen=True)
@@ -77,8 +72,7 @@ def write_report(
         progress: Is told how many frames have been read, and of how many.
 
     Raises:
-        ReportExists: If the file exists and may not be replaced.
-        ExportRefused: If it is the name of a file of a run.
+        ExportRefused: If the file exists and may not be replaced, or it is the name of a file of a run.
         PostError: If the run has no frames yet.
         StoreError: If the run cannot be read, or the file cannot be written.
     """
@@ -98,19 +92,10 @@ def write_report(
 
 
 def check_target(path: Path, *, is_overwriting: bool) -> None:
-    """Refuse a file that exists, and the name of a file of a run.
-
-    Raises:
-        ReportExists: If it may not be replaced: always if it is not a page of ours.
-        ExportRefused: If it is the name of a file of a run.
-    """
-    refuse_files_of_runs(path)
-    if not os.path.lexists(path):
-        return
-    if not is_overwriting:
-        raise ReportExists(f"{path} exists; choose another file with -o, or replace it with --overwrite")
-    if not path.is_file() or (path.stat().st_size and MARK not in _head(path)):
-        raise ReportExists(f"{path} is not a report of multicor and is not replaced; choose another file with -o")
+    """Refuse a file as `check_output` does, and always one that is not a page of ours."""
+    check_output(path, is_overwriting=is_overwriting)
+    if os.path.lexists(path) and (not path.is_file() or (path.stat().st_size and MARK not in _head(path))):
+        raise ExportRefused(f"{path}: is not a report of multicor and is not replaced; choose another file with -o")
 
 
 def _head(path: Path) -> str:

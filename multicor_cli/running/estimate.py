@@ -6,8 +6,9 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from multicor_cli.engine.contact.hertz import relative_deflection
+from multicor_cli.engine.heat.hertz import largest_deflection
 from multicor_cli.engine.motion.drives import Constant, Signal, WallDrive
+from multicor_cli.engine.step import PARALLEL_GRAINS
 from multicor_cli.model import Model, State
 from multicor_cli.running.conditions import StrainReached
 from multicor_cli.running.plan import RunPlan, StagePlan
@@ -43,9 +44,6 @@ BYTES_PER_GRAIN = 1000.0
 
 BUFFER = 64e6
 """Frames that wait to be written take up to this much, or one frame [bytes]."""
-
-THREADS_FROM = 5000
-"""Number of grains from which several threads pay."""
 
 _SHORTEST_MARCH = 20_000  # evaluations of a signal before the interval is doubled
 _DOUBLINGS = 30
@@ -113,7 +111,7 @@ def estimate(scenario: Scenario, plan: RunPlan, model: Model, state: State, thre
 def seconds_per_step(grains: int, threads: int) -> float:
     """Rough wall-clock time of a step [s]; small problems do not profit from threads."""
     work = grains * (CONTACTS_PER_GRAIN * SWEEPS * SECONDS_PER_CONTACT + SECONDS_PER_GRAIN)
-    return SECONDS_PER_STEP + (work / (0.8 * threads) if threads > 1 and grains >= THREADS_FROM else work)
+    return SECONDS_PER_STEP + (work / (0.8 * threads) if threads > 1 and grains >= PARALLEL_GRAINS else work)
 
 
 def seconds_per_frozen_step(grains: int) -> float:
@@ -195,13 +193,9 @@ def _row_bytes(table: tuple[Dataset, ...], model: Model, *, is_single: bool) -> 
 def _deflection(scenario: Scenario, plan: RunPlan, model: Model) -> float | None:
     """Deflection under the largest pressure, weight or load, of the softest material with its smallest grain."""
     force = _typical_force(scenario, plan, model)
-    found = []
-    for index, name in enumerate(model.materials):
-        material = scenario.materials.get(name)
-        radii = model.grains.radius[model.grains.material == index]
-        if material is not None and material.young is not None and material.poisson is not None and radii.size and force > 0.0:
-            found.append(relative_deflection(force, float(radii.min()), material.young, material.poisson))
-    return max(found, default=None)
+    tables = {name: (table.young, table.poisson) for name, table in scenario.materials.items()}
+    elastic = {name: (young, poisson) for name, (young, poisson) in tables.items() if young is not None and poisson is not None}
+    return largest_deflection(model, force, elastic) if force > 0.0 else None
 
 
 def _typical_force(scenario: Scenario, plan: RunPlan, model: Model) -> float:

@@ -11,9 +11,8 @@ from multicor_cli.engine.heat.conduction import ContactForce
 from multicor_cli.engine.heat.laws import HeatLaws, heat_laws
 from multicor_cli.engine.heat.settings import MECHANISMS, HeatSettings
 from multicor_cli.engine.heat.walls import WallHeat
-from multicor_cli.engine.motion.drives import Constant, Shifted
 from multicor_cli.model import Model
-from multicor_cli.scenario.drives import engine_signal
+from multicor_cli.scenario.drives import engine_signal, kept_signal
 from multicor_cli.scenario.heat import AverageForce, Heat
 from multicor_cli.scenario.scenario import Scenario
 from multicor_cli.scenario.wall_heat import AnyCondition, FlowCondition, TemperatureCondition
@@ -82,12 +81,10 @@ class StageWallHeat:
         Args:
             stage_starts: Times at which the stages up to this one have begun [s].
         """
-        return [self._shift(wall, named, stage_starts) for wall, named in zip(self.walls, self.named_by, strict=True)]
-
-    def _shift(self, wall: WallHeat, named_by: int, stage_starts: Sequence[float]) -> WallHeat:
-        if named_by == self.stage or isinstance(wall.signal, Constant | Shifted):
-            return wall
-        return replace(wall, signal=Shifted(wall.signal, stage_starts[self.stage] - stage_starts[named_by]))
+        return [
+            replace(wall, signal=kept_signal(wall.signal, named_by, self.stage, stage_starts))
+            for wall, named_by in zip(self.walls, self.named_by, strict=True)
+        ]
 
 
 def wall_heat(scenario: Scenario, wall_names: Sequence[str]) -> list[StageWallHeat]:

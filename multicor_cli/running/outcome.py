@@ -9,9 +9,9 @@ from pathlib import Path
 
 
 class ExitCode(IntEnum):
-    """Exit codes of the command line; ``run.json`` records them too."""
+    """Exit codes of the command line; ``run.json`` records them too. Classes of errors have theirs as ``exit_code``."""
 
-    DONE = 0  # also: already finished
+    DONE = 0  # done, or already finished
     BUG = 1  # an internal error; the traceback is in crash.txt
     USAGE = 2  # the command line is wrong
     SCENARIO = 3  # the scenario is invalid, or not the one that the run began with
@@ -23,6 +23,16 @@ class ExitCode(IntEnum):
     HUNG_UP = 129  # SIGHUP: the terminal was closed, after a checkpoint
     INTERRUPTED = 130  # Ctrl-C, after a checkpoint
     TERMINATED = 143  # SIGTERM, after a checkpoint
+
+
+def exit_code_of(error: BaseException) -> ExitCode:
+    """Exit code of the command line for an error: that of its class, or of what the system raises; else it is a bug."""
+    code = getattr(error, "exit_code", None)
+    if code is not None:
+        return ExitCode(code)
+    if isinstance(error, KeyboardInterrupt):
+        return ExitCode.INTERRUPTED
+    return ExitCode.ENVIRONMENT if isinstance(error, OSError | MemoryError) else ExitCode.BUG
 
 
 class StopReason(Enum):

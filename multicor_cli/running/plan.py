@@ -5,28 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 from multicor_cli.engine.contact.solve import Settings
-from multicor_cli.engine.heat.walls import WallHeat
-from multicor_cli.engine.motion.drives import WallDrive
 from multicor_cli.model import State
 from multicor_cli.running.conditions import Condition, ShearGauge, StrainReached
+from multicor_cli.running.heat_plan import StageWallHeat
+from multicor_cli.scenario.drives import StageDrives
 from multicor_cli.scenario.settings import Output
-
-
-class Drives(Protocol):
-    """What the walls do in a stage; see `multicor_cli.scenario.drives.StageDrives`."""
-
-    def started(self, stage_starts: Sequence[float]) -> list[WallDrive]:
-        """The drives, one per wall, given the times at which the stages up to this one have begun [s]."""
-
-
-class WallConditions(Protocol):
-    """Thermal conditions of the walls in a stage; see `multicor_cli.running.heat_plan.StageWallHeat`."""
-
-    def started(self, stage_starts: Sequence[float]) -> list[WallHeat]:
-        """The conditions, one per wall, given the times at which the stages up to this one have begun [s]."""
 
 
 @dataclass(frozen=True)
@@ -39,7 +24,7 @@ class StageHeat:
         is_frozen: Whether grains and walls stand still.
     """
 
-    conditions: WallConditions
+    conditions: StageWallHeat
     is_on: bool = True
     is_frozen: bool = False
 
@@ -67,7 +52,7 @@ class StagePlan:
     frame_every: int
     series_every: int
     settings: Settings
-    drives: Drives
+    drives: StageDrives
     heat: StageHeat | None = None
 
     @property

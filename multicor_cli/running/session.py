@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from multicor_cli import __version__
-from multicor_cli.engine import Engine, PhysicsError
+from multicor_cli.engine import Engine
 from multicor_cli.engine.coupled import CoupledEngine
 from multicor_cli.engine.heat.step import HeatEngine
 from multicor_cli.engine.heat.watch import biot_warning, undelivered_warning
@@ -23,7 +23,7 @@ from multicor_cli.running.differences import find_differences
 from multicor_cli.running.heat_plan import heat_settings
 from multicor_cli.running.memory import keep_freed_memory
 from multicor_cli.running.observer import Observer, SilentObserver
-from multicor_cli.running.outcome import ExitCode, RunOutcome, StopReason
+from multicor_cli.running.outcome import ExitCode, RunOutcome, StopReason, exit_code_of
 from multicor_cli.running.planning import make_plan
 from multicor_cli.running.recorder import DirectoryRecorder
 from multicor_cli.running.signals import Switchboard
@@ -207,7 +207,7 @@ class Session:
         except Exception as error:
             if directory.status == "running":
                 with contextlib.suppress(StoreError, MemoryError):
-                    directory.finish("failed", stop_reason=_describe(error), exit_code=failure_code(error))
+                    directory.finish("failed", stop_reason=_describe(error), exit_code=exit_code_of(error))
             raise
 
 
@@ -222,17 +222,6 @@ def make_engine(scenario: Scenario, model: Model, state: State, threads: int) ->
     return CoupledEngine(mechanics, None if settings is None else HeatEngine(model, state, settings))
 
 
-def failure_code(error: BaseException) -> ExitCode:
-    """Exit code of the command line for an error."""
-    if isinstance(error, ScenarioError):
-        return ExitCode.SCENARIO
-    if isinstance(error, PhysicsError):
-        return ExitCode.PHYSICS
-    if isinstance(error, StoreError):
-        return ExitCode(error.exit_code)
-    return ExitCode.ENVIRONMENT if isinstance(error, MemoryError | OSError) else ExitCode.BUG
-
-
 def stage_starts(path: Path, state: State) -> list[float]:
     """Times at which the stages up to that of ``state`` have begun [s]: each stage but the last has left a frame of its end."""
     with open_run(path) as run:
@@ -241,7 +230,7 @@ def stage_starts(path: Path, state: State) -> list[float]:
 
 
 def _describe(error: Exception) -> str:
-    return str(error) if failure_code(error) is not ExitCode.BUG else f"internal error: {type(error).__name__}: {error}"
+    return str(error) if exit_code_of(error) is not ExitCode.BUG else f"internal error: {type(error).__name__}: {error}"
 
 
 def _with_seed_of(scenario: Scenario, seed: int) -> Scenario:

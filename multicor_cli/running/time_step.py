@@ -19,7 +19,7 @@ from multicor_cli.engine.motion.drives import DofDrive, WallDrive
 from multicor_cli.model import Model
 from multicor_cli.running.plan import RunPlan
 from multicor_cli.scenario.scenario import Scenario
-from multicor_cli.scenario.settings import Output, default_series_interval
+from multicor_cli.scenario.settings import Output
 
 PRESSURE = 0.2
 """Largest Δt over √(m̄/P)."""
@@ -119,8 +119,7 @@ def automatic_step(scales: Scales, output: Output) -> float | None:
     """
     if scales.pressure == math.inf and scales.strain == math.inf:
         return None
-    is_default = output.series_interval == default_series_interval(output.frame_interval)
-    interval = output.frame_interval if is_default else min(output.frame_interval, output.series_interval)
+    interval = output.frame_interval if output.has_default_series else min(output.frame_interval, output.series_interval)
     step = min(_round_down(scales.limit), interval)
     return interval / math.ceil(interval / step * (1.0 - 1e-9))
 

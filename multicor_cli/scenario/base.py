@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import fields
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
-from pydantic import AfterValidator, BaseModel, ConfigDict, Field, Strict, WithJsonSchema
+from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field, Strict, WithJsonSchema
 from pydantic_core import PydanticCustomError
 
 if TYPE_CHECKING:
@@ -66,6 +66,17 @@ def refuse(what: str, remedy: str, key: str | int | None = None) -> PydanticCust
     return PydanticCustomError("refused", "{what}", {"what": what, "remedy": remedy, "key": key})
 
 
+def true_only(key: str, remedy: str) -> AfterValidator:
+    """Validator of a key that can only be true; the remedy says what to give instead of false."""
+
+    def check(value: bool) -> bool:
+        if not value:
+            raise refuse(f"{key} = false has no effect", remedy)
+        return value
+
+    return AfterValidator(check)
+
+
 KELVIN_BOUNDS = (1.0, 1e5)
 
 
@@ -99,10 +110,11 @@ def require_ascending(values: Sequence[float], what: str) -> None:
             raise refuse(f"{what} must ascend, {values[k]!r} follows {values[k - 1]!r}", "sort the rows and remove duplicates", k)
 
 
-def tag_by_key(*keys: str) -> Callable[[Any], str | None]:
+def one_of(what: str, *keys: str, more: str = "") -> Discriminator:
     """Discriminator of a union whose tables differ by which of ``keys`` is present.
 
-    The tags are ``<key>``; anything but a table gets ``<plain>``. Not exactly one of the keys: no tag, hence an error.
+    The tags are ``<key>``; anything but a table gets ``<plain>``. Not exactly one of the keys: no tag, hence an error, which
+    begins with ``what`` and ends with ``more``.
     """
 
     def tag(value: Any) -> str | None:
@@ -115,7 +127,8 @@ def tag_by_key(*keys: str) -> Callable[[Any], str | None]:
         present = [key for key in keys if key in names]
         return f"<{present[0]}>" if len(present) == 1 else None
 
-    return tag
+    message = f"{what} exactly one of {', '.join(keys)}{more}"
+    return Discriminator(tag, custom_error_type="one_of", custom_error_message=message)
 
 
 def tag_word(value: Any) -> str:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from typing import NamedTuple, TypeVar
 
 from multicor_cli.engine.motion.drives import Constant, DofDrive, Interpolated, Ramp, Shifted, Sine, WallDrive
 from multicor_cli.engine.motion.drives import Signal as EngineSignal
@@ -18,6 +18,7 @@ from multicor_cli.scenario.signals import AnySignal, RampSignal, SineSignal, Tab
 
 DOF_NAMES = ("x", "y", "spin")
 NEVER = -1
+Kept = TypeVar("Kept", bound=EngineSignal | None)
 
 
 class KeptDrive(NamedTuple):
@@ -64,15 +65,6 @@ class StageDrives:
     walls: tuple[WallDrive, ...]
     named_by: tuple[tuple[int, int, int], ...]
 
-    @property
-    def needs_starts(self) -> bool:
-        """Whether a signal that varies with time is kept from an earlier stage, so that `started` needs to know its start."""
-        return any(
-            _varies(dof) and named_by != self.stage
-            for wall, stages in zip(self.walls, self.named_by, strict=True)
-            for dof, named_by in zip(wall.dofs(), stages, strict=True)
-        )
-
     def started(self, stage_starts: Sequence[float]) -> list[WallDrive]:
         """The drives as functions of the time since the start of this stage.
 
@@ -80,15 +72,13 @@ class StageDrives:
             stage_starts: Times at which the stages up to this one have begun [s].
         """
         return [
-            WallDrive(*(self._shift(dof, named_by, stage_starts) for dof, named_by in zip(wall.dofs(), stages, strict=True)))
+            WallDrive(*(self._since(dof, named_by, stage_starts) for dof, named_by in zip(wall.dofs(), stages, strict=True)))
             for wall, stages in zip(self.walls, self.named_by, strict=True)
         ]
 
-    def _shift(self, dof: DofDrive, named_by: int, stage_starts: Sequence[float]) -> DofDrive:
-        if named_by == self.stage or not _varies(dof):
-            return dof
-        offset = stage_starts[self.stage] - stage_starts[named_by]
-        return replace(dof, velocity=_shifted(dof.velocity, offset), force=_shifted(dof.force, offset))
+    def _since(self, dof: DofDrive, named_by: int, starts: Sequence[float]) -> DofDrive:
+        velocity, force = (kept_signal(signal, named_by, self.stage, starts) for signal in (dof.velocity, dof.force))
+        return replace(dof, velocity=velocity, force=force)
 
 
 def stage_drives(loading: Sequence[Stage], wall_names: Sequence[str]) -> list[StageDrives]:
@@ -129,9 +119,15 @@ def engine_signal(signal: AnySignal) -> EngineSignal:
     return Constant(signal)
 
 
-def _varies(dof: DofDrive) -> bool:
-    return any(signal is not None and not isinstance(signal, Constant) for signal in (dof.velocity, dof.force))
+def kept_signal(signal: Kept, named_by: int, stage: int, starts: Sequence[float]) -> Kept | Shifted:
+    """A signal, or None, as a function of the time since the start of a stage.
 
-
-def _shifted(signal: EngineSignal | None, offset: float) -> EngineSignal | None:
-    return signal if signal is None or isinstance(signal, Shifted) else Shifted(signal, offset)
+    Args:
+        signal: The same as a function of the time since the start of the stage that named it.
+        named_by: Index of that stage.
+        stage: Index of the stage.
+        starts: Times at which the stages up to this one have begun [s].
+    """
+    if named_by == stage or signal is None or isinstance(signal, Constant | Shifted):
+        return signal
+    return Shifted(signal, starts[stage] - starts[named_by])

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import TYPE_CHECKING, Annotated, Literal, Self
 
-from pydantic import Discriminator, Field, Tag, model_validator
+from pydantic import Field, Tag, model_validator
 
-from multicor_cli.scenario.base import Kelvin, Table, Time, Vector, refuse, tag_by_key
+from multicor_cli.scenario.base import Kelvin, Table, Time, Vector, one_of, refuse
 from multicor_cli.scenario.problems import Finding
 
 if TYPE_CHECKING:
@@ -65,11 +65,7 @@ class PrescribedForce(Table):
 
 Force = Annotated[
     Annotated[AverageForce, Tag("<average>")] | Annotated[PrescribedForce, Tag("<prescribed>")],
-    Discriminator(
-        tag_by_key("average", "prescribed"),
-        custom_error_type="one_of",
-        custom_error_message="force is a table with exactly one of average, prescribed; without it, the force of each step counts",
-    ),
+    one_of("force is a table with", "average", "prescribed", more="; without it, the force of each step counts"),
 ]
 
 
@@ -96,9 +92,12 @@ class GasTable(MechanismTable):
             what = f"{least}, '{name}' is {solid / self.conductivity:.3g} times"
             yield Finding(("heat", "gas", "model"), what, 'use "parallel"')
 
-    def holds_for(self, smallest: float, largest: float) -> bool:
-        """Whether the formula holds for grains of these smallest and largest radii [m]."""
-        return self.model != "vargas" or largest <= EQUAL * smallest
+    def misfits(self, smallest: float, largest: float) -> list[Finding]:
+        """What is wrong with it for grains of these smallest and largest radii [m]."""
+        if self.model != "vargas" or largest <= EQUAL * smallest:
+            return []
+        what = f'"vargas" is for grains of equal size, but the radii are {smallest:g} to {largest:g} m'
+        return [Finding(("heat", "gas", "model"), what, 'use "parallel" or "batchelor"')]
 
 
 class AmbientCoefficient(MechanismTable):
@@ -141,11 +140,7 @@ class AmbientCorrelation(MechanismTable):
 
 Ambient = Annotated[
     Annotated[AmbientCoefficient, Tag("<coefficient>")] | Annotated[AmbientCorrelation, Tag("<correlation>")],
-    Discriminator(
-        tag_by_key("coefficient", "correlation"),
-        custom_error_type="one_of",
-        custom_error_message="ambient is a table with temperature and exactly one of coefficient, correlation",
-    ),
+    one_of("ambient is a table with temperature and", "coefficient", "correlation"),
 ]
 
 

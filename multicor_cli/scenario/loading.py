@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from typing import Annotated, Self
 
-from pydantic import AfterValidator, Discriminator, Field, Strict, Tag, model_validator
+from pydantic import Field, Strict, Tag, model_validator
 
-from multicor_cli.scenario.base import Name, Ratio, Table, Time, refuse, tag_by_key
+from multicor_cli.scenario.base import Name, Ratio, Table, Time, one_of, refuse, true_only
 from multicor_cli.scenario.settings import Output, StageSolver, TimeStep
 from multicor_cli.scenario.signals import Signal
 from multicor_cli.scenario.wall_heat import WallCondition
@@ -26,27 +26,17 @@ class ForceDof(Table):
     damping: float = Field(0.0, ge=0.0, le=1e12, description="viscous damping [N s/m], [N m s] for the spin")
 
 
-def _check_fixed(value: bool) -> bool:
-    if not value:
-        raise refuse("fixed = false has no effect", "give velocity or force instead")
-    return value
-
-
 class FixedDof(Table):
     """A degree of freedom that does not move."""
 
-    fixed: Annotated[bool, AfterValidator(_check_fixed)] = Field(
+    fixed: Annotated[bool, true_only("fixed", "give velocity or force instead")] = Field(
         description="true: does not move", json_schema_extra={"const": True}
     )
 
 
 Dof = Annotated[
     Annotated[VelocityDof, Tag("<velocity>")] | Annotated[ForceDof, Tag("<force>")] | Annotated[FixedDof, Tag("<fixed>")],
-    Discriminator(
-        tag_by_key("velocity", "force", "fixed"),
-        custom_error_type="one_of",
-        custom_error_message="a degree of freedom is a table with exactly one of velocity, force, fixed",
-    ),
+    one_of("a degree of freedom is a table with", "velocity", "force", "fixed"),
 ]
 AnyDof = VelocityDof | ForceDof | FixedDof
 
@@ -86,11 +76,7 @@ class UntilRest(Table):
 
 Until = Annotated[
     Annotated[UntilStrain, Tag("<strain>")] | Annotated[UntilRest, Tag("<kinetic_energy_ratio>")],
-    Discriminator(
-        tag_by_key("strain", "kinetic_energy_ratio"),
-        custom_error_type="one_of",
-        custom_error_message="until is a table with exactly one of strain, kinetic_energy_ratio",
-    ),
+    one_of("until is a table with", "strain", "kinetic_energy_ratio"),
 ]
 
 

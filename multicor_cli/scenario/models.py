@@ -11,16 +11,7 @@ from pydantic import Field, Strict
 
 from multicor_cli.scenario.base import Name, Table
 from multicor_cli.scenario.heat import Heat
-from multicor_cli.scenario.loading import (
-    FixedDof,
-    ForceDof,
-    Stage,
-    StrainEnd,
-    UntilRest,
-    UntilStrain,
-    VelocityDof,
-    WallDrives,
-)
+from multicor_cli.scenario.loading import FixedDof, ForceDof, Stage, StrainEnd, UntilRest, UntilStrain, VelocityDof, WallDrives
 from multicor_cli.scenario.materials import MAX_MATERIALS, ContactPair, FrictionTable, Material, SofteningFriction
 from multicor_cli.scenario.packings import (
     CompactedPacking,

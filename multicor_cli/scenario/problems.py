@@ -75,6 +75,8 @@ class ScenarioError(Exception):
         problems: All problems found, in the order of the file.
     """
 
+    exit_code = 3
+
     def __init__(self, problems: Iterable[Problem]) -> None:
         self.problems = list(problems)
         super().__init__("\n".join(str(problem) for problem in self.problems))

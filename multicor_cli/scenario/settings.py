@@ -79,13 +79,9 @@ class StageSolver(Table):
     )
 
 
-def default_series_interval(frame_interval: float) -> float:
-    """Time between rows of the time series unless the scenario says otherwise [s]: ten per frame (but one per step at most)."""
-    return frame_interval / 10.0
-
-
 def _series_interval(data: dict[str, Any]) -> float:
-    return default_series_interval(data["frame_interval"])
+    """Time between rows of the time series unless the scenario says otherwise [s]: ten per frame (but one per step at most)."""
+    return float(data["frame_interval"]) / 10.0
 
 
 class Output(Table):
@@ -106,3 +102,8 @@ class Output(Table):
         description="wall-clock time between checkpoints [s]; while the run goes on, what is older than the last one can be read",
     )
     precision: Literal["double", "single"] = Field("double", description="precision of the frames")
+
+    @property
+    def has_default_series(self) -> bool:
+        """Whether the time between rows is what it would be if the scenario did not give it."""
+        return self.series_interval == _series_interval({"frame_interval": self.frame_interval})

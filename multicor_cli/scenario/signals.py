@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated, Self
 
-from pydantic import Discriminator, Field, Strict, Tag, field_validator, model_validator
+from pydantic import Field, Strict, Tag, field_validator, model_validator
 
-from multicor_cli.scenario.base import Number, Table, Time, Vector, refuse, require_ascending, tag_by_key
+from multicor_cli.scenario.base import Number, Table, Time, Vector, one_of, refuse, require_ascending
 
 
 class RampSignal(Table):
@@ -59,10 +59,6 @@ Signal = Annotated[
     | Annotated[RampSignal, Tag("<ramp>")]
     | Annotated[SineSignal, Tag("<sine>")]
     | Annotated[TableSignal, Tag("<times>")],
-    Discriminator(
-        tag_by_key("ramp", "sine", "times"),
-        custom_error_type="one_of",
-        custom_error_message="a signal is a number or a table with exactly one of ramp, sine, times",
-    ),
+    one_of("a signal is a number or a table with", "ramp", "sine", "times"),
 ]
 AnySignal = float | RampSignal | SineSignal | TableSignal

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import Discriminator, Field, Strict, Tag
+from pydantic import Field, Strict, Tag
 
-from multicor_cli.scenario.base import Kelvin, Number, Point, Table, tag_by_key
+from multicor_cli.scenario.base import Kelvin, Number, Point, Table, one_of
 from multicor_cli.scenario.packings import FilePath
 from multicor_cli.scenario.region import Region
 
@@ -57,10 +57,6 @@ Temperature = Annotated[
     | Annotated[RegionsTemperature, Tag("<regions>")]
     | Annotated[ValuesTemperature, Tag("<values>")]
     | Annotated[FileTemperature, Tag("<file>")],
-    Discriminator(
-        tag_by_key("gradient", "regions", "values", "file"),
-        custom_error_type="one_of",
-        custom_error_message="a temperature is a number or a table with exactly one of gradient, regions, values, file",
-    ),
+    one_of("a temperature is a number or a table with", "gradient", "regions", "values", "file"),
 ]
 AnyTemperature = float | GradientTemperature | RegionsTemperature | ValuesTemperature | FileTemperature

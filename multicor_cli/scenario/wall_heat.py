@@ -10,9 +10,9 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import TYPE_CHECKING, Annotated, NamedTuple
 
-from pydantic import AfterValidator, Discriminator, Field, Tag
+from pydantic import AfterValidator, Field, Tag
 
-from multicor_cli.scenario.base import Table, check_kelvin, refuse, tag_by_key
+from multicor_cli.scenario.base import Table, check_kelvin, one_of, true_only
 from multicor_cli.scenario.signals import AnySignal, RampSignal, Signal, SineSignal, TableSignal
 
 if TYPE_CHECKING:
@@ -36,12 +36,6 @@ def _extremes(signal: AnySignal) -> tuple[float, ...]:
     return (signal,)
 
 
-def _check_insulated(value: bool) -> bool:
-    if not value:
-        raise refuse("insulated = false has no effect", "give temperature or flow instead")
-    return value
-
-
 class TemperatureCondition(Table):
     """A wall of prescribed temperature."""
 
@@ -62,7 +56,7 @@ class FlowCondition(Table):
 class InsulatedCondition(Table):
     """A wall that exchanges no heat; a grain that rubs on it gets all the heat of friction."""
 
-    insulated: Annotated[bool, AfterValidator(_check_insulated)] = Field(
+    insulated: Annotated[bool, true_only("insulated", "give temperature or flow instead")] = Field(
         description="true: no heat passes", json_schema_extra={"const": True}
     )
 
@@ -71,11 +65,7 @@ WallCondition = Annotated[
     Annotated[TemperatureCondition, Tag("<temperature>")]
     | Annotated[FlowCondition, Tag("<flow>")]
     | Annotated[InsulatedCondition, Tag("<insulated>")],
-    Discriminator(
-        tag_by_key("temperature", "flow", "insulated"),
-        custom_error_type="one_of",
-        custom_error_message="a thermal condition is a table with exactly one of temperature, flow, insulated",
-    ),
+    one_of("a thermal condition is a table with", "temperature", "flow", "insulated"),
 ]
 AnyCondition = TemperatureCondition | FlowCondition | InsulatedCondition
 

@@ -21,6 +21,7 @@ from multicor_cli.model import ShapeKind, WallBody
 from multicor_cli.scenario.base import Length, Name, Point, Table, Vector, refuse
 from multicor_cli.scenario.gluing import Glued, Ring, Row, SizesOrGroup
 from multicor_cli.scenario.problems import Finding
+from multicor_cli.scenario.region import above_min
 from multicor_cli.scenario.settings import Domain
 from multicor_cli.scenario.wall_heat import WallCondition
 
@@ -149,13 +150,7 @@ class BoxGeometry(WallGeometry):
         (), max_length=4, description='sides left out: any of "left", "right", "bottom", "top"'
     )
 
-    @field_validator("max")
-    @classmethod
-    def _above_min(cls, corner: tuple[float, float], info: ValidationInfo) -> tuple[float, float]:
-        low = info.data.get("min")
-        if low is not None and not (corner[0] > low[0] and corner[1] > low[1]):
-            raise refuse(f"max = {list(corner)} is not above and to the right of min = {list(low)}", "swap the corners")
-        return corner
+    _above_min = field_validator("max")(above_min)
 
     @field_validator("open")
     @classmethod

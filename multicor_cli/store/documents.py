@@ -8,7 +8,7 @@ import math
 from pathlib import Path
 from typing import Any
 
-from multicor_cli.store.atomic import append_line, commit_bytes, require_regular, storage_errors
+from multicor_cli.store.atomic import commit_bytes, require_regular, storage_errors
 from multicor_cli.store.errors import DamagedRun
 
 Document = dict[str, Any]
@@ -23,11 +23,6 @@ def write_document(path: Path, label: str, data: Document) -> None:
     """Commit ``data`` as JSON with its digest under the key ``check``; numbers that are not finite become null."""
     text = _page(_sealed(data))
     commit_bytes(path, label, (text + "\n").encode())
-
-
-def append_document(path: Path, label: str, data: Document) -> None:
-    """Append ``data`` as one line of JSON with its digest."""
-    append_line(path, label, document_line(data))
 
 
 def document_line(data: Document) -> bytes:

@@ -7,7 +7,7 @@ from datetime import datetime
 from pathlib import Path
 from typing import Any
 
-from multicor_cli.engine.contact.hertz import relative_deflection
+from multicor_cli.engine.heat.hertz import largest_deflection
 from multicor_cli.store.errors import DamagedRun, StoreError
 from multicor_cli.store.reader import Run, open_run
 from multicor_cli.store.summary import empty_summary
@@ -84,19 +84,11 @@ def hertz_deflection(run: Run, force: float | None) -> float | None:
     if force is None:
         return None
     try:
-        materials = tomllib.loads(run.scenario_resolved).get("materials", {})
-        model = run.model
-    except (StoreError, ValueError, RecursionError):
+        materials = tomllib.loads(run.scenario_resolved)["materials"]
+        elastic = {name: pair for name, material in materials.items() if (pair := _elastic(material)) is not None}
+        return largest_deflection(run.model, force, elastic)
+    except (StoreError, ValueError, RecursionError, KeyError, AttributeError):  # a file from elsewhere holds anything
         return None
-    found = []
-    if not isinstance(materials, dict):
-        return None
-    for index, name in enumerate(model.materials):
-        radii = model.grains.radius[model.grains.material == index]
-        elastic = _elastic(materials.get(name))
-        if radii.size and elastic is not None:
-            found.append(relative_deflection(force, float(radii.min()), *elastic))
-    return max(found, default=None)
 
 
 def _elastic(material: Any) -> tuple[float, float] | None:

@@ -181,11 +181,6 @@ class RunDirectory:
         """The scenario with all defaults; raises `DamagedRun` if it was changed."""
         return read_scenario(self.path / layout.RESOLVED, self._document["resolved_sha256"])
 
-    @property
-    def crash_path(self) -> Path:
-        """Where the traceback of an internal error goes."""
-        return self.path / layout.CRASH
-
     def load_model(self) -> Model | None:
         """The model of the run if it was stored; raises `DamagedRun` or `StorageError`."""
         path = self.path / layout.MODEL

@@ -17,7 +17,7 @@ from store_support import continue_run, drive, make_model, make_run
 from system_calls import hooked
 from trials import thinned, trials
 
-from multicor_cli.cli.exit_codes import ExitCode, exit_code_of
+from multicor_cli.running.outcome import ExitCode, exit_code_of
 from multicor_cli.store import DamagedRun, RunDirectory, StorageError, run_info, verify
 
 GROWING = ("pwrite", "write", "posix_fallocate", "mkdir", "replace", "rename", "link", "symlink", "fsync")

@@ -18,7 +18,7 @@ import h5py
 import numpy as np
 from store_support import continue_run
 
-from multicor_cli.cli.exit_codes import exit_code_of
+from multicor_cli.running.outcome import exit_code_of
 from multicor_cli.store import open_run, run_info, verify
 
 PAGE = 4096

@@ -15,8 +15,8 @@ from typing import Any
 import numpy as np
 
 from multicor_cli import run as run_scenario
-from multicor_cli.cli.exit_codes import exit_code_of
 from multicor_cli.running import session as session_module
+from multicor_cli.running.outcome import exit_code_of
 from multicor_cli.store import open_run, verify
 
 

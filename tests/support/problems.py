@@ -36,7 +36,7 @@ def heap_problem(seed=0, columns=6, rows=5, friction=0.5, restitution=0.0):
     engine = make_engine(model, positions, settings=Settings(tolerance_rms=1e-4))
     dt = 5e-3
     advance(engine, dt, 250)
-    return engine.next_problem(dt, 250 * dt)
+    return engine.next_start(dt, 250 * dt)[0]
 
 
 def tilted(problem):

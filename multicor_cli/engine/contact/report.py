@@ -33,6 +33,8 @@ class StepReport:
 class PhysicsError(Exception):
     """The run cannot go on: the state is not finite, no admissible positions exist, or the solver failed by request."""
 
+    exit_code = 4
+
     def __init__(self, step: int, message: str) -> None:
         super().__init__(f"step {step}: {message}")
         self.step = step

@@ -11,7 +11,7 @@ from multicor_cli.engine.geometry.gaps import disc_disc, gap_to_shape, minimum_i
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.model.columns import ANGLE, TAIL_X, TAIL_Y, X, Y
-from multicor_cli.model.model import Floats, Ints
+from multicor_cli.model.model import Floats, Ints, Model
 from multicor_cli.model.shapes import TAIL, Tail
 
 _DIRECTION = int(Tail.DIRECTION)
@@ -74,6 +74,15 @@ def place_shapes(kind: Ints, wall: Ints, local: Floats, wall_position: Floats, w
         else:
             world[k, TAIL_X] = u
             world[k, TAIL_Y] = v
+
+
+def scene_of(model: Model, position: Floats, wall_position: Floats, temperature: Floats = _NO_TEMPERATURE) -> Scene:
+    """Shapes where grains and walls are, in arrays of its own where the wall shapes are; arguments as the attributes of `Scene`."""
+    shapes, world = model.shapes, np.empty((model.shape_count, 4))
+    place_shapes(shapes.kind, shapes.wall, shapes.geometry, wall_position, world)
+    return Scene(
+        position, model.grains.radius, model.material, shapes.kind, shapes.wall, world, wall_position, model.period, temperature
+    )
 
 
 @formula

@@ -19,8 +19,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-from multicor_cli.engine.contact.hertz import contact_radius
 from multicor_cli.engine.geometry.scene import Scene
+from multicor_cli.engine.heat.hertz import contact_radius
 from multicor_cli.engine.heat.pairs import pair_radius
 from multicor_cli.engine.heat.rough import rough_conductance
 from multicor_cli.engine.jit.chunks import CHUNK

@@ -31,15 +31,7 @@ def advance_explicit(
     With a limit of 1 no temperature leaves the range of its neighbors' (Euler is stable up to 2); the error is of first order.
     Sub-steps are equal, except where radiation makes the bound change with temperature.
 
-    Args:
-        net: The network.
-        capacity: C [J/K], shape ``(n,)``.
-        temperature: T at the start [K], shape ``(n,)``. **Modified.**
-        walls: Temperatures or flows of the walls as functions of the time since the start of ``dt``.
-        source: Heat generated within ``dt`` [J], shape ``(n,)``.
-        dt: Duration [s].
-        limit: Largest Δt ΣH/C.
-        should_stop: Asked before every sub-step.
+    Arguments as those of `multicor_cli.engine.heat.integration.integrate`; ``should_stop`` is asked before every sub-step.
 
     Raises:
         Interrupted: If ``should_stop`` says so.

@@ -60,16 +60,8 @@ def advance_implicit(
 ) -> Flow:
     """Heat that flows within ``dt``, in sub-steps whose error is at most ``tolerance`` times the spread of the temperatures.
 
-    Args:
-        net: The network.
-        capacity: C [J/K], shape ``(n,)``.
-        temperature: T at the start [K], shape ``(n,)``. **Modified.**
-        walls: Temperatures or flows of the walls as functions of the time since the start of ``dt``.
-        source: Heat generated within ``dt`` [J], shape ``(n,)``.
-        dt: Duration [s].
-        tolerance: Largest error of a sub-step over the spread of temperatures.
-        first: Sub-step to try first [s]; 0: the whole duration.
-        should_stop: Asked before every sub-step.
+    Arguments as those of `multicor_cli.engine.heat.integration.integrate`; ``should_stop`` is asked
+    before every sub-step.
 
     Raises:
         Interrupted: If ``should_stop`` says so.

@@ -10,8 +10,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from multicor_cli.arithmetic import hypot
-from multicor_cli.engine.contact.hertz import contact_modulus
 from multicor_cli.engine.heat.conduction import harmonic_mean
+from multicor_cli.engine.heat.hertz import contact_modulus
 from multicor_cli.engine.heat.partition import SHARES, Partition
 from multicor_cli.engine.heat.radiation import emission_factor
 from multicor_cli.model.model import Floats

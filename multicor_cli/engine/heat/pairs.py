@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.engine.contact.hertz import effective_radius
 from multicor_cli.engine.geometry.scene import Scene, pair_geometry
+from multicor_cli.engine.heat.hertz import effective_radius
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.model.columns import RADIUS, X, Y

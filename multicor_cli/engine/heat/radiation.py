@@ -27,13 +27,10 @@ from multicor_cli.engine.heat.mechanism import Mechanism, NearPairs, Outside, Pa
 from multicor_cli.engine.heat.pairs import other_radius
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.formulas import formula
-from multicor_cli.model.model import Floats, Ints, Model
+from multicor_cli.model.model import SHAPE_FACTOR, Floats, Ints, Model
 
 if TYPE_CHECKING:
     from multicor_cli.engine.heat.laws import HeatLaws
-
-SPHERE = 2.5
-"""m a²/I of spheres."""
 
 STEFAN_BOLTZMANN = 5.670374419e-8
 """Stefan–Boltzmann constant σ [W/(m² K⁴)] (exact in SI)."""
@@ -54,7 +51,7 @@ class Radiation(Mechanism):
     def between(self, near: NearPairs, scene: Scene, laws: HeatLaws, model: Model) -> PairTransfer:
         """The area factors of neighbors."""
         assert model.thermal is not None
-        is_sphere = model.shape_factor == SPHERE
+        is_sphere = model.shape_factor == SHAPE_FACTOR["sphere"]
         return PairTransfer(area=radiating_areas(scene, laws, model.thermal.surface, is_sphere, near.i, near.j, near.gap))
 
     def outside(self, velocity: Floats, laws: HeatLaws, model: Model) -> Outside | None:

@@ -13,7 +13,7 @@ from multicor_cli.arithmetic.sums import column_totals, total
 from multicor_cli.engine.contact.detection import StepContacts, warm_rows
 from multicor_cli.engine.contact.report import PhysicsError
 from multicor_cli.engine.geometry.neighbor_list import NeighborList
-from multicor_cli.engine.geometry.scene import Scene, place_shapes
+from multicor_cli.engine.geometry.scene import Scene, scene_of
 from multicor_cli.engine.heat.books import book_flow, book_generated, note_contacts, strike_balance
 from multicor_cli.engine.heat.collision import collide
 from multicor_cli.engine.heat.flow import Flow
@@ -23,14 +23,7 @@ from multicor_cli.engine.heat.network import Links, Pairs, links_of, network_of
 from multicor_cli.engine.heat.pairs import look_up, near_pairs
 from multicor_cli.engine.heat.partition import share_out
 from multicor_cli.engine.heat.settings import HeatSettings
-from multicor_cli.engine.heat.spots import (
-    TOUCHING,
-    Spots,
-    conducting_spots,
-    forces_of_step,
-    loaded_pairs,
-    pairs_at_rest,
-)
+from multicor_cli.engine.heat.spots import TOUCHING, Spots, conducting_spots, forces_of_step, loaded_pairs, pairs_at_rest
 from multicor_cli.engine.heat.walls import WallHeat, WallValues
 from multicor_cli.model.columns import FRICTION, IMPACT
 from multicor_cli.model.faults import LARGEST, find_absurd_value
@@ -177,14 +170,7 @@ class HeatEngine:
 
     def resting_scene(self) -> Scene:
         """Shapes where the state has them."""
-        model, state = self.model, self.state
-        world = np.empty((model.shape_count, 4))
-        place_shapes(model.shapes.kind, model.shapes.wall, model.shapes.geometry, state.wall_position, world)
-        material = np.concatenate([model.grains.material, model.shapes.material]).astype(np.int32)
-        return Scene(
-            state.position, model.grains.radius, material, model.shapes.kind, model.shapes.wall, world, state.wall_position,
-            model.period,
-        )  # fmt: skip
+        return scene_of(self.model, self.state.position, self.state.wall_position)
 
     def _generate(self, moved: MovedContacts) -> tuple[Floats, Floats]:
         """Heat generated: by grain, and by contact [J]; enters the books, and wears."""

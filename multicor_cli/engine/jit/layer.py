@@ -24,6 +24,8 @@ def prefer_openmp() -> None:
 class NoThreadingLayer(Exception):
     """The threading layer that the environment asks for is not there: one message for the user."""
 
+    exit_code = 5
+
 
 def require_layer() -> None:
     """Start the threads of a layer that the environment chooses: Numba complains of one that is not there in the midst of a kernel.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Sequence
 
+from multicor_cli.model.model import LEAST_DIAMETERS
 from multicor_cli.scenario.checks.draft import Draft
 from multicor_cli.scenario.packings import DepositedPacking, TilePacking
 from multicor_cli.scenario.particles import ParticleGroup
@@ -13,8 +14,8 @@ from multicor_cli.scenario.region import Region
 from multicor_cli.scenario.settings import Domain
 
 MAX_GRAINS = 50_000_000
+"""More grains than any machine can hold today; a file that claims more is refused before memory is taken."""
 _SLACK = 1e-9
-_LEAST_DIAMETERS = 4.0  # shortest period, so that no two grains touch on both sides
 
 
 def check(draft: Draft) -> Iterator[Finding]:
@@ -71,7 +72,7 @@ def _check_sizes(path: KeyPath, group: ParticleGroup, region: Region, domain: Do
         place = f"{min(region.width, tile[0]):g} × {min(region.height, tile[1]):g} m"
         what = f"grains of diameter {diameter:g} m do not fit into {place}"
         yield Finding((*path, "sizes"), what, "give radii and lengths in meters")
-    elif domain.periodic and domain.size[0] < _LEAST_DIAMETERS * diameter:
+    elif domain.periodic and domain.size[0] < LEAST_DIAMETERS * diameter:
         what = f"the period {domain.size[0]:g} m is less than four of the largest diameters, {diameter:g} m"
         yield Finding((*path, "sizes"), what, "widen the domain or use smaller grains")
     elif group.count is not None and _least_area(group, group.count) > region.width * region.height:

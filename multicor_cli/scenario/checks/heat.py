@@ -88,7 +88,4 @@ def _check_sizes(draft: Draft, heat: Heat) -> Iterator[Finding]:
     sizes = [group.sizes for group in draft.particles if group and group.sizes]
     if heat.gas is None or not sizes:
         return
-    smallest, largest = min(table.smallest for table in sizes), max(table.largest for table in sizes)
-    if not heat.gas.holds_for(smallest, largest):
-        what = f'"vargas" is for grains of equal size, but the radii are {smallest:g} to {largest:g} m'
-        yield Finding(("heat", "gas", "model"), what, 'use "parallel" or "batchelor"')
+    yield from heat.gas.misfits(min(table.smallest for table in sizes), max(table.largest for table in sizes))

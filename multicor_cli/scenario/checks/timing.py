@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from multicor_cli.scenario.checks.draft import Draft
 from multicor_cli.scenario.loading import Stage, frozen_dt
 from multicor_cli.scenario.problems import Finding
-from multicor_cli.scenario.settings import default_series_interval
 
 MAX_STEPS = 1e10
 MAX_FRAMES = 1e6
@@ -62,12 +61,10 @@ def _check_intervals(draft: Draft) -> Iterator[Finding]:
     if output is None or not steps:
         return
     longest = max(steps)
-    # The default is not the user's mistake: there is then one row per step.
-    is_default = output.series_interval == default_series_interval(output.frame_interval)
     if output.frame_interval < longest * (1.0 - _SLACK):
         what = f"{output.frame_interval:g} s is less than the time step dt = {longest:g} s"
         yield Finding(("output", "frame_interval"), what, "make it at least dt")
-    elif output.series_interval < longest * (1.0 - _SLACK) and not is_default:
+    elif output.series_interval < longest * (1.0 - _SLACK) and not output.has_default_series:  # else there is one row per step
         what = f"{output.series_interval:g} s is less than the time step dt = {longest:g} s"
         yield Finding(("output", "series_interval"), what, "make it at least dt, or remove it")
 

@@ -26,12 +26,12 @@ from multicor_cli.bench.scenes import SCENES
 from multicor_cli.bench.table import HEADINGS, notes, rows
 from multicor_cli.bench.tiling import repeat_scene
 from multicor_cli.cli.bench_command import bench
-from multicor_cli.cli.exit_codes import ExitCode
 from multicor_cli.engine import Engine
 from multicor_cli.engine.contact.report import PhysicsError
 from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
 from multicor_cli.model import BOOK_NAMES, TALLY_NAMES
 from multicor_cli.model.nudge import VARIABLE
+from multicor_cli.running.outcome import ExitCode
 from multicor_cli.scenario import parse_scenario
 
 LOAD, SPEED, DT = 1.0, 0.3, 0.1

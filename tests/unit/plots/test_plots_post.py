@@ -16,13 +16,7 @@ from multicor_cli.plots import (
     draw_energy,
     draw_map,
     draw_rheology,
-    plot_angles,
-    plot_comparison,
-    plot_distribution,
-    plot_energy,
-    plot_map,
-    plot_profiles,
-    plot_rheology,
+    plot,
 )
 from multicor_cli.plots.scene import place_scene
 from multicor_cli.plots.streamlines import smooth_field
@@ -173,13 +167,13 @@ def test_map_has_streamlines_or_arrows(run: Run) -> None:
 
 def test_figures_are_written_and_reproducible(run: Run, tmp_path: Path) -> None:
     for name in ("a", "b"):
-        plot_rheology(rheology(run, ALL), tmp_path / f"rheology-{name}.svg")
-        plot_energy(energy(run), tmp_path / f"energy-{name}.svg")
-        plot_distribution(force_distribution(run, ALL), tmp_path / f"distribution-{name}.svg")
-        plot_angles(angular_distribution(run, ALL), tmp_path / f"angles-{name}.svg")
-        plot_comparison(compare(run, run, selection=ALL), tmp_path / f"compare-{name}.svg")
-        plot_profiles(profiles(run, "stress", ALL), tmp_path / f"stress-{name}.svg")
-        plot_map(make_vortex(300), tmp_path / f"map-{name}.svg")
+        plot(rheology(run, ALL), tmp_path / f"rheology-{name}.svg")
+        plot(energy(run), tmp_path / f"energy-{name}.svg")
+        plot(force_distribution(run, ALL), tmp_path / f"distribution-{name}.svg")
+        plot(angular_distribution(run, ALL), tmp_path / f"angles-{name}.svg")
+        plot(compare(run, run, selection=ALL), tmp_path / f"compare-{name}.svg")
+        plot(profiles(run, "stress", ALL), tmp_path / f"stress-{name}.svg")
+        plot(make_vortex(300), tmp_path / f"map-{name}.svg")
     written = sorted(path.name for path in tmp_path.iterdir())
     assert len(written) == 14
     for first, second in zip(written[::2], written[1::2], strict=True):

@@ -8,7 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from multicor_cli.plots import PlotError, draw_profile, plot_profile
+from multicor_cli.plots import PlotError, draw_profile, plot
 from multicor_cli.plots.profile import axis_labels
 from multicor_cli.plots.style import COLUMN, house_style
 from multicor_cli.post import PROFILED, ProfileTable
@@ -68,7 +68,7 @@ def test_figures_are_a_column_wide_and_reproducible(tmp_path: Path) -> None:
     from PIL import Image
 
     for name in ("a.png", "b.png", "a.svg", "b.svg", "a.pdf", "b.pdf"):
-        plot_profile(make_table(), tmp_path / name)
+        plot(make_table(), tmp_path / name)
     for suffix in ("png", "svg", "pdf"):
         assert (tmp_path / f"a.{suffix}").read_bytes() == (tmp_path / f"b.{suffix}").read_bytes()
     with Image.open(tmp_path / "a.png") as image:
@@ -78,10 +78,10 @@ def test_figures_are_a_column_wide_and_reproducible(tmp_path: Path) -> None:
 
 def test_unknown_format_is_refused(tmp_path: Path) -> None:
     with pytest.raises(PlotError, match=r"\.png, \.svg, \.pdf"):
-        plot_profile(make_table(), tmp_path / "a.jpg")
+        plot(make_table(), tmp_path / "a.jpg")
 
 
 def test_missing_library_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib", None)
     with pytest.raises(PlotError, match="pip install"):
-        plot_profile(make_table(), tmp_path / "a.png")
+        plot(make_table(), tmp_path / "a.png")

@@ -110,7 +110,7 @@ def test_the_folder_of_a_run_is_a_source(tmp_path):
 
 
 # Problems on file, solved from a cold start: in a flow computed here their sweeps would be luck, fivefold from step to step. They
-# are Engine.next_problem of the `multicor bench` scenes of 1,008 grains where these are measured. Given are u_ref [m/s] (None:
+# are Engine.next_start of the `multicor bench` scenes of 1,008 grains where these are measured. Given are u_ref [m/s] (None:
 # default) and the sweeps, plain and accelerated; velocities moved by 10⁻⁶ of themselves change these by a thousandth.
 RECORDED = {"bed": (9.81 * 2e-4, 4004, 310), "shear": (None, 5810, 573)}
 

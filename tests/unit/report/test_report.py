@@ -22,11 +22,12 @@ from store_support import drive, make_model, run_whole
 from multicor_cli.export import ExportRefused
 from multicor_cli.post import QUANTITIES, PostError
 from multicor_cli.post.energy import HEAT, EnergyTable
-from multicor_cli.report import ReportExists, write_report
+from multicor_cli.post.quantities import color_range
+from multicor_cli.report import write_report
 from multicor_cli.report.collect import ContactsView, thin_frames
 from multicor_cli.report.fields import values_of
 from multicor_cli.report.figures import _book_lines, _Thinning
-from multicor_cli.report.pack import _color_range, _ends, pack_frames
+from multicor_cli.report.pack import _ends, _sane, pack_frames
 from multicor_cli.report.quantize import Code, compress
 from multicor_cli.report.tables import describe_run, pretty
 from multicor_cli.report.write import default_path
@@ -225,11 +226,11 @@ def test_frames_can_be_limited(evil: Path, tmp_path: Path) -> None:
 def test_files_are_not_overwritten(evil: Path, tmp_path: Path) -> None:
     target = tmp_path / "page.html"
     write_report(evil, target)
-    with pytest.raises(ReportExists, match="--overwrite"):
+    with pytest.raises(ExportRefused, match="--overwrite"):
         write_report(evil, target)
     write_report(evil, target, is_overwriting=True)
     target.write_text("<!doctype html><title>mine</title>")
-    with pytest.raises(ReportExists, match="not a report"):
+    with pytest.raises(ExportRefused, match="not a report"):
         write_report(evil, target, is_overwriting=True)
     assert "mine" in target.read_text()
     assert [file.name for file in tmp_path.iterdir()] == ["page.html"]
@@ -276,7 +277,7 @@ def test_run_without_walls_with_one_grain(tmp_path: Path) -> None:
     ],
 )
 def test_colors_span(name: str, values: np.ndarray, grains: int, expected: tuple[float, float]) -> None:
-    assert _color_range(QUANTITIES[name], values, grains) == pytest.approx(expected, abs=0.01)
+    assert color_range(QUANTITIES[name], _sane(values), grains) == pytest.approx(expected, abs=0.01)
 
 
 def test_books_of_rounding_errors_are_not_drawn_but_those_that_do_not_close_are() -> None:
@@ -363,7 +364,7 @@ def test_files_of_a_run_links_and_devices_are_refused(evil: Path, tmp_path: Path
     os.mkfifo(tmp_path / "pipe.html")
     for is_overwriting in (False, True):
         for name in ("link.html", "pipe.html"):
-            with pytest.raises(ReportExists):
+            with pytest.raises(ExportRefused):
                 write_report(evil, tmp_path / name, is_overwriting=is_overwriting)
     assert (tmp_path / "link.html").is_symlink()
     assert not (tmp_path / "nowhere").exists()

@@ -18,8 +18,8 @@ from multicor_cli.model import Model, State
 from multicor_cli.packing import build
 from multicor_cli.running import session as session_module
 from multicor_cli.running.observer import SilentObserver, Status
-from multicor_cli.running.outcome import ExitCode, RunOutcome, StopReason
-from multicor_cli.running.session import failure_code, stage_starts
+from multicor_cli.running.outcome import ExitCode, RunOutcome, StopReason, exit_code_of
+from multicor_cli.running.session import stage_starts
 from multicor_cli.scenario.load import load_scenario, parse_scenario
 from multicor_cli.scenario.problems import ScenarioError
 from multicor_cli.scenario.scenario import Scenario
@@ -201,7 +201,7 @@ def test_other_failures_are_recorded(
     stop_at(monkeypatch, 3, fail)
     with pytest.raises(type(error)):
         run_scenario(scenario_path, tmp_path / "run")
-    assert run_info(tmp_path / "run")["exit_code"] == code == failure_code(error)
+    assert run_info(tmp_path / "run")["exit_code"] == code == exit_code_of(error)
     monkeypatch.undo()
     assert run_scenario(scenario_path, tmp_path / "run").is_finished
 

@@ -14,8 +14,8 @@ from run_fakes import FakeDrives, make_plan
 from scene_parts import between_planes
 from scenes import SMALL, write_small
 
-from multicor_cli.engine.contact.hertz import relative_deflection
 from multicor_cli.engine.contact.solve import Settings
+from multicor_cli.engine.heat.hertz import relative_deflection
 from multicor_cli.engine.motion.drives import Constant, DofDrive, Ramp, Sine, WallDrive
 from multicor_cli.model import State
 from multicor_cli.running.conditions import ShearGauge, StrainReached

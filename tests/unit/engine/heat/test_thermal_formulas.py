@@ -6,8 +6,8 @@ from math import inf, pi, sqrt
 import pytest
 from scipy import integrate
 
-from multicor_cli.engine.contact import hertz, softening
-from multicor_cli.engine.heat import collision, conduction, convection, friction, gas, partition, radiation, rough, wear
+from multicor_cli.engine.contact import softening
+from multicor_cli.engine.heat import collision, conduction, convection, friction, gas, hertz, partition, radiation, rough, wear
 
 SIX_DIGITS = 5e-6
 YOUNG, POISSON, CONDUCTIVITY, DENSITY, HEAT_CAPACITY = 193e9, 0.29, 15.0, 7500.0, 500.0

@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from multicor_cli.engine.contact import hertz, law, softening
-from multicor_cli.engine.heat import collision, conduction, convection, friction, gas, partition, radiation, rough, wear
+from multicor_cli.engine.contact import law, softening
+from multicor_cli.engine.heat import collision, conduction, convection, friction, gas, hertz, partition, radiation, rough, wear
 from multicor_cli.engine.jit.compile import kernel
 
 AIR, STEEL, A = 0.026, 15.0, 1.5e-3

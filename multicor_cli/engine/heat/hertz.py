@@ -5,8 +5,11 @@ Source: K. L. Johnson, Contact Mechanics (1985), eq. 4.22–4.24. Discs are trea
 
 from __future__ import annotations
 
+from collections.abc import Mapping
+
 from multicor_cli.arithmetic import cbrt
 from multicor_cli.engine.jit.formulas import formula
+from multicor_cli.model.model import Model
 
 
 def contact_modulus(young_i: float, poisson_i: float, young_j: float, poisson_j: float) -> float:
@@ -53,3 +56,19 @@ def relative_deflection(force: float, radius: float, young: float, poisson: floa
     modulus = contact_modulus(young, poisson, young, poisson)
     effective = effective_radius(radius, radius)
     return approach(contact_radius(force, effective, modulus), effective) / (2.0 * radius)
+
+
+def largest_deflection(model: Model, force: float, elastic: Mapping[str, tuple[float, float]]) -> float | None:
+    """The largest `relative_deflection` of two equal grains, the smallest of each material; None if no grain has an elastic one.
+
+    Args:
+        model: Grains and their materials.
+        force: Normal force F [N].
+        elastic: Young's modulus [Pa] and Poisson's ratio by the name of the material.
+    """
+    grains, found = model.grains, []
+    for index, name in enumerate(model.materials):
+        radii = grains.radius[grains.material == index]
+        if radii.size and name in elastic:
+            found.append(relative_deflection(force, float(radii.min()), *elastic[name]))
+    return max(found, default=None)
