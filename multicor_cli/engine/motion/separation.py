@@ -154,12 +154,15 @@ def _push_apart(c: int, pair: Ints, frame: Floats, push: Floats, mobility: Float
 
 
 @kernel
-def _solve(pair: Ints, frame: Floats, bodies: _Bodies, enough: float, sweeps: int) -> Floats:
-    """Displacements of the bodies [m], shape ``(b + 1, 4)``: accelerated sweeps, as in the solver of the contacts."""
+def _solve(pair: Ints, frame: Floats, bodies: _Bodies, enough: float, sweeps: int, memory: NDArray[np.void]) -> Floats:
+    """Displacements of the bodies [m], shape ``(b + 1, 4)``: accelerated sweeps, as in the solver of the contacts.
+
+    ``memory`` is that of `start_loop`. It belongs to the caller: Numba frees an array after its last use, while a record of it is
+    still in use.
+    """
     shift, push = np.zeros_like(bodies.mobility), np.zeros(frame.shape[0])
     before, change, last_push = np.zeros_like(shift), np.zeros_like(shift), np.zeros_like(push)
     now, then, last = shift.reshape(-1), before.reshape(-1), change.reshape(-1)
-    memory = start_loop(push.size)
     loop = memory[0]
     for _ in range(sweeps):
         largest, squares = 0.0, 0.0
@@ -211,7 +214,8 @@ def separate(
     """
     bodies = _bodies(marked, mass, wall_inverse)
     pair, frame = _measure(scene, bodies, i, j, target, allowed)
-    shift = _solve(pair, frame, bodies, enough, sweeps)
+    memory = start_loop(pair.shape[0])
+    shift = _solve(pair, frame, bodies, enough, sweeps, memory)
     n = marked.size
     for k in range(n):
         if marked[k]:
