@@ -1,4 +1,4 @@
-/* Gauss-Seidel sweeps over light contacts with exact local solves: what multicor_cli/kernels/sweep.py does, written in C as a
+/* Gauss-Seidel sweeps over light contacts with exact local solves: what multicor_cli/engine/contact/sweep.py does, written in C as a
  * yardstick. velocity: (v_x, v_y, a*omega, 1/m) of each body; frame: (n_x, n_y, 1/W_nn, bias, mu) of each contact. */
 #include <stddef.h>
 #include <stdint.h>
