@@ -36,11 +36,13 @@ class Flow:
         name: Name in the tables.
         text: Scenario of a seed.
         measure: Carries it out and returns its numbers by name.
+        packings: How many for each seed that is asked for: what scatters much and costs little takes more.
     """
 
     name: str
     text: Callable[[int], str]
     measure: Callable[[Driven], dict[str, float]]
+    packings: int = 1
 
 
 @dataclass
@@ -82,10 +84,10 @@ def shear_flow(count: int, inertial: float, transient: float, strain: float, tol
     return Flow(name, lambda seed: shear(count, seed, inertial, transient + strain, tolerance), measure)
 
 
-def collapse_flow(count: int, settle: float, spread: float, tolerance: float) -> Flow:
-    """Collapse of a column, from the fall into the gate to rest on the floor."""
+def collapse_flow(count: int, settle: float, spread: float, tolerance: float, packings: int = 1) -> Flow:
+    """Collapse of a column, from the fall into the gate to rest on the floor; ``packings`` as in `Flow`."""
     name = f"collapse, tolerance {tolerance:g}"
-    return Flow(name, lambda seed: collapse(count, seed, settle, spread, tolerance), _measure_collapse)
+    return Flow(name, lambda seed: collapse(count, seed, settle, spread, tolerance), _measure_collapse, packings)
 
 
 def _measure_shear(driven: Driven, steady: float, rate: float) -> dict[str, float]:

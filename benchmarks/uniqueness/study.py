@@ -25,7 +25,7 @@ class Plan:
     """How much is done.
 
     Attributes:
-        seeds: Number of packings of each scene.
+        seeds: Number of packings of each scene; some flows take more (`flows.Flow.packings`).
         beds: Numbers of grains of the beds whose problems are solved.
         times: When they are taken from a bed of so many grains [s].
         cap: Largest number of sweeps of a tight solve.
@@ -55,7 +55,7 @@ def full(seeds: int, siconos: bool) -> Plan:
         flows.shear_flow(160, 0.1, 2.0, 8.0, 1e-3),
         flows.shear_flow(160, 0.1, 2.0, 8.0, 1e-4),
         flows.shear_flow(160, 0.01, 0.7, 2.3, 1e-3),
-        flows.collapse_flow(120, 0.12, 0.35, 1e-3),
+        flows.collapse_flow(120, 0.12, 0.35, 1e-3, packings=4),
     ]
     times = {60: [0.03, 0.035, 0.04, 0.045, 0.05], 500: [0.05]}
     return Plan(seeds, [60, 500], times, 40_000, 2, kinds, (500, 0.8), (200, 0.15, 0.7), 200, siconos)
@@ -155,7 +155,7 @@ def run_study(plan: Plan, parts: list[str], say: Say, kept: Path | None = None, 
         results.recorded = examine()
         results.problems = solve_problems(plan, say, kept)
     if "flows" in parts:
-        results.flows = [flows.compare(flow, plan.seeds, say, first) for flow in plan.flows]
+        results.flows = [flows.compare(flow, flow.packings * plan.seeds, say, first) for flow in plan.flows]
     if "rest" in parts:
         count, duration = plan.bed
         results.rests.append(rest.compare("bed in a box", rest.come_to_rest(bed(count, 1, duration)), plan.steps, say))
