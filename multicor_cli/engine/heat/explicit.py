@@ -31,7 +31,7 @@ def advance_explicit(
     With a limit of 1 no temperature leaves the range of its neighbors' (Euler is stable up to 2); the error is of first order.
     Sub-steps are equal, except where radiation makes the bound change with temperature.
 
-    Arguments as those of `multicor_cli.engine.heat.integration.integrate`; ``should_stop`` is asked before every sub-step.
+    The others are those of `multicor_cli.engine.heat.integration.integrate`; ``should_stop`` is asked before every sub-step.
 
     Raises:
         Interrupted: If ``should_stop`` says so.

@@ -59,7 +59,7 @@ def relative_deflection(force: float, radius: float, young: float, poisson: floa
 
 
 def largest_deflection(model: Model, force: float, elastic: Mapping[str, tuple[float, float]]) -> float | None:
-    """The largest `relative_deflection` of two equal grains, the smallest of each material; None if no grain has an elastic one.
+    """The largest `relative_deflection` of two equal grains, the smallest of each material; None if ``elastic`` has none of theirs.
 
     Args:
         model: Grains and their materials.

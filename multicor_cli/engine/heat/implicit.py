@@ -60,8 +60,7 @@ def advance_implicit(
 ) -> Flow:
     """Heat that flows within ``dt``, in sub-steps whose error is at most ``tolerance`` times the spread of the temperatures.
 
-    Arguments as those of `multicor_cli.engine.heat.integration.integrate`; ``should_stop`` is asked
-    before every sub-step.
+    The others are those of `multicor_cli.engine.heat.integration.integrate`; ``should_stop`` is asked before every sub-step.
 
     Raises:
         Interrupted: If ``should_stop`` says so.
