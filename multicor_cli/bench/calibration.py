@@ -17,14 +17,16 @@ import numba
 import numpy as np
 
 from multicor_cli.bench.yardsticks import copy_blocks, sweep_repeatedly
-from multicor_cli.engine.contact.sweep import System
+from multicor_cli.engine.contact.one_by_one import OneByOne, flatten
+from multicor_cli.engine.contact.sweep import Before, System
+from multicor_cli.model.model import Floats
 
 _COPIED = 1 << 25  # numbers: 256 MB, more than any cache
 _ROUNDS = 7
 _ENOUGH = 2_000_000  # contact relaxations in one measurement
 
-CSweep = Callable[[System, int], float]
-"""Some sweeps of a system in C; returns the sum of the squares of the velocity corrections."""
+CSweep = Callable[[OneByOne, Floats, float, int], float]
+"""Some sweeps of contacts in C, with the velocities of their bodies and β; returns the sum of the squares of the corrections."""
 
 
 @dataclass(frozen=True)
@@ -67,28 +69,30 @@ def time_sweep(system: System, threads: tuple[int, ...]) -> SweepTimes:
         RuntimeError: If the sweep in C does not do what ours does.
     """
     light = _only_light(system)
-    repeats = max(1, _ENOUGH // max(1, light.pair.shape[0]))
+    rows, velocity, before = flatten(light), light.velocity.copy(), _before(light)
+    count = len(rows.pair)
+    repeats = max(1, _ENOUGH // max(1, count))
     c_sweep = compile_sweep()
     if c_sweep is not None:
         _compare(light, c_sweep)
-    ours: dict[int, list[float]] = {count: [] for count in threads}
+    ours: dict[int, list[float]] = {number: [] for number in threads}
     in_c: list[float] = []
     partial = np.zeros(light.tile_start.size - 1)
     for round_ in range(_ROUNDS + 1):
-        for count in threads:
-            numba.set_num_threads(count)
-            clock = _time if count > 1 else _busy
-            seconds = clock(lambda: sweep_repeatedly(light, repeats, count > 1, partial))  # noqa: B023
-            ours[count].append(seconds / (repeats * light.pair.shape[0]))
+        for number in threads:
+            numba.set_num_threads(number)
+            clock = _time if number > 1 else _busy
+            seconds = clock(lambda: sweep_repeatedly(light, before, repeats, number > 1, partial))  # noqa: B023
+            ours[number].append(seconds / (repeats * count))
         if c_sweep is not None:
-            in_c.append(_busy(lambda: c_sweep(light, repeats)) / (repeats * light.pair.shape[0]))
+            in_c.append(_busy(lambda: c_sweep(rows, velocity, light.spin_factor, repeats)) / (repeats * count))
         if round_ == 0:  # the first round only warms up
-            ours, in_c = {count: [] for count in threads}, []
+            ours, in_c = {number: [] for number in threads}, []
     ratio = statistics.median(a / b for a, b in zip(ours[threads[0]], in_c, strict=True)) if in_c else float("nan")
     return SweepTimes(
-        light.pair.shape[0],
+        count,
         _bytes_moved(light),
-        {count: statistics.median(times) for count, times in ours.items()},
+        {number: statistics.median(times) for number, times in ours.items()},
         min(in_c, default=float("nan")),
         ratio,
     )
@@ -110,9 +114,9 @@ def compile_sweep() -> CSweep | None:
     function.restype = ctypes.c_double
     function.argtypes = [ctypes.c_ssize_t, ctypes.c_ssize_t, ctypes.c_double, *[ctypes.c_void_p] * 4]
 
-    def run(s: System, repeats: int) -> float:
-        pointers = [array.ctypes.data for array in (s.velocity, s.pair, s.frame, s.impulse)]
-        return float(function(repeats, s.pair.shape[0], s.spin_factor, *pointers))
+    def run(rows: OneByOne, velocity: Floats, spin_factor: float, repeats: int) -> float:
+        pointers = [array.ctypes.data for array in (velocity, rows.pair, rows.frame, rows.impulse)]
+        return float(function(repeats, len(rows.pair), spin_factor, *pointers))
 
     return run
 
@@ -130,13 +134,19 @@ def _only_light(system: System) -> System:
     )
 
 
+def _before(system: System) -> Before:
+    """Impulses before the first sweep: those that there are."""
+    return Before(system.impulse.copy(), system.general_impulse.copy())
+
+
 def _compare(system: System, c_sweep: CSweep) -> None:
     """Both sweeps give the same but for the order of roundings."""
-    mine, other = (system._replace(velocity=system.velocity.copy(), impulse=system.impulse.copy()) for _ in range(2))
-    sweep_repeatedly(mine, 1, False, np.zeros(mine.tile_start.size - 1))
-    c_sweep(other, 1)
-    scale = np.abs(mine.impulse).max(initial=0.0)
-    if not np.allclose(mine.impulse, other.impulse, rtol=0.0, atol=1e-9 * scale):
+    mine = system._replace(velocity=system.velocity.copy(), impulse=system.impulse.copy())
+    rows, velocity = flatten(system), system.velocity.copy()
+    sweep_repeatedly(mine, _before(mine), 1, False, np.zeros(mine.tile_start.size - 1))
+    c_sweep(rows, velocity, system.spin_factor, 1)
+    scale = np.abs(rows.impulse).max(initial=0.0)
+    if not np.allclose(flatten(mine).impulse, rows.impulse, rtol=0.0, atol=1e-9 * scale):
         raise RuntimeError("the sweep in C differs from that of the program")
 
 
@@ -156,4 +166,5 @@ def _busy(work: Callable[[], object]) -> float:
 def _bytes_moved(system: System) -> int:
     """Pairs and frames are read, impulses and the velocities of the bodies in contact read and written."""
     bodies = np.unique(system.pair).size
-    return int(system.pair.nbytes + system.frame.nbytes + 2 * system.impulse.nbytes + 2 * bodies * system.velocity.itemsize * 4)
+    impulses = 4 * system.impulse.nbytes  # now and before
+    return int(system.pair.nbytes + system.frame.nbytes + impulses + 2 * bodies * system.velocity.itemsize * 4)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from multicor_cli.engine.contact.sweep import EXACT, Relaxation, System, sweep
+from multicor_cli.engine.contact.sweep import EXACT, Before, Relaxation, System, sweep
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
 from multicor_cli.model.model import Floats
 
@@ -19,9 +19,9 @@ def copy_blocks(source: Floats, target: Floats) -> None:
 
 
 @kernel
-def sweep_repeatedly(s: System, repeats: int, parallel: bool, partial: Floats) -> float:
+def sweep_repeatedly(s: System, before: Before, repeats: int, parallel: bool, partial: Floats) -> float:
     """Some sweeps one after the other; arguments as `sweep`. Returns the sum of the squares of all velocity corrections [m²/s²]."""
     total = 0.0
     for _ in range(repeats):
-        total += sweep(s, EXACT, Relaxation(1.0, 1.0), parallel, partial)
+        total += sweep(s, before, EXACT, Relaxation(1.0, 1.0, 0.0), parallel, partial)
     return total

@@ -22,11 +22,12 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.engine.contact.flat import BODY, SURFACE_, Y_
 from multicor_cli.engine.contact.residual import measure_residual
-from multicor_cli.engine.contact.sweep import Relaxation, System, sweep
+from multicor_cli.engine.contact.sweep import Before, Relaxation, System, sweep
+from multicor_cli.engine.contact.vector_sweep import extrapolate_rows
 from multicor_cli.engine.jit.chunks import CHUNK
 from multicor_cli.engine.jit.compile import kernel, loop_body, parallel_kernel, prange
+from multicor_cli.engine.jit.vectors import HAS_VECTORS
 from multicor_cli.model.columns import INVERSE_MASS, NORMAL, SPIN, TANGENTIAL
 from multicor_cli.model.model import Floats
 
@@ -38,15 +39,13 @@ class Momentum(NamedTuple):
         velocity: Last velocities of the bodies; the last column as in `System`.
         change: Their last change; 0 in the last column.
         weight: Mass of each velocity [kg] (m, m, m/β; of walls M, M, J), 0 where nothing can be moved.
-        impulse: Last impulses of the light contacts.
-        general_impulse: Last impulses of the general contacts.
+        before: Last impulses.
     """
 
     velocity: Floats
     change: Floats
     weight: Floats
-    impulse: Floats
-    general_impulse: Floats
+    before: Before
 
 
 LOOP = np.dtype(
@@ -121,100 +120,76 @@ def start_momentum(s: System) -> Momentum:
             elif s.inverse[b, d] > 0.0:
                 weight[b, d] = 1.0 / s.inverse[b, d]
     velocity = s.velocity[:bodies].copy()
-    return Momentum(velocity, np.zeros((bodies, 4)), weight, s.impulse.copy(), s.general_impulse.copy())
+    return Momentum(velocity, np.zeros((bodies, 4)), weight, Before(s.impulse.copy(), s.general_impulse.copy()))
 
 
 @loop_body
-def inner_products(first: int, last: int, now: Floats, before: Floats, change: Floats, weight: Floats) -> tuple[float, float]:
-    """Products of the new change of velocity with the last one and with itself in the metric of the kinetic energy [J].
+def extrapolate_scalar(
+    first: int, last: int, now: Floats, before: Floats, change: Floats, weight: Floats, factor: float
+) -> tuple[float, float]:
+    """Record velocities and their change, and move them on by ``factor`` times the change.
 
-    ``first`` and ``last`` are bodies, the arrays flat. One sum for each component: they do not wait for each other.
+    Args:
+        first: First body.
+        last: One past the last.
+        now: Velocities after the sweep, flat. **Modified.**
+        before: Those before; these on return, flat. **Modified.**
+        change: Their last change; the new one on return, flat. **Modified.**
+        weight: Masses, flat.
+        factor: ω.
+
+    Returns:
+        Products of the new change with the last one and with itself in the metric of the kinetic energy [J]: component by
+        component, then over the components.
     """
-    cross_x, cross_y, cross_s, square_x, square_y, square_s = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    for b in range(first, last):
-        q = BODY * np.uint64(b)
-        dx, dy, ds = now[q] - before[q], now[q + Y_] - before[q + Y_], now[q + SURFACE_] - before[q + SURFACE_]
-        wx, wy, ws = weight[q] * dx, weight[q + Y_] * dy, weight[q + SURFACE_] * ds
-        cross_x += wx * change[q]
-        cross_y += wy * change[q + Y_]
-        cross_s += ws * change[q + SURFACE_]
-        square_x += wx * dx
-        square_y += wy * dy
-        square_s += ws * ds
-    return cross_x + cross_y + cross_s, square_x + square_y + square_s
-
-
-@parallel_kernel
-def _products_on_threads(now: Floats, before: Floats, change: Floats, weight: Floats, partial: Floats) -> None:
-    for chunk in prange(partial.shape[0]):
-        last = min(before.size // 4, (chunk + 1) * CHUNK)
-        partial[chunk, _CROSS], partial[chunk, _SQUARE] = inner_products(chunk * CHUNK, last, now, before, change, weight)
-
-
-@kernel
-def _change_products(s: System, m: Momentum, parallel: bool) -> tuple[float, float]:
-    """As `inner_products` over all bodies, in fixed chunks."""
-    now, before, change, weight = s.velocity.reshape(-1), m.velocity.reshape(-1), m.change.reshape(-1), m.weight.reshape(-1)
-    bodies = m.velocity.shape[0]
-    chunks = max(1, -(-bodies // CHUNK))
-    partial = np.empty((chunks, 2))
-    if parallel:
-        _products_on_threads(now, before, change, weight, partial)
-    else:
-        for chunk in range(chunks):
-            last = min(bodies, (chunk + 1) * CHUNK)
-            partial[chunk, _CROSS], partial[chunk, _SQUARE] = inner_products(chunk * CHUNK, last, now, before, change, weight)
     cross, square = 0.0, 0.0
-    for chunk in range(chunks):
-        cross += partial[chunk, _CROSS]
-        square += partial[chunk, _SQUARE]
+    for column in range(4):
+        own_cross, own_square = 0.0, 0.0
+        for body in range(first, last):
+            q = 4 * body + column
+            new = now[q]
+            step = new - before[q]
+            weighted = weight[q] * step
+            own_cross += weighted * change[q]
+            own_square += weighted * step
+            change[q] = step
+            before[q] = new
+            now[q] = new + factor * step
+        cross += own_cross
+        square += own_square
     return cross, square
 
 
-@loop_body
-def extrapolate_velocity(first: int, last: int, current: Floats, before: Floats, change: Floats, factor: float) -> None:
-    """Record velocities and their change, and move them on by ``factor`` times the change; the arrays are flat."""
-    for q in range(first, last):
-        new = current[q]
-        step = new - before[q]
-        change[q] = step
-        before[q] = new
-        current[q] = new + factor * step
-
-
-@loop_body
-def extrapolate_impulse(first: int, last: int, current: Floats, before: Floats, factor: float) -> None:
-    """As `extrapolate_velocity`, for impulses; their change is not needed."""
-    for q in range(first, last):
-        new = current[q]
-        current[q] = new + factor * (new - before[q])
-        before[q] = new
+extrapolate = extrapolate_rows if HAS_VECTORS else extrapolate_scalar
 
 
 @parallel_kernel
-def _extrapolate_on_threads(
-    velocity: Floats, last_velocity: Floats, change: Floats, impulse: Floats, last_impulse: Floats, factor: float
-) -> None:
-    # Array by array: Numba drops stores of a parallel loop to an array that it only knows as part of a tuple.
-    for chunk in prange(-(-last_velocity.size // (4 * CHUNK))):
-        first, last = 4 * CHUNK * chunk, min(last_velocity.size, 4 * CHUNK * (chunk + 1))
-        extrapolate_velocity(first, last, velocity, last_velocity, change, factor)
-    for chunk in prange(-(-last_impulse.size // (4 * CHUNK))):
-        first, last = 4 * CHUNK * chunk, min(last_impulse.size, 4 * CHUNK * (chunk + 1))
-        extrapolate_impulse(first, last, impulse, last_impulse, factor)
+def _extrapolate_chunks(now: Floats, before: Floats, change: Floats, weight: Floats, factor: float, partial: Floats) -> None:
+    for chunk in prange(partial.shape[0]):
+        last = min(before.size // 4, (chunk + 1) * CHUNK)
+        cross, square = extrapolate(chunk * CHUNK, last, now, before, change, weight, factor)
+        partial[chunk, _CROSS], partial[chunk, _SQUARE] = cross, square
 
 
 @kernel
-def _extrapolate(s: System, m: Momentum, factor: float, parallel: bool) -> None:
-    """Record the new iterate and its change, and move on by ``factor`` times the change."""
-    velocity, before, change = s.velocity.reshape(-1), m.velocity.reshape(-1), m.change.reshape(-1)
-    impulse, last_impulse = s.impulse.reshape(-1), m.impulse.reshape(-1)
+def _extrapolate_bodies(s: System, m: Momentum, factor: float, parallel: bool) -> tuple[float, float]:
+    """As `extrapolate_scalar` over all bodies, in fixed chunks."""
+    now, before, change, weight = s.velocity.reshape(-1), m.velocity.reshape(-1), m.change.reshape(-1), m.weight.reshape(-1)
+    bodies = m.velocity.shape[0]
+    chunks = -(-bodies // CHUNK)
+    cross, square = 0.0, 0.0
     if parallel:
-        _extrapolate_on_threads(velocity, before, change, impulse, last_impulse, factor)
-    else:
-        extrapolate_velocity(0, before.size, velocity, before, change, factor)
-        extrapolate_impulse(0, impulse.size, impulse, last_impulse, factor)
-    extrapolate_impulse(0, 2 * s.general_impulse.shape[0], s.general_impulse.reshape(-1), m.general_impulse.reshape(-1), factor)
+        partial = np.empty((chunks, 2))
+        _extrapolate_chunks(now, before, change, weight, factor, partial)
+        for chunk in range(chunks):
+            cross += partial[chunk, _CROSS]
+            square += partial[chunk, _SQUARE]
+        return cross, square
+    for chunk in range(chunks):
+        a, b = extrapolate(chunk * CHUNK, min(bodies, (chunk + 1) * CHUNK), now, before, change, weight, factor)
+        cross += a
+        square += b
+    return cross, square
 
 
 @kernel
@@ -261,16 +236,50 @@ def _growth(loop: Any) -> float:
 
 
 @kernel
-def choose_factor(cross: float, square: float, change: float, growth: float, loop: Any) -> float:
-    """The factor ω of the next extrapolation, with the two restarts."""
-    if change > growth * loop["lowest"] or loop["factor"] * cross > square:
-        loop["theta"] = 1.0
-        loop["lowest"] = change
-    loop["lowest"] = min(loop["lowest"], change)
+def _next_theta(loop: Any) -> float:
+    """Advance Nesterov's θ; returns the factor ω that belongs to it."""
     theta = loop["theta"]
     following = 0.5 * theta * (np.sqrt(theta * theta + 4.0) - theta)
     loop["theta"] = following
     return theta * (1.0 - theta) / (theta * theta + following)
+
+
+@kernel
+def restart(change: float, loop: Any) -> float:
+    """Begin with fresh momentum; returns the factor of the next extrapolation: 0."""
+    loop["theta"] = 1.0
+    loop["lowest"] = change
+    return _next_theta(loop)
+
+
+@kernel
+def choose_factor(change: float, growth: float, loop: Any) -> float:
+    """The factor ω of the next extrapolation, unless the gradient wants a restart (see `move_on`)."""
+    if change > growth * loop["lowest"]:
+        return restart(change, loop)
+    loop["lowest"] = min(loop["lowest"], change)
+    return _next_theta(loop)
+
+
+@kernel
+def move_on(s: System, m: Momentum, change: float, growth: float, loop: Any, parallel: bool) -> None:
+    """Record the new velocities and move them on, with the two restarts; the next sweep does the same with the impulses.
+
+    Args:
+        s: The problem. **Velocities modified.**
+        m: Momentum. **Modified.**
+        change: Change per sweep [m/s].
+        growth: Growth of the change at which the momentum restarts; 0: no momentum.
+        loop: Record of `LOOP`; its ``factor`` is that of the next sweep on return. **Modified.**
+        parallel: Use several threads; the result is the same.
+    """
+    # Velocities are moved on as if the gradient did not mind, in the pass that finds out whether it does: it seldom does.
+    factor = choose_factor(change, growth, loop) if growth > 0.0 else 0.0
+    cross, square = _extrapolate_bodies(s, m, factor, parallel)
+    if growth > 0.0 and loop["factor"] * cross > square:
+        factor = restart(change, loop)
+        s.velocity[: m.velocity.shape[0]] = m.velocity
+    loop["factor"] = factor
 
 
 @kernel
@@ -318,22 +327,15 @@ def iterate(
     """
     loop = memory[0]
     while loop["sweeps"] < limit:
-        relaxation = Relaxation(MODES[loop["mode"], NORMAL], MODES[loop["mode"], TANGENTIAL])
-        change = np.sqrt(sweep(s, local, relaxation, parallel, partial) / loop["active"])
+        mode = loop["mode"]
+        way = Relaxation(MODES[mode, NORMAL], MODES[mode, TANGENTIAL], loop["factor"])
+        change = np.sqrt(sweep(s, m.before, local, way, parallel, partial) / loop["active"])
         loop["sweeps"] += 1.0
         # The change per sweep is cheap; the residual is evaluated only where it may pass.
-        if change <= 2.0 * tolerance.rms and loop["sweeps"] >= loop["next_check"]:
-            if _is_converged(s, tolerance, loop, parallel):
-                return
-        elif is_last and loop["sweeps"] == limit:
-            _is_converged(s, tolerance, loop, parallel)
+        is_end = is_last and loop["sweeps"] == limit
+        may_pass = change <= 2.0 * tolerance.rms and loop["sweeps"] >= loop["next_check"]
+        if ((may_pass or is_end) and _is_converged(s, tolerance, loop, parallel)) or is_end:
             return
         if accelerated:
             _choose_mode(change, tolerance.rms, loop)
-            growth = _growth(loop)
-            factor = 0.0
-            if growth > 0.0:
-                cross, square = _change_products(s, m, parallel)
-                factor = choose_factor(cross, square, change, growth, loop)
-            loop["factor"] = factor
-            _extrapolate(s, m, factor, parallel)
+            move_on(s, m, change, _growth(loop), loop, parallel)

@@ -14,27 +14,8 @@ from numpy.typing import NDArray
 
 from multicor_cli.engine.contact.detection import StepContacts
 from multicor_cli.engine.geometry.scene import Scene
-from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
-from multicor_cli.model.columns import (
-    BIAS,
-    FIRST,
-    GAP,
-    INVERSE_MASS,
-    MASS,
-    MU,
-    NORMAL,
-    NX,
-    NY,
-    SECOND,
-    SPIN,
-    SURFACE,
-    TANGENTIAL,
-    W_NN,
-    W_NT,
-    W_TT,
-    X,
-    Y,
-)
+from multicor_cli.engine.jit.compile import kernel
+from multicor_cli.model.columns import FIRST, GAP, SECOND, X, Y
 from multicor_cli.model.model import Floats, Ints
 
 HEAVY = 16  # a grain with more contacts than this is relaxed serially
@@ -104,7 +85,7 @@ def order_contacts(
 
     Returns:
         Contacts of classes 0 and 1 in the order of the sweep; those of class 2; the start of each tile in the order, shape
-        ``(tiles + 1,)``; the first tile of each color, shape ``(5,)``.
+        ``(tiles + 1,)``; the first tile of each color, shape ``(5,)``. The last tile has no color: the contacts of class 1.
     """
     # Tiles are numbered color by color, so that sorting by tile number sorts by color too.
     half_x, half_y = (columns + 1) // 2, (rows + 1) // 2
@@ -114,7 +95,7 @@ def order_contacts(
         high = half_y if color // 2 == 0 else rows - half_y
         color_start[color + 1] = color_start[color] + wide * high
     tile = np.empty(contacts.i.size, np.int32)
-    start = np.zeros(color_start[COLORS] + 1, np.int64)
+    start = np.zeros(color_start[COLORS] + 2, np.int64)
     for c in range(contacts.i.size):
         if classes[c] == 0:
             i = contacts.i[c]
@@ -124,8 +105,9 @@ def order_contacts(
             wide = half_x if tx % 2 == 0 else columns - half_x
             tile[c] = color_start[color] + (ty // 2) * wide + tx // 2
             start[tile[c] + 1] += 1
-    for t in range(start.size - 1):
+    for t in range(color_start[COLORS]):
         start[t + 1] += start[t]
+    start[-1] = sizes[0] + sizes[1]
     fill = start[:-1].copy()
     order = np.empty(sizes[0] + sizes[1], np.int32)
     general = np.empty(sizes[2], np.int32)
@@ -140,7 +122,7 @@ def order_contacts(
         else:
             general[general_at] = c
             general_at += 1
-    _interleave(order, start)
+    _interleave(order, start[:-1])
     return order, general, start, color_start
 
 
@@ -166,155 +148,49 @@ def _interleave(order: Ints, start: NDArray[np.int64]) -> None:
 
 
 @kernel
-def number_wall_contacts(scene: Scene, contacts: StepContacts, order: Ints) -> Ints:
-    """Running number of each ordered contact with a prescribed wall, -1 for grain–grain contacts, shape ``(len(order),)``."""
-    number = np.empty(order.size, np.int32)
-    found = 0
-    for k in range(order.size):
-        if contacts.j[order[k]] >= scene.radius.size:
-            number[k] = found
-            found += 1
-        else:
-            number[k] = -1
-    return number
-
-
-@kernel
-def number_grains(contacts: StepContacts, order: Ints, general: Ints, count: int) -> Ints:
-    """Rows of the ``count`` grains in the velocities of the sweep, in the order in which the sweep first meets them.
+def number_bodies(scene: Scene, contacts: StepContacts, order: Ints, general: Ints, walls: int) -> tuple[Ints, Ints, int]:
+    """Rows of the bodies in the velocities of the sweep: grains in the order in which the sweep first meets them, walls, anchors.
 
     However grains are numbered, a tile then reads and writes one piece of memory: three times faster where the velocities of all
-    grains do not fit into the caches.
+    grains do not fit into the caches. A prescribed wall is replaced by one *anchor* per contact: a body of infinite mass that has
+    the velocity of the wall at the contact. The sweep then needs no branch, and no two contacts share an anchor.
+
+    Args:
+        scene: Shapes at q_m.
+        contacts: Contacts sorted by key.
+        order: Light contacts in the order of the sweep, shape ``(k,)``.
+        general: General contacts.
+        walls: Number of walls.
+
+    Returns:
+        Row of each grain, shape ``(n,)``; rows of the bodies of each light contact in the order of the sweep, shape ``(k, 2)``; and
+        the number of rows.
     """
-    place = np.full(count, -1, np.int32)
-    found = 0
-    for contact in (order, general):
-        for k in range(contact.size):
-            i, j = contacts.i[contact[k]], contacts.j[contact[k]]
-            if place[i] < 0:
-                place[i] = found
-                found += 1
-            if j < count and place[j] < 0:
-                place[j] = found
-                found += 1
-    for i in range(count):  # those that touch nothing
+    n = scene.radius.size
+    place = np.full(n, -1, np.int32)
+    pair = np.empty((order.size, 2), np.int32)
+    found, rows = 0, n + walls
+    for k in range(order.size):
+        i, j = contacts.i[order[k]], contacts.j[order[k]]
         if place[i] < 0:
             place[i] = found
             found += 1
-    return place
-
-
-@parallel_kernel
-def pack_contacts(
-    scene: Scene,
-    contacts: StepContacts,
-    free: Floats,
-    place: Ints,
-    order: Ints,
-    wall_number: Ints,
-    first_anchor: int,
-    velocity: Floats,
-    pair: Ints,
-    frame: Floats,
-    impulse: Floats,
-) -> None:
-    """Copy bodies and ordered contacts into the arrays of the sweep.
-
-    A prescribed wall is replaced by one *anchor* per contact: a body of infinite mass that has the velocity of the wall at the
-    contact. The sweep then needs no branch, and no two contacts share an anchor.
-
-    Args:
-        scene: Shapes at q_m.
-        contacts: Contacts sorted by key.
-        free: Free velocities of grains and walls, shape ``(bodies, 4)``.
-        place: From `number_grains`.
-        order: Contacts in the order of the sweep, shape ``(k,)``.
-        wall_number: From `number_wall_contacts`.
-        first_anchor: Row of the first anchor in ``velocity``.
-        velocity: Bodies, then anchors, shape ``(bodies + anchors, 4)``. **Modified.**
-        pair: Bodies of each contact, shape ``(k, 2)``. **Modified.**
-        frame: n_x, n_y, 1/W_nn [kg], bias [m/s], μ, shape ``(k, 5)``. **Modified.**
-        impulse: p_n, p_t [N s], shape ``(k, 2)``. **Modified.**
-    """
-    n = scene.radius.size
-    for b in prange(free.shape[0]):
-        row = np.int64(place[b]) if b < n else np.int64(b)
-        for d in range(4):
-            velocity[row, d] = free[b, d]
-    for k in prange(order.size):
-        c = order[k]
-        i, j = place[contacts.i[c]], contacts.j[c]
-        if j < n:
-            body = np.int64(place[j])
-        else:
-            body = first_anchor + wall_number[k]
-            wall = n + scene.wall[j - n]
-            velocity[body, X] = velocity[wall, X] - velocity[wall, SURFACE] * contacts.lever[c, Y]
-            velocity[body, Y] = velocity[wall, Y] + velocity[wall, SURFACE] * contacts.lever[c, X]
-            velocity[body, SURFACE] = 0.0
-            velocity[body, INVERSE_MASS] = 0.0
-        pair[k, FIRST], pair[k, SECOND] = i, body
-        frame[k, NX], frame[k, NY] = contacts.frame[c, NX], contacts.frame[c, NY]
-        frame[k, MASS] = 1.0 / (velocity[i, INVERSE_MASS] + velocity[body, INVERSE_MASS])
-        frame[k, BIAS], frame[k, MU] = contacts.frame[c, BIAS], contacts.frame[c, MU]
-        impulse[k, NORMAL], impulse[k, TANGENTIAL] = contacts.impulse[c, NORMAL], contacts.impulse[c, TANGENTIAL]
-
-
-@kernel
-def pack_general(
-    scene: Scene, contacts: StepContacts, place: Ints, general: Ints, inverse: Floats
-) -> tuple[Ints, Floats, Floats, Floats]:
-    """Arrays of the contacts with walls that have a free degree of freedom, as in `multicor_cli.engine.contact.sweep.System`.
-
-    Args:
-        scene: Shapes at q_m.
-        contacts: Contacts sorted by key.
-        place: From `number_grains`.
-        general: Contacts of class 2, shape ``(g,)``.
-        inverse: Inverse mass per degree of freedom of grains and walls, shape ``(n + w, 3)``.
-
-    Returns:
-        Bodies ``(g, 2)``, frames ``(g, 7)``, levers ``(g, 2, 2)`` and impulses ``(g, 2)``.
-    """
-    n = scene.radius.size
-    pair, impulse = np.empty((general.size, 2), np.int32), np.empty((general.size, 2))
-    frame, lever = np.zeros((general.size, 7)), np.empty((general.size, 2, 2))
-    for g in range(general.size):
-        c = general[g]
-        nx, ny = contacts.frame[c, NX], contacts.frame[c, NY]
-        lx, ly = contacts.lever[c, X], contacts.lever[c, Y]
-        pair[g, FIRST], pair[g, SECOND] = place[contacts.i[c]], n + scene.wall[contacts.j[c] - n]
-        frame[g, NX], frame[g, NY] = nx, ny
-        frame[g, BIAS], frame[g, MU] = contacts.frame[c, BIAS], contacts.frame[c, MU]
-        impulse[g, NORMAL], impulse[g, TANGENTIAL] = contacts.impulse[c, NORMAL], contacts.impulse[c, TANGENTIAL]
-        # u_t gains −s from the grain's surface speed; u_n and u_t −Ω (l_x n_y − l_y n_x) and −Ω (l_x n_x + l_y n_y) from the wall.
-        lever[g, FIRST, NORMAL], lever[g, FIRST, TANGENTIAL] = 0.0, -1.0
-        lever[g, SECOND, NORMAL], lever[g, SECOND, TANGENTIAL] = lx * ny - ly * nx, lx * nx + ly * ny
-        for side in range(2):
-            m, l_n, l_t = inverse[pair[g, side]], lever[g, side, NORMAL], lever[g, side, TANGENTIAL]
-            frame[g, W_NN] += m[X] * (nx * nx) + m[Y] * (ny * ny) + m[SPIN] * (l_n * l_n)
-            frame[g, W_NT] += (m[Y] - m[X]) * nx * ny + m[SPIN] * l_n * l_t
-            frame[g, W_TT] += m[X] * (ny * ny) + m[Y] * (nx * nx) + m[SPIN] * (l_t * l_t)
-    return pair, frame, lever, impulse
-
-
-@parallel_kernel
-def unpack(order: Ints, impulse: Floats, place: Ints, velocity: Floats, by_contact: Floats, by_body: Floats) -> None:
-    """Back from the arrays of the sweep.
-
-    Args:
-        order: Contacts in the order of the sweep, shape ``(k,)``.
-        impulse: Their impulses, shape ``(k, 2)``.
-        place: From `number_grains`, shape ``(n,)``.
-        velocity: Bodies as in `pack_contacts`.
-        by_contact: Impulses of the contacts, shape ``(c, 2)``. **Modified.**
-        by_body: Velocities of grains and walls, shape ``(bodies, 4)``. **Modified.**
-    """
-    # The arrays are passed by themselves: Numba drops stores of a parallel loop to an array that it only knows as part of a tuple.
-    for k in prange(order.size):
-        by_contact[order[k], NORMAL] = impulse[k, NORMAL]
-        by_contact[order[k], TANGENTIAL] = impulse[k, TANGENTIAL]
-    for b in prange(by_body.shape[0]):
-        row = np.int64(place[b]) if b < place.size else np.int64(b)
-        for d in range(4):
-            by_body[b, d] = velocity[row, d]
+        pair[k, FIRST] = place[i]
+        if j >= n:
+            pair[k, SECOND] = rows
+            rows += 1
+            continue
+        if place[j] < 0:
+            place[j] = found
+            found += 1
+        pair[k, SECOND] = place[j]
+    for k in range(general.size):  # with walls
+        i = contacts.i[general[k]]
+        if place[i] < 0:
+            place[i] = found
+            found += 1
+    for i in range(n):  # those that touch nothing
+        if place[i] < 0:
+            place[i] = found
+            found += 1
+    return place, pair, rows

@@ -10,6 +10,7 @@ import numpy as np
 
 from multicor_cli.arithmetic.sums import mean, total
 from multicor_cli.engine.contact.detection import StepContacts
+from multicor_cli.engine.contact.one_by_one import Batches, OneByOne, batch, by_slot
 from multicor_cli.engine.contact.solve import ResidualScale, Settings, solve_system
 from multicor_cli.engine.contact.sweep import System, add_impulses
 from multicor_cli.engine.contact.thread_choice import ThreadChoice
@@ -176,8 +177,8 @@ def solve_contacts(
     if arm is not None:
         spin = velocity[:, SURFACE] / np.where(arm > 0.0, arm, 1.0)
         velocity[:, SPIN] = np.where(arm > 0.0, spin, problem.velocity[:, SPIN])
-    result = system.impulse if arm is not None else system.general_impulse
-    return ContactSolution(result.copy(), velocity, outcome.converged, outcome.sweeps, outcome.rms, outcome.maximum, outcome.energy)
+    result = by_slot(system.slot, system.impulse, len(problem.pair)) if arm is not None else system.general_impulse.copy()
+    return ContactSolution(result, velocity, outcome.converged, outcome.sweeps, outcome.rms, outcome.maximum, outcome.energy)
 
 
 def free_velocity(problem: ContactProblem) -> Floats:
@@ -204,10 +205,20 @@ def _general_system(problem: ContactProblem, impulse: Floats) -> System:
     frame[:, [W_NN, W_NT, W_TT]] = problem.delassus()
     velocity = np.zeros((len(problem.velocity), 4))
     velocity[:, :INVERSE_MASS] = problem.velocity
-    no_pair, none = np.empty((0, 2), np.int32), np.empty((0, 2))
+    nothing = OneByOne(np.empty((0, 2), np.int32), np.empty((0, 5)), np.empty((0, 2)))
+    return _system(
+        batch(nothing, velocity), problem.inverse_mass.copy(), problem.pair.astype(np.int32), frame, problem.levers(), impulse, 1.0
+    )
+
+
+def _system(
+    light: Batches, inverse: Floats, pair: Ints, frame: Floats, lever: Floats, impulse: Floats, spin_factor: float
+) -> System:
+    """A system of light contacts in one tile, and general ones."""
+    count = int(np.count_nonzero(light.slot >= 0)) + len(pair)
     return System(
-        velocity, problem.inverse_mass.copy(), no_pair, np.empty((0, 5)), none, np.zeros(2, np.int64), np.array([0, 1]),
-        problem.pair.astype(np.int32), frame, problem.levers(), impulse, 1.0,
+        light.velocity, inverse, light.slot, light.pair, light.frame, light.impulse, light.tile_start, np.array([0, 1]),
+        pair, frame, lever, impulse, spin_factor, count,
     )  # fmt: skip
 
 
@@ -253,11 +264,9 @@ def _disc_system(problem: ContactProblem, impulse: Floats) -> tuple[System, Floa
     frame[:, [NX, NY]] = problem.normal
     frame[:, MASS] = 1.0 / (velocity[pair[:, FIRST], INVERSE_MASS] + velocity[pair[:, SECOND], INVERSE_MASS])
     frame[:, BIAS], frame[:, MU] = problem.bias, problem.friction
+    light = batch(OneByOne(pair, frame, impulse), velocity)
     nothing = np.empty((0, 2), np.int32)
-    system = System(
-        velocity, np.zeros((bodies, 3)), pair, frame, impulse, np.array([0, len(pair)]), np.array([0, 1]),
-        nothing, np.empty((0, 7)), np.empty((0, 2, 2)), np.empty((0, 2)), float(beta[0]),
-    )  # fmt: skip
+    system = _system(light, np.zeros((bodies, 3)), nothing, np.empty((0, 7)), np.empty((0, 2, 2)), np.empty((0, 2)), float(beta[0]))
     return system, arm
 
 

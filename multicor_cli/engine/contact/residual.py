@@ -4,68 +4,103 @@ from __future__ import annotations
 
 import numpy as np
 
+from multicor_cli.engine.contact.general import correction, general_solution, general_velocity
+from multicor_cli.engine.contact.lanes import (
+    BIAS_,
+    MASS_,
+    MU_,
+    NY_,
+    SECOND_,
+    SURFACE_,
+    TANGENTIAL_,
+    Y_,
+    frame_place,
+    impulse_place,
+    pair_place,
+)
 from multicor_cli.engine.contact.law import solve_exact
-from multicor_cli.engine.contact.sweep import EXACT, System, general_solution, general_velocity
+from multicor_cli.engine.contact.sweep import System
+from multicor_cli.engine.contact.vector_sweep import measure_batches
 from multicor_cli.engine.jit.chunks import CHUNK
 from multicor_cli.engine.jit.compile import kernel, loop_body, parallel_kernel, prange
-from multicor_cli.model.columns import BIAS, FIRST, MASS, MU, NORMAL, NX, NY, SECOND, SURFACE, TANGENTIAL, W_NN, W_NT, W_TT, X, Y
-from multicor_cli.model.model import Floats
+from multicor_cli.engine.jit.formulas import formula
+from multicor_cli.engine.jit.vectors import HAS_VECTORS, LANES
+from multicor_cli.model.columns import MU, NORMAL, TANGENTIAL
+from multicor_cli.model.model import Floats, Ints
 
 _SQUARES, _ENERGY, _LARGEST, _ACTIVE = range(4)
+_BATCHES = CHUNK // LANES  # of a chunk
+
+
+@formula
+def measure_lane(
+    lane: np.uint64, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats, beta: float
+) -> tuple[float, float, bool]:
+    """Square of e_c of a light contact, its share of the energy residual, and whether it carries an impulse or would.
+
+    Arrays as in `multicor_cli.engine.contact.sweep.relax_lane`.
+    """
+    q, f, p = pair_place(lane), frame_place(lane), impulse_place(lane)
+    i, j = np.uint64(pair[q]), np.uint64(pair[q + SECOND_])
+    nx, ny, w_inverse, mu = frame[f], frame[f + NY_], frame[f + MASS_], frame[f + MU_]
+    dx, dy = velocity[i] - velocity[j], velocity[i + Y_] - velocity[j + Y_]
+    u_n = dx * nx + dy * ny + frame[f + BIAS_]
+    u_t = dy * nx - dx * ny - (velocity[i + SURFACE_] + velocity[j + SURFACE_])
+    p_n, p_t = impulse[p], impulse[p + TANGENTIAL_]
+    turn = 1.0 + beta
+    new_n, new_t = solve_exact(p_n, p_t, u_n, u_t, w_inverse, w_inverse / turn, mu)
+    c_n, c_t = (new_n - p_n) / w_inverse, (new_t - p_t) * turn / w_inverse
+    square = c_n * c_n + c_t * c_t
+    return square, abs(p_n * u_n) + abs(p_t * u_t + mu * p_n * abs(u_t)), p_n > 0.0 or square > 0.0
 
 
 @loop_body
-def _light_residual(k: int, s: System) -> tuple[float, float]:
-    """Square of e_c, or -1 if the contact is open and satisfied; and its share of the energy residual."""
-    i, j = s.pair[k, FIRST], s.pair[k, SECOND]
-    nx, ny, w_inverse, mu = s.frame[k, NX], s.frame[k, NY], s.frame[k, MASS], s.frame[k, MU]
-    dx = s.velocity[i, X] - s.velocity[j, X]
-    dy = s.velocity[i, Y] - s.velocity[j, Y]
-    u_n = dx * nx + dy * ny + s.frame[k, BIAS]
-    u_t = dy * nx - dx * ny - s.velocity[i, SURFACE] - s.velocity[j, SURFACE]
-    p_n, p_t = s.impulse[k, NORMAL], s.impulse[k, TANGENTIAL]
-    spread = 1.0 + s.spin_factor
-    new_n, new_t = solve_exact(p_n, p_t, u_n, u_t, w_inverse, w_inverse / spread, mu)
-    c_n, c_t = (new_n - p_n) / w_inverse, (new_t - p_t) * spread / w_inverse
-    square = c_n * c_n + c_t * c_t
-    if p_n <= 0.0 and square == 0.0:
-        square = -1.0
-    return square, abs(p_n * u_n) + abs(p_t * u_t + mu * p_n * abs(u_t))
+def measure_scalar(
+    first: int, last: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats, beta: float
+) -> tuple[float, float, float, float]:
+    """Residuals of the light contacts of batches ``first … last-1``; arrays as in `measure_lane`.
 
-
-@kernel
-def _general_residual(g: int, s: System) -> tuple[float, float]:
-    """As `_light_residual`, for a general contact."""
-    u_n, u_t = general_velocity(g, s)
-    new_n, new_t = general_solution(g, s, u_n, u_t, EXACT)
-    f = s.general_frame[g]
-    p_n, p_t = s.general_impulse[g, NORMAL], s.general_impulse[g, TANGENTIAL]
-    d_n, d_t = new_n - p_n, new_t - p_t
-    c_n, c_t = f[W_NN] * d_n + f[W_NT] * d_t, f[W_NT] * d_n + f[W_TT] * d_t
-    square = c_n * c_n + c_t * c_t
-    if p_n <= 0.0 and square == 0.0:
-        square = -1.0
-    return square, abs(p_n * u_n) + abs(p_t * u_t + f[MU] * p_n * abs(u_t))
-
-
-@kernel
-def _residual_of_chunk(chunk: int, s: System, partial: Floats) -> None:
+    Returns the sum of the squares of e_c, the energy residual, the largest square, and the number of contacts with p_n > 0 or
+    e_c > 0. Sums are taken lane by lane, then over the lanes.
+    """
     squares, energy, largest, active = 0.0, 0.0, 0.0, 0.0
-    for k in range(chunk * CHUNK, min(s.pair.shape[0], (chunk + 1) * CHUNK)):
-        square, share = _light_residual(k, s)
-        if square >= 0.0:
-            squares += square
-            active += 1.0
+    for column in range(LANES):
+        lane_squares, lane_energy = 0.0, 0.0
+        for batch in range(first, last):
+            lane = np.uint64(LANES * batch + column)
+            square, share, is_active = measure_lane(lane, velocity, pair, frame, impulse, beta)
+            lane_squares += square
+            lane_energy += share
             largest = max(largest, square)
-        energy += share
-    partial[chunk, _SQUARES], partial[chunk, _ENERGY] = squares, energy
-    partial[chunk, _LARGEST], partial[chunk, _ACTIVE] = largest, active
+            active += 1.0 if is_active else 0.0
+        squares += lane_squares
+        energy += lane_energy
+    return squares, energy, largest, active
+
+
+_measure = measure_batches if HAS_VECTORS else measure_scalar
 
 
 @parallel_kernel
-def _residuals_of_chunks(s: System, partial: Floats) -> None:
+def _measure_chunks(
+    velocity: Floats, pair: Ints, frame: Floats, impulse: Floats, beta: float, batches: int, partial: Floats
+) -> None:
     for chunk in prange(partial.shape[0]):
-        _residual_of_chunk(chunk, s, partial)
+        last = min(batches, (chunk + 1) * _BATCHES)
+        squares, energy, largest, active = _measure(chunk * _BATCHES, last, velocity, pair, frame, impulse, beta)
+        partial[chunk, _SQUARES], partial[chunk, _ENERGY] = squares, energy
+        partial[chunk, _LARGEST], partial[chunk, _ACTIVE] = largest, active
+
+
+@loop_body
+def _general_residual(g: int, s: System) -> tuple[float, float, bool]:
+    """As `measure_lane`, for a general contact."""
+    u_n, u_t = general_velocity(g, s.velocity, s.general_pair, s.general_frame, s.general_lever)
+    p_n, p_t = s.general_impulse[g, NORMAL], s.general_impulse[g, TANGENTIAL]
+    new_n, new_t = general_solution(g, s.general_frame, p_n, p_t, u_n, u_t, True)
+    square = correction(g, s.general_frame, new_n - p_n, new_t - p_t)
+    mu = s.general_frame[g, MU]
+    return square, abs(p_n * u_n) + abs(p_t * u_t + mu * p_n * abs(u_t)), p_n > 0.0 or square > 0.0
 
 
 @kernel
@@ -81,22 +116,25 @@ def measure_residual(s: System, parallel: bool) -> tuple[float, float, float, fl
         (natural map in velocity units), over contacts with p_n > 0 or e_c > 0 [m/s]; Σ(|p_n ũ_n| + |p_t u_t + μ p_n |u_t||) [J];
         and the number of these contacts.
     """
-    chunks = max(1, -(-s.pair.shape[0] // CHUNK))
-    partial = np.empty((chunks, 4))
+    velocity, pair, frame, impulse = s.velocity.reshape(-1), s.pair.reshape(-1), s.frame.reshape(-1), s.impulse.reshape(-1)
+    batches = s.slot.shape[0]
+    partial = np.empty((-(-batches // _BATCHES), 4))
     if parallel:
-        _residuals_of_chunks(s, partial)
-    else:
-        for chunk in range(chunks):
-            _residual_of_chunk(chunk, s, partial)
+        _measure_chunks(velocity, pair, frame, impulse, s.spin_factor, batches, partial)
     squares, energy, largest, active = 0.0, 0.0, 0.0, 0.0
-    for chunk in range(chunks):
-        squares += partial[chunk, _SQUARES]
-        energy += partial[chunk, _ENERGY]
-        largest = max(largest, partial[chunk, _LARGEST])
-        active += partial[chunk, _ACTIVE]
+    for chunk in range(partial.shape[0]):
+        if parallel:
+            a, b, c, d = partial[chunk, _SQUARES], partial[chunk, _ENERGY], partial[chunk, _LARGEST], partial[chunk, _ACTIVE]
+        else:
+            last = min(batches, (chunk + 1) * _BATCHES)
+            a, b, c, d = _measure(chunk * _BATCHES, last, velocity, pair, frame, impulse, s.spin_factor)
+        squares += a
+        energy += b
+        largest = max(largest, c)
+        active += d
     for g in range(s.general_pair.shape[0]):
-        square, share = _general_residual(g, s)
-        if square >= 0.0:
+        square, share, is_active = _general_residual(g, s)
+        if is_active:
             squares += square
             active += 1.0
             largest = max(largest, square)

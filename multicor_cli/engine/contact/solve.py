@@ -94,7 +94,7 @@ def solve_system(
     Raises:
         Interrupted: If ``should_stop`` says so.
     """
-    count = system.pair.shape[0] + system.general_pair.shape[0]
+    count = system.contacts
     if count == 0 or scale.velocity == 0.0:
         return Outcome(0.0, True, 0.0, 0.0, 0.0)
     tolerance = Tolerances(

@@ -3,9 +3,10 @@
 Two kinds of contact:
 
 * *light* ones between bodies with one inverse mass (grains, anchors): the Delassus matrix is diagonal,
-  W_nn = 1/m_i + 1/m_j and W_tt = (1 + β) W_nn with β = m a²/I;
-* *general* ones (walls with free degrees of freedom, arbitrary problems): full 2×2 matrix and inverse mass per degree of
-  freedom, relaxed serially after the others.
+  W_nn = 1/m_i + 1/m_j and W_tt = (1 + β) W_nn with β = m a²/I. They lie in batches of four that share no body
+  (`multicor_cli.engine.contact.batches`) and are relaxed as vectors (`multicor_cli.engine.contact.vector_sweep`); `relax_scalar`
+  here says what that computes;
+* *general* ones (`multicor_cli.engine.contact.general`), relaxed serially after the others.
 """
 
 from __future__ import annotations
@@ -15,75 +16,73 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.engine.contact.flat import (
+from multicor_cli.engine.contact.general import push_general, relax_general
+from multicor_cli.engine.contact.lanes import (
     BIAS_,
-    BODY,
-    FRAME,
-    IMPULSE,
     INVERSE_MASS_,
     MASS_,
     MU_,
     NY_,
-    PAIR,
     SECOND_,
     SURFACE_,
     TANGENTIAL_,
     Y_,
+    frame_place,
+    impulse_place,
+    pair_place,
 )
-from multicor_cli.engine.contact.law import predict_and_correct, solve_bipotential, solve_exact, solve_full
-from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
+from multicor_cli.engine.contact.law import solve_bipotential, solve_exact
+from multicor_cli.engine.contact.vector_sweep import relax_batches
+from multicor_cli.engine.jit.compile import kernel, loop_body, parallel_kernel, prange
 from multicor_cli.engine.jit.formulas import formula
-from multicor_cli.model.columns import (
-    BIAS,
-    FIRST,
-    INVERSE_MASS,
-    MU,
-    NORMAL,
-    NX,
-    NY,
-    SECOND,
-    SPIN,
-    SURFACE,
-    TANGENTIAL,
-    W_NN,
-    W_NT,
-    W_TT,
-    X,
-    Y,
-)
+from multicor_cli.engine.jit.vectors import HAS_VECTORS, LANES
+from multicor_cli.model.columns import NORMAL, TANGENTIAL
 from multicor_cli.model.model import Floats, Ints
 
 EXACT, BIPOTENTIAL = 0, 1
 
 
 class Relaxation(NamedTuple):
-    """Factors on the corrections of the exact local solve of light contacts: 1 solves the contact, less goes part of the way."""
+    """How light contacts are relaxed.
+
+    Attributes:
+        normal: Factor on the normal correction of the exact local solve: 1 solves the contact, less goes part of the way.
+        tangential: The same for the tangential correction.
+        extrapolation: ω; impulses are moved on by ω times their last change before they are relaxed.
+    """
 
     normal: float
     tangential: float
+    extrapolation: float
 
 
 class System(NamedTuple):
-    """A contact problem in the order of the sweep; ``k`` light contacts, ``g`` general ones, ``b`` bodies.
+    """A contact problem in the order of the sweep: ``q`` batches of four light contacts, ``g`` general contacts, ``b`` bodies.
+
+    A lane of a batch without contact joins two bodies of its tile that nothing moves. Arrays begin at cache lines.
 
     Attributes:
-        velocity: Bodies: v_x, v_y [m/s], s (a ω for grains [m/s], Ω for walls [rad/s]), 1/m [1/kg]. **Modified by sweeps.**
+        velocity: Bodies: v_x, v_y [m/s], s (a ω for grains [m/s], Ω for walls [rad/s]), 1/m [1/kg]; then anchors, then bodies of
+            empty lanes. **Modified by sweeps.**
         inverse: Bodies: inverse mass per degree of freedom, for general contacts, shape ``(b, 3)``.
-        pair: Bodies of the light contacts, shape ``(k, 2)``.
-        frame: Light: n_x, n_y, 1/W_nn [kg], bias b [m/s], μ, shape ``(k, 5)``.
-        impulse: Light: p_n, p_t [N s], shape ``(k, 2)``. **Modified by sweeps.**
-        tile_start: Start of each tile, shape ``(tiles + 1,)``; light contacts beyond the last tile are relaxed serially.
-        color_start: First tile of each color, shape ``(colors + 1,)``.
+        slot: Contact in each lane, -1 if there is none, shape ``(q, 4)``.
+        pair: Bodies of the light contacts: four times the row of the first, four times the row of the second, shape ``(q, 2, 4)``.
+        frame: Light: n_x, n_y, 1/W_nn [kg], bias b [m/s], μ, shape ``(q, 5, 4)``.
+        impulse: Light: p_n, p_t [N s], shape ``(q, 2, 4)``. **Modified by sweeps.**
+        tile_start: First batch of each tile, shape ``(tiles + 1,)``; no tile has a single batch.
+        color_start: First tile of each color, shape ``(colors + 1,)``; the last tile may be of no color and is relaxed serially.
         general_pair: Bodies of the general contacts, shape ``(g, 2)``.
         general_frame: n_x, n_y, W_nn, b, μ, W_nt, W_tt, shape ``(g, 7)``.
         general_lever: What the third velocity of body i adds to u_n and u_t, and what that of j takes from them, shape
             ``(g, 2, 2)``.
         general_impulse: p_n, p_t [N s], shape ``(g, 2)``. **Modified by sweeps.**
         spin_factor: β = m a²/I of the light contacts.
+        contacts: Number of contacts of both kinds.
     """
 
     velocity: Floats
     inverse: Floats
+    slot: Ints
     pair: Ints
     frame: Floats
     impulse: Floats
@@ -94,64 +93,45 @@ class System(NamedTuple):
     general_lever: Floats
     general_impulse: Floats
     spin_factor: float
+    contacts: int
+
+
+class Before(NamedTuple):
+    """Impulses before the last sweep [N s]: of the light contacts, shape ``(q, 2, 4)``, and of the general ones, ``(g, 2)``."""
+
+    impulse: Floats
+    general_impulse: Floats
 
 
 @formula
-def _push(k: int, d_n: float, d_t: float, velocity: Floats, pair: Ints, frame: Floats, beta: float) -> None:
-    """Change the velocities of the two bodies of a light contact by an impulse."""
-    i, j = np.uint32(pair[k, FIRST]), np.uint32(pair[k, SECOND])
-    px = d_n * frame[k, NX] - d_t * frame[k, NY]
-    py = d_n * frame[k, NY] + d_t * frame[k, NX]
-    mi, mj = velocity[i, INVERSE_MASS], velocity[j, INVERSE_MASS]
-    velocity[i, X] += mi * px
-    velocity[i, Y] += mi * py
-    spin = beta * d_t
-    velocity[i, SURFACE] -= mi * spin
-    velocity[j, X] -= mj * px
-    velocity[j, Y] -= mj * py
-    velocity[j, SURFACE] -= mj * spin
-
-
-@kernel
-def _push_general(g: int, d_n: float, d_t: float, s: System) -> None:
-    """As `_push`, for a general contact."""
-    f, lever = s.general_frame[g], s.general_lever[g]
-    px, py = d_n * f[NX] - d_t * f[NY], d_n * f[NY] + d_t * f[NX]
-    a, b = s.general_pair[g, FIRST], s.general_pair[g, SECOND]
-    s.velocity[a, X] += s.inverse[a, X] * px
-    s.velocity[a, Y] += s.inverse[a, Y] * py
-    s.velocity[a, SURFACE] += s.inverse[a, SPIN] * (d_n * lever[FIRST, NORMAL] + d_t * lever[FIRST, TANGENTIAL])
-    s.velocity[b, X] -= s.inverse[b, X] * px
-    s.velocity[b, Y] -= s.inverse[b, Y] * py
-    s.velocity[b, SURFACE] -= s.inverse[b, SPIN] * (d_n * lever[SECOND, NORMAL] + d_t * lever[SECOND, TANGENTIAL])
-
-
-@formula
-def relax_light(
-    k: np.uint64, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats, beta: float, local: int, relaxation: Relaxation
-) -> float:
+def relax_lane(
+    lane: np.uint64, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats, before: Floats, beta: float, local: int,
+    way: Relaxation,
+) -> float:  # fmt: skip
     """Relax one light contact; returns the square of the velocity correction [m²/s²].
 
-    The arrays are those of `System`, flat: the factors of their rows are then known at compile time. Velocities are read once.
+    The arrays are those of `System`, flat; ``lane`` counts the lanes of all batches. Velocities are read once.
     """
-    i, j = BODY * np.uint64(pair[PAIR * k]), BODY * np.uint64(pair[PAIR * k + SECOND_])
-    f, p = FRAME * k, IMPULSE * k
+    q, f, p = pair_place(lane), frame_place(lane), impulse_place(lane)
+    i, j = np.uint64(pair[q]), np.uint64(pair[q + SECOND_])
     nx, ny, w_inverse, mu = frame[f], frame[f + NY_], frame[f + MASS_], frame[f + MU_]
     xi, yi, si, mi = velocity[i], velocity[i + Y_], velocity[i + SURFACE_], velocity[i + INVERSE_MASS_]
     xj, yj, sj, mj = velocity[j], velocity[j + Y_], velocity[j + SURFACE_], velocity[j + INVERSE_MASS_]
     dx, dy = xi - xj, yi - yj
     u_n = dx * nx + dy * ny + frame[f + BIAS_]
-    u_t = dy * nx - dx * ny - si - sj
-    p_n, p_t = impulse[p], impulse[p + TANGENTIAL_]
+    u_t = dy * nx - dx * ny - (si + sj)
+    now_n, now_t = impulse[p], impulse[p + TANGENTIAL_]
+    p_n = now_n + way.extrapolation * (now_n - before[p])
+    p_t = now_t + way.extrapolation * (now_t - before[p + TANGENTIAL_])
+    less = 1.0 / (1.0 + beta)
     if local == EXACT:
-        w_n, w_t = relaxation.normal * w_inverse, relaxation.tangential * (w_inverse * (1.0 / (1.0 + beta)))
+        w_n, w_t = way.normal * w_inverse, way.tangential * less * w_inverse
         new_n, new_t = solve_exact(p_n, p_t, u_n, u_t, w_n, w_t, mu)
     else:
-        new_n, new_t = solve_bipotential(p_n, p_t, u_n, u_t, w_inverse, w_inverse * (1.0 / (1.0 + beta)), mu)
-    d_n, d_t = new_n - p_n, new_t - p_t
-    if d_n == 0.0 and d_t == 0.0:
-        return 0.0
+        new_n, new_t = solve_bipotential(p_n, p_t, u_n, u_t, w_inverse, w_inverse * less, mu)
     impulse[p], impulse[p + TANGENTIAL_] = new_n, new_t
+    before[p], before[p + TANGENTIAL_] = now_n, now_t
+    d_n, d_t = new_n - p_n, new_t - p_t
     px = d_n * nx - d_t * ny
     py = d_n * ny + d_t * nx
     spin = beta * d_t
@@ -162,108 +142,68 @@ def relax_light(
     return c_n * c_n + c_t * c_t
 
 
-@formula
-def _add_impulse(k: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats, beta: float) -> None:
-    d_n, d_t = impulse[k, NORMAL], impulse[k, TANGENTIAL]
-    if d_n != 0.0 or d_t != 0.0:
-        _push(k, d_n, d_t, velocity, pair, frame, beta)
+@loop_body
+def relax_scalar(
+    first: int, last: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats, before: Floats, beta: float, local: int,
+    way: Relaxation,
+) -> float:  # fmt: skip
+    """Relax the light contacts of batches ``first … last-1`` one by one; arrays as in `relax_lane`.
+
+    Returns the sum of the squares of the velocity corrections [m²/s²]: lane by lane, then over the lanes.
+    """
+    a, b, c, d = 0.0, 0.0, 0.0, 0.0
+    for batch in range(first, last):
+        lane = np.uint64(LANES * batch)
+        a += relax_lane(lane, velocity, pair, frame, impulse, before, beta, local, way)
+        b += relax_lane(lane + np.uint64(1), velocity, pair, frame, impulse, before, beta, local, way)
+        c += relax_lane(lane + np.uint64(2), velocity, pair, frame, impulse, before, beta, local, way)
+        d += relax_lane(lane + np.uint64(3), velocity, pair, frame, impulse, before, beta, local, way)
+    return a + b + c + d
 
 
-@parallel_kernel
-def add_impulses(s: System) -> None:
-    """Add the effect of the impulses to the velocities: free velocities become v_free + M⁻¹ H p. In the order of the sweep."""
-    for color in range(s.color_start.size - 1):
-        for t in prange(s.color_start[color], s.color_start[color + 1]):
-            for k in range(s.tile_start[t], s.tile_start[t + 1]):
-                _add_impulse(k, s.velocity, s.pair, s.frame, s.impulse, s.spin_factor)
-    for k in range(s.tile_start[-1], s.pair.shape[0]):
-        _add_impulse(k, s.velocity, s.pair, s.frame, s.impulse, s.spin_factor)
-    for g in range(s.general_pair.shape[0]):
-        _push_general(g, s.general_impulse[g, NORMAL], s.general_impulse[g, TANGENTIAL], s)
+@loop_body
+def _relax_exact_scalar(
+    first: int, last: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats, before: Floats, beta: float,
+    normal: float, tangential: float, extrapolation: float,
+) -> float:  # fmt: skip
+    way = Relaxation(normal, tangential, extrapolation)
+    return relax_scalar(first, last, velocity, pair, frame, impulse, before, beta, EXACT, way)
 
 
-@kernel
-def general_velocity(g: int, s: System) -> tuple[float, float]:
-    """u_n + b and u_t of a general contact [m/s]."""
-    a, b = s.velocity[s.general_pair[g, FIRST]], s.velocity[s.general_pair[g, SECOND]]
-    nx, ny = s.general_frame[g, NX], s.general_frame[g, NY]
-    lever = s.general_lever[g]
-    dx, dy = a[X] - b[X], a[Y] - b[Y]
-    u_n = dx * nx + dy * ny + a[SURFACE] * lever[FIRST, NORMAL] - b[SURFACE] * lever[SECOND, NORMAL]
-    u_t = dy * nx - dx * ny + a[SURFACE] * lever[FIRST, TANGENTIAL] - b[SURFACE] * lever[SECOND, TANGENTIAL]
-    return u_n + s.general_frame[g, BIAS], u_t
+_relax_exact = relax_batches if HAS_VECTORS else _relax_exact_scalar
 
 
-@kernel
-def general_solution(g: int, s: System, u_n: float, u_t: float, local: int) -> tuple[float, float]:
-    """Impulses of a general contact after a local solve with the others held."""
-    f = s.general_frame[g]
-    p_n, p_t = s.general_impulse[g, NORMAL], s.general_impulse[g, TANGENTIAL]
-    if local == EXACT:
-        return solve_full(p_n, p_t, u_n, u_t, f[W_NN], f[W_NT], f[W_TT], f[MU])
-    # The predictor-corrector needs ρ < 2 over the largest eigenvalue; the trace bounds that.
-    w_nn, w_tt = f[W_NN], f[W_TT]
-    rho = min(1.0 / np.sqrt(w_nn * w_tt), 1.5 / (w_nn + w_tt) if f[W_NT] != 0.0 else 1.9 / max(w_nn, w_tt))
-    return predict_and_correct(p_n, p_t, u_n, u_t, rho, f[MU])
-
-
-@kernel
-def relax_general(g: int, s: System, local: int) -> float:
-    """Relax one general contact; returns the square of the velocity correction [m²/s²]."""
-    u_n, u_t = general_velocity(g, s)
-    new_n, new_t = general_solution(g, s, u_n, u_t, local)
-    d_n, d_t = new_n - s.general_impulse[g, NORMAL], new_t - s.general_impulse[g, TANGENTIAL]
-    if d_n == 0.0 and d_t == 0.0:
-        return 0.0
-    s.general_impulse[g, NORMAL], s.general_impulse[g, TANGENTIAL] = new_n, new_t
-    _push_general(g, d_n, d_t, s)
-    f = s.general_frame[g]
-    c_n, c_t = f[W_NN] * d_n + f[W_NT] * d_t, f[W_NT] * d_n + f[W_TT] * d_t
-    return c_n * c_n + c_t * c_t
-
-
-@formula
+@loop_body
 def _relax_range(
-    first: int, last: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats, beta: float, local: int, way: Relaxation
-) -> float:
-    """Relax light contacts ``first … last-1``; returns the sum of the squares of the velocity corrections [m²/s²]."""
-    total = 0.0
-    if local == EXACT:  # a loop for each law, without the question inside
-        for k in range(first, last):
-            total += relax_light(np.uint64(k), velocity, pair, frame, impulse, beta, EXACT, way)
-    else:
-        for k in range(first, last):
-            total += relax_light(np.uint64(k), velocity, pair, frame, impulse, beta, BIPOTENTIAL, way)
-    return total
-
-
-@kernel
-def _relax_tiles(
-    tile_start: NDArray[np.int64], velocity: Floats, pair: Ints, frame: Floats, impulse: Floats, beta: float, local: int,
-    way: Relaxation, partial: Floats,
-) -> None:  # fmt: skip
-    for t in range(tile_start.size - 1):
-        partial[t] = _relax_range(tile_start[t], tile_start[t + 1], velocity, pair, frame, impulse, beta, local, way)
+    first: int, last: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats, before: Floats, beta: float, local: int,
+    way: Relaxation,
+) -> float:  # fmt: skip
+    if local == EXACT:
+        return _relax_exact(
+            first, last, velocity, pair, frame, impulse, before, beta, way.normal, way.tangential, way.extrapolation
+        )  # fmt: skip
+    return relax_scalar(first, last, velocity, pair, frame, impulse, before, beta, BIPOTENTIAL, way)
 
 
 @parallel_kernel
 def _relax_tiles_on_threads(
     color_start: NDArray[np.int64], tile_start: NDArray[np.int64], velocity: Floats, pair: Ints, frame: Floats, impulse: Floats,
-    beta: float, local: int, way: Relaxation, partial: Floats,
+    before: Floats, beta: float, local: int, way: Relaxation, partial: Floats,
 ) -> None:  # fmt: skip
     for color in range(color_start.size - 1):
         for t in prange(color_start[color], color_start[color + 1]):
-            partial[t] = _relax_range(tile_start[t], tile_start[t + 1], velocity, pair, frame, impulse, beta, local, way)
+            partial[t] = _relax_range(tile_start[t], tile_start[t + 1], velocity, pair, frame, impulse, before, beta, local, way)
 
 
 @kernel
-def sweep(s: System, local: int, relaxation: Relaxation, parallel: bool, partial: Floats) -> float:
+def sweep(s: System, before: Before, local: int, way: Relaxation, parallel: bool, partial: Floats) -> float:
     """One Gauss–Seidel sweep over all contacts.
 
     Args:
         s: The problem. **Impulses and velocities modified.**
+        before: Impulses before the last sweep; before this one on return. **Modified.**
         local: `EXACT` or `BIPOTENTIAL`.
-        relaxation: Factors of the exact local solve.
+        way: Factors of the exact local solve, and of the extrapolation of impulses (velocities are extrapolated already).
         parallel: Relax the tiles of one color on several threads; the result is the same.
         partial: Work space, shape ``(tiles,)``.
 
@@ -271,17 +211,47 @@ def sweep(s: System, local: int, relaxation: Relaxation, parallel: bool, partial
         Sum of the squares of the velocity corrections [m²/s²].
     """
     velocity, pair, frame, impulse = s.velocity.reshape(-1), s.pair.reshape(-1), s.frame.reshape(-1), s.impulse.reshape(-1)
-    beta = s.spin_factor
+    last, start, beta = before.impulse.reshape(-1), s.tile_start, s.spin_factor
+    first = 0
     if parallel:
-        _relax_tiles_on_threads(
-            s.color_start, s.tile_start, velocity, pair, frame, impulse, beta, local, relaxation, partial
-        )  # fmt: skip
-    else:
-        _relax_tiles(s.tile_start, velocity, pair, frame, impulse, beta, local, relaxation, partial)
+        _relax_tiles_on_threads(s.color_start, start, velocity, pair, frame, impulse, last, beta, local, way, partial)
+        first = s.color_start[-1]
+    for t in range(first, start.size - 1):
+        partial[t] = _relax_range(start[t], start[t + 1], velocity, pair, frame, impulse, last, beta, local, way)
     total = 0.0
     for t in range(partial.size):
         total += partial[t]
-    total += _relax_range(s.tile_start[-1], s.pair.shape[0], velocity, pair, frame, impulse, beta, local, relaxation)
+    return total + relax_general(
+        s.velocity, s.inverse, s.general_pair, s.general_frame, s.general_lever, s.general_impulse, before.general_impulse,
+        local == EXACT, way.extrapolation,
+    )  # fmt: skip
+
+
+@formula
+def push_lane(lane: np.uint64, d_n: float, d_t: float, velocity: Floats, pair: Ints, frame: Floats, beta: float) -> None:
+    """Change the velocities of the two bodies of a light contact by an impulse; arrays flat."""
+    q, f = pair_place(lane), frame_place(lane)
+    i, j = np.uint64(pair[q]), np.uint64(pair[q + SECOND_])
+    px = d_n * frame[f] - d_t * frame[f + NY_]
+    py = d_n * frame[f + NY_] + d_t * frame[f]
+    spin = beta * d_t
+    mi, mj = velocity[i + INVERSE_MASS_], velocity[j + INVERSE_MASS_]
+    velocity[i] += mi * px
+    velocity[i + Y_] += mi * py
+    velocity[i + SURFACE_] -= mi * spin
+    velocity[j] -= mj * px
+    velocity[j + Y_] -= mj * py
+    velocity[j + SURFACE_] -= mj * spin
+
+
+@kernel
+def add_impulses(s: System) -> None:
+    """Add the effect of the impulses to the velocities: free velocities become v_free + M⁻¹ H p. In the order of the sweep."""
+    velocity, pair, frame, impulse = s.velocity.reshape(-1), s.pair.reshape(-1), s.frame.reshape(-1), s.impulse.reshape(-1)
+    for k in range(s.slot.size):
+        p = impulse_place(np.uint64(k))
+        if impulse[p] != 0.0 or impulse[p + TANGENTIAL_] != 0.0:
+            push_lane(np.uint64(k), impulse[p], impulse[p + TANGENTIAL_], velocity, pair, frame, s.spin_factor)
     for g in range(s.general_pair.shape[0]):
-        total += relax_general(g, s, local)
-    return total
+        d_n, d_t = s.general_impulse[g, NORMAL], s.general_impulse[g, TANGENTIAL]
+        push_general(g, d_n, d_t, s.velocity, s.inverse, s.general_pair, s.general_frame, s.general_lever)

@@ -7,18 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
+from multicor_cli.engine.contact.batches import make_batches
 from multicor_cli.engine.contact.detection import StepContacts
-from multicor_cli.engine.contact.ordering import (
-    classify_contacts,
-    number_grains,
-    number_wall_contacts,
-    order_contacts,
-    pack_contacts,
-    pack_general,
-    unpack,
-)
+from multicor_cli.engine.contact.ordering import classify_contacts, number_bodies, order_contacts
 from multicor_cli.engine.contact.sweep import System, add_impulses
+from multicor_cli.engine.contact.transfer import pack_bodies, pack_contacts, pack_general, unpack
 from multicor_cli.engine.geometry.scene import Scene
+from multicor_cli.engine.jit.chunks import aligned
+from multicor_cli.engine.jit.vectors import LANES
 from multicor_cli.model.columns import INVERSE_MASS, SPIN, X, Y
 from multicor_cli.model.model import Floats, Ints
 
@@ -30,22 +26,21 @@ class OrderedSystem:
     """A `System`, and where its contacts come from.
 
     Attributes:
-        system: What the sweep works on.
-        order: Contact (by key) behind each light contact.
+        system: What the sweep works on; ``slot`` names contacts by their rank by key.
         general: Contact behind each general one.
         place: Row of each grain in the velocities of the system; walls follow the grains.
     """
 
     system: System
-    order: Ints
     general: Ints
     place: Ints
 
     def collect(self, contacts: StepContacts) -> Floats:
         """Write the impulses back into ``contacts``; returns the velocities of grains and walls, shape ``(n + w, 4)``."""
-        after = np.empty((self.system.inverse.shape[0], 4))
-        unpack(self.order, self.system.impulse, self.place, self.system.velocity, contacts.impulse, after)
-        contacts.impulse[self.general] = self.system.general_impulse
+        system = self.system
+        after = np.empty((system.inverse.shape[0], 4))
+        unpack(system.slot, system.impulse, self.place, system.velocity, contacts.impulse, after)
+        contacts.impulse[self.general] = system.general_impulse
         return after
 
 
@@ -72,14 +67,15 @@ def assemble(
     classes, span, sizes = classify_contacts(scene, contacts, wall_is_free)
     columns, rows, corner, width, height = _tiles(scene, max(TILE * mean_diameter, 2.2 * span))
     order, general, tile_start, color_start = order_contacts(scene, contacts, classes, sizes, columns, rows, corner, width, height)
-    number = number_wall_contacts(scene, contacts, order)
     bodies = free.shape[0]
-    velocity = np.empty((bodies + int(number.max(initial=-1)) + 1, 4))
-    place = number_grains(contacts, order, general, scene.radius.size)
-    pair = np.empty((order.size, 2), np.int32)
-    frame = np.empty((order.size, 5))
-    impulse = np.empty((order.size, 2))
-    pack_contacts(scene, contacts, free, place, order, number, bodies, velocity, pair, frame, impulse)
+    place, pairs, count = number_bodies(scene, contacts, order, general, bodies - scene.radius.size)
+    slot, batch_start = make_batches(pairs, tile_start, count)
+    batches, tiles = slot.shape[0], tile_start.size - 1
+    velocity = aligned((count + 2 * tiles, 4))
+    velocity[count:] = 0.0
+    pair, frame, impulse = aligned((batches, 2, LANES), np.int32), aligned((batches, 5, LANES)), aligned((batches, 2, LANES))
+    pack_bodies(free, place, velocity)
+    pack_contacts(scene, contacts, order, pairs, count, batch_start, slot, velocity, pair, frame, impulse)
     inverse = np.zeros((bodies, 3))
     if general.size:
         n = scene.radius.size
@@ -87,11 +83,11 @@ def assemble(
         inverse[:n, SPIN] = spin_factor * velocity[:n, INVERSE_MASS]
         inverse[n:] = wall_inverse
     system = System(
-        velocity, inverse, pair, frame, impulse, tile_start, color_start,
-        *pack_general(scene, contacts, place, general, inverse), spin_factor,
+        velocity, inverse, slot, pair, frame, impulse, batch_start, color_start,
+        *pack_general(scene, contacts, place, general, inverse), spin_factor, contacts.i.size,
     )  # fmt: skip
     add_impulses(system)
-    return OrderedSystem(system, order, general, place)
+    return OrderedSystem(system, general, place)
 
 
 def _tiles(scene: Scene, width: float) -> tuple[int, int, Floats, float, float]:

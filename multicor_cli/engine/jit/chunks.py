@@ -1,4 +1,4 @@
-"""Reductions whose bits do not depend on the number of threads.
+"""Arrays for kernels on several threads: reductions whose bits do not depend on their number, memory that begins at cache lines.
 
 `CHUNK` grains or contacts form one unit: a kernel leaves one row of partial results per chunk, and its caller sums the rows in
 order. (Array expressions and reductions inside a parallel kernel would be turned into parallel loops of their own, at a second of
@@ -7,13 +7,30 @@ compilation each.)
 
 from __future__ import annotations
 
+import math
+from typing import Any
+
 import numpy as np
+from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
 
 CHUNK = 512
 
+_CACHE_LINE = 64  # bytes
+
 
 def chunks_for(size: int, columns: int = 1) -> Floats:
     """Zeroed partial results for ``size`` items, one row per chunk (at least one), shape ``(chunks, columns)``."""
     return np.zeros((max(1, -(-size // CHUNK)), columns))
+
+
+def aligned(shape: tuple[int, ...], dtype: type[Any] = np.float64) -> NDArray[Any]:
+    """An array that begins at a cache line, so that rows of four doubles never lie in two; its elements are not set.
+
+    (The sweep is up to a sixth slower where they do.)
+    """
+    size = math.prod(shape) * np.dtype(dtype).itemsize
+    memory = np.empty(size + _CACHE_LINE, np.uint8)
+    first = -memory.ctypes.data % _CACHE_LINE
+    return memory[first : first + size].view(dtype).reshape(shape)

@@ -7,13 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.engine.contact.acceleration import (
-    choose_factor,
-    extrapolate_impulse,
-    extrapolate_velocity,
-    inner_products,
-    start_loop,
-)
+from multicor_cli.engine.contact.acceleration import choose_factor, extrapolate, restart, start_loop
 from multicor_cli.engine.geometry.scene import Scene, pair_geometry
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.formulas import formula
@@ -162,7 +156,7 @@ def _solve(pair: Ints, frame: Floats, bodies: _Bodies, enough: float, sweeps: in
     """
     shift, push = np.zeros_like(bodies.mobility), np.zeros(frame.shape[0])
     before, change, last_push = np.zeros_like(shift), np.zeros_like(shift), np.zeros_like(push)
-    now, then, last = shift.reshape(-1), before.reshape(-1), change.reshape(-1)
+    now, then, last, weight = shift.reshape(-1), before.reshape(-1), change.reshape(-1), bodies.weight.reshape(-1)
     loop = memory[0]
     for _ in range(sweeps):
         largest, squares = 0.0, 0.0
@@ -172,11 +166,17 @@ def _solve(pair: Ints, frame: Floats, bodies: _Bodies, enough: float, sweeps: in
             squares += moved * moved
         if largest <= enough:
             break
-        cross, square = inner_products(0, shift.shape[0], now, then, last, bodies.weight.reshape(-1))
-        factor = choose_factor(cross, square, np.sqrt(squares), RESTART_GROWTH, loop)
+        moved = np.sqrt(squares)
+        factor = choose_factor(moved, RESTART_GROWTH, loop)
+        cross, square = extrapolate(0, shift.shape[0], now, then, last, weight, factor)
+        if loop["factor"] * cross > square:
+            factor = restart(moved, loop)
+            shift[:] = before
         loop["factor"] = factor
-        extrapolate_velocity(0, now.size, now, then, last, factor)
-        extrapolate_impulse(0, push.size, push, last_push, factor)
+        for c in range(push.size):
+            new = push[c]
+            push[c] = new + factor * (new - last_push[c])
+            last_push[c] = new
     return shift
 
 

@@ -1,0 +1,161 @@
+"""The loops of the solver over light contacts, four at a time: sweep, residual, extrapolation.
+
+What they compute is defined by their scalar twins, `relax_scalar`, `measure_scalar` and `extrapolate_scalar`, to the bit. Arrays
+are those of `multicor_cli.engine.contact.sweep.System`, flat.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import Any
+
+from multicor_cli.engine.contact.lanes import FRAME_ROWS, IMPULSE_ROWS, PAIR_ROWS
+from multicor_cli.engine.jit.vectors import LANES, Vector, Writer, vector_loop
+from multicor_cli.model.columns import BIAS, FIRST, INVERSE_MASS, MASS, MU, NORMAL, NX, NY, SECOND, TANGENTIAL
+
+_Value = Any  # of LLVM
+
+
+OPPOSITE = (True, True, False, False)
+"""What has the other sign for the second body of a contact: forces have, surface speeds and inverse masses add."""
+
+
+def _between(code: Writer, velocity: _Value, i: Sequence[_Value], j: Sequence[_Value]) -> list[Vector]:
+    """v_i - v_j in x and y, s_i + s_j and 1/m_i + 1/m_j of the contacts of a batch, from the rows of their bodies."""
+    pairs = zip(i, j, strict=True)
+    return code.transpose([code.load(velocity, a) + code.load(velocity, b).flipped(OPPOSITE) for a, b in pairs])
+
+
+class _Sweep:
+    """The three stages of relaxing a batch: gather its velocities, solve its contacts, apply the changes to its bodies."""
+
+    def __init__(self, code: Writer, arrays: Sequence[_Value], beta: _Value, way: Sequence[_Value]) -> None:
+        self.code = code
+        self.velocity, self.pair, self.frame, self.impulse, self.before = arrays
+        normal, tangential, extrapolation = way
+        one, spin = code.number(1.0), code.spread(beta)
+        self.spin, self.turn = spin, one + spin
+        self.normal, self.tangential = code.spread(normal), code.spread(tangential) * (one / self.turn)
+        self.extrapolation = code.spread(extrapolation)
+        self.squares = code.keep([code.number(0.0)])
+
+    def gather(self, batch: _Value) -> list[Vector]:
+        """u_n + b, u_t and W_nn of the contacts."""
+        dx, dy, spins, w = _between(self.code, self.velocity, *self._bodies(batch))
+        nx, ny, bias = self.code.block(self.frame, batch, FRAME_ROWS, NX, NY, BIAS)
+        return [dx * nx + dy * ny + bias, dy * nx - dx * ny - spins, w]
+
+    def solve(self, batch: _Value, u_n: Vector, u_t: Vector, w: Vector) -> list[Vector]:
+        """New impulses; returns what changes the bodies."""
+        nx, ny, w_inverse, mu = self.code.block(self.frame, batch, FRAME_ROWS, NX, NY, MASS, MU)
+        p_n, p_t = self._extrapolated(batch)
+        new_n = (p_n - u_n * (self.normal * w_inverse)).larger(self.code.number(0.0))
+        bound = mu * new_n
+        new_t = (p_t - u_t * (self.tangential * w_inverse)).smaller(bound).larger(-bound)
+        self._store(self.impulse, batch, new_n, new_t)
+        d_n, d_t = new_n - p_n, new_t - p_t
+        c_n, c_t = w * d_n, w * self.turn * d_t
+        (squares,) = self.squares.get()
+        self.squares.put([squares + (c_n * c_n + c_t * c_t)])
+        return [d_n * nx - d_t * ny, d_n * ny + d_t * nx, -(self.spin * d_t)]
+
+    def apply(self, batch: _Value, px: Vector, py: Vector, spin: Vector) -> None:
+        """Change the velocities of the bodies, one by one: empty lanes share theirs."""
+        pushes = self.code.transpose([px, py, spin, self.code.number(0.0)])
+        i, j = self._bodies(batch)
+        for start, push in zip(i, pushes, strict=True):
+            self._push(start, push)
+        for start, push in zip(j, pushes, strict=True):
+            self._push(start, push.flipped(OPPOSITE))
+
+    def _push(self, start: _Value, push: Vector) -> None:
+        mass = self.code.everywhere(self.velocity, self.code.offset(start, INVERSE_MASS))
+        self.code.store(self.velocity, start, self.code.load(self.velocity, start) + mass * push)
+
+    def _extrapolated(self, batch: _Value) -> list[Vector]:
+        """Impulses moved on by their last change; what they were is written down as the last."""
+        now = self.code.block(self.impulse, batch, IMPULSE_ROWS, NORMAL, TANGENTIAL)
+        last = self.code.block(self.before, batch, IMPULSE_ROWS, NORMAL, TANGENTIAL)
+        self._store(self.before, batch, *now)
+        return [p + self.extrapolation * (p - q) for p, q in zip(now, last, strict=True)]
+
+    def _store(self, array: _Value, batch: _Value, normal: Vector, tangential: Vector) -> None:
+        start = self.code.times(batch, LANES * IMPULSE_ROWS)
+        self.code.store(array, start, normal)
+        self.code.store(array, self.code.offset(start, LANES), tangential)
+
+    def _bodies(self, batch: _Value) -> list[list[_Value]]:
+        start = self.code.times(batch, LANES * PAIR_ROWS)
+        return [self.code.indices(self.pair, self.code.offset(start, LANES * side)) for side in (FIRST, SECOND)]
+
+
+@vector_loop(results=1)
+def relax_batches(
+    code: Writer, first: _Value, last: _Value, velocity: _Value, pair: _Value, frame: _Value, impulse: _Value, before: _Value,
+    beta: _Value, normal: _Value, tangential: _Value, extrapolation: _Value,
+) -> list[_Value]:  # fmt: skip
+    """As `relax_scalar` for the exact law.
+
+    A pipeline, for a processor would wait for the results of one batch before it could begin the next: while the changes of a batch
+    are applied, the next is solved and the one after that is gathered. A body comes again after two batches at the earliest, and
+    there are at least two batches or none.
+    """
+    sweep = _Sweep(code, (velocity, pair, frame, impulse, before), beta, (normal, tangential, extrapolation))
+    with code.if_any(first, last):
+        solved = code.keep(sweep.solve(first, *sweep.gather(first)))
+        gathered = code.keep(sweep.gather(code.offset(first, 1)))
+        with code.each(code.offset(first, 2), last) as batch:
+            now, done = gathered.get(), solved.get()
+            sweep.apply(code.offset(batch, -2), *done)
+            solved.put(sweep.solve(code.offset(batch, -1), *now))
+            gathered.put(sweep.gather(batch))
+        sweep.apply(code.offset(last, -2), *solved.get())
+        sweep.apply(code.offset(last, -1), *sweep.solve(code.offset(last, -1), *gathered.get()))
+    return [code.total(sweep.squares.get()[0])]
+
+
+@vector_loop(results=4)
+def measure_batches(
+    code: Writer, first: _Value, last: _Value, velocity: _Value, pair: _Value, frame: _Value, impulse: _Value, beta: _Value
+) -> list[_Value]:
+    """As `measure_scalar`."""
+    zero, one = code.number(0.0), code.number(1.0)
+    turn = one + code.spread(beta)
+    sums = code.keep([zero] * 4)
+    with code.each(first, last) as batch:
+        start = code.times(batch, LANES * PAIR_ROWS)
+        i, j = code.indices(pair, start), code.indices(pair, code.offset(start, LANES * SECOND))
+        dx, dy, spins, _ = _between(code, velocity, i, j)
+        nx, ny, w_inverse, bias, mu = code.block(frame, batch, FRAME_ROWS, NX, NY, MASS, BIAS, MU)
+        p_n, p_t = code.block(impulse, batch, IMPULSE_ROWS, NORMAL, TANGENTIAL)
+        u_n, u_t = dx * nx + dy * ny + bias, dy * nx - dx * ny - spins
+        new_n = (p_n - u_n * w_inverse).larger(zero)
+        bound = mu * new_n
+        new_t = (p_t - u_t * (w_inverse / turn)).smaller(bound).larger(-bound)
+        c_n, c_t = (new_n - p_n) / w_inverse, (new_t - p_t) * turn / w_inverse
+        square = c_n * c_n + c_t * c_t
+        squares, energy, largest, active = sums.get()
+        energy += abs(p_n * u_n) + abs(p_t * u_t + mu * p_n * abs(u_t))
+        sums.put([squares + square, energy, square.larger(largest), active + p_n.larger(square).where_positive(one)])
+    squares, energy, largest, active = sums.get()
+    return [code.total(squares), code.total(energy), code.largest(largest), code.total(active)]
+
+
+@vector_loop(results=2)
+def extrapolate_rows(
+    code: Writer, first: _Value, last: _Value, now: _Value, before: _Value, change: _Value, weight: _Value, factor: _Value
+) -> list[_Value]:
+    """As `extrapolate_scalar`."""
+    zero, by = code.number(0.0), code.spread(factor)
+    sums = code.keep([zero, zero])
+    with code.each(first, last) as row:
+        at = code.times(row, LANES)
+        new, old, last_change, mass = (code.load(array, at) for array in (now, before, change, weight))
+        step = new - old
+        code.store(change, at, step)
+        code.store(before, at, new)
+        code.store(now, at, new + by * step)
+        weighted = mass * step
+        cross, square = sums.get()
+        sums.put([cross + weighted * last_change, square + weighted * step])
+    return [code.total(vector) for vector in sums.get()]

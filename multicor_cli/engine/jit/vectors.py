@@ -1,0 +1,238 @@
+"""Vectors of four doubles for the innermost loops of the solver, as instructions of LLVM.
+
+The four contacts of a batch share no body, so one instruction may do all four. LLVM does not find that out by itself (a contact
+reads and writes bodies that an index names), so the loop is written with vectors: a function with the decorator `vector_loop`
+writes the instructions at the place where a kernel calls it. LLVM turns them into what the processor has: AVX, or two halves of
+SSE2 or NEON. No instruction carries a fast-math flag and none is fused, so the bits are those of the scalar formula.
+
+Where nothing is compiled (``NUMBA_DISABLE_JIT``) there are no vectors; every such loop has a scalar twin with the same bits.
+"""
+
+from __future__ import annotations
+
+import functools
+import inspect
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from contextlib import contextmanager
+from typing import Any
+
+import numba
+from llvmlite import ir
+from numba.core import cgutils, types
+from numba.extending import intrinsic
+
+LANES = 4
+"""Numbers in a vector."""
+
+HAS_VECTORS = not numba.config.DISABLE_JIT  # type: ignore[attr-defined]
+"""Whether vector loops can be called."""
+
+_DOUBLE, _INT, _LONG = ir.DoubleType(), ir.IntType(32), ir.IntType(64)
+_VECTOR = ir.VectorType(_DOUBLE, LANES)
+_UNDEFINED = ir.Constant(_VECTOR, ir.Undefined)
+_ZERO = ir.Constant(_VECTOR, [0.0] * LANES)
+_SIGN = 1 << 63  # bit of a double
+_EVEN, _ODD, _LOW, _HIGH = (0, 4, 2, 6), (1, 5, 3, 7), (0, 1, 4, 5), (2, 3, 6, 7)  # lanes of two vectors, side by side
+
+
+class Vector:
+    """Four doubles; arithmetic writes an instruction and gives the vector that it will produce."""
+
+    __slots__ = ("builder", "value")
+
+    def __init__(self, builder: ir.IRBuilder, value: ir.Value) -> None:
+        self.builder = builder
+        self.value = value
+
+    def __add__(self, other: Vector) -> Vector:
+        return Vector(self.builder, self.builder.fadd(self.value, other.value))
+
+    def __sub__(self, other: Vector) -> Vector:
+        return Vector(self.builder, self.builder.fsub(self.value, other.value))
+
+    def __mul__(self, other: Vector) -> Vector:
+        return Vector(self.builder, self.builder.fmul(self.value, other.value))
+
+    def __truediv__(self, other: Vector) -> Vector:
+        return Vector(self.builder, self.builder.fdiv(self.value, other.value))
+
+    def __neg__(self) -> Vector:
+        return Vector(self.builder, self.builder.fneg(self.value))
+
+    def __abs__(self) -> Vector:
+        name = f"llvm.fabs.v{LANES}f64"
+        module = self.builder.module
+        function = module.globals.get(name) or ir.Function(module, ir.FunctionType(_VECTOR, [_VECTOR]), name)
+        return Vector(self.builder, self.builder.call(function, [self.value]))
+
+    def larger(self, other: Vector) -> Vector:
+        """As ``a if a > b else b``, lane by lane."""
+        return self._select(">", other, self, other)
+
+    def smaller(self, other: Vector) -> Vector:
+        """As ``a if a < b else b``, lane by lane."""
+        return self._select("<", other, self, other)
+
+    def flipped(self, lanes: Sequence[bool]) -> Vector:
+        """With the other sign in some lanes."""
+        integers = ir.VectorType(_LONG, LANES)
+        signs = ir.Constant(integers, [_SIGN if is_flipped else 0 for is_flipped in lanes])
+        bits = self.builder.xor(self.builder.bitcast(self.value, integers), signs)
+        return Vector(self.builder, self.builder.bitcast(bits, _VECTOR))
+
+    def where_positive(self, other: Vector) -> Vector:
+        """``other`` in the lanes where this is above 0, 0 in the rest."""
+        zero = Vector(self.builder, _ZERO)
+        return self._select(">", zero, other, zero)
+
+    def _select(self, comparison: str, other: Vector, then: Vector, otherwise: Vector) -> Vector:
+        is_so = self.builder.fcmp_ordered(comparison, self.value, other.value)
+        return Vector(self.builder, self.builder.select(is_so, then.value, otherwise.value))
+
+
+class Writer:
+    """Writes the instructions of a vector loop. Indices are LLVM values of 64 bits, arrays pointers to their first element."""
+
+    def __init__(self, builder: ir.IRBuilder) -> None:
+        self.builder = builder
+
+    def number(self, value: float) -> Vector:
+        """The same constant in all lanes."""
+        return Vector(self.builder, ir.Constant(_VECTOR, [value] * LANES))
+
+    def spread(self, scalar: ir.Value) -> Vector:
+        """A number known at run time in all lanes."""
+        single = self.builder.insert_element(_UNDEFINED, scalar, _INT(0))
+        return Vector(self.builder, self._shuffle(single, _UNDEFINED, (0,) * LANES))
+
+    def times(self, index: ir.Value, factor: int, plus: int = 0) -> ir.Value:
+        """``factor · index + plus``."""
+        return self.builder.add(self.builder.mul(index, _LONG(factor)), _LONG(plus))
+
+    def offset(self, index: ir.Value, by: int) -> ir.Value:
+        """``index + by``."""
+        return self.builder.add(index, _LONG(by))
+
+    def load(self, array: ir.Value, at: ir.Value) -> Vector:
+        """Four elements of an array from ``at`` on."""
+        return Vector(self.builder, self.builder.load(self._place(array, at), align=8))
+
+    def store(self, array: ir.Value, at: ir.Value, vector: Vector) -> None:
+        """Write four elements of an array from ``at`` on."""
+        self.builder.store(vector.value, self._place(array, at), align=8)
+
+    def block(self, array: ir.Value, number: ir.Value, rows: int, *which: int) -> list[Vector]:
+        """Some rows of a block of ``rows`` rows of four."""
+        start = self.times(number, LANES * rows)
+        return [self.load(array, self.offset(start, LANES * row)) for row in which]
+
+    def indices(self, array: ir.Value, at: ir.Value) -> list[ir.Value]:
+        """Four 32-bit integers of an array from ``at`` on."""
+        places = (self.builder.gep(array, [self.offset(at, lane)]) for lane in range(LANES))
+        return [self.builder.zext(self.builder.load(place, align=4), _LONG) for place in places]
+
+    def everywhere(self, array: ir.Value, at: ir.Value) -> Vector:
+        """An element of an array in all lanes."""
+        return self.spread(self.builder.load(self.builder.gep(array, [at]), align=8))
+
+    def transpose(self, rows: Sequence[Vector]) -> list[Vector]:
+        """Four vectors: of the first lanes of the given ones, of their second lanes, and so on."""
+        r0, r1, r2, r3 = (row.value for row in rows)
+        t0, t1 = self._shuffle(r0, r2, _LOW), self._shuffle(r1, r3, _LOW)
+        t2, t3 = self._shuffle(r0, r2, _HIGH), self._shuffle(r1, r3, _HIGH)
+        columns = (t0, t1, _EVEN), (t0, t1, _ODD), (t2, t3, _EVEN), (t2, t3, _ODD)
+        return [Vector(self.builder, self._shuffle(*column)) for column in columns]
+
+    def keep(self, vectors: Iterable[Vector]) -> Kept:
+        """Variables that live through the loop, with these values to begin with."""
+        return Kept(self.builder, vectors)
+
+    def each(self, first: ir.Value, last: ir.Value) -> Any:
+        """Context of a loop over ``first … last-1``; it gives the index."""
+        return self._each(first, last)
+
+    def if_any(self, first: ir.Value, last: ir.Value) -> Any:
+        """Context of what is done only if ``first < last``."""
+        return self.builder.if_then(self.builder.icmp_signed("<", first, last))
+
+    def total(self, vector: Vector) -> ir.Value:
+        """Sum of the lanes in order, from 0."""
+        result: ir.Value = _DOUBLE(0.0)
+        for lane in range(LANES):
+            result = self.builder.fadd(result, self.builder.extract_element(vector.value, _INT(lane)))
+        return result
+
+    def largest(self, vector: Vector) -> ir.Value:
+        """Largest of the lanes and 0."""
+        result: ir.Value = _DOUBLE(0.0)
+        for lane in range(LANES):
+            element = self.builder.extract_element(vector.value, _INT(lane))
+            result = self.builder.select(self.builder.fcmp_ordered(">", element, result), element, result)
+        return result
+
+    @contextmanager
+    def _each(self, first: ir.Value, last: ir.Value) -> Iterator[ir.Value]:
+        with cgutils.for_range_slice(self.builder, first, last, _LONG(1), _LONG) as (index, _):
+            yield index
+
+    def _place(self, array: ir.Value, at: ir.Value) -> ir.Value:
+        return self.builder.bitcast(self.builder.gep(array, [at]), _VECTOR.as_pointer())
+
+    def _shuffle(self, a: ir.Value, b: ir.Value, lanes: Sequence[int]) -> ir.Value:
+        return self.builder.shuffle_vector(a, b, ir.Constant(ir.VectorType(_INT, LANES), list(lanes)))
+
+
+class Kept:
+    """Vectors that live through a loop."""
+
+    def __init__(self, builder: ir.IRBuilder, vectors: Iterable[Vector]) -> None:
+        self._builder = builder
+        self._places = [cgutils.alloca_once_value(builder, vector.value) for vector in vectors]
+
+    def get(self) -> list[Vector]:
+        """Their values now."""
+        return [Vector(self._builder, self._builder.load(place)) for place in self._places]
+
+    def put(self, vectors: Iterable[Vector]) -> None:
+        """Give them new values."""
+        for vector, place in zip(vectors, self._places, strict=True):
+            self._builder.store(vector.value, place)
+
+
+def vector_loop(results: int) -> Callable[[Callable[..., Sequence[ir.Value]]], Callable[..., Any]]:
+    """Decorator of a function that writes a loop: makes a function of numbers and flat arrays that kernels can call.
+
+    The function gets a `Writer` and the arguments, arrays as pointers to their first element, and returns ``results`` numbers: what
+    a kernel gets from the call (one by itself, several as a tuple).
+    """
+
+    def decorate(write: Callable[..., Sequence[ir.Value]]) -> Callable[..., Any]:
+        def loop(typingctx: Any, *arguments: types.Type) -> tuple[Any, Callable[..., ir.Value]]:
+            del typingctx
+            kinds = [_kind(argument) for argument in arguments]
+            back = types.none if results == 0 else types.float64 if results == 1 else types.UniTuple(types.float64, results)
+
+            def generate(context: Any, builder: ir.IRBuilder, sig: Any, values: Sequence[ir.Value]) -> ir.Value:
+                given = [
+                    context.make_array(kind)(context, builder, value=value).data if isinstance(kind, types.Array) else value
+                    for kind, value in zip(sig.args, values, strict=True)
+                ]
+                made = write(Writer(builder), *given)
+                if results == 0:
+                    return context.get_dummy_value()
+                return made[0] if results == 1 else context.make_tuple(builder, sig.return_type, made)
+
+            return back(*kinds), generate
+
+        # Numba asks how many arguments there are; the writer has one in place of the first.
+        loop.__signature__ = inspect.signature(write)  # type: ignore[attr-defined]
+        return intrinsic(functools.update_wrapper(loop, write))  # type: ignore[no-any-return]
+
+    return decorate
+
+
+def _kind(argument: types.Type) -> types.Type:
+    """The type that an argument is passed as: an array as it is, any integer with 64 bits, any other number as a double."""
+    if isinstance(argument, types.Array):
+        return argument
+    return types.int64 if isinstance(argument, types.Integer | types.IntegerLiteral) else types.float64

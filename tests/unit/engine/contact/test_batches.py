@@ -1,0 +1,250 @@
+"""Batches of four contacts: their schedule, and vector loops that give the bits of the scalar ones."""
+
+import os
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from places import DATA
+
+from multicor_cli.engine.contact import residual, sweep, vector_sweep
+from multicor_cli.engine.contact.acceleration import extrapolate_scalar
+from multicor_cli.engine.contact.batches import SPACING, make_batches
+from multicor_cli.engine.contact.one_by_one import OneByOne, batch, by_slot, flatten
+from multicor_cli.engine.contact.problem import ContactProblem, _disc_system, solve_contacts
+from multicor_cli.engine.contact.sweep import BIPOTENTIAL, EXACT, Before, Relaxation, System
+from multicor_cli.engine.jit.compile import kernel
+from multicor_cli.engine.jit.vectors import HAS_VECTORS, LANES
+from multicor_cli.model.columns import INVERSE_MASS, NORMAL, SURFACE, TANGENTIAL, X, Y
+
+needs_vectors = pytest.mark.skipif(not HAS_VECTORS, reason="kernels are not compiled")
+
+SIZES = [0, 1, 2, 3, 4, 5, 7, 8, 9, 12, 31, 200]
+WAYS = [Relaxation(1.0, 1.0, 0.0), Relaxation(1.0, 1.0, 0.7), Relaxation(0.5, 1.0, 0.3), Relaxation(1.0, 0.3, 0.0)]
+
+
+def random_contacts(count, bodies, seed, held=0):
+    """Contacts between random bodies, the last ``held`` of which nothing moves, and the velocities."""
+    random = np.random.default_rng(seed)
+    first = random.integers(0, bodies - held, count)
+    second = (first + random.integers(1, bodies, count)) % bodies
+    velocity = random.normal(size=(bodies, 4))
+    velocity[:, INVERSE_MASS] = random.uniform(0.5, 2.0, bodies)
+    velocity[bodies - held :, INVERSE_MASS] = 0.0
+    angle = random.uniform(0.0, 7.0, count)
+    mass = 1.0 / (velocity[first, INVERSE_MASS] + velocity[second, INVERSE_MASS])
+    some = random.uniform(size=count)
+    friction = np.where(some < 0.2, 0.0, some)
+    frame = np.column_stack([np.cos(angle), np.sin(angle), mass, random.normal(size=count) * 0.1, friction])
+    normal = np.maximum(random.normal(size=count), 0.0)
+    impulse = np.column_stack([normal, friction * normal * random.uniform(-1.0, 1.0, count)])
+    return OneByOne(np.column_stack([first, second]).astype(np.int32), frame, impulse), velocity
+
+
+def system_of(contacts, velocity):
+    light = batch(contacts, velocity)
+    nothing = np.empty((0, 2), np.int32)
+    return System(
+        light.velocity, np.zeros((len(velocity), 3)), light.slot, light.pair, light.frame, light.impulse, light.tile_start,
+        np.array([0, 1]), nothing, np.empty((0, 7)), np.empty((0, 2, 2)), np.empty((0, 2)), 2.0, len(contacts.pair),
+    )  # fmt: skip
+
+
+def real_system(name):
+    problem = ContactProblem.load(DATA / f"{name}.npz")
+    impulse = np.random.default_rng(3).normal(size=(len(problem.pair), 2)) * 1e-7
+    system, _ = _disc_system(problem, np.abs(impulse) * [1.0, 0.1])
+    return system
+
+
+def systems():
+    for count in SIZES:
+        for bodies, held in ((4, 0), (9, 2), (300, 40)):
+            yield f"{count} of {bodies}", system_of(*random_contacts(count, bodies, 7 * count + bodies, held))
+    for name in ("bed-1008", "shear-1008"):
+        yield name, real_system(name)
+
+
+def copy(system):
+    return system._replace(velocity=system.velocity.copy(), impulse=system.impulse.copy())
+
+
+def flat(system, before):
+    return [array.reshape(-1) for array in (system.velocity, system.pair, system.frame, system.impulse, before)]
+
+
+def bits(*arrays):
+    return b"".join(np.ascontiguousarray(array).tobytes() for array in arrays)
+
+
+@pytest.mark.parametrize("count", SIZES)
+@pytest.mark.parametrize(("bodies", "tiles"), [(3, 1), (5, 2), (40, 3), (500, 2)])
+def test_schedule_keeps_the_order_and_the_distance(count, bodies, tiles):
+    pair = random_contacts(count, bodies, count + bodies)[0].pair
+    start = np.linspace(0, count, tiles + 1).astype(np.int64)
+    slot, first = make_batches(pair, start, bodies)
+    assert sorted(slot[slot >= 0].tolist()) == list(range(count))
+    assert first[0] == 0
+    assert first[-1] == len(slot)
+    for t in range(tiles):
+        own = slot[first[t] : first[t + 1]]
+        assert set(own[own >= 0].tolist()) == set(range(start[t], start[t + 1]))
+        assert len(own) == 0 or len(own) >= SPACING
+        seen = {}
+        for number, lanes in enumerate(own):
+            for k in sorted(lanes[lanes >= 0].tolist()):
+                for body in pair[k].tolist():
+                    last_batch, last_contact = seen.get(body, (-SPACING, -1))
+                    assert number - last_batch >= SPACING
+                    assert k > last_contact
+                    seen[body] = number, k
+
+
+def test_batches_are_full_where_contacts_are_independent():
+    pair = np.arange(800, dtype=np.int32).reshape(-1, 2)
+    slot, _ = make_batches(pair, np.array([0, 400]), 800)
+    assert slot.tolist() == np.arange(400).reshape(-1, LANES).tolist()
+
+
+def test_rows_and_batches_are_each_other_s_reverse():
+    contacts, velocity = random_contacts(50, 20, 1)
+    system = system_of(contacts, velocity)
+    assert by_slot(system.slot, system.impulse, 50).tolist() == contacts.impulse.tolist()
+    order = by_slot(system.slot, np.where(system.slot < 0, 0, system.slot)[:, None, :].repeat(2, 1).astype(float), 50)
+    assert order[:, 0].tolist() == list(range(50))
+    rows = flatten(system)
+    assert sorted(map(tuple, rows.frame.tolist())) == sorted(map(tuple, contacts.frame.tolist()))
+
+
+def one_sweep(contacts, velocity, beta):
+    """Gauss–Seidel contact by contact, in Python."""
+    for (i, j), (nx, ny, mass, bias, mu), p in zip(contacts.pair, contacts.frame, contacts.impulse, strict=True):
+        vi, vj = velocity[i], velocity[j]
+        dx, dy = vi[X] - vj[X], vi[Y] - vj[Y]
+        new_n, new_t = sweep.solve_exact(
+            p[NORMAL], p[TANGENTIAL], dx * nx + dy * ny + bias, dy * nx - dx * ny - (vi[SURFACE] + vj[SURFACE]),
+            mass, 1.0 / (1.0 + beta) * mass, mu,
+        )  # fmt: skip
+        d_n, d_t = new_n - p[NORMAL], new_t - p[TANGENTIAL]
+        p[:] = new_n, new_t
+        push = np.array([d_n * nx - d_t * ny, d_n * ny + d_t * nx, -beta * d_t, 0.0])
+        vi += vi[INVERSE_MASS] * push
+        vj += vj[INVERSE_MASS] * push * [-1.0, -1.0, 1.0, 0.0]
+
+
+@pytest.mark.parametrize("count", SIZES)
+def test_batches_make_the_sweep_of_one_contact_after_the_other(count):
+    contacts, velocity = random_contacts(count, 30, count, held=3)
+    system = system_of(contacts, velocity)
+    before = Before(system.impulse.copy(), system.general_impulse)
+    for _ in range(3):
+        one_sweep(contacts, velocity, system.spin_factor)
+        sweep.sweep(system, before, EXACT, WAYS[0], False, np.empty(1))
+    assert by_slot(system.slot, system.impulse, count).tolist() == contacts.impulse.tolist()
+    assert system.velocity[:30].tolist() == velocity.tolist()
+    assert not system.velocity[30:].any()  # bodies of empty lanes
+
+
+@kernel
+def relax_as_vectors(first, last, velocity, pair, frame, impulse, before, beta, way):
+    return vector_sweep.relax_batches(
+        first, last, velocity, pair, frame, impulse, before, beta, way.normal, way.tangential, way.extrapolation
+    )
+
+
+@kernel
+def relax_one_by_one(first, last, velocity, pair, frame, impulse, before, beta, way):
+    return sweep.relax_scalar(first, last, velocity, pair, frame, impulse, before, beta, EXACT, way)
+
+
+@needs_vectors
+@pytest.mark.parametrize("way", WAYS)
+def test_sweep_has_the_bits_of_the_scalar_one(way):
+    for name, system in systems():
+        results = []
+        for relax in (relax_as_vectors, relax_one_by_one):
+            own, before = copy(system), system.impulse * 0.9
+            for _ in range(4):
+                total = relax(0, len(own.slot), *flat(own, before), own.spin_factor, way)
+            results.append((total, bits(own.velocity, own.impulse, before)))
+        assert results[0] == results[1], name
+
+
+@kernel
+def measure_as_vectors(first, last, velocity, pair, frame, impulse, beta):
+    return vector_sweep.measure_batches(first, last, velocity, pair, frame, impulse, beta)
+
+
+@kernel
+def measure_one_by_one(first, last, velocity, pair, frame, impulse, beta):
+    return residual.measure_scalar(first, last, velocity, pair, frame, impulse, beta)
+
+
+@needs_vectors
+def test_residual_has_the_bits_of_the_scalar_one():
+    for name, system in systems():
+        arrays, whole = flat(system, system.impulse)[:4], len(system.slot)
+        for first, last in ((0, whole), (whole // 3, whole // 2)):
+            vectors = measure_as_vectors(first, last, *arrays, system.spin_factor)
+            assert vectors == measure_one_by_one(first, last, *arrays, system.spin_factor), name
+            assert vectors[3] <= np.count_nonzero(system.slot[first:last] >= 0), name  # empty lanes are never active
+
+
+@kernel
+def extrapolate_as_vectors(first, last, now, before, change, weight, factor):
+    return vector_sweep.extrapolate_rows(first, last, now, before, change, weight, factor)
+
+
+@kernel
+def extrapolate_one_by_one(first, last, now, before, change, weight, factor):
+    return extrapolate_scalar(first, last, now, before, change, weight, factor)
+
+
+@needs_vectors
+@pytest.mark.parametrize("factor", [0.0, 0.6])
+def test_extrapolation_has_the_bits_of_the_scalar_one(factor):
+    for rows in (0, 1, 5, 700):
+        given = np.random.default_rng(rows).normal(size=(4, 4 * rows))
+        results = []
+        for extrapolate in (extrapolate_as_vectors, extrapolate_one_by_one):
+            now, before, change, weight = given.copy()
+            products = extrapolate(rows // 3, rows, now, before, change, weight, factor)
+            results.append((products, bits(now, before, change)))
+        assert results[0] == results[1]
+
+
+@pytest.mark.parametrize("local", [EXACT, BIPOTENTIAL])
+def test_a_converged_problem_is_left_alone(local):
+    """A fixed point of the sweep is a solution, in batches too."""
+    system = real_system("shear-1008")
+    before = Before(system.impulse.copy(), system.general_impulse)
+    for _ in range(20_000 if local == EXACT else 1):
+        if sweep.sweep(system, before, local, WAYS[0], False, np.empty(1)) < 1e-26:
+            break
+    rms, largest, _, _ = residual.measure_residual(system, False)
+    assert local == BIPOTENTIAL or largest < 1e-10
+    assert rms <= largest
+
+
+FALLBACK = """
+import sys
+from multicor_cli.engine.contact.problem import ContactProblem, solve_contacts
+from multicor_cli.engine.contact.solve import Settings
+from multicor_cli.engine.jit.vectors import HAS_VECTORS
+assert not HAS_VECTORS
+solution = solve_contacts(ContactProblem.load(sys.argv[1]), Settings(max_sweeps=6))
+sys.stdout.buffer.write(solution.impulse.tobytes() + solution.velocity.tobytes())
+"""
+
+
+@needs_vectors
+def test_without_compilation_the_bits_are_the_same():
+    from multicor_cli.engine.contact.solve import Settings
+
+    path = DATA / "two-solutions.npz"
+    expected = solve_contacts(ContactProblem.load(path), Settings(max_sweeps=6))
+    run = subprocess.run(
+        [sys.executable, "-c", FALLBACK, str(path)], env={**os.environ, "NUMBA_DISABLE_JIT": "1"}, capture_output=True, check=True
+    )
+    assert run.stdout == bits(expected.impulse, expected.velocity)
