@@ -17,6 +17,7 @@ from multicor_cli.engine.contact.detection import StepContacts, WarmStart, find_
 from multicor_cli.engine.contact.gathering import gather_contacts
 from multicor_cli.engine.contact.problem import ContactProblem, problem_of_step
 from multicor_cli.engine.contact.report import PhysicsError, StepReport
+from multicor_cli.engine.contact.schedule import Scheduler
 from multicor_cli.engine.contact.solve import Outcome, ResidualScale, Settings, solve_system
 from multicor_cli.engine.contact.system import OrderedSystem, assemble
 from multicor_cli.engine.contact.table import tabulate_contacts
@@ -84,6 +85,7 @@ class Engine:
         self._mass = total(model.grains.mass)
         self.shape_temperature: Floats = np.empty(0)
         self._pace = ThreadChoice(self.threads)
+        self._scheduler = Scheduler()
         self._contacts: StepContacts | None = None
         self._after: Floats = np.empty((0, 4))
         self._last_scene: Scene | None = None
@@ -133,7 +135,7 @@ class Engine:
                     lists.update(self._middle, scene.world, reach)
                     self._measure_pairs(scene, reach)
                 worst = chunks_for(model.grain_count)
-                find_missed(scene, lists.row, lists.partner, lists.gap, margin, reach, after, dt, worst)
+                find_missed(scene, lists.row, lists.partner, lists.gap, lists.normal, margin, reach, after, dt, worst)
                 missed = float(worst.max())
             if missed == 0.0:
                 break
@@ -200,7 +202,7 @@ class Engine:
     def _measure_pairs(self, scene: Scene, reach: float) -> float:
         """Gaps of the listed pairs into the list; returns the largest approach speed of a pair nearer than ``reach`` [m/s]."""
         lists, fastest = self._list, chunks_for(self.model.grain_count)
-        measure_pairs(scene, lists.row, lists.partner, self._start, self._free, reach, lists.gap, fastest)
+        measure_pairs(scene, lists.row, lists.partner, self._start, self._free, reach, lists.gap, lists.normal, fastest)
         return float(fastest.max())
 
     def _reach_after(self, scene: Scene, after: Floats, dt: float) -> float:
@@ -221,14 +223,15 @@ class Engine:
 
     def _assemble(self, scene: Scene, contacts: StepContacts) -> OrderedSystem:
         model, motion = self.model, self._motion
-        return assemble(scene, contacts, self._free, motion.inverse, motion.is_free, model.mean_diameter, model.shape_factor)
+        schedule = self._scheduler.schedule(scene, contacts, motion.is_free, model.mean_diameter)
+        return assemble(scene, contacts, schedule, self._free, motion.inverse, model.shape_factor)
 
     def _gather(self, scene: Scene, margin: float, dt: float) -> tuple[StepContacts, ResidualScale]:
         """Contacts with a gap up to ``margin``, with their warm start, and the scale of the residuals."""
         state, model, lists = self.state, self.model, self._list
         warm = WarmStart(warm_rows(model.grain_count, state.contact_i), state.contact_j, state.contact_impulse)
         ratio = dt / state.last_dt if state.last_dt > 0.0 else 0.0
-        contacts, closing = gather_contacts(scene, lists, lists.gap, margin, model.laws, self._start, dt, warm, ratio)
+        contacts, closing = gather_contacts(scene, lists, margin, model.laws, self._start, dt, warm, ratio)
         scale = self._scale(dt, *closing)
         if scale.velocity == 0.0:
             # Nothing closes and nothing pushes: the impulses of the step before must not act once more.

@@ -105,3 +105,26 @@ def make_batches(pair: Ints, tile_start: NDArray[np.int64], bodies: int) -> tupl
     for t in range(tile_start.size - 1):
         start[t + 1] = start[t] + _schedule(pair, tile_start[t], tile_start[t + 1], start[t], slot, work)
     return slot[: start[-1]], start
+
+
+@kernel
+def fill_lanes(order: Ints, bodies: Ints, rows: int, tile_start: NDArray[np.int64], slot: Ints, pair: Ints) -> None:
+    """Put the bodies of the contacts into their lanes.
+
+    Args:
+        order: Contacts in the order of the sweep, shape ``(k,)``.
+        bodies: Rows of their bodies, shape ``(k, 2)``.
+        rows: Number of rows; two for the empty lanes of each tile follow, so that no two tiles share a body.
+        tile_start: First batch of each tile, shape ``(tiles + 1,)``.
+        slot: From `make_batches`, shape ``(q, 4)``; on return the contacts themselves in place of their ranks. **Modified.**
+        pair: Four times the rows of the bodies, shape ``(q, 2, 4)``. **Modified.**
+    """
+    for t in range(tile_start.size - 1):
+        for q in range(tile_start[t], tile_start[t + 1]):
+            for lane in range(LANES):
+                k = slot[q, lane]
+                if k >= 0:
+                    slot[q, lane] = order[k]
+                    pair[q, FIRST, lane], pair[q, SECOND, lane] = 4 * bodies[k, FIRST], 4 * bodies[k, SECOND]
+                else:
+                    pair[q, FIRST, lane], pair[q, SECOND, lane] = 4 * (rows + 2 * t), 4 * (rows + 2 * t + 1)

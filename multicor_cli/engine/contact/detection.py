@@ -84,9 +84,17 @@ def _normal_velocity(scene: Scene, velocity: Floats, i: int, j: int, nx: float, 
 
 @parallel_kernel
 def measure_pairs(
-    scene: Scene, row: NDArray[np.int64], partner: Ints, start: Floats, free: Floats, reach: float, gap: Floats, fastest: Floats
+    scene: Scene,
+    row: NDArray[np.int64],
+    partner: Ints,
+    start: Floats,
+    free: Floats,
+    reach: float,
+    gap: Floats,
+    normal: Floats,
+    fastest: Floats,
 ) -> None:
-    """Gaps of all listed pairs at q_m, and the largest approach speed among those nearer than ``reach``.
+    """Gaps and normals of all listed pairs at q_m, and the largest approach speed among those nearer than ``reach``.
 
     Args:
         scene: Shapes at q_m.
@@ -96,6 +104,7 @@ def measure_pairs(
         free: Free velocities, shape ``(bodies, 4)``.
         reach: No pair farther apart can touch in this step [m].
         gap: Gaps [m], shape ``(pairs,)``. **Modified.**
+        normal: Normals n_x, n_y, from j to i, shape ``(pairs, 2)``. **Modified.**
         fastest: Largest approach speed in each chunk of grains, at the start or free [m/s]; 0 if nothing approaches, shape
             ``(chunks, 1)``. **Modified.**
     """
@@ -106,7 +115,7 @@ def measure_pairs(
             for p in range(row[i], row[i + 1]):
                 j = partner[p]
                 g, nx, ny = pair_geometry(scene, i, j)
-                gap[p] = g
+                gap[p], normal[p, X], normal[p, Y] = g, nx, ny
                 if g < reach:
                     best = max(best, -_normal_velocity(scene, start, i, j, nx, ny, g))
                     best = max(best, -_normal_velocity(scene, free, i, j, nx, ny, g))
@@ -158,17 +167,17 @@ def _fill_contact(
     c: int,
     i: int,
     j: int,
+    gap: float,
+    nx: float,
+    ny: float,
     scene: Scene,
     laws: ContactLaws,
     start: Floats,
     dt: float,
-    warm: WarmStart,
-    scale: float,
     out: StepContacts,
 ) -> float:
-    """Fill row ``c`` of ``out``; returns min(u_n⁻, 0) if the contact closes within the step, else 0."""
+    """Fill row ``c`` of ``out``, impulses left out; returns min(u_n⁻, 0) if the contact closes within the step, else 0."""
     count = scene.radius.size
-    gap, nx, ny = pair_geometry(scene, i, j)
     lx, ly = 0.0, 0.0
     if j < count:
         u_n, u_t = relative_velocity(start, i, j, nx, ny, False, lx, ly)
@@ -186,12 +195,19 @@ def _fill_contact(
     out.frame[c, MU] = mu
     out.before[c, NORMAL], out.before[c, TANGENTIAL] = u_n, u_t
     out.lever[c, X], out.lever[c, Y] = lx, ly
-    out.impulse[c, NORMAL], out.impulse[c, TANGENTIAL] = 0.0, 0.0
-    for k in range(warm.row[i], warm.row[i + 1]):
-        if warm.j[k] == j:
-            out.impulse[c, NORMAL] = scale * warm.impulse[k, NORMAL]
-            out.impulse[c, TANGENTIAL] = scale * warm.impulse[k, TANGENTIAL]
     return min(u_n, 0.0) if gap + dt * u_n <= 0.0 else 0.0
+
+
+@formula
+def _start_warm(c: int, j: int, k: int, last: int, warm: WarmStart, scale: float, out: StepContacts) -> int:
+    """Start contact ``c`` with j from the impulses of the step before, if it is among ``k … last-1``; returns where to go on."""
+    while k < last and warm.j[k] < j:  # both ascend
+        k += 1
+    if k < last and warm.j[k] == j:
+        out.impulse[c, NORMAL], out.impulse[c, TANGENTIAL] = scale * warm.impulse[k, NORMAL], scale * warm.impulse[k, TANGENTIAL]
+    else:
+        out.impulse[c, NORMAL], out.impulse[c, TANGENTIAL] = 0.0, 0.0
+    return k
 
 
 @parallel_kernel
@@ -201,6 +217,7 @@ def fill_contacts(
     row: NDArray[np.int64],
     partner: Ints,
     gap: Floats,
+    normal: Floats,
     margin: float,
     kept: NDArray[np.int64],
     start: Floats,
@@ -218,6 +235,7 @@ def fill_contacts(
         row: Rows of the neighbor list, shape ``(n + 1,)``.
         partner: Partners in the list.
         gap: Gaps of the listed pairs [m].
+        normal: Their normals.
         margin: Pairs with a larger gap are left out [m].
         kept: Row pointers from `count_contacts`.
         start: Body velocities at the start of the step, shape ``(bodies, 4)``.
@@ -232,9 +250,12 @@ def fill_contacts(
     for chunk in prange(closing.shape[0]):
         for i in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
             c = kept[i]
+            last, k = warm.row[i + 1], warm.row[i]
             for p in range(row[i], row[i + 1]):
                 if gap[p] <= margin:
-                    u = _fill_contact(c, i, partner[p], scene, laws, start, dt, warm, scale, out)
+                    j = partner[p]
+                    u = _fill_contact(c, i, j, gap[p], normal[p, X], normal[p, Y], scene, laws, start, dt, out)
+                    k = _start_warm(c, j, k, last, warm, scale, out)
                     if u < 0.0:
                         closing[chunk, 0] += u * u
                         closing[chunk, 1] += 1.0
@@ -258,6 +279,7 @@ def find_missed(
     row: NDArray[np.int64],
     partner: Ints,
     gap: Floats,
+    normal: Floats,
     margin: float,
     reach: float,
     after: Floats,
@@ -276,8 +298,7 @@ def find_missed(
             for p in range(row[i], row[i + 1]):
                 g = gap[p]
                 if g > margin and g < reach:
-                    _, nx, ny = pair_geometry(scene, i, partner[p])
-                    u_n = _normal_velocity(scene, after, i, partner[p], nx, ny, g)
+                    u_n = _normal_velocity(scene, after, i, partner[p], normal[p, X], normal[p, Y], g)
                     if g + dt * u_n < 0.0:
                         best = max(best, -u_n)
         worst[chunk, 0] = best

@@ -15,7 +15,6 @@ from multicor_cli.model.model import ContactLaws, Floats
 def gather_contacts(
     scene: Scene,
     lists: NeighborList,
-    gap: Floats,
     margin: float,
     laws: ContactLaws,
     start: Floats,
@@ -27,12 +26,14 @@ def gather_contacts(
 
     Also returns the sum of min(u_n⁻, 0)² over closing contacts [m²/s²] and their number, shape ``(2,)``.
     """
-    kept = count_contacts(lists.row, gap, margin)
+    kept = count_contacts(lists.row, lists.gap, margin)
     count = int(kept[-1])
     contacts = StepContacts(
         np.empty(count, np.int32), np.empty(count, np.int32), np.empty((count, 5)), np.empty((count, 2)),
         np.empty((count, 2)), np.empty((count, 2)),
     )  # fmt: skip
     closing = chunks_for(lists.row.size - 1, 2)
-    fill_contacts(scene, laws, lists.row, lists.partner, gap, margin, kept, start, dt, warm, ratio, contacts, closing)
+    fill_contacts(
+        scene, laws, lists.row, lists.partner, lists.gap, lists.normal, margin, kept, start, dt, warm, ratio, contacts, closing
+    )
     return contacts, column_totals(closing)

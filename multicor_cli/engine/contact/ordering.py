@@ -18,21 +18,22 @@ from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.model.columns import FIRST, GAP, SECOND, X, Y
 from multicor_cli.model.model import Floats, Ints
 
-HEAVY = 16  # a grain with more contacts than this is relaxed serially
+MANY = 16  # contacts of a grain from which on they are heavy: relaxed serially
+
+TILED, HEAVY, GENERAL = 0, 1, 2
+"""Classes of contacts."""
 
 COLORS = 4
 STREAMS = 4  # parts of a tile whose contacts take turns
 
 
 @kernel
-def classify_contacts(
-    scene: Scene, contacts: StepContacts, wall_is_free: NDArray[np.bool_]
-) -> tuple[NDArray[np.int8], float, NDArray[np.int64]]:
+def classify_contacts(scene: Scene, contacts: StepContacts, wall_is_free: NDArray[np.bool_]) -> tuple[NDArray[np.int8], float]:
     """Say how each contact is relaxed.
 
     Returns:
-        Class of each contact (0 tiled, 1 heavy, 2 with a wall that has a free degree of freedom), the largest distance in x or y
-        between the grains of a tiled contact [m], and the numbers of contacts in the classes, shape ``(3,)``.
+        Class of each contact (`TILED`, `HEAVY`, or `GENERAL`: with a wall that has a free degree of freedom), shape ``(c,)``, and
+        the largest distance in x or y between the grains of a tiled contact [m].
     """
     n = scene.radius.size
     degree = np.zeros(n, np.int32)
@@ -41,89 +42,105 @@ def classify_contacts(
         if contacts.j[c] < n:
             degree[contacts.j[c]] += 1
     classes = np.zeros(contacts.i.size, np.int8)
-    sizes = np.zeros(3, np.int64)
     span = 0.0
     for c in range(contacts.i.size):
         i, j = contacts.i[c], contacts.j[c]
         if j >= n:
             if wall_is_free[scene.wall[j - n]]:
-                classes[c] = 2
-            elif degree[i] > HEAVY:
-                classes[c] = 1
-        elif degree[i] > HEAVY or degree[j] > HEAVY:
-            classes[c] = 1
+                classes[c] = GENERAL
+            elif degree[i] > MANY:
+                classes[c] = HEAVY
+        elif degree[i] > MANY or degree[j] > MANY:
+            classes[c] = HEAVY
         else:
             span = max(span, scene.radius[i] + scene.radius[j] + contacts.frame[c, GAP])
-        sizes[classes[c]] += 1
-    return classes, span, sizes
+    return classes, span
 
 
 @kernel
-def order_contacts(
+def color_tiles(columns: int, rows: int) -> NDArray[np.int64]:
+    """First tile of each color, shape ``(COLORS + 1,)``: tiles are numbered color by color."""
+    half_x, half_y = (columns + 1) // 2, (rows + 1) // 2
+    start = np.zeros(COLORS + 1, np.int64)
+    for color in range(COLORS):
+        wide = half_x if color % 2 == 0 else columns - half_x
+        high = half_y if color // 2 == 0 else rows - half_y
+        start[color + 1] = start[color] + wide * high
+    return start
+
+
+@kernel
+def assign_tiles(
     scene: Scene,
     contacts: StepContacts,
     classes: NDArray[np.int8],
-    sizes: NDArray[np.int64],
     columns: int,
     rows: int,
     corner: Floats,
     width: float,
     height: float,
-) -> tuple[Ints, Ints, NDArray[np.int64], NDArray[np.int64]]:
-    """Sort contacts by color, tile and key.
+    color_start: NDArray[np.int64],
+) -> Ints:
+    """Tile of each contact, shape ``(c,)``: that of its grain i; one more for all heavy contacts, and -1 for general ones.
 
     Args:
         scene: Positions at q_m.
         contacts: Contacts sorted by key.
         classes: From `classify_contacts`.
-        sizes: From `classify_contacts`.
         columns: Number of tiles in x; even or 1 if the domain is periodic.
         rows: Number of tiles in y.
         corner: Lower left corner of the first tile [m], shape ``(2,)``.
         width: Width of a tile [m].
         height: Height of a tile [m].
+        color_start: From `color_tiles`.
+    """
+    half_x = (columns + 1) // 2
+    tile = np.empty(contacts.i.size, np.int32)
+    last, of_last = -1, 0  # contacts of a grain follow each other
+    for c in range(contacts.i.size):
+        if classes[c] == TILED:
+            i = contacts.i[c]
+            if i != last:
+                tx = min(max(int((scene.position[i, X] - corner[X]) / width), 0), columns - 1)
+                ty = min(max(int((scene.position[i, Y] - corner[Y]) / height), 0), rows - 1)
+                wide = half_x if tx % 2 == 0 else columns - half_x
+                last, of_last = i, color_start[tx % 2 + 2 * (ty % 2)] + (ty // 2) * wide + tx // 2
+            tile[c] = of_last
+        else:
+            tile[c] = color_start[COLORS] if classes[c] == HEAVY else -1
+    return tile
+
+
+@kernel
+def order_contacts(tile: Ints, tiles: int) -> tuple[Ints, Ints, NDArray[np.int64]]:
+    """Sort contacts by tile and key.
+
+    Args:
+        tile: From `assign_tiles`.
+        tiles: Number of tiles, that of the heavy contacts included.
 
     Returns:
-        Contacts of classes 0 and 1 in the order of the sweep; those of class 2; the start of each tile in the order, shape
-        ``(tiles + 1,)``; the first tile of each color, shape ``(5,)``. The last tile has no color: the contacts of class 1.
+        Light contacts in the order of the sweep, general contacts, and the start of each tile in the order, shape ``(tiles + 1,)``.
     """
-    # Tiles are numbered color by color, so that sorting by tile number sorts by color too.
-    half_x, half_y = (columns + 1) // 2, (rows + 1) // 2
-    color_start = np.zeros(COLORS + 1, np.int64)
-    for color in range(COLORS):
-        wide = half_x if color % 2 == 0 else columns - half_x
-        high = half_y if color // 2 == 0 else rows - half_y
-        color_start[color + 1] = color_start[color] + wide * high
-    tile = np.empty(contacts.i.size, np.int32)
-    start = np.zeros(color_start[COLORS] + 2, np.int64)
-    for c in range(contacts.i.size):
-        if classes[c] == 0:
-            i = contacts.i[c]
-            tx = min(max(int((scene.position[i, X] - corner[X]) / width), 0), columns - 1)
-            ty = min(max(int((scene.position[i, Y] - corner[Y]) / height), 0), rows - 1)
-            color = tx % 2 + 2 * (ty % 2)
-            wide = half_x if tx % 2 == 0 else columns - half_x
-            tile[c] = color_start[color] + (ty // 2) * wide + tx // 2
+    start = np.zeros(tiles + 1, np.int64)
+    for c in range(tile.size):
+        if tile[c] >= 0:
             start[tile[c] + 1] += 1
-    for t in range(color_start[COLORS]):
+    for t in range(tiles):
         start[t + 1] += start[t]
-    start[-1] = sizes[0] + sizes[1]
     fill = start[:-1].copy()
-    order = np.empty(sizes[0] + sizes[1], np.int32)
-    general = np.empty(sizes[2], np.int32)
-    heavy_at, general_at = sizes[0], 0
-    for c in range(contacts.i.size):
-        if classes[c] == 0:
+    order = np.empty(start[-1], np.int32)
+    general = np.empty(tile.size - start[-1], np.int32)
+    found = 0
+    for c in range(tile.size):
+        if tile[c] >= 0:
             order[fill[tile[c]]] = c
             fill[tile[c]] += 1
-        elif classes[c] == 1:
-            order[heavy_at] = c
-            heavy_at += 1
         else:
-            general[general_at] = c
-            general_at += 1
+            general[found] = c
+            found += 1
     _interleave(order, start[:-1])
-    return order, general, start, color_start
+    return order, general, start
 
 
 @kernel
@@ -148,7 +165,7 @@ def _interleave(order: Ints, start: NDArray[np.int64]) -> None:
 
 
 @kernel
-def number_bodies(scene: Scene, contacts: StepContacts, order: Ints, general: Ints, walls: int) -> tuple[Ints, Ints, int]:
+def number_bodies(i: Ints, j: Ints, order: Ints, general: Ints, grains: int, walls: int) -> tuple[Ints, Ints, int]:
     """Rows of the bodies in the velocities of the sweep: grains in the order in which the sweep first meets them, walls, anchors.
 
     However grains are numbered, a tile then reads and writes one piece of memory: three times faster where the velocities of all
@@ -156,41 +173,40 @@ def number_bodies(scene: Scene, contacts: StepContacts, order: Ints, general: In
     the velocity of the wall at the contact. The sweep then needs no branch, and no two contacts share an anchor.
 
     Args:
-        scene: Shapes at q_m.
-        contacts: Contacts sorted by key.
+        i: Grain of each contact.
+        j: Grain, or wall shape (a number beyond those of the grains), of each contact.
         order: Light contacts in the order of the sweep, shape ``(k,)``.
         general: General contacts.
+        grains: Number of grains.
         walls: Number of walls.
 
     Returns:
         Row of each grain, shape ``(n,)``; rows of the bodies of each light contact in the order of the sweep, shape ``(k, 2)``; and
         the number of rows.
     """
-    n = scene.radius.size
-    place = np.full(n, -1, np.int32)
+    place = np.full(grains, -1, np.int32)
     pair = np.empty((order.size, 2), np.int32)
-    found, rows = 0, n + walls
+    found, rows = 0, grains + walls
     for k in range(order.size):
-        i, j = contacts.i[order[k]], contacts.j[order[k]]
-        if place[i] < 0:
-            place[i] = found
+        first, second = i[order[k]], j[order[k]]
+        if place[first] < 0:
+            place[first] = found
             found += 1
-        pair[k, FIRST] = place[i]
-        if j >= n:
+        pair[k, FIRST] = place[first]
+        if second >= grains:
             pair[k, SECOND] = rows
             rows += 1
             continue
-        if place[j] < 0:
-            place[j] = found
+        if place[second] < 0:
+            place[second] = found
             found += 1
-        pair[k, SECOND] = place[j]
+        pair[k, SECOND] = place[second]
     for k in range(general.size):  # with walls
-        i = contacts.i[general[k]]
-        if place[i] < 0:
-            place[i] = found
+        if place[i[general[k]]] < 0:
+            place[i[general[k]]] = found
             found += 1
-    for i in range(n):  # those that touch nothing
-        if place[i] < 0:
-            place[i] = found
+    for grain in range(grains):  # those that touch nothing
+        if place[grain] < 0:
+            place[grain] = found
             found += 1
     return place, pair, rows

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from numpy.typing import NDArray
 
 from multicor_cli.engine.contact.detection import StepContacts
 from multicor_cli.engine.geometry.scene import Scene
@@ -47,9 +46,8 @@ def pack_bodies(free: Floats, place: Ints, velocity: Floats) -> None:
 
 
 @loop_body
-def _leave_empty(q: int, lane: int, row: int, pair: Ints, frame: Floats, impulse: Floats) -> None:
-    """A lane without contact: two bodies that nothing moves, and 1/W = 1, for a residual is measured there too."""
-    pair[q, FIRST, lane], pair[q, SECOND, lane] = 4 * row, 4 * (row + 1)
+def _leave_empty(q: int, lane: int, frame: Floats, impulse: Floats) -> None:
+    """A lane without contact; 1/W = 1, for a residual is measured there too."""
     for d in range(5):
         frame[q, d, lane] = 0.0
     frame[q, MASS, lane] = 1.0
@@ -58,56 +56,38 @@ def _leave_empty(q: int, lane: int, row: int, pair: Ints, frame: Floats, impulse
 
 @parallel_kernel
 def pack_contacts(
-    scene: Scene,
-    contacts: StepContacts,
-    order: Ints,
-    rows: Ints,
-    empty: int,
-    tile_start: NDArray[np.int64],
-    slot: Ints,
-    velocity: Floats,
-    pair: Ints,
-    frame: Floats,
-    impulse: Floats,
+    scene: Scene, contacts: StepContacts, slot: Ints, pair: Ints, velocity: Floats, frame: Floats, impulse: Floats
 ) -> None:
     """Copy contacts into their lanes, and give the anchors of walls their velocities.
 
     Args:
         scene: Shapes at q_m.
         contacts: Contacts sorted by key.
-        order: Light contacts in the order of the sweep, shape ``(k,)``.
-        rows: Their bodies, from `number_bodies`, shape ``(k, 2)``.
-        empty: Row of the first body of empty lanes: two for each tile.
-        tile_start: First batch of each tile.
-        slot: From `make_batches`, shape ``(q, 4)``; on return the contact itself in place of its rank. **Modified.**
+        slot: Contact in each lane, shape ``(q, 4)``.
+        pair: Their bodies as in `System`, shape ``(q, 2, 4)``.
         velocity: From `pack_bodies`. **Modified.**
-        pair: As in `System`, shape ``(q, 2, 4)``. **Modified.**
         frame: As in `System`, shape ``(q, 5, 4)``. **Modified.**
         impulse: As in `System`, shape ``(q, 2, 4)``. **Modified.**
     """
     n = scene.radius.size
-    for t in prange(tile_start.size - 1):
-        for q in range(tile_start[t], tile_start[t + 1]):
-            for lane in range(LANES):
-                k = slot[q, lane]
-                if k < 0:
-                    _leave_empty(q, lane, empty + 2 * t, pair, frame, impulse)
-                    continue
-                c = order[k]
-                i, j = np.int64(rows[k, FIRST]), np.int64(rows[k, SECOND])
-                if contacts.j[c] >= n:
-                    wall = n + scene.wall[contacts.j[c] - n]
-                    velocity[j, X] = velocity[wall, X] - velocity[wall, SURFACE] * contacts.lever[c, Y]
-                    velocity[j, Y] = velocity[wall, Y] + velocity[wall, SURFACE] * contacts.lever[c, X]
-                    velocity[j, SURFACE] = 0.0
-                    velocity[j, INVERSE_MASS] = 0.0
-                slot[q, lane] = c
-                pair[q, FIRST, lane], pair[q, SECOND, lane] = 4 * i, 4 * j
-                frame[q, NX, lane], frame[q, NY, lane] = contacts.frame[c, NX], contacts.frame[c, NY]
-                frame[q, MASS, lane] = 1.0 / (velocity[i, INVERSE_MASS] + velocity[j, INVERSE_MASS])
-                frame[q, BIAS, lane], frame[q, MU, lane] = contacts.frame[c, BIAS], contacts.frame[c, MU]
-                impulse[q, NORMAL, lane] = contacts.impulse[c, NORMAL]
-                impulse[q, TANGENTIAL, lane] = contacts.impulse[c, TANGENTIAL]
+    for q in prange(slot.shape[0]):
+        for lane in range(LANES):
+            c = slot[q, lane]
+            if c < 0:
+                _leave_empty(q, lane, frame, impulse)
+                continue
+            i, j = pair[q, FIRST, lane] // 4, pair[q, SECOND, lane] // 4
+            if contacts.j[c] >= n:
+                wall = n + scene.wall[contacts.j[c] - n]
+                velocity[j, X] = velocity[wall, X] - velocity[wall, SURFACE] * contacts.lever[c, Y]
+                velocity[j, Y] = velocity[wall, Y] + velocity[wall, SURFACE] * contacts.lever[c, X]
+                velocity[j, SURFACE] = 0.0
+                velocity[j, INVERSE_MASS] = 0.0
+            frame[q, NX, lane], frame[q, NY, lane] = contacts.frame[c, NX], contacts.frame[c, NY]
+            frame[q, MASS, lane] = 1.0 / (velocity[i, INVERSE_MASS] + velocity[j, INVERSE_MASS])
+            frame[q, BIAS, lane], frame[q, MU, lane] = contacts.frame[c, BIAS], contacts.frame[c, MU]
+            impulse[q, NORMAL, lane] = contacts.impulse[c, NORMAL]
+            impulse[q, TANGENTIAL, lane] = contacts.impulse[c, TANGENTIAL]
 
 
 @kernel

@@ -33,27 +33,46 @@ def _vector(i: int, vectors: Floats, origin: Floats, period: float) -> tuple[flo
 
 
 @formula
-def _add_to_sums(x: float, y: float, u: float, v: float, row: int, sums: Floats) -> None:
-    sums[row, _SUM_X] += x
-    sums[row, _SUM_Y] += y
-    sums[row, _SUM_XX] += x * x
-    sums[row, _SUM_XY] += x * y
-    sums[row, _SUM_YY] += y * y
-    sums[row, _SUM_U] += u
-    sums[row, _SUM_V] += v
-    sums[row, _SUM_XU] += x * u
-    sums[row, _SUM_XV] += x * v
-    sums[row, _SUM_YU] += y * u
-    sums[row, _SUM_YV] += y * v
+def _add_sums(
+    first: int, last: int, vectors: Floats, origin: Floats, position: Floats, period: float, row: int, out: Floats
+) -> None:
+    """Write the sums of a chunk of grains. Numbers, not elements of an array, are added to: three times faster."""
+    sx, sy, sxx, sxy, syy, su, sv, sxu, sxv, syu, syv = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(first, last):
+        x, y = position[i, X] - position[0, X], position[i, Y] - position[0, Y]
+        u, v = _vector(i, vectors, origin, period)
+        sx += x
+        sy += y
+        sxx += x * x
+        sxy += x * y
+        syy += y * y
+        su += u
+        sv += v
+        sxu += x * u
+        sxv += x * v
+        syu += y * u
+        syv += y * v
+    out[row, _SUM_X], out[row, _SUM_Y], out[row, _SUM_U], out[row, _SUM_V] = sx, sy, su, sv
+    out[row, _SUM_XX], out[row, _SUM_XY], out[row, _SUM_YY] = sxx, sxy, syy
+    out[row, _SUM_XU], out[row, _SUM_XV], out[row, _SUM_YU], out[row, _SUM_YV] = sxu, sxv, syu, syv
 
 
 @formula
-def _compare_with_fit(x: float, y: float, u: float, v: float, fit: Floats, row: int, farthest: Floats) -> None:
-    du = u - fit[AT_ORIGIN, X] - x * fit[PER_X, X] - y * fit[PER_Y, X]
-    dv = v - fit[AT_ORIGIN, Y] - x * fit[PER_X, Y] - y * fit[PER_Y, Y]
-    farthest[row, _DEVIATION] = max(farthest[row, _DEVIATION], du * du + dv * dv)
-    farthest[row, _LARGEST_U] = max(farthest[row, _LARGEST_U], abs(u))
-    farthest[row, _LARGEST_V] = max(farthest[row, _LARGEST_V], abs(v))
+def _compare_with_fit(
+    first: int, last: int, vectors: Floats, origin: Floats, position: Floats, period: float, fit: Floats, row: int, out: Floats
+) -> None:
+    """Write the largest square of a deviation from the fit and the largest components in a chunk of grains."""
+    a_x, a_y, xx, xy, yx, yy = fit[AT_ORIGIN, X], fit[AT_ORIGIN, Y], fit[PER_X, X], fit[PER_X, Y], fit[PER_Y, X], fit[PER_Y, Y]
+    deviation, largest_u, largest_v = 0.0, 0.0, 0.0
+    for i in range(first, last):
+        x, y = position[i, X] - position[0, X], position[i, Y] - position[0, Y]
+        u, v = _vector(i, vectors, origin, period)
+        du = u - a_x - x * xx - y * yx
+        dv = v - a_y - x * xy - y * yy
+        deviation = max(deviation, du * du + dv * dv)
+        largest_u = max(largest_u, abs(u))
+        largest_v = max(largest_v, abs(v))
+    out[row, _DEVIATION], out[row, _LARGEST_U], out[row, _LARGEST_V] = deviation, largest_u, largest_v
 
 
 @formula
@@ -92,25 +111,20 @@ def fit_affine(vectors: Floats, origin: Floats, position: Floats, period: float,
         position: Grains, shape ``(n, ≥ 2)``.
         period: Period in x [m] or 0; the field does not depend on x if there is one.
         fit: The field: its value at the first grain, its changes per length in x and in y, shape ``(3, 2)``. **Modified.**
-        out: One row per chunk of grains, zero, shape ``(chunks, 11)``. **Modified**: the first row begins with the largest square
+        out: One row per chunk of grains, shape ``(chunks, 11)``. **Modified**: the first row begins with the largest square
             of a deviation from the field, and the largest components in x and in y.
     """
     count = position.shape[0]
     for has_fit in range(2):  # one loop for both passes compiles faster than two
         for chunk in prange(out.shape[0]):
-            for i in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
-                x, y = position[i, X] - position[0, X], position[i, Y] - position[0, Y]
-                u, v = _vector(i, vectors, origin, period)
-                if has_fit:
-                    _compare_with_fit(x, y, u, v, fit, chunk, out)
-                else:
-                    _add_to_sums(x, y, u, v, chunk, out)
+            first, last = chunk * CHUNK, min(count, (chunk + 1) * CHUNK)
+            if has_fit:
+                _compare_with_fit(first, last, vectors, origin, position, period, fit, chunk, out)
+            else:
+                _add_sums(first, last, vectors, origin, position, period, chunk, out)
         _fold(out, has_fit == 1)
         if not has_fit:
             _least_squares(count, out, period > 0.0, fit)
-            for chunk in range(out.shape[0]):
-                for k in range(out.shape[1]):
-                    out[chunk, k] = 0.0
 
 
 @kernel

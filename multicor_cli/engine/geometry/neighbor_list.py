@@ -27,7 +27,8 @@ class NeighborList:
         row: Rows of the grains, shape ``(n + 1,)``.
         partner: Shapes near each grain, ascending within a row.
         gap: Work space for the gaps of the listed pairs at mid-step [m].
-        gap_after: The same at the end of the step [m].
+        normal: Work space for their normals, shape ``(pairs, 2)``.
+        gap_after: The gaps at the end of the step [m].
         complete: Gap up to which all pairs are listed, at the positions of the last update [m].
         builds: How often the list was built.
         largest: Largest diameter of a disc [m].
@@ -51,6 +52,7 @@ class NeighborList:
         self.row: NDArray[np.int64] = np.zeros(model.grain_count + 1, np.int64)
         self.partner: Ints = np.empty(0, np.int32)
         self.gap: Floats = np.empty(0)
+        self.normal: Floats = np.empty((0, 2))
         self.gap_after: Floats = np.empty(0)
         self.complete = -1.0
         self.builds = 0
@@ -94,7 +96,8 @@ class NeighborList:
         self.row, self.partner = find_near(
             grids, model.grain_count, centers, self._radius, self._shape_of, self._others, shapes.kind, world, cutoff, model.period
         )
-        self.gap, self.gap_after = np.empty(self.partner.size), np.empty(self.partner.size)
+        pairs = self.partner.size
+        self.gap, self.normal, self.gap_after = np.empty(pairs), np.empty((pairs, 2)), np.empty(pairs)
         self._cutoff = cutoff
         self._reference = position[:, :2].copy()
         self._reference_world = world.copy()
