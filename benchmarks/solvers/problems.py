@@ -13,21 +13,26 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from multicor_cli import open_run
 from multicor_cli.bench.driving import prepare
 from multicor_cli.bench.scenes import SCENES
 from multicor_cli.engine import Engine
 from multicor_cli.engine import step as engine_module
+from multicor_cli.engine.contact.one_by_one import OneByOne, batch
 from multicor_cli.engine.contact.solve import ResidualScale, Settings
 from multicor_cli.engine.contact.sweep import System, add_impulses
 from multicor_cli.engine.jit.cache import cache_name
+from multicor_cli.engine.jit.chunks import aligned
+from multicor_cli.model.columns import FIRST, INVERSE_MASS, MASS, MU, NY, SECOND, Y
 from multicor_cli.model.model import Floats, Ints
 from multicor_cli.packing import build
 from multicor_cli.scenario import parse_scenario
 
-_FORMAT = 3
+_FORMAT = 4
 _CHANGING = ("velocity", "impulse", "general_impulse")
+_ARRAYS = tuple(field for field in System._fields if field not in {"spin_factor", "contacts"})
 
 
 @dataclass(frozen=True)
@@ -47,7 +52,7 @@ class Problem:
     @property
     def contacts(self) -> int:
         """Number of contacts considered."""
-        return len(self.system.pair) + len(self.system.general_pair)
+        return self.system.contacts
 
     def copy(self) -> System:
         """A system that may be changed."""
@@ -73,21 +78,29 @@ class Problem:
 
 def copy_system(system: System) -> System:
     """A copy of what sweeps change; the rest is shared."""
-    return system._replace(**{name: getattr(system, name).copy() for name in _CHANGING})
+    return system._replace(**{name: _copy(getattr(system, name)) for name in _CHANGING})
+
+
+def _copy(array: NDArray[Any]) -> NDArray[Any]:
+    """A copy that begins at a cache line, as all arrays of a system do."""
+    copied = aligned(array.shape, array.dtype.type)
+    copied[:] = array
+    return copied
 
 
 def column(count: int = 116) -> Problem:
     """A column of equal discs on a floor, at rest, under gravity: cold start of a problem whose solution is known."""
     velocity = np.zeros((count + 1, 4))
-    velocity[:count, 1], velocity[:count, 3] = -9.81e-3, 1.0
+    velocity[:count, Y], velocity[:count, INVERSE_MASS] = -9.81e-3, 1.0
     order = np.arange(count)
     pair = np.column_stack([order, np.where(order > 0, order - 1, count)]).astype(np.int32)
     frame = np.zeros((count, 5))
-    frame[:, 1], frame[:, 4] = 1.0, 0.5
-    frame[:, 2] = 1.0 / (velocity[pair[:, 0], 3] + velocity[pair[:, 1], 3])
+    frame[:, NY], frame[:, MU] = 1.0, 0.5
+    frame[:, MASS] = 1.0 / (velocity[pair[:, FIRST], INVERSE_MASS] + velocity[pair[:, SECOND], INVERSE_MASS])
+    light = batch(OneByOne(pair, frame, np.zeros((count, 2))), velocity)
     system = System(
-        velocity, np.zeros((count + 1, 3)), pair, frame, np.zeros((count, 2)), np.array([0, count]), np.array([0, 1]),
-        np.empty((0, 2), np.int32), np.empty((0, 7)), np.empty((0, 2, 2)), np.empty((0, 2)), 2.0,
+        light.velocity, np.zeros((count + 1, 3)), light.slot, light.pair, light.frame, light.impulse, light.tile_start,
+        np.array([0, 1]), np.empty((0, 2), np.int32), np.empty((0, 7)), np.empty((0, 2, 2)), np.empty((0, 2)), 2.0, count,
     )  # fmt: skip
     return Problem(f"column of {count}, cold", system, ResidualScale(9.81e-3, 0.5 * count * 9.81e-3**2))
 
@@ -124,7 +137,8 @@ def _by_grain(system: System, place: Ints) -> System:
     name = np.arange(len(velocity), dtype=np.int32)
     name[place] = np.arange(n, dtype=np.int32)
     copied = copy_system(system._replace(velocity=velocity))
-    return copied._replace(inverse=inverse, pair=name[system.pair], general_pair=name[system.general_pair])
+    pair = _copy(4 * name[system.pair // 4])
+    return copied._replace(inverse=inverse, pair=pair, general_pair=name[system.general_pair])
 
 
 def _record_scene(name: str, grains: int, seed: int, steps: int) -> list[tuple[System, ResidualScale]]:
@@ -213,8 +227,8 @@ def _load(path: Path, name: str) -> list[Problem]:
     with np.load(path, allow_pickle=False) as data:
         problems = []
         for number in range(int(data["count"])):
-            fields = {field: data[f"{number}.{field}"] for field in System._fields}
-            fields["spin_factor"] = float(fields["spin_factor"])
+            fields: dict[str, Any] = {field: _copy(data[f"{number}.{field}"]) for field in _ARRAYS}
+            fields["spin_factor"], fields["contacts"] = float(data[f"{number}.spin_factor"]), int(data[f"{number}.contacts"])
             scale = ResidualScale(*(float(value) for value in data[f"{number}.scale"]))
             problems.append(Problem(name, System(**fields), scale))
     return problems

@@ -7,15 +7,18 @@ from dataclasses import replace
 
 import numpy as np
 from methods import METHODS
+from numpy.typing import NDArray
 from problems import Problem
 from reference import Reference
 from sequences import Cost, measure_sequence
 
 from multicor_cli.engine.contact.sweep import System, add_impulses
+from multicor_cli.engine.jit.vectors import LANES
+from multicor_cli.model.columns import INVERSE_MASS, MU, NORMAL, TANGENTIAL
 from multicor_cli.model.model import Floats
 
 Start = Callable[[Problem, Problem | None], Floats]
-"""Impulses of the light contacts to start from, given a problem with its warm start, and that of the step before."""
+"""Impulses of the light contacts to start from, as in `System`: of a problem with its warm start, and that of the step before."""
 
 
 def measure_starts(
@@ -41,14 +44,21 @@ def _started(problem: Problem, impulse: Floats) -> Problem:
     return Problem(problem.name, system, problem.scale)
 
 
+def _keys(system: System) -> NDArray[np.int64]:
+    """The same number for the same two bodies, shape ``(4 q,)``."""
+    return (system.pair.min(axis=1).astype(np.int64) << 32 | system.pair.max(axis=1)).ravel()
+
+
 def _matched(now: System, before: System) -> Floats:
     """Warm start of the step before for the present contacts, which are those between the same grains; nan where there is none."""
-    keys = [np.minimum(*pair.T).astype(np.int64) << 32 | np.maximum(*pair.T) for pair in (now.pair, before.pair)]
-    order = np.argsort(keys[1])
-    place = np.minimum(np.searchsorted(keys[1][order], keys[0]), max(0, len(order) - 1))
+    keys, old_keys = _keys(now), _keys(before)
+    order = np.argsort(old_keys)
+    place = np.minimum(np.searchsorted(old_keys[order], keys), max(0, len(order) - 1))
     found = order[place]
-    grains = (now.velocity[now.pair, 3] > 0.0).all(axis=1)  # walls are numbered anew in each step
-    return np.where((grains & (keys[1][found] == keys[0]))[:, None], before.impulse[found], np.nan)
+    is_grain = (now.velocity[now.pair // 4, INVERSE_MASS] > 0.0).all(axis=1)  # walls are numbered anew in each step
+    is_same = is_grain & (old_keys[found] == keys).reshape(-1, LANES)
+    last = before.impulse[found // LANES, :, found % LANES].reshape(-1, LANES, 2).transpose(0, 2, 1)
+    return np.where(is_same[:, None], last, np.nan)
 
 
 def _extrapolate(factor: float) -> Start:
@@ -58,16 +68,16 @@ def _extrapolate(factor: float) -> Start:
             return impulse
         last = _matched(problem.system, before.system)
         moved = np.where(np.isnan(last) | (impulse <= 0.0), impulse, impulse + factor * (impulse - last))
-        normal = np.maximum(moved[:, 0], 0.0)
-        bound = problem.system.frame[:, 4] * normal
-        return np.column_stack([normal, np.clip(np.where(np.isnan(last[:, 1]), impulse[:, 1], moved[:, 1]), -bound, bound)])
+        normal = np.maximum(moved[:, NORMAL], 0.0)
+        bound = problem.system.frame[:, MU] * normal
+        return np.stack([normal, np.clip(moved[:, TANGENTIAL], -bound, bound)], axis=1)
 
     return start
 
 
 def _scaled(normal: float, tangential: float) -> Start:
     def start(problem: Problem, _before: Problem | None) -> Floats:
-        return np.asarray(problem.system.impulse * np.array([normal, tangential]))
+        return np.asarray(problem.system.impulse * np.array([[normal], [tangential]]))
 
     return start
 

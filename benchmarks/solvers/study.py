@@ -15,6 +15,9 @@ from reference import Reference, separation, solve_closely
 from sequences import Cost, measure_sequence
 from starts import measure_starts
 
+from multicor_cli.engine.contact.one_by_one import by_slot
+from multicor_cli.model.columns import NORMAL
+
 LEVELS = (1e-2, 1e-3, 1e-4)
 """Residuals for which tables give the cost: rms over u_ref, and maximum and energy in the proportions of the default tolerances."""
 
@@ -172,7 +175,8 @@ def exact_error(problem: Problem, reference: Reference, method: Method, target: 
     exact = problem.scale.velocity * np.arange(count, 0, -1)
     system = problem.copy()
     method(system, cap, reference.log(cap, tolerances(problem, target)))
-    return float(np.abs(system.impulse[:, 0] - exact).max() / exact[0])
+    found = by_slot(system.slot, system.impulse, count)[:, NORMAL]
+    return float(np.abs(found - exact).max() / exact[0])
 
 
 def _run_sequence(steps: list[Problem], plan: Plan) -> Series:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from methods.operators import Log, all_impulses, kernel, record, set_impulses
+from methods.operators import Log, all_impulses, copy_impulses, kernel, record, set_impulses
 from multicor_cli.engine.contact.acceleration import start_momentum
 from multicor_cli.engine.contact.sweep import EXACT, Relaxation, System, sweep
 from multicor_cli.model.model import Floats
@@ -38,10 +38,10 @@ def run_anderson(s: System, iterations: int, parameters: Floats, log: Log) -> in
     depth, bodies = int(parameters[0]) + 1, s.inverse.shape[0]
     impulse, partial, root = all_impulses(s), np.empty(s.tile_start.size - 1), np.sqrt(start_momentum(s).weight)
     changes, images = np.empty((depth, 4 * bodies)), np.empty((depth, impulse.shape[0], 2))
-    count, lowest = 0, np.inf
+    last, count, lowest = copy_impulses(s), 0, np.inf
     for number in range(iterations):
         before = s.velocity[:bodies].copy()
-        sweep(s, EXACT, Relaxation(1.0, 1.0), False, partial)
+        sweep(s, last, EXACT, Relaxation(1.0, 1.0, 0.0), False, partial)
         if record(s, log, number, number + 1.0):
             return number + 1
         change = ((s.velocity[:bodies] - before) * root).reshape(-1)

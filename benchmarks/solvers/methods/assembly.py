@@ -8,6 +8,7 @@ import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
 
+from multicor_cli.engine.contact.one_by_one import flatten
 from multicor_cli.engine.contact.sweep import System
 from multicor_cli.model.columns import BIAS, FIRST, MU, NORMAL, NX, NY, SECOND, TANGENTIAL
 from multicor_cli.model.model import Floats
@@ -43,11 +44,10 @@ class Assembly(NamedTuple):
 
 def assemble(s: System) -> Assembly:
     """The matrices of a system."""
-    lights, bodies = s.pair.shape[0], s.velocity.shape[0]
-    pair = np.concatenate([s.pair, s.general_pair]).astype(np.int64)
-    count = len(pair)
-    nx = np.concatenate([s.frame[:, NX], s.general_frame[:, NX]])
-    ny = np.concatenate([s.frame[:, NY], s.general_frame[:, NY]])
+    light, bodies = flatten(s), s.velocity.shape[0]
+    lights, count = len(light.pair), s.contacts
+    pair = np.concatenate([light.pair, s.general_pair]).astype(np.int64)
+    nx, ny, bias, friction = (np.concatenate([light.frame[:, column], s.general_frame[:, column]]) for column in (NX, NY, BIAS, MU))
     lever = np.zeros((count, 2, 2))
     lever[:lights, FIRST, TANGENTIAL], lever[:lights, SECOND, TANGENTIAL] = -1.0, 1.0
     lever[lights:] = s.general_lever
@@ -58,10 +58,7 @@ def assemble(s: System) -> Assembly:
         rows = np.tile(np.arange(count), 6)
         shape = (count, 3 * bodies)
         matrices.append(sparse.csr_matrix((np.concatenate(values), (rows, np.concatenate(places))), shape=shape))
-    return Assembly(
-        matrices[0], matrices[1], _inverse_masses(s).ravel(),
-        np.concatenate([s.frame[:, BIAS], s.general_frame[:, BIAS]]), np.concatenate([s.frame[:, MU], s.general_frame[:, MU]]),
-    )  # fmt: skip
+    return Assembly(matrices[0], matrices[1], _inverse_masses(s).ravel(), bias, friction)
 
 
 def _inverse_masses(s: System) -> Floats:

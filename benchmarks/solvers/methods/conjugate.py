@@ -21,6 +21,7 @@ from methods.operators import (
     spread_impulses,
 )
 from multicor_cli.engine.contact.sweep import System
+from multicor_cli.model.columns import INVERSE_MASS
 from multicor_cli.model.model import Floats
 
 
@@ -53,14 +54,14 @@ def run_conjugate(s: System, iterations: int, parameters: Floats, log: Log) -> i
     scales, impulse = contact_scales(s), all_impulses(s)
     gradient, image = np.empty_like(impulse), np.zeros_like(impulse)
     steepest, direction = np.empty_like(impulse), np.zeros_like(impulse)
-    velocity = np.zeros_like(s.velocity)
+    velocity = s.velocity.copy()
     curvature = 0.0
     for number in range(iterations):
         gather_velocities(s, s.velocity, True, gradient)
         _choose_directions(impulse, scales, gradient, steepest, direction)
         factor = -np.sum(steepest * image) / curvature if curvature > 0.0 else 0.0
         direction = steepest + factor * direction
-        velocity[:] = 0.0
+        velocity[:, :INVERSE_MASS] = 0.0
         spread_impulses(s, direction, velocity)
         gather_velocities(s, velocity, False, image)
         curvature = np.sum(direction * image)

@@ -16,7 +16,7 @@ class Loop:
     """The loop of the program on a system, a few sweeps at a time. It never stops by itself, and its clock runs while it sweeps.
 
     Attributes:
-        system: What is solved. After `sweep` it is ahead of the last iterate by the extrapolation.
+        system: What is solved. After `sweep` its velocities are ahead of the last iterate by the extrapolation.
         work: Sweep-equivalents so far.
         seconds: Time so far [s].
     """
@@ -33,7 +33,7 @@ class Loop:
     def restart(self) -> None:
         """Forget the momentum."""
         self._momentum = start_momentum(self.system)
-        self._memory = start_loop(self.system.pair.shape[0] + self.system.general_pair.shape[0])
+        self._memory = start_loop(self.system.contacts)
 
     def sweep(self, count: int) -> None:
         """Do some sweeps."""
@@ -47,17 +47,19 @@ class Loop:
         """Take back the extrapolation after the last sweep, and remember it for `advance`."""
         s, m = self.system, self._momentum
         bodies = m.velocity.shape[0]
-        self._ahead = (s.velocity[:bodies] - m.velocity, s.impulse - m.impulse, s.general_impulse - m.general_impulse)
-        s.velocity[:bodies], s.impulse[:], s.general_impulse[:] = m.velocity, m.impulse, m.general_impulse
+        self._left = s.velocity[:bodies].copy(), s.impulse.copy(), s.general_impulse.copy()
+        s.velocity[:bodies] = m.velocity
 
     def advance(self) -> None:
         """Extrapolate again, from wherever the system is now: a move since `retreat` does not count as momentum."""
         s, m = self.system, self._momentum
-        bodies = m.velocity.shape[0]
-        m.velocity[:], m.impulse[:], m.general_impulse[:] = s.velocity[:bodies], s.impulse, s.general_impulse
-        s.velocity[:bodies] += self._ahead[0]
-        s.impulse[:] += self._ahead[1]
-        s.general_impulse[:] += self._ahead[2]
+        ahead, impulse, general_impulse = self._left
+        now = s.velocity[: len(ahead)].copy()
+        s.velocity[: len(ahead)] = ahead + (now - m.velocity)
+        m.velocity[:] = now
+        # The next sweep extrapolates the impulses by their distance from the last ones.
+        m.before.impulse[:] += s.impulse - impulse
+        m.before.general_impulse[:] += s.general_impulse - general_impulse
 
     def note(self, log: Log, row: int) -> bool:
         """Write the errors, the work and the time of the present iterate; whether the residual is below ``log.stop``."""

@@ -21,6 +21,7 @@ from methods.operators import (
     spread_impulses,
 )
 from multicor_cli.engine.contact.sweep import System
+from multicor_cli.model.columns import INVERSE_MASS
 from multicor_cli.model.model import Floats
 
 _TRIES = 20
@@ -51,14 +52,14 @@ def run_gradient(s: System, iterations: int, parameters: Floats, log: Log) -> in
     scales, last = contact_scales(s), all_impulses(s)
     ahead, new = last.copy(), np.empty_like(last)
     gradient, image, ahead_gradient = np.empty_like(last), np.empty_like(last), np.empty_like(last)
-    velocity = np.zeros_like(s.velocity)
+    velocity = s.velocity.copy()
     gather_velocities(s, s.velocity, True, gradient)
     ahead_gradient[:] = gradient
     size, theta, work = 1.0, 1.0, 0.0
     for number in range(iterations):
         for _ in range(_TRIES):
             _step(ahead, ahead_gradient, scales, size, new)
-            velocity[:] = 0.0
+            velocity[:, :INVERSE_MASS] = 0.0
             change = new - ahead
             spread_impulses(s, change, velocity)
             gather_velocities(s, velocity, False, image)

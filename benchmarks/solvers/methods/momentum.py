@@ -10,79 +10,72 @@ Parameters, in this order:
 
 from __future__ import annotations
 
-from typing import Any
-
 import numpy as np
 
-from methods.operators import Log, kernel, record, relax_general, relax_light, sweep_backward
-from multicor_cli.engine.contact.acceleration import (
-    Momentum,
-    choose_factor,
-    extrapolate_impulse,
-    extrapolate_velocity,
-    inner_products,
-    start_loop,
-    start_momentum,
-)
-from multicor_cli.engine.contact.sweep import EXACT, Relaxation, System, sweep
+from methods.operators import Log, copy_impulses, kernel, record, sweep_backward
+from multicor_cli.engine.contact.acceleration import move_on, start_loop, start_momentum
+from multicor_cli.engine.contact.general import relax_general
+from multicor_cli.engine.contact.sweep import EXACT, Before, Relaxation, System, relax_lane, sweep
+from multicor_cli.engine.contact.vector_sweep import relax_batches
+from multicor_cli.engine.jit.vectors import LANES
+from multicor_cli.model.columns import BIAS, FIRST, NORMAL, NX, NY, SECOND, X, Y
 from multicor_cli.model.model import Floats, Ints
 
 
 @kernel
-def _sweep_tiles(s: System, inner: int) -> float:
-    """Each tile several times; the contacts beyond the tiles and the general ones once. Returns the squares of the last turn."""
+def _relax_generals(s: System, before: Before, factor: float) -> float:
+    """The general contacts as in the program's sweep."""
+    return relax_general(
+        s.velocity, s.inverse, s.general_pair, s.general_frame, s.general_lever, s.general_impulse, before.general_impulse,
+        True, factor,
+    )  # fmt: skip
+
+
+@kernel
+def _sweep_tiles(s: System, before: Before, spare: Before, factor: float, inner: int) -> float:
+    """Each tile several times; the contacts beyond the colors and the general ones once. Returns the squares of the last turn.
+
+    Impulses are extrapolated by ``factor`` in the first turn; in the others ``spare`` takes the last ones.
+    """
     velocity, pair, frame, impulse = s.velocity.reshape(-1), s.pair.reshape(-1), s.frame.reshape(-1), s.impulse.reshape(-1)
-    tile_start, beta, way, total = s.tile_start, s.spin_factor, Relaxation(1.0, 1.0), 0.0
-    for t in range(tile_start.size - 1):
-        for _ in range(inner):
-            square = 0.0
-            for k in range(tile_start[t], tile_start[t + 1]):
-                square += relax_light(np.uint64(k), velocity, pair, frame, impulse, beta, EXACT, way)
+    last, scratch, start, beta = before.impulse.reshape(-1), spare.impulse.reshape(-1), s.tile_start, s.spin_factor
+    total = 0.0
+    for t in range(start.size - 1):
+        square = relax_batches(start[t], start[t + 1], velocity, pair, frame, impulse, last, beta, 1.0, 1.0, factor)
+        for _ in range(1, inner if t < s.color_start[-1] else 1):
+            square = relax_batches(start[t], start[t + 1], velocity, pair, frame, impulse, scratch, beta, 1.0, 1.0, 0.0)
         total += square
-    for k in range(tile_start[-1], s.pair.shape[0]):
-        total += relax_light(np.uint64(k), velocity, pair, frame, impulse, beta, EXACT, way)
-    for g in range(s.general_pair.shape[0]):
-        total += relax_general(g, s, EXACT)
-    return total
+    return total + _relax_generals(s, before, factor)
 
 
 @kernel
-def _sweep_some(s: System, some: Ints) -> float:
-    """As the program's sweep, over some light contacts and all general ones."""
+def _sweep_some(s: System, before: Before, factor: float, some: Ints) -> float:
+    """As the program's sweep, over the light contacts in some lanes and all general ones."""
     velocity, pair, frame, impulse = s.velocity.reshape(-1), s.pair.reshape(-1), s.frame.reshape(-1), s.impulse.reshape(-1)
-    beta, way, total = s.spin_factor, Relaxation(1.0, 1.0), 0.0
-    for k in some:
-        total += relax_light(np.uint64(k), velocity, pair, frame, impulse, beta, EXACT, way)
-    for g in range(s.general_pair.shape[0]):
-        total += relax_general(g, s, EXACT)
-    return total
+    last, way, total = before.impulse.reshape(-1), Relaxation(1.0, 1.0, factor), 0.0
+    for lane in some:
+        total += relax_lane(np.uint64(lane), velocity, pair, frame, impulse, last, s.spin_factor, EXACT, way)
+    return total + _relax_generals(s, before, factor)
 
 
 @kernel
-def _list_near(s: System, near: Ints) -> int:
-    """List the light contacts that carry an impulse or would close soon; returns their number."""
-    velocity, pair, frame, impulse = s.velocity, s.pair, s.frame, s.impulse
+def _list_near(s: System, before: Before, near: Ints) -> int:
+    """List the lanes of contacts that carry an impulse, did before the last sweep or would close soon; returns their number.
+
+    All others have no impulse to extrapolate.
+    """
+    velocity, pair, frame = s.velocity, s.pair, s.frame
     count = 0
-    for k in range(pair.shape[0]):
-        i, j = pair[k, 0], pair[k, 1]
-        u_n = (velocity[i, 0] - velocity[j, 0]) * frame[k, 0] + (velocity[i, 1] - velocity[j, 1]) * frame[k, 1]
-        if impulse[k, 0] > 0.0 or u_n + 0.5 * frame[k, 3] < 0.0:
-            near[count] = k
-            count += 1
+    for q in range(s.slot.shape[0]):
+        for lane in range(LANES):
+            i, j = pair[q, FIRST, lane] // 4, pair[q, SECOND, lane] // 4
+            dx, dy = velocity[i, X] - velocity[j, X], velocity[i, Y] - velocity[j, Y]
+            u_n = dx * frame[q, NX, lane] + dy * frame[q, NY, lane]
+            carries = s.impulse[q, NORMAL, lane] > 0.0 or before.impulse[q, NORMAL, lane] > 0.0
+            if carries or u_n + 0.5 * frame[q, BIAS, lane] < 0.0:
+                near[count] = LANES * q + lane
+                count += 1
     return count
-
-
-@kernel
-def _move_on(s: System, m: Momentum, change: float, growth: float, loop: Any) -> None:
-    """Choose the factor and extrapolate, as the program does on one thread."""
-    velocity, before, last_change = s.velocity.reshape(-1), m.velocity.reshape(-1), m.change.reshape(-1)
-    cross, square = inner_products(0, m.velocity.shape[0], velocity, before, last_change, m.weight.reshape(-1))
-    factor = choose_factor(cross, square, change, growth, loop)
-    loop["factor"] = factor
-    extrapolate_velocity(0, before.size, velocity, before, last_change, factor)
-    extrapolate_impulse(0, s.impulse.size, s.impulse.reshape(-1), m.impulse.reshape(-1), factor)
-    general = s.general_impulse.reshape(-1)
-    extrapolate_impulse(0, general.size, general, m.general_impulse.reshape(-1), factor)
 
 
 @kernel
@@ -90,20 +83,24 @@ def run_momentum(s: System, iterations: int, parameters: Floats, log: Log) -> in
     """The sweeps with momentum."""
     growth, goes_back, period, inner = parameters[0], parameters[1] > 0.0, int(parameters[2]), int(parameters[3])
     m, memory, partial = start_momentum(s), start_loop(1), np.empty(s.tile_start.size - 1)
-    near = np.empty(s.pair.shape[0], np.int32)
+    spare, near, loop = copy_impulses(s), np.empty(s.slot.size, np.int32), memory[0]
     count, work = 0, 0.0
     for number in range(iterations):
+        factor = loop["factor"]
         if period > 0 and number % period > 0:
-            square = _sweep_some(s, near[:count])
-            work += count / max(1, s.pair.shape[0])
+            square = _sweep_some(s, m.before, factor, near[:count])
+            work += count / max(1, s.contacts - s.general_pair.shape[0])
         else:
-            square = _sweep_tiles(s, inner) if inner > 1 else sweep(s, EXACT, Relaxation(1.0, 1.0), False, partial)
+            if inner > 1:
+                square = _sweep_tiles(s, m.before, spare, factor, inner)
+            else:
+                square = sweep(s, m.before, EXACT, Relaxation(1.0, 1.0, factor), False, partial)
             work += inner
-            count = _list_near(s, near) if period > 0 else 0
+            count = _list_near(s, m.before, near) if period > 0 else 0
         if goes_back:
-            square = sweep_backward(s)
+            square = sweep_backward(s, spare)
             work += 1.0
         if record(s, log, number, work):
             return number + 1
-        _move_on(s, m, np.sqrt(square), growth, memory[0])
+        move_on(s, m, np.sqrt(square), growth, loop, False)
     return iterations

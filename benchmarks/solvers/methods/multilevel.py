@@ -18,8 +18,10 @@ from scipy.sparse.linalg import spsolve
 
 from methods.assembly import Assembly, assemble
 from methods.engine import Loop
-from methods.operators import Log
+from methods.operators import Log, all_impulses, set_impulses
+from multicor_cli.engine.contact.one_by_one import OneByOne, flatten
 from multicor_cli.engine.contact.sweep import System
+from multicor_cli.model.columns import MU, NX, NY
 from multicor_cli.model.model import Floats
 
 _HALVINGS = 3
@@ -54,7 +56,8 @@ def run_multilevel(s: System, iterations: int, parameters: Floats, log: Log) -> 
 def group_grains(s: System, size: int) -> NDArray[np.int64]:
     """A number of a group for each body (-1: fixed), by walking over contacts from grain to grain."""
     is_grain = s.velocity[:, 3] > 0.0
-    pair = s.pair[is_grain[s.pair].all(axis=1)].astype(np.int64)
+    pair = flatten(s).pair
+    pair = pair[is_grain[pair].all(axis=1)].astype(np.int64)
     bodies = is_grain.size
     ones = np.ones(2 * len(pair))
     graph = sparse.csr_matrix((ones, (np.concatenate(pair.T), np.concatenate(pair.T[::-1]))), shape=(bodies, bodies))
@@ -76,12 +79,12 @@ def group_grains(s: System, size: int) -> NDArray[np.int64]:
 
 def _correct(s: System, m: Assembly, groups: NDArray[np.int64]) -> None:
     """One correction of the impulses and velocities."""
-    lights = s.pair.shape[0]
-    impulse, friction = s.impulse, s.frame[:, 4]
+    light = flatten(s)
+    lights, impulse, friction = len(light.pair), light.impulse, light.frame[:, MU]
     loaded = impulse[:, 0] > 0.0
     sliding = loaded & (np.abs(impulse[:, 1]) >= friction * impulse[:, 0] * (1.0 - 1e-9))
     slip = np.where(sliding, np.sign(impulse[:, 1]) * friction, 0.0)
-    along_n, along_t = _stress_columns(s, groups, loaded, sliding)
+    along_n, along_t = _stress_columns(light, groups, loaded, sliding)
     normal, tangent = m.normal[:lights], m.tangent[:lights]
     forces = normal.T @ along_n + tangent.T @ (along_t + sparse.diags(slip) @ along_n)
     rows = (normal.T @ along_n + tangent.T @ along_t).T
@@ -99,26 +102,23 @@ def _correct(s: System, m: Assembly, groups: NDArray[np.int64]) -> None:
 
 def _apply(s: System, m: Assembly, change: Floats, u_n: Floats, u_t: Floats) -> None:
     """Add the change, or the half of it and so on, if that lowers ½ pᵀ W p + pᵀ q."""
-    lights = s.pair.shape[0]
-    move = m.push(change)
-    flat = move.ravel()
+    flat = m.push(change).ravel()
     movable = m.inverse > 0.0
     quadratic = 0.5 * float(np.sum(flat[movable] ** 2 / m.inverse[movable]))
     linear = float(np.sum(change[:, 0] * u_n + change[:, 1] * u_t))
     for halving in range(_HALVINGS + 1):
         part = 0.5**halving
         if part * linear + part**2 * quadratic < 0.0:
-            s.impulse[:] += part * change[:lights]
-            s.velocity[:, :3] += part * move
+            set_impulses(s, all_impulses(s) + part * change)
             return
 
 
-def _stress_columns(s: System, groups: NDArray[np.int64], loaded: Any, sliding: Any) -> tuple[Any, Any]:
+def _stress_columns(light: OneByOne, groups: NDArray[np.int64], loaded: Any, sliding: Any) -> tuple[Any, Any]:
     """Matrices from the stresses of the groups to p_n of loaded contacts, and to p_t of those that stick."""
-    nx, ny = s.frame[:, 0], s.frame[:, 1]
+    nx, ny = light.frame[:, NX], light.frame[:, NY]
     to_n = np.column_stack([nx * nx, ny * ny, 2.0 * nx * ny]) * loaded[:, None]
     to_t = np.column_stack([-nx * ny, nx * ny, nx * nx - ny * ny]) * (loaded & ~sliding)[:, None]
-    first, second = groups[s.pair[:, 0]], groups[s.pair[:, 1]]
+    first, second = groups[light.pair[:, 0]], groups[light.pair[:, 1]]
     first, second = np.where(first < 0, second, first), np.where(second < 0, first, second)
     rows = np.repeat(np.arange(len(nx)), 3)
     columns = [(3 * group[:, None] + np.arange(3)).ravel() for group in (first, second)]

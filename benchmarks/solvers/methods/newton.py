@@ -15,7 +15,7 @@ from scipy.sparse.linalg import splu
 
 from methods.assembly import Assembly, assemble
 from methods.engine import Loop
-from methods.operators import Log, all_impulses
+from methods.operators import Log, all_impulses, set_impulses
 from multicor_cli.engine.contact.residual import measure_residual
 from multicor_cli.engine.contact.sweep import System
 from multicor_cli.model.model import Floats
@@ -54,11 +54,7 @@ def _step(loop: Loop, matrices: Assembly) -> bool:
     saved = s.velocity.copy(), s.impulse.copy(), s.general_impulse.copy()
     before = measure_residual(s, False)[0]
     impulse = all_impulses(s)
-    change = _solve(matrices, impulse, s.velocity[:, :3])
-    lights = s.pair.shape[0]
-    s.impulse[:] += change[:lights]
-    s.general_impulse[:] += change[lights:]
-    s.velocity[:, :3] += matrices.push(change)
+    set_impulses(s, impulse + _solve(matrices, impulse, s.velocity[:, :3]))
     is_better = bool(measure_residual(s, False)[0] < _ENOUGH * before)
     if not is_better:
         s.velocity[:], s.impulse[:], s.general_impulse[:] = saved

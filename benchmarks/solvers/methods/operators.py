@@ -3,6 +3,9 @@
 A method is a function ``run(system, iterations, parameters, log)``. It changes impulses and velocities of the system, and returns
 the number of iterations done. If the log has rows, iteration k leaves its errors and its sweep-equivalents in row k, and the
 method ends once its residual is below ``log.stop``; without rows nothing but the method itself is done, which is what is timed.
+
+Sweeps work on the batches of a system. Where a method has a row for each contact, these are the light ones in the order of the
+sweep, as `multicor_cli.engine.contact.one_by_one.flatten` gives them, then the general ones.
 """
 
 from __future__ import annotations
@@ -12,10 +15,13 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
+from multicor_cli.engine.contact.general import general_velocity, push_general, relax_general
+from multicor_cli.engine.contact.lanes import BIAS_, NY_, SECOND_, SURFACE_, Y_, frame_place, pair_place
 from multicor_cli.engine.contact.residual import measure_residual
-from multicor_cli.engine.contact.sweep import EXACT, Relaxation, System, general_velocity, relax_general, relax_light
+from multicor_cli.engine.contact.sweep import EXACT, Before, Relaxation, System, push_lane, relax_lane
 from multicor_cli.engine.jit.formulas import F, formula
-from multicor_cli.model.columns import BIAS, FIRST, MU, NORMAL, NX, NY, SECOND, TANGENTIAL, W_NN, W_TT
+from multicor_cli.engine.jit.vectors import LANES
+from multicor_cli.model.columns import BIAS, MASS, MU, NORMAL, TANGENTIAL, W_NN, W_TT
 from multicor_cli.model.model import Floats
 
 
@@ -68,108 +74,111 @@ def record(s: System, log: Log, row: int, work: float) -> bool:
 
 
 @kernel
-def sweep_backward(s: System) -> float:
-    """As `engine.contact.sweep.sweep`, in the opposite order; returns the sum of the squared velocity corrections [m²/s²]."""
-    velocity, pair, frame, impulse = s.velocity.reshape(-1), s.pair.reshape(-1), s.frame.reshape(-1), s.impulse.reshape(-1)
-    total, count, generals = 0.0, s.pair.shape[0], s.general_pair.shape[0]
-    way = Relaxation(1.0, 1.0)
-    for g in range(generals):
-        total += relax_general(generals - 1 - g, s, EXACT)
-    for k in range(count):
-        total += relax_light(np.uint64(count - 1 - k), velocity, pair, frame, impulse, s.spin_factor, EXACT, way)
-    return total
-
-
-@formula
-def _push(body: np.uint32, px: float, py: float, spin: float, bodies: Floats, velocity: Floats) -> None:
-    """Change the velocity of a body of a light contact by an impulse [N s]; ``bodies`` has the inverse mass."""
-    inverse = bodies[body, 3]
-    velocity[body, 0] += inverse * px
-    velocity[body, 1] += inverse * py
-    velocity[body, 2] -= inverse * spin
+def copy_impulses(s: System) -> Before:
+    """The impulses of now: what sweeps without extrapolation may take for the last ones, and write over."""
+    return Before(s.impulse.copy(), s.general_impulse.copy())
 
 
 @kernel
-def _push_general(g: int, d_n: float, d_t: float, s: System, velocity: Floats) -> None:
-    """Change the velocities of the bodies of general contact ``g`` by an impulse [N s]."""
-    f, lever = s.general_frame[g], s.general_lever[g]
-    px, py = d_n * f[NX] - d_t * f[NY], d_n * f[NY] + d_t * f[NX]
-    a, b = s.general_pair[g, 0], s.general_pair[g, 1]
-    velocity[a, 0] += s.inverse[a, 0] * px
-    velocity[a, 1] += s.inverse[a, 1] * py
-    velocity[a, 2] += s.inverse[a, 2] * (d_n * lever[FIRST, NORMAL] + d_t * lever[FIRST, TANGENTIAL])
-    velocity[b, 0] -= s.inverse[b, 0] * px
-    velocity[b, 1] -= s.inverse[b, 1] * py
-    velocity[b, 2] -= s.inverse[b, 2] * (d_n * lever[SECOND, NORMAL] + d_t * lever[SECOND, TANGENTIAL])
+def sweep_backward(s: System, before: Before) -> float:
+    """As `engine.contact.sweep.sweep` without extrapolation, in the opposite order.
+
+    Args:
+        s: The problem. **Impulses and velocities modified.**
+        before: Impulses before this sweep on return. **Modified.**
+
+    Returns:
+        Sum of the squares of the velocity corrections [m²/s²].
+    """
+    velocity, pair, frame, impulse = s.velocity.reshape(-1), s.pair.reshape(-1), s.frame.reshape(-1), s.impulse.reshape(-1)
+    last, way, lanes = before.impulse.reshape(-1), Relaxation(1.0, 1.0, 0.0), s.slot.size
+    total = relax_general(
+        s.velocity, s.inverse, s.general_pair[::-1], s.general_frame[::-1], s.general_lever[::-1], s.general_impulse[::-1],
+        before.general_impulse[::-1], True, 0.0,
+    )  # fmt: skip
+    for lane in range(lanes):
+        total += relax_lane(np.uint64(lanes - 1 - lane), velocity, pair, frame, impulse, last, s.spin_factor, EXACT, way)
+    return total
 
 
 @kernel
 def spread_impulses(s: System, impulse: Floats, velocity: Floats) -> None:
-    """Add M⁻¹ H p to velocities; light contacts first in ``impulse``, then general ones."""
-    pair, frame, bodies, beta = s.pair, s.frame, s.velocity, s.spin_factor
-    lights = pair.shape[0]
-    for k in range(lights):
-        d_n, d_t = impulse[k, 0], impulse[k, 1]
-        if d_n != 0.0 or d_t != 0.0:
-            px, py = d_n * frame[k, 0] - d_t * frame[k, 1], d_n * frame[k, 1] + d_t * frame[k, 0]
-            _push(np.uint32(pair[k, 0]), px, py, beta * d_t, bodies, velocity)
-            _push(np.uint32(pair[k, 1]), -px, -py, beta * d_t, bodies, velocity)
+    """Add M⁻¹ H p to velocities (**modified**), whose last column holds inverse masses as that of the system does."""
+    slot, pair, frame, flat = s.slot.reshape(-1), s.pair.reshape(-1), s.frame.reshape(-1), velocity.reshape(-1)
+    k = 0
+    for lane in range(slot.size):
+        if slot[lane] >= 0:
+            d_n, d_t = impulse[k, NORMAL], impulse[k, TANGENTIAL]
+            if d_n != 0.0 or d_t != 0.0:
+                push_lane(np.uint64(lane), d_n, d_t, flat, pair, frame, s.spin_factor)
+            k += 1
     for g in range(s.general_pair.shape[0]):
-        _push_general(g, impulse[lights + g, 0], impulse[lights + g, 1], s, velocity)
+        d_n, d_t = impulse[k + g, NORMAL], impulse[k + g, TANGENTIAL]
+        push_general(g, d_n, d_t, velocity, s.inverse, s.general_pair, s.general_frame, s.general_lever)
 
 
 @kernel
 def gather_velocities(s: System, velocity: Floats, with_bias: bool, relative: Floats) -> None:
     """Relative velocities Hᵀ v of all contacts (and the bias, if asked for), shape as the impulses."""
-    pair, frame = s.pair, s.frame
-    lights = pair.shape[0]
-    for k in range(lights):
-        i, j = np.uint32(pair[k, 0]), np.uint32(pair[k, 1])
-        nx, ny = frame[k, 0], frame[k, 1]
-        dx, dy = velocity[i, 0] - velocity[j, 0], velocity[i, 1] - velocity[j, 1]
-        relative[k, 0] = dx * nx + dy * ny + (frame[k, 3] if with_bias else 0.0)
-        relative[k, 1] = dy * nx - dx * ny - velocity[i, 2] - velocity[j, 2]
-    moved = System(
-        velocity, s.inverse, s.pair, s.frame, s.impulse, s.tile_start, s.color_start, s.general_pair, s.general_frame,
-        s.general_lever, s.general_impulse, s.spin_factor,
-    )  # fmt: skip
+    slot, pair, frame, flat = s.slot.reshape(-1), s.pair.reshape(-1), s.frame.reshape(-1), velocity.reshape(-1)
+    k = 0
+    for lane in range(slot.size):
+        if slot[lane] >= 0:
+            q, f = pair_place(np.uint64(lane)), frame_place(np.uint64(lane))
+            i, j = np.uint64(pair[q]), np.uint64(pair[q + SECOND_])
+            nx, ny = frame[f], frame[f + NY_]
+            dx, dy = flat[i] - flat[j], flat[i + Y_] - flat[j + Y_]
+            relative[k, NORMAL] = dx * nx + dy * ny + (frame[f + BIAS_] if with_bias else 0.0)
+            relative[k, TANGENTIAL] = dy * nx - dx * ny - flat[i + SURFACE_] - flat[j + SURFACE_]
+            k += 1
     for g in range(s.general_pair.shape[0]):
-        u_n, u_t = general_velocity(g, moved)
-        relative[lights + g, 0] = u_n - (0.0 if with_bias else s.general_frame[g, BIAS])
-        relative[lights + g, 1] = u_t
+        u_n, u_t = general_velocity(g, velocity, s.general_pair, s.general_frame, s.general_lever)
+        relative[k + g, NORMAL] = u_n - (0.0 if with_bias else s.general_frame[g, BIAS])
+        relative[k + g, TANGENTIAL] = u_t
 
 
 @kernel
 def contact_scales(s: System) -> Floats:
-    """1/W_nn, 1/W_tt [kg] and μ of all contacts, light ones first, shape ``(k + g, 3)``."""
-    lights, generals = s.pair.shape[0], s.general_pair.shape[0]
-    scales = np.empty((lights + generals, 3))
-    for k in range(lights):
-        scales[k, 0], scales[k, 1] = s.frame[k, 2], s.frame[k, 2] / (1.0 + s.spin_factor)
-        scales[k, 2] = s.frame[k, 4]
-    for g in range(generals):
+    """1/W_nn, 1/W_tt [kg] and μ of all contacts, shape ``(k + g, 3)``."""
+    scales = np.empty((s.contacts, 3))
+    k = 0
+    for q in range(s.slot.shape[0]):
+        for lane in range(LANES):
+            if s.slot[q, lane] >= 0:
+                w_inverse = s.frame[q, MASS, lane]
+                scales[k, 0], scales[k, 1], scales[k, 2] = w_inverse, w_inverse / (1.0 + s.spin_factor), s.frame[q, MU, lane]
+                k += 1
+    for g in range(s.general_pair.shape[0]):
         f = s.general_frame[g]
-        scales[lights + g, 0], scales[lights + g, 1], scales[lights + g, 2] = 1.0 / f[W_NN], 1.0 / f[W_TT], f[MU]
+        scales[k + g, 0], scales[k + g, 1], scales[k + g, 2] = 1.0 / f[W_NN], 1.0 / f[W_TT], f[MU]
     return scales
 
 
 @kernel
 def all_impulses(s: System) -> Floats:
-    """A copy of all impulses [N s], light contacts first, shape ``(k + g, 2)``."""
-    lights = s.pair.shape[0]
-    impulse = np.empty((lights + s.general_pair.shape[0], 2))
-    impulse[:lights] = s.impulse
-    impulse[lights:] = s.general_impulse
+    """A copy of all impulses [N s], shape ``(k + g, 2)``."""
+    impulse = np.empty((s.contacts, 2))
+    k = 0
+    for q in range(s.slot.shape[0]):
+        for lane in range(LANES):
+            if s.slot[q, lane] >= 0:
+                impulse[k, NORMAL], impulse[k, TANGENTIAL] = s.impulse[q, NORMAL, lane], s.impulse[q, TANGENTIAL, lane]
+                k += 1
+    impulse[k:] = s.general_impulse
     return impulse
 
 
 @kernel
 def set_impulses(s: System, impulse: Floats) -> None:
     """Give the system other impulses, and the velocities that go with them."""
-    lights = s.pair.shape[0]
     spread_impulses(s, impulse - all_impulses(s), s.velocity)
-    s.impulse[:] = impulse[:lights]
-    s.general_impulse[:] = impulse[lights:]
+    k = 0
+    for q in range(s.slot.shape[0]):
+        for lane in range(LANES):
+            if s.slot[q, lane] >= 0:
+                s.impulse[q, NORMAL, lane], s.impulse[q, TANGENTIAL, lane] = impulse[k, NORMAL], impulse[k, TANGENTIAL]
+                k += 1
+    s.general_impulse[:] = impulse[k:]
 
 
 @formula

@@ -10,6 +10,8 @@ from places import DATA, ROOT
 
 from multicor_cli import run
 from multicor_cli.engine import ContactProblem, Settings, solve_contacts
+from multicor_cli.engine.contact.one_by_one import flatten
+from multicor_cli.model.columns import INVERSE_MASS
 
 pytest.importorskip("scipy")
 
@@ -89,6 +91,35 @@ def test_starts_keep_velocities_and_impulses_together():
     assert not changed.impulse.any()
     moved = changed.velocity[:12, 1] - problem.system.velocity[:12, 1]
     assert moved == pytest.approx([0.0] * 11 + [-1.0], abs=1e-12)
+
+
+def test_impulses_by_contact_and_in_batches_are_the_same():
+    from methods.assembly import assemble
+    from methods.operators import all_impulses, set_impulses
+    from problems import column
+
+    system = column(12).copy()
+    free, impulse = system.velocity.copy(), np.random.default_rng(1).uniform(size=(12, 2))
+    set_impulses(system, impulse)
+    assert all_impulses(system).tolist() == impulse.tolist()
+    assert flatten(system).impulse.tolist() == impulse.tolist()
+    assert system.velocity[:, :INVERSE_MASS] == pytest.approx(free[:, :INVERSE_MASS] + assemble(system).push(impulse), abs=1e-12)
+
+
+def test_the_engine_does_the_same_when_it_is_watched():
+    from methods import METHODS as THEIRS
+    from methods.operators import COLUMNS, Log
+    from problems import column
+    from reference import mass_shares
+
+    problem = column(12)
+    ends = []
+    for rows in (0, 30):
+        system = problem.copy()
+        log = Log(np.zeros((rows, COLUMNS)), np.zeros(3), np.zeros((13, 4)), mass_shares(system))
+        assert THEIRS["engine"](system, 30, log) == 30
+        ends.append([system.velocity.tolist(), system.impulse.tolist()])
+    assert ends[0] == ends[1]
 
 
 def test_the_folder_of_a_run_is_a_source(tmp_path):
