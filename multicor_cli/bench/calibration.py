@@ -19,6 +19,7 @@ import numpy as np
 from multicor_cli.bench.yardsticks import copy_blocks, sweep_repeatedly
 from multicor_cli.engine.contact.one_by_one import OneByOne, flatten
 from multicor_cli.engine.contact.sweep import Before, System
+from multicor_cli.engine.jit.chunks import aligned_copy
 from multicor_cli.model.model import Floats
 
 _COPIED = 1 << 25  # numbers: 256 MB, more than any cache
@@ -69,7 +70,7 @@ def time_sweep(system: System, threads: tuple[int, ...]) -> SweepTimes:
         RuntimeError: If the sweep in C does not do what ours does.
     """
     light = _only_light(system)
-    rows, velocity, before = flatten(light), light.velocity.copy(), _before(light)
+    rows, velocity, before = flatten(light), aligned_copy(light.velocity), _before(light)
     count = len(rows.pair)
     repeats = max(1, _ENOUGH // max(1, count))
     c_sweep = compile_sweep()
@@ -125,8 +126,9 @@ def _only_light(system: System) -> System:
     """A copy without general contacts."""
     none = slice(0, 0)
     return system._replace(
-        velocity=system.velocity.copy(),
-        impulse=system.impulse.copy(),
+        velocity=aligned_copy(system.velocity),
+        impulse=aligned_copy(system.impulse),
+        contacts=int(np.count_nonzero(system.slot >= 0)),
         general_pair=system.general_pair[none],
         general_frame=system.general_frame[none],
         general_lever=system.general_lever[none],
@@ -136,7 +138,7 @@ def _only_light(system: System) -> System:
 
 def _before(system: System) -> Before:
     """Impulses before the first sweep: those that there are."""
-    return Before(system.impulse.copy(), system.general_impulse.copy())
+    return Before(aligned_copy(system.impulse), system.general_impulse.copy())
 
 
 def _compare(system: System, c_sweep: CSweep) -> None:

@@ -16,26 +16,12 @@ import numba
 import numpy as np
 
 from multicor_cli.engine.contact.general import general_velocity, push_general, relax_general
+from multicor_cli.engine.contact.lanes import BIAS_, NY_, SECOND_, SURFACE_, Y_, frame_place, pair_place
 from multicor_cli.engine.contact.residual import measure_residual
 from multicor_cli.engine.contact.sweep import EXACT, Before, Relaxation, System, push_lane, relax_lane
 from multicor_cli.engine.jit.formulas import F, formula
 from multicor_cli.engine.jit.vectors import LANES
-from multicor_cli.model.columns import (
-    BIAS,
-    FIRST,
-    MASS,
-    MU,
-    NORMAL,
-    NX,
-    NY,
-    SECOND,
-    SURFACE,
-    TANGENTIAL,
-    W_NN,
-    W_TT,
-    X,
-    Y,
-)
+from multicor_cli.model.columns import BIAS, MASS, MU, NORMAL, TANGENTIAL, W_NN, W_TT
 from multicor_cli.model.model import Floats
 
 
@@ -134,17 +120,17 @@ def spread_impulses(s: System, impulse: Floats, velocity: Floats) -> None:
 @kernel
 def gather_velocities(s: System, velocity: Floats, with_bias: bool, relative: Floats) -> None:
     """Relative velocities Hᵀ v of all contacts (and the bias, if asked for), shape as the impulses."""
-    pair, frame = s.pair, s.frame
+    slot, pair, frame, flat = s.slot.reshape(-1), s.pair.reshape(-1), s.frame.reshape(-1), velocity.reshape(-1)
     k = 0
-    for q in range(s.slot.shape[0]):
-        for lane in range(LANES):
-            if s.slot[q, lane] >= 0:
-                i, j = pair[q, FIRST, lane] // 4, pair[q, SECOND, lane] // 4
-                nx, ny = frame[q, NX, lane], frame[q, NY, lane]
-                dx, dy = velocity[i, X] - velocity[j, X], velocity[i, Y] - velocity[j, Y]
-                relative[k, NORMAL] = dx * nx + dy * ny + (frame[q, BIAS, lane] if with_bias else 0.0)
-                relative[k, TANGENTIAL] = dy * nx - dx * ny - velocity[i, SURFACE] - velocity[j, SURFACE]
-                k += 1
+    for lane in range(slot.size):
+        if slot[lane] >= 0:
+            q, f = pair_place(np.uint64(lane)), frame_place(np.uint64(lane))
+            i, j = np.uint64(pair[q]), np.uint64(pair[q + SECOND_])
+            nx, ny = frame[f], frame[f + NY_]
+            dx, dy = flat[i] - flat[j], flat[i + Y_] - flat[j + Y_]
+            relative[k, NORMAL] = dx * nx + dy * ny + (frame[f + BIAS_] if with_bias else 0.0)
+            relative[k, TANGENTIAL] = dy * nx - dx * ny - flat[i + SURFACE_] - flat[j + SURFACE_]
+            k += 1
     for g in range(s.general_pair.shape[0]):
         u_n, u_t = general_velocity(g, velocity, s.general_pair, s.general_frame, s.general_lever)
         relative[k + g, NORMAL] = u_n - (0.0 if with_bias else s.general_frame[g, BIAS])

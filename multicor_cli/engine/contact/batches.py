@@ -104,7 +104,7 @@ def make_batches(pair: Ints, tile_start: NDArray[np.int64], bodies: int) -> tupl
     start = np.zeros(tile_start.size, np.int64)
     for t in range(tile_start.size - 1):
         start[t + 1] = start[t] + _schedule(pair, tile_start[t], tile_start[t + 1], start[t], slot, work)
-    return slot[: start[-1]], start
+    return slot[: start[-1]].copy(), start
 
 
 @kernel

@@ -2,9 +2,8 @@
 
 The order is a pure function of the contacts and positions of the step, hence the same for any number of threads. Within a tile
 the contacts are ordered by key, which keeps the propagation of a serial sweep, cut into `STREAMS` parts from which one contact is
-taken in turn: neighbors by key share a grain, and a processor would wait for the one before it could begin the next (15 to 20 %
-of a sweep). Tiles also keep the bodies of a thread in its cache. Contacts with fixed or prescribed walls do not tie
-tiles together. Heavy grains (many contacts) come last, serially.
+taken in turn: neighbors by key share a grain, and could not lie in one batch. Tiles also keep the bodies of a thread in its cache.
+Contacts with fixed or prescribed walls do not tie tiles together. Heavy grains (many contacts) come last, serially.
 """
 
 from __future__ import annotations

@@ -43,12 +43,13 @@ EXACT, BIPOTENTIAL = 0, 1
 
 
 class Relaxation(NamedTuple):
-    """How light contacts are relaxed.
+    """How contacts are relaxed.
 
     Attributes:
-        normal: Factor on the normal correction of the exact local solve: 1 solves the contact, less goes part of the way.
+        normal: Factor on the normal correction of the exact local solve of light contacts: 1 solves the contact, less goes part of
+            the way.
         tangential: The same for the tangential correction.
-        extrapolation: ω; impulses are moved on by ω times their last change before they are relaxed.
+        extrapolation: ω; impulses of all contacts are moved on by ω times their last change before they are relaxed.
     """
 
     normal: float

@@ -34,3 +34,10 @@ def aligned(shape: tuple[int, ...], dtype: type[Any] = np.float64) -> NDArray[An
     memory = np.empty(size + _CACHE_LINE, np.uint8)
     first = -memory.ctypes.data % _CACHE_LINE
     return memory[first : first + size].view(dtype).reshape(shape)
+
+
+def aligned_copy(array: NDArray[Any]) -> NDArray[Any]:
+    """A copy that begins at a cache line."""
+    copy = aligned(array.shape, array.dtype.type)
+    copy[:] = array
+    return copy

@@ -17,6 +17,9 @@ prefer_openmp()
 
 import numba  # noqa: E402  (the cache directory and the threading layer must be set first)
 import numpy as np  # noqa: E402
+from numba.core import cgutils as cgutils  # noqa: E402  (for `vectors`, which must not import Numba before)
+from numba.core import types as types  # noqa: E402
+from numba.extending import intrinsic as intrinsic  # noqa: E402
 from numba.extending import register_jitable  # noqa: E402
 
 from multicor_cli.model.model import Floats  # noqa: E402
@@ -28,6 +31,9 @@ F = TypeVar("F", bound=Callable[..., Any])
 _WITHOUT_COUNTING: dict[str, Any] = {"_nrt": False}  # known to Numba, not to its stubs
 
 prange = numba.prange
+
+IS_COMPILING = not numba.config.DISABLE_JIT  # type: ignore[attr-defined]
+"""Whether kernels are compiled; with ``NUMBA_DISABLE_JIT`` Python runs them."""
 
 
 def _inlined(function: Callable[..., Any]) -> None:

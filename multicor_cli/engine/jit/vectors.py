@@ -16,15 +16,14 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import Any
 
-import numba
 from llvmlite import ir
-from numba.core import cgutils, types
-from numba.extending import intrinsic
+
+from multicor_cli.engine.jit.compile import IS_COMPILING, cgutils, intrinsic, types
 
 LANES = 4
 """Numbers in a vector."""
 
-HAS_VECTORS = not numba.config.DISABLE_JIT  # type: ignore[attr-defined]
+HAS_VECTORS = IS_COMPILING
 """Whether vector loops can be called."""
 
 _DOUBLE, _INT, _LONG = ir.DoubleType(), ir.IntType(32), ir.IntType(64)
