@@ -1,4 +1,4 @@
-"""Between the contacts and bodies of a step and the arrays of the sweep."""
+"""Between the contacts and bodies of a step and the arrays of the sweep: once a step, and memory is what takes time."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from multicor_cli.model.columns import (
 from multicor_cli.model.model import Floats, Ints
 
 
-@parallel_kernel
+@kernel
 def pack_bodies(free: Floats, place: Ints, velocity: Floats) -> None:
     """Copy bodies into the arrays of the sweep.
 
@@ -39,7 +39,7 @@ def pack_bodies(free: Floats, place: Ints, velocity: Floats) -> None:
         place: Row of each grain, shape ``(n,)``; walls follow the grains.
         velocity: All bodies of the sweep, bodies first. **Modified.**
     """
-    for b in prange(free.shape[0]):
+    for b in range(free.shape[0]):
         row = np.int64(place[b]) if b < place.size else np.int64(b)
         for d in range(4):
             velocity[row, d] = free[b, d]
@@ -128,7 +128,7 @@ def pack_general(
     return pair, frame, lever, impulse
 
 
-@parallel_kernel
+@kernel
 def unpack(slot: Ints, impulse: Floats, place: Ints, velocity: Floats, by_contact: Floats, by_body: Floats) -> None:
     """Back from the arrays of the sweep.
 
@@ -140,14 +140,13 @@ def unpack(slot: Ints, impulse: Floats, place: Ints, velocity: Floats, by_contac
         by_contact: Impulses of the contacts, shape ``(c, 2)``. **Modified.**
         by_body: Velocities of grains and walls, shape ``(bodies, 4)``. **Modified.**
     """
-    # The arrays are passed by themselves: Numba drops stores of a parallel loop to an array that it only knows as part of a tuple.
-    for q in prange(slot.shape[0]):
+    for q in range(slot.shape[0]):
         for lane in range(LANES):
             c = slot[q, lane]
             if c >= 0:
                 by_contact[c, NORMAL] = impulse[q, NORMAL, lane]
                 by_contact[c, TANGENTIAL] = impulse[q, TANGENTIAL, lane]
-    for b in prange(by_body.shape[0]):
+    for b in range(by_body.shape[0]):
         row = np.int64(place[b]) if b < place.size else np.int64(b)
         for d in range(4):
             by_body[b, d] = velocity[row, d]

@@ -176,6 +176,9 @@ def list_pairs(
     level_start: Ints,
     level_shape: Ints,
     cell_start: Ints,
+    sorted_x: Floats,
+    sorted_y: Floats,
+    sorted_radius: Floats,
     cell_disc: Ints,
 ) -> tuple[Ints, Ints]:
     """All pairs with a gap below ``cutoff`` [m]; see `bin_discs` for the grids.
@@ -196,20 +199,14 @@ def list_pairs(
         level_start: First cell of each level, shape ``(levels + 1,)``.
         level_shape: Cells in x and y, shape ``(levels, 2)``.
         cell_start: Start of each cell in ``cell_disc``.
+        sorted_x: x of the discs sorted by cell.
+        sorted_y: Their y.
+        sorted_radius: Their radii.
         cell_disc: Discs sorted by cell.
 
     Returns:
         ``row`` of shape ``(n + 1,)`` and ``partner``: the shapes near grain i, ascending, are ``partner[row[i]:row[i+1]]``.
     """
-    discs = cell_disc.size
-    sorted_x = np.empty(discs)
-    sorted_y = np.empty(discs)
-    sorted_radius = np.empty(discs)
-    for place in prange(discs):
-        d = cell_disc[place]
-        sorted_x[place] = center[d, X]
-        sorted_y[place] = center[d, Y]
-        sorted_radius[place] = radius[d]
     row = np.zeros(grain_count + 1, np.int64)
     chunks = max(1, -(-grain_count // CHUNK))
     begin = np.zeros(chunks + 1, np.int64)
@@ -241,7 +238,7 @@ def list_pairs(
     for grain in range(grain_count):
         row[grain + 1] += row[grain]
     partner = np.empty(row[grain_count], np.int32)
-    for chunk in prange(chunks):  # type: ignore[assignment]
+    for chunk in range(chunks):
         begin_row = row[chunk * CHUNK]
         for p in range(row[min(grain_count, (chunk + 1) * CHUNK)] - begin_row):
             partner[begin_row + p] = found_pairs[begin[chunk] + p]
@@ -265,6 +262,7 @@ def find_near(
     cell_start, cell_disc = bin_discs(center, grids.level, cells, origin, start, shape)
     row, partner = list_pairs(
         grain_count, center, radius, shape_of, others, kind, world, cutoff, period,
-        cells, largest, origin, start, shape, cell_start, cell_disc,
+        cells, largest, origin, start, shape, cell_start,
+        center[cell_disc, X], center[cell_disc, Y], radius[cell_disc], cell_disc,
     )  # fmt: skip
     return row.astype(np.int64, copy=False), partner
