@@ -54,11 +54,9 @@ def general_solution(g: int, frame: Floats, p_n: float, p_t: float, u_n: float, 
 
 
 @loop_body
-def correction(g: int, frame: Floats, d_n: float, d_t: float) -> float:
-    """Square of the velocity that goes with a change of the impulses, W d [m²/s²]."""
-    c_n = frame[g, W_NN] * d_n + frame[g, W_NT] * d_t
-    c_t = frame[g, W_NT] * d_n + frame[g, W_TT] * d_t
-    return c_n * c_n + c_t * c_t
+def correction(g: int, frame: Floats, d_n: float, d_t: float) -> tuple[float, float]:
+    """The velocity that goes with a change of the impulses, W d [m/s]."""
+    return frame[g, W_NN] * d_n + frame[g, W_NT] * d_t, frame[g, W_NT] * d_n + frame[g, W_TT] * d_t
 
 
 @loop_body
@@ -82,5 +80,6 @@ def relax_general(
         d_n, d_t = new_n - p_n, new_t - p_t
         if d_n != 0.0 or d_t != 0.0:
             push_general(g, d_n, d_t, velocity, inverse, pair, frame, lever)
-            total += correction(g, frame, d_n, d_t)
+            c_n, c_t = correction(g, frame, d_n, d_t)
+            total += c_n * c_n + c_t * c_t
     return total

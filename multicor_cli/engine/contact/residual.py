@@ -25,18 +25,18 @@ from multicor_cli.engine.jit.chunks import CHUNK
 from multicor_cli.engine.jit.compile import kernel, loop_body, parallel_kernel, prange
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.engine.jit.vectors import HAS_VECTORS, LANES
-from multicor_cli.model.columns import MU, NORMAL, TANGENTIAL
+from multicor_cli.model.columns import NORMAL, TANGENTIAL
 from multicor_cli.model.model import Floats, Ints
 
-_SQUARES, _ENERGY, _LARGEST, _ACTIVE = range(4)
+_SQUARES, _NORMAL, _TANGENTIAL, _LARGEST, _ACTIVE = range(5)
 _BATCHES = CHUNK // LANES  # of a chunk
 
 
 @formula
 def measure_lane(
     lane: np.uint64, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats, beta: float
-) -> tuple[float, float, bool]:
-    """Square of e_c of a light contact, its share of the energy residual, and whether it carries an impulse or would.
+) -> tuple[float, float, float, bool]:
+    """Square of e_c of a light contact, the powers p_n e_n and p_t e_t [J], and whether it carries an impulse or would.
 
     Arrays as in `multicor_cli.engine.contact.sweep.relax_lane`.
     """
@@ -51,56 +51,65 @@ def measure_lane(
     new_n, new_t = solve_exact(p_n, p_t, u_n, u_t, w_inverse, w_inverse / turn, mu)
     c_n, c_t = (new_n - p_n) / w_inverse, (new_t - p_t) * turn / w_inverse
     square = c_n * c_n + c_t * c_t
-    return square, abs(p_n * u_n) + abs(p_t * u_t + mu * p_n * abs(u_t)), p_n > 0.0 or square > 0.0
+    return square, p_n * c_n, p_t * c_t, p_n > 0.0 or square > 0.0
 
 
 @loop_body
 def measure_scalar(
     first: int, last: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats, beta: float
-) -> tuple[float, float, float, float]:
+) -> tuple[float, float, float, float, float]:
     """Residuals of the light contacts of batches ``first … last-1``; arrays as in `measure_lane`.
 
-    Returns the sum of the squares of e_c, the energy residual, the largest square, and the number of contacts with p_n > 0 or
+    Returns the sums of the squares of e_c and of both powers, the largest square, and the number of contacts with p_n > 0 or
     e_c > 0. Sums are taken lane by lane, then over the lanes.
     """
-    squares, energy, largest, active = 0.0, 0.0, 0.0, 0.0
+    squares, normal, tangential, largest, active = 0.0, 0.0, 0.0, 0.0, 0.0
     for column in range(LANES):
-        lane_squares, lane_energy = 0.0, 0.0
+        lane_squares, lane_normal, lane_tangential = 0.0, 0.0, 0.0
         for batch in range(first, last):
             lane = np.uint64(LANES * batch + column)
-            square, share, is_active = measure_lane(lane, velocity, pair, frame, impulse, beta)
+            square, of_normal, of_tangential, is_active = measure_lane(lane, velocity, pair, frame, impulse, beta)
             lane_squares += square
-            lane_energy += share
+            lane_normal += of_normal
+            lane_tangential += of_tangential
             largest = max(largest, square)
             active += 1.0 if is_active else 0.0
         squares += lane_squares
-        energy += lane_energy
-    return squares, energy, largest, active
+        normal += lane_normal
+        tangential += lane_tangential
+    return squares, normal, tangential, largest, active
 
 
 _measure = measure_batches if HAS_VECTORS else measure_scalar
 
 
+@loop_body
+def _measure_chunk(
+    chunk: int, batches: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats, beta: float, partial: Floats
+) -> None:
+    last = min(batches, (chunk + 1) * _BATCHES)
+    squares, normal, tangential, largest, active = _measure(chunk * _BATCHES, last, velocity, pair, frame, impulse, beta)
+    partial[chunk, _SQUARES], partial[chunk, _NORMAL], partial[chunk, _TANGENTIAL] = squares, normal, tangential
+    partial[chunk, _LARGEST], partial[chunk, _ACTIVE] = largest, active
+
+
 @parallel_kernel
 def _measure_chunks(
-    velocity: Floats, pair: Ints, frame: Floats, impulse: Floats, beta: float, batches: int, partial: Floats
+    batches: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats, beta: float, partial: Floats
 ) -> None:
     for chunk in prange(partial.shape[0]):
-        last = min(batches, (chunk + 1) * _BATCHES)
-        squares, energy, largest, active = _measure(chunk * _BATCHES, last, velocity, pair, frame, impulse, beta)
-        partial[chunk, _SQUARES], partial[chunk, _ENERGY] = squares, energy
-        partial[chunk, _LARGEST], partial[chunk, _ACTIVE] = largest, active
+        _measure_chunk(chunk, batches, velocity, pair, frame, impulse, beta, partial)
 
 
 @loop_body
-def _general_residual(g: int, s: System) -> tuple[float, float, bool]:
+def _general_residual(g: int, s: System) -> tuple[float, float, float, bool]:
     """As `measure_lane`, for a general contact."""
     u_n, u_t = general_velocity(g, s.velocity, s.general_pair, s.general_frame, s.general_lever)
     p_n, p_t = s.general_impulse[g, NORMAL], s.general_impulse[g, TANGENTIAL]
     new_n, new_t = general_solution(g, s.general_frame, p_n, p_t, u_n, u_t, True)
-    square = correction(g, s.general_frame, new_n - p_n, new_t - p_t)
-    mu = s.general_frame[g, MU]
-    return square, abs(p_n * u_n) + abs(p_t * u_t + mu * p_n * abs(u_t)), p_n > 0.0 or square > 0.0
+    c_n, c_t = correction(g, s.general_frame, new_n - p_n, new_t - p_t)
+    square = c_n * c_n + c_t * c_t
+    return square, p_n * c_n, p_t * c_t, p_n > 0.0 or square > 0.0
 
 
 @kernel
@@ -113,30 +122,32 @@ def measure_residual(s: System, parallel: bool) -> tuple[float, float, float, fl
 
     Returns:
         rms and maximum of e_c, the velocity correction that an exact local solve of contact c would make with the others held
-        (natural map in velocity units), over contacts with p_n > 0 or e_c > 0 [m/s]; Σ(|p_n ũ_n| + |p_t u_t + μ p_n |u_t||) [J];
-        and the number of these contacts.
+        (natural map in velocity units), over contacts with p_n > 0 or e_c > 0 [m/s]; the energy residual Σ(|Σ p_n e_n| +
+        |Σ p_t e_t|), with the inner sums over `CHUNK` lanes of light contacts in the order of the sweep, or over all general
+        contacts [J]; and the number of these contacts.
     """
     velocity, pair, frame, impulse = s.velocity.reshape(-1), s.pair.reshape(-1), s.frame.reshape(-1), s.impulse.reshape(-1)
     batches = s.slot.shape[0]
-    partial = np.empty((-(-batches // _BATCHES), 4))
+    partial = np.empty((-(-batches // _BATCHES), 5))
     if parallel:
-        _measure_chunks(velocity, pair, frame, impulse, s.spin_factor, batches, partial)
+        _measure_chunks(batches, velocity, pair, frame, impulse, s.spin_factor, partial)
+    else:
+        for chunk in range(partial.shape[0]):
+            _measure_chunk(chunk, batches, velocity, pair, frame, impulse, s.spin_factor, partial)
     squares, energy, largest, active = 0.0, 0.0, 0.0, 0.0
     for chunk in range(partial.shape[0]):
-        if parallel:
-            a, b, c, d = partial[chunk, _SQUARES], partial[chunk, _ENERGY], partial[chunk, _LARGEST], partial[chunk, _ACTIVE]
-        else:
-            last = min(batches, (chunk + 1) * _BATCHES)
-            a, b, c, d = _measure(chunk * _BATCHES, last, velocity, pair, frame, impulse, s.spin_factor)
-        squares += a
-        energy += b
-        largest = max(largest, c)
-        active += d
+        squares += partial[chunk, _SQUARES]
+        energy += abs(partial[chunk, _NORMAL]) + abs(partial[chunk, _TANGENTIAL])
+        largest = max(largest, partial[chunk, _LARGEST])
+        active += partial[chunk, _ACTIVE]
+    normal, tangential = 0.0, 0.0
     for g in range(s.general_pair.shape[0]):
-        square, share, is_active = _general_residual(g, s)
+        square, of_normal, of_tangential, is_active = _general_residual(g, s)
         if is_active:
             squares += square
             active += 1.0
             largest = max(largest, square)
-        energy += share
+        normal += of_normal
+        tangential += of_tangential
+    energy += abs(normal) + abs(tangential)
     return np.sqrt(squares / max(active, 1.0)), np.sqrt(largest), energy, active

@@ -114,14 +114,14 @@ def relax_batches(
     return [code.total(sweep.squares.get()[0])]
 
 
-@vector_loop(results=4)
+@vector_loop(results=5)
 def measure_batches(
     code: Writer, first: _Value, last: _Value, velocity: _Value, pair: _Value, frame: _Value, impulse: _Value, beta: _Value
 ) -> list[_Value]:
     """As `measure_scalar`."""
     zero, one = code.number(0.0), code.number(1.0)
     turn = one + code.spread(beta)
-    sums = code.keep([zero] * 4)
+    sums = code.keep([zero] * 5)
     with code.each(first, last) as batch:
         start = code.times(batch, LANES * PAIR_ROWS)
         i, j = code.indices(pair, start), code.indices(pair, code.offset(start, LANES * SECOND))
@@ -134,11 +134,11 @@ def measure_batches(
         new_t = (p_t - u_t * (w_inverse / turn)).smaller(bound).larger(-bound)
         c_n, c_t = (new_n - p_n) / w_inverse, (new_t - p_t) * turn / w_inverse
         square = c_n * c_n + c_t * c_t
-        squares, energy, largest, active = sums.get()
-        energy += abs(p_n * u_n) + abs(p_t * u_t + mu * p_n * abs(u_t))
-        sums.put([squares + square, energy, square.larger(largest), active + p_n.larger(square).where_positive(one)])
-    squares, energy, largest, active = sums.get()
-    return [code.total(squares), code.total(energy), code.largest(largest), code.total(active)]
+        squares, normal, tangential, largest, active = sums.get()
+        is_active = p_n.larger(square).where_positive(one)
+        sums.put([squares + square, normal + p_n * c_n, tangential + p_t * c_t, square.larger(largest), active + is_active])
+    squares, normal, tangential, largest, active = sums.get()
+    return [code.total(squares), code.total(normal), code.total(tangential), code.largest(largest), code.total(active)]
 
 
 @vector_loop(results=2)
