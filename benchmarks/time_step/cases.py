@@ -20,7 +20,7 @@ _MASS = DENSITY * THICKNESS * math.pi * (SMALL**2 + SMALL * LARGE + LARGE**2) / 
 TAU = math.sqrt(_MASS * PERIOD / LOAD)
 """τ = √(m̄/P): the time in which the pressure moves a grain by its own size [s]."""
 
-SPEEDS = {0.1: 5.9, 0.01: 0.59}
+SPEEDS = {0.1: 5.9, 0.03: 1.77, 0.01: 0.59}
 """Speed of the upper wall [m/s] of each nominal inertial number."""
 
 STEPS = (0.05, 0.1, 0.2, 0.4, 0.8)
@@ -31,6 +31,12 @@ TOLERANCES = (1e-1, 3e-2, 1e-2, 3e-3, 1e-3, 1e-4)
 
 STEP, TOLERANCE = 0.2, 1e-3
 """Those that are kept while the other is varied."""
+
+MU = 0.4
+"""Coefficient of friction between the discs, unless another is asked for."""
+
+TRADES = ((0.2, 1e-3), (0.1, 3e-3), (0.05, 1e-2), (0.05, 3e-2), (0.025, 1e-2))
+"""Time steps over τ, each with its tolerance: shorter steps that are paid for with a looser one."""
 
 TRANSIENT = 4.0
 """Strain that is left out of all averages."""
@@ -46,6 +52,7 @@ class Case:
         tolerance: Tolerance of the rms; the other tolerances keep their ratio to it.
         seed: Seed of the packing.
         strain: Shear strain at which the run ends.
+        friction: Coefficient of friction between the discs.
     """
 
     inertial: float
@@ -53,11 +60,13 @@ class Case:
     tolerance: float
     seed: int
     strain: float
+    friction: float = MU
 
     @property
     def name(self) -> str:
         """Name of the folder of the run."""
-        return f"I{self.inertial:g}-dt{self.step:g}-tol{self.tolerance:g}-strain{self.strain:g}-seed{self.seed}"
+        friction = "" if self.friction == MU else f"-mu{self.friction:g}"
+        return f"I{self.inertial:g}-dt{self.step:g}-tol{self.tolerance:g}-strain{self.strain:g}-seed{self.seed}{friction}"
 
     def overrides(self) -> list[str]:
         """What is changed in the shipped scenario."""
@@ -75,16 +84,17 @@ class Case:
             "solver.threads=1",
             f"output.frame_interval={1e-3 / share}",
             f"scenario.seed={self.seed}",
+            f"contacts.0.friction={self.friction}",
         ]
 
 
-def all_cases(inertial: list[float], seeds: list[int], strain: float) -> Iterator[Case]:
-    """All cases: the time step is varied at one tolerance, and the tolerance at one time step."""
+def all_cases(inertial: list[float], seeds: list[int], strain: float, friction: float = MU, trades: bool = False) -> Iterator[Case]:
+    """All cases: the time step is varied at one tolerance, and the tolerance at one time step; or both together (`TRADES`)."""
     choices = [(step, TOLERANCE) for step in STEPS] + [(STEP, tolerance) for tolerance in TOLERANCES if tolerance != TOLERANCE]
     for number in inertial:
-        for step, tolerance in choices:
+        for step, tolerance in TRADES if trades else choices:
             for seed in seeds:
-                yield Case(number, step, tolerance, seed, strain)
+                yield Case(number, step, tolerance, seed, strain, friction)
 
 
 def finish(case: Case, runs: Path) -> Path:

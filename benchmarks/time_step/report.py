@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
-from cases import STEP, STEPS, TOLERANCE, Case
+from cases import STEP, TOLERANCE, Case
 from measure import Measured
 
 from multicor_cli.model.model import Floats
@@ -74,9 +74,10 @@ def _mean(values: Sequence[tuple[float, float]]) -> tuple[float, float]:
 
 
 def reference_of(row: Row, rows: Sequence[Row]) -> Row:
-    """The row of the same flow with the smallest time step, at the tolerance that is kept."""
-    same = [r for r in rows if r.inertial == row.inertial and r.tolerance == TOLERANCE]
-    return min(same, key=lambda r: r.step)
+    """The row of the same flow with the smallest time step: at the tolerance that is kept, or else at the strictest there is."""
+    same = [r for r in rows if r.inertial == row.inertial]
+    kept = [r for r in same if r.tolerance == TOLERANCE]
+    return min(kept if len(kept) > 1 else same, key=lambda r: (r.step, r.tolerance))
 
 
 def as_text(rows: Sequence[Row]) -> str:
@@ -106,10 +107,11 @@ def _apart(profile: Floats, reference: Floats) -> float:
 
 def _note() -> str:
     return (
-        f"changes are from Δt = {min(STEPS):g} τ at rms {TOLERANCE:g}; *: more than {FRICTION:g} in μ* or {SOLID:g} in ν. "
+        f"changes are from the smallest Δt, at rms {TOLERANCE:g} if there are several; "
+        f"*: more than {FRICTION:g} in μ* or {SOLID:g} in ν. "
         f"Δv/V, Δν(y): rms difference of the profiles. "
         f"early: impulse-weighted mean gap over d̄. sweeps: per step; per strain: sweeps per unit of strain. "
-        f"Tolerances are varied at Δt = {STEP:g} τ"
+        f"Unless with --trades, tolerances are varied at Δt = {STEP:g} τ"
     )
 
 
