@@ -11,12 +11,12 @@ from multicor_cli.engine.jit.compile import kernel, loop_body, parallel_kernel, 
 from multicor_cli.model.columns import BIAS, FIRST, MASS, MU, NORMAL, NX, NY, SECOND, SURFACE, TANGENTIAL, W_NN, W_NT, W_TT, X, Y
 from multicor_cli.model.model import Floats
 
-_SQUARES, _ENERGY, _LARGEST, _ACTIVE = range(4)
+_SQUARES, _NORMAL, _TANGENTIAL, _LARGEST, _ACTIVE = range(5)
 
 
 @loop_body
-def _light_residual(k: int, s: System) -> tuple[float, float]:
-    """Square of e_c, or -1 if the contact is open and satisfied; and its share of the energy residual."""
+def _light_residual(k: int, s: System) -> tuple[float, float, float]:
+    """Square of e_c, or -1 if the contact is open and satisfied; and the powers p_n e_n and p_t e_t."""
     i, j = s.pair[k, FIRST], s.pair[k, SECOND]
     nx, ny, w_inverse, mu = s.frame[k, NX], s.frame[k, NY], s.frame[k, MASS], s.frame[k, MU]
     dx = s.velocity[i, X] - s.velocity[j, X]
@@ -30,11 +30,11 @@ def _light_residual(k: int, s: System) -> tuple[float, float]:
     square = c_n * c_n + c_t * c_t
     if p_n <= 0.0 and square == 0.0:
         square = -1.0
-    return square, abs(p_n * u_n) + abs(p_t * u_t + mu * p_n * abs(u_t))
+    return square, p_n * c_n, p_t * c_t
 
 
 @kernel
-def _general_residual(g: int, s: System) -> tuple[float, float]:
+def _general_residual(g: int, s: System) -> tuple[float, float, float]:
     """As `_light_residual`, for a general contact."""
     u_n, u_t = general_velocity(g, s)
     new_n, new_t = general_solution(g, s, u_n, u_t, EXACT)
@@ -45,21 +45,22 @@ def _general_residual(g: int, s: System) -> tuple[float, float]:
     square = c_n * c_n + c_t * c_t
     if p_n <= 0.0 and square == 0.0:
         square = -1.0
-    return square, abs(p_n * u_n) + abs(p_t * u_t + f[MU] * p_n * abs(u_t))
+    return square, p_n * c_n, p_t * c_t
 
 
 @kernel
 def _residual_of_chunk(chunk: int, s: System, partial: Floats) -> None:
-    squares, energy, largest, active = 0.0, 0.0, 0.0, 0.0
+    squares, normal, tangential, largest, active = 0.0, 0.0, 0.0, 0.0, 0.0
     for k in range(chunk * CHUNK, min(s.pair.shape[0], (chunk + 1) * CHUNK)):
-        square, share = _light_residual(k, s)
+        square, of_normal, of_tangential = _light_residual(k, s)
         if square >= 0.0:
             squares += square
             active += 1.0
             largest = max(largest, square)
-        energy += share
-    partial[chunk, _SQUARES], partial[chunk, _ENERGY] = squares, energy
-    partial[chunk, _LARGEST], partial[chunk, _ACTIVE] = largest, active
+        normal += of_normal
+        tangential += of_tangential
+    partial[chunk, _SQUARES], partial[chunk, _LARGEST], partial[chunk, _ACTIVE] = squares, largest, active
+    partial[chunk, _NORMAL], partial[chunk, _TANGENTIAL] = normal, tangential
 
 
 @parallel_kernel
@@ -78,11 +79,12 @@ def measure_residual(s: System, parallel: bool) -> tuple[float, float, float, fl
 
     Returns:
         rms and maximum of e_c, the velocity correction that an exact local solve of contact c would make with the others held
-        (natural map in velocity units), over contacts with p_n > 0 or e_c > 0 [m/s]; Σ(|p_n ũ_n| + |p_t u_t + μ p_n |u_t||) [J];
-        and the number of these contacts.
+        (natural map in velocity units), over contacts with p_n > 0 or e_c > 0 [m/s]; the energy residual Σ(|Σ p_n e_n| +
+        |Σ p_t e_t|), with the inner sums over `CHUNK` consecutive light contacts or all general ones [J]; and the number of these
+        contacts. Errors of long wavelength have one sign throughout a chunk; those of single contacts cancel.
     """
     chunks = max(1, -(-s.pair.shape[0] // CHUNK))
-    partial = np.empty((chunks, 4))
+    partial = np.empty((chunks, 5))
     if parallel:
         _residuals_of_chunks(s, partial)
     else:
@@ -91,14 +93,17 @@ def measure_residual(s: System, parallel: bool) -> tuple[float, float, float, fl
     squares, energy, largest, active = 0.0, 0.0, 0.0, 0.0
     for chunk in range(chunks):
         squares += partial[chunk, _SQUARES]
-        energy += partial[chunk, _ENERGY]
+        energy += abs(partial[chunk, _NORMAL]) + abs(partial[chunk, _TANGENTIAL])
         largest = max(largest, partial[chunk, _LARGEST])
         active += partial[chunk, _ACTIVE]
+    normal, tangential = 0.0, 0.0
     for g in range(s.general_pair.shape[0]):
-        square, share = _general_residual(g, s)
+        square, of_normal, of_tangential = _general_residual(g, s)
         if square >= 0.0:
             squares += square
             active += 1.0
             largest = max(largest, square)
-        energy += share
+        normal += of_normal
+        tangential += of_tangential
+    energy += abs(normal) + abs(tangential)
     return np.sqrt(squares / max(active, 1.0)), np.sqrt(largest), energy, active
