@@ -85,7 +85,7 @@ def measure(s: System, weight: Floats, truth: Floats, scale: ResidualScale) -> t
     new_t = np.clip(p_t - u_t * w_t, -mu * new_n, mu * new_n)
     e_n, e_t = (new_n - p_n) / w, (new_t - p_t) / w_t
     squares = e_n**2 + e_t**2
-    active = max(1, np.count_nonzero((p_n > 0.0) | (squares > 0.0)))
+    active = max(1, int(np.count_nonzero((p_n > 0.0) | (squares > 0.0))))
     absolute = np.abs(p_n * u_n).sum() + np.abs(p_t * u_t + mu * p_n * np.abs(u_t)).sum()
     starts = np.arange(0, p_n.size, BLOCK)
     normal = np.abs(np.add.reduceat(p_n * u_n, starts)).sum()
@@ -114,7 +114,7 @@ def _row(name: str, column: int, bound: float, histories: list[Floats], limit: i
         if len(history):
             ends.append(history[where[0] if where.size else -1, -2:])
     distances, vertical = np.array(ends).T
-    return Row(name, failed, float(np.mean(costs)), float(max(costs)), float(np.median(distances)), float(vertical.mean()))
+    return Row(name, failed, float(np.mean(costs)), float(np.max(costs)), float(np.median(distances)), float(vertical.mean()))
 
 
 def as_text(rows: Sequence[Row]) -> str:
