@@ -38,6 +38,8 @@ from multicor_cli.model.model import LEAST_DIAMETERS, Floats, Model
 from multicor_cli.model.state import State
 
 PARALLEL_GRAINS = 4_000  # below this, starting threads costs more than they save; results are the same
+SLIPS = 10.0
+"""Reference velocity over the mean slip between grains: the default rms tolerance is then 1 % of the slip."""
 PHASES = ("predict", "detect", "prepare", "solve", "account", "move", "correct")
 
 
@@ -231,23 +233,28 @@ class Engine:
         state, model, lists = self.state, self.model, self._list
         warm = WarmStart(warm_rows(model.grain_count, state.contact_i), state.contact_j, state.contact_impulse)
         ratio = dt / state.last_dt if state.last_dt > 0.0 else 0.0
-        contacts, closing = gather_contacts(scene, lists, margin, model.laws, self._start, dt, warm, ratio)
-        scale = self._scale(dt, *closing)
+        contacts, speeds = gather_contacts(scene, lists, margin, model.laws, self._start, dt, warm, ratio)
+        scale = self._scale(dt, *speeds)
         if scale.velocity == 0.0:
             # Nothing closes and nothing pushes: the impulses of the step before must not act once more.
             contacts.impulse[:] = 0.0
         return contacts, scale
 
-    def _scale(self, dt: float, squares: float, closing: float) -> ResidualScale:
-        """u_ref = max(Δt |g|, Δt P d̄/m̄, rms of the closing velocities), and ½ M u_ref² (theory §5.3)."""
+    def _scale(self, dt: float, squares: float, closing: float, slip: float, loaded: float) -> ResidualScale:
+        """What residuals are measured against (theory §5.3).
+
+        Velocities: u_ref = max(u_load, ten times the mean slip) with u_load = max(Δt |g|, Δt P d̄/m̄, rms of the closing velocities).
+        Energies: ½ M u_load u_ref.
+        """
         model = self.model
         mean_mass = self._mass / model.grain_count
-        reference = max(
+        load = max(
             dt * hypot(*model.gravity.tolist()),
             dt * self._motion.pressure() * model.mean_diameter / mean_mass,
             math.sqrt(squares / closing) if closing else 0.0,
         )
-        return ResidualScale(reference, 0.5 * self._mass * (reference * reference))
+        reference = max(load, SLIPS * slip / loaded if loaded else 0.0)
+        return ResidualScale(reference, 0.5 * self._mass * (load * reference))
 
     def _finish(self, scene: Scene, contacts: StepContacts, after: Floats, outcome: Outcome, reach: float, dt: float) -> StepReport:
         """Books, motion and position correction; from here on the state changes."""

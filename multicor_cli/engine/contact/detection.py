@@ -21,6 +21,8 @@ from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.model.columns import BIAS, GAP, MU, NORMAL, NX, NY, SURFACE, TANGENTIAL, X, Y
 from multicor_cli.model.model import ContactLaws, Floats, Ints
 
+_SQUARES, _CLOSING, _SLIP, _LOADED = range(4)
+
 
 class StepContacts(NamedTuple):
     """Contacts of one step, sorted by (i, j); ``c`` rows.
@@ -225,7 +227,7 @@ def fill_contacts(
     warm: WarmStart,
     scale: float,
     out: StepContacts,
-    closing: Floats,
+    speeds: Floats,
 ) -> None:
     """Fill the contacts of a step, sorted by (i, j).
 
@@ -243,11 +245,12 @@ def fill_contacts(
         warm: Impulses of the step before.
         scale: Ratio of this time step to that of the warm start.
         out: The contacts. **Modified.**
-        closing: For each chunk of grains the sum of min(u_n⁻, 0)² over the contacts that close within the step [m²/s²], and
-            their number, shape ``(chunks, 2)``. **Modified.**
+        speeds: For each chunk of grains the sum of min(u_n⁻, 0)² over the contacts that close within the step [m²/s²] and their
+            number; the sum of |u_t⁻| over the contacts of two grains that carried an impulse [m/s] and their number; shape
+            ``(chunks, 4)``. **Modified.**
     """
     count = row.size - 1
-    for chunk in prange(closing.shape[0]):
+    for chunk in prange(speeds.shape[0]):
         for i in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
             c = kept[i]
             last, k = warm.row[i + 1], warm.row[i]
@@ -257,8 +260,11 @@ def fill_contacts(
                     u = _fill_contact(c, i, j, gap[p], normal[p, X], normal[p, Y], scene, laws, start, dt, out)
                     k = _start_warm(c, j, k, last, warm, scale, out)
                     if u < 0.0:
-                        closing[chunk, 0] += u * u
-                        closing[chunk, 1] += 1.0
+                        speeds[chunk, _SQUARES] += u * u
+                        speeds[chunk, _CLOSING] += 1.0
+                    if partner[p] < count and out.impulse[c, NORMAL] > 0.0:
+                        speeds[chunk, _SLIP] += abs(out.before[c, TANGENTIAL])
+                        speeds[chunk, _LOADED] += 1.0
                     c += 1
 
 

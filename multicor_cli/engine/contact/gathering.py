@@ -24,7 +24,8 @@ def gather_contacts(
 ) -> tuple[StepContacts, Floats]:
     """Contacts with a gap up to ``margin`` [m], sorted by key; arguments as `multicor_cli.engine.contact.detection.fill_contacts`.
 
-    Also returns the sum of min(u_n⁻, 0)² over closing contacts [m²/s²] and their number, shape ``(2,)``.
+    Also returns the sum of min(u_n⁻, 0)² over closing contacts [m²/s²] and their number, and the sum of |u_t⁻| over the contacts
+    of two grains that carried an impulse [m/s] and their number, shape ``(4,)``.
     """
     kept = count_contacts(lists.row, lists.gap, margin)
     count = int(kept[-1])
@@ -32,8 +33,8 @@ def gather_contacts(
         np.empty(count, np.int32), np.empty(count, np.int32), np.empty((count, 5)), np.empty((count, 2)),
         np.empty((count, 2)), np.empty((count, 2)),
     )  # fmt: skip
-    closing = chunks_for(lists.row.size - 1, 2)
+    speeds = chunks_for(lists.row.size - 1, 4)
     fill_contacts(
-        scene, laws, lists.row, lists.partner, lists.gap, lists.normal, margin, kept, start, dt, warm, ratio, contacts, closing
+        scene, laws, lists.row, lists.partner, lists.gap, lists.normal, margin, kept, start, dt, warm, ratio, contacts, speeds
     )
-    return contacts, column_totals(closing)
+    return contacts, column_totals(speeds)

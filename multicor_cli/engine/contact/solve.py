@@ -37,14 +37,14 @@ class Settings:
     local: Local = "exact"
     tolerance_rms: float = 1e-3
     tolerance_max: float = 5e-2
-    tolerance_energy: float = 1e-2
+    tolerance_energy: float = 5e-3
     max_sweeps: int = 10_000
     on_failure: Literal["warn", "error"] = "warn"
 
 
 @dataclass(frozen=True)
 class ResidualScale:
-    """What residuals are measured against: u_ref [m/s], and ½ M u_ref² [J]."""
+    """What residuals are measured against: u_ref [m/s], and ½ M u_load u_ref [J]."""
 
     velocity: float
     energy: float
