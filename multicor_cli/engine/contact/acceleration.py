@@ -11,10 +11,8 @@ linear in each other). Friction makes the problem no minimization, and unguarded
   sweeps: up to a quarter more);
 * near the tolerance momentum's own noise in a few contacts keeps the residual up: thirty sweeps with half of the normal
   corrections calm it, in very long solves only (earlier it would end them with more of the smooth errors left);
-* where nothing has been gained for long and the change per sweep is above the tolerance of the rms, a cluster of contacts cycles:
-  the loop goes through the escapes among its `MODES`: less of the normal corrections with careful momentum, then plain sweeps with
-  a tenth of the tangential or a third of the normal corrections. None ends all of these cycles, and the last two end different ones
-  (benchmarks/hard_steps). Where the power alone misses its tolerance, nothing cycles, and an escape would only cost sweeps.
+* where nothing has been gained for long and the change per sweep is above the tolerance of the rms, a cluster of contacts cycles.
+  The loop says that it is stuck: the cluster has to be solved in another way (`multicor_cli.engine.contact.patches`).
 """
 
 from __future__ import annotations
@@ -66,7 +64,8 @@ LOOP = np.dtype(
         ("best_at", "f8"),  # sweeps then
         ("mode", "i8"),  # row of `MODES`
         ("since", "f8"),  # sweeps when the mode began
-        ("escape", "i8"),  # the last one taken; `CALM`: none yet
+        ("is_stuck", "?"),  # nothing has been gained for long
+        ("patches", "i8"),  # solved since the start
         ("next_check", "f8"),  # sweeps before which the residual is not evaluated again
     ],
     align=True,
@@ -85,15 +84,16 @@ class Tolerances(NamedTuple):
 _CROSS, _SQUARE = 0, 1  # columns of partial products
 
 FAST, CALM = 0, 1
-MODES = np.array([[1.0, 1.0, 1.5], [0.5, 1.0, 1.2], [0.5, 1.0, 1.2], [1.0, 0.1, 0.0], [0.3, 1.0, 0.0]])
+MODES = np.array([[1.0, 1.0, 1.5], [0.5, 1.0, 1.2]])
 """Rows: factors on the normal and tangential corrections; growth of the change per sweep over its lowest value since the last
-restart, at which the momentum restarts (0: no momentum). The first two take turns; the others are escapes."""
+restart, at which the momentum restarts."""
 GROWTH = 2  # its column
-LONG_FROM, LONG_TO, LONG_GROWTH = 250.0, 1000.0, 3.0  # sweeps between which `FAST` has another growth, unless it had to escape
+LONG_FROM, LONG_TO, LONG_GROWTH = 250.0, 1000.0, 3.0  # sweeps between which `FAST` has another growth, unless it was stuck
 CALM_BELOW, CALM_AFTER, CALM_FOR = 2.0, 1000.0, 30.0  # times the tolerance; sweeps in `FAST` before; sweeps in `CALM`
 GAIN = 0.9  # the loop has gained if the change per sweep is lower by this factor
-PATIENCE = 600.0  # sweeps without gain after which it tries an escape, and after which an escape ends
-ESCAPE_FOR = 2000.0  # sweeps after which an escape ends even if it still gains
+PATIENCE = 300.0  # sweeps without gain after which the loop is stuck
+PATIENCE_AFTER = 15.0  # the same after a patch: what is unstable grows again
+PATCHES = 20  # after which patches take turns with long sweeping again: these have not helped, and they cost more
 
 
 @kernel
@@ -105,7 +105,6 @@ def start_loop(contact_count: int) -> NDArray[np.void]:
     loop["theta"] = 1.0
     loop["lowest"] = np.inf
     loop["best"] = np.inf
-    loop["escape"] = CALM
     return memory
 
 
@@ -200,29 +199,15 @@ def _switch(mode: int, loop: Any) -> None:
 
 
 @kernel
-def _leave(mode: int, change: float, loop: Any) -> None:
-    """Switch to a mode with fresh momentum, and measure its gain from here."""
-    loop["theta"], loop["factor"] = 1.0, 0.0
-    loop["best"], loop["best_at"] = change, loop["sweeps"]
-    _switch(mode, loop)
-
-
-@kernel
 def _choose_mode(change: float, tolerance: float, loop: Any) -> None:
-    """Calm down where the tolerance is near, escape where nothing has been gained for long though it is not, and come back."""
+    """Calm down where the tolerance is near, and come back; say so where nothing has been gained for long though it is not near."""
     if change < GAIN * loop["best"]:
         loop["best"], loop["best_at"] = change, loop["sweeps"]
-    in_mode, mode = loop["sweeps"] - loop["since"], loop["mode"]
-    is_stuck = loop["sweeps"] - loop["best_at"] >= PATIENCE
-    if mode > CALM:
-        if is_stuck or in_mode >= ESCAPE_FOR:
-            _leave(FAST, change, loop)
-    elif is_stuck and change > tolerance:
-        loop["escape"] += 1
-        if loop["escape"] == MODES.shape[0]:
-            loop["escape"] = CALM + 1
-        _leave(loop["escape"], change, loop)
-    elif mode == CALM:
+    in_mode = loop["sweeps"] - loop["since"]
+    patience = PATIENCE_AFTER if 0 < loop["patches"] <= PATCHES else PATIENCE
+    if change > tolerance and loop["sweeps"] - loop["best_at"] >= patience:
+        loop["is_stuck"] = True
+    elif loop["mode"] == CALM:
         if in_mode >= CALM_FOR:
             _switch(FAST, loop)
     elif change < CALM_BELOW * tolerance and in_mode >= CALM_AFTER:
@@ -230,10 +215,23 @@ def _choose_mode(change: float, tolerance: float, loop: Any) -> None:
 
 
 @kernel
+def begin_again(s: System, m: Momentum, loop: Any) -> None:
+    """Go on with fresh momentum from impulses and velocities that something else has changed."""
+    m.velocity[:] = s.velocity[: m.velocity.shape[0]]
+    m.change[:] = 0.0
+    m.before.impulse[:] = s.impulse
+    m.before.general_impulse[:] = s.general_impulse
+    loop["theta"], loop["factor"] = 1.0, 0.0
+    loop["best"], loop["best_at"], loop["is_stuck"] = np.inf, loop["sweeps"], False
+    loop["patches"] += 1
+    _switch(FAST, loop)
+
+
+@kernel
 def _growth(loop: Any) -> float:
-    """Growth of the change per sweep at which the momentum restarts now; 0: no momentum."""
+    """Growth of the change per sweep at which the momentum restarts now."""
     mode, sweeps = loop["mode"], loop["sweeps"]
-    is_long = mode == FAST and loop["escape"] == CALM and LONG_FROM <= sweeps < LONG_TO
+    is_long = mode == FAST and loop["patches"] == 0 and LONG_FROM <= sweeps < LONG_TO
     return LONG_GROWTH if is_long else MODES[mode, GROWTH]
 
 
@@ -271,14 +269,14 @@ def move_on(s: System, m: Momentum, change: float, growth: float, loop: Any, par
         s: The problem. **Velocities modified.**
         m: Momentum. **Modified.**
         change: Change per sweep [m/s].
-        growth: Growth of the change at which the momentum restarts; 0: no momentum.
+        growth: Growth of the change at which the momentum restarts.
         loop: Record of `LOOP`; its ``factor`` is that of the next sweep on return. **Modified.**
         parallel: Use several threads; the result is the same.
     """
     # Velocities are moved on as if the gradient did not mind, in the pass that finds out whether it does: it seldom does.
-    factor = choose_factor(change, growth, loop) if growth > 0.0 else 0.0
+    factor = choose_factor(change, growth, loop)
     cross, square = _extrapolate_bodies(s, m, factor, parallel)
-    if growth > 0.0 and loop["factor"] * cross > square:
+    if loop["factor"] * cross > square:
         factor = restart(change, loop)
         s.velocity[: m.velocity.shape[0]] = m.velocity
     loop["factor"] = factor
@@ -340,4 +338,6 @@ def iterate(
             return
         if accelerated:
             _choose_mode(change, tolerance.rms, loop)
+            if loop["is_stuck"]:
+                return
             move_on(s, m, change, _growth(loop), loop, parallel)

@@ -33,6 +33,17 @@ _BATCHES = CHUNK // LANES  # of a chunk
 
 
 @formula
+def lane_velocity(lane: np.uint64, velocity: Floats, pair: Ints, frame: Floats) -> tuple[float, float]:
+    """u_n + b and u_t of a light contact [m/s]; arrays as in `multicor_cli.engine.contact.sweep.relax_lane`."""
+    q, f = pair_place(lane), frame_place(lane)
+    i, j = np.uint64(pair[q]), np.uint64(pair[q + SECOND_])
+    nx, ny = frame[f], frame[f + NY_]
+    dx, dy = velocity[i] - velocity[j], velocity[i + Y_] - velocity[j + Y_]
+    u_n = dx * nx + dy * ny + frame[f + BIAS_]
+    return u_n, dy * nx - dx * ny - (velocity[i + SURFACE_] + velocity[j + SURFACE_])
+
+
+@formula
 def measure_lane(
     lane: np.uint64, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats, beta: float
 ) -> tuple[float, float, float, bool]:
@@ -40,12 +51,9 @@ def measure_lane(
 
     Arrays as in `multicor_cli.engine.contact.sweep.relax_lane`.
     """
-    q, f, p = pair_place(lane), frame_place(lane), impulse_place(lane)
-    i, j = np.uint64(pair[q]), np.uint64(pair[q + SECOND_])
-    nx, ny, w_inverse, mu = frame[f], frame[f + NY_], frame[f + MASS_], frame[f + MU_]
-    dx, dy = velocity[i] - velocity[j], velocity[i + Y_] - velocity[j + Y_]
-    u_n = dx * nx + dy * ny + frame[f + BIAS_]
-    u_t = dy * nx - dx * ny - (velocity[i + SURFACE_] + velocity[j + SURFACE_])
+    u_n, u_t = lane_velocity(lane, velocity, pair, frame)
+    f, p = frame_place(lane), impulse_place(lane)
+    w_inverse, mu = frame[f + MASS_], frame[f + MU_]
     p_n, p_t = impulse[p], impulse[p + TANGENTIAL_]
     turn = 1.0 + beta
     new_n, new_t = solve_exact(p_n, p_t, u_n, u_t, w_inverse, w_inverse / turn, mu)
@@ -102,7 +110,7 @@ def _measure_chunks(
 
 
 @loop_body
-def _general_residual(g: int, s: System) -> tuple[float, float, float, bool]:
+def measure_general(g: int, s: System) -> tuple[float, float, float, bool]:
     """As `measure_lane`, for a general contact."""
     u_n, u_t = general_velocity(g, s.velocity, s.general_pair, s.general_frame, s.general_lever)
     p_n, p_t = s.general_impulse[g, NORMAL], s.general_impulse[g, TANGENTIAL]
@@ -142,7 +150,7 @@ def measure_residual(s: System, parallel: bool) -> tuple[float, float, float, fl
         active += partial[chunk, _ACTIVE]
     normal, tangential = 0.0, 0.0
     for g in range(s.general_pair.shape[0]):
-        square, of_normal, of_tangential, is_active = _general_residual(g, s)
+        square, of_normal, of_tangential, is_active = measure_general(g, s)
         if is_active:
             squares += square
             active += 1.0

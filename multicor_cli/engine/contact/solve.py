@@ -10,7 +10,8 @@ from typing import Literal
 import numba
 import numpy as np
 
-from multicor_cli.engine.contact.acceleration import Tolerances, iterate, start_loop, start_momentum
+from multicor_cli.engine.contact.acceleration import Tolerances, begin_again, iterate, start_loop, start_momentum
+from multicor_cli.engine.contact.patches import SIZES, solve_patch
 from multicor_cli.engine.contact.report import PhysicsError
 from multicor_cli.engine.contact.sweep import BIPOTENTIAL, EXACT, System
 from multicor_cli.engine.contact.thread_choice import SLICE, ThreadChoice
@@ -105,17 +106,19 @@ def solve_system(
     partial = np.empty(system.tile_start.size - 1)
     local = EXACT if settings.local == "exact" else BIPOTENTIAL
     slice_ = max(1, SLICE // count)
-    limit = 0
     outside = numba.get_num_threads()
     try:
-        while not loop["is_converged"] and limit < settings.max_sweeps:
-            limit = min(limit + slice_, settings.max_sweeps)
+        while not loop["is_converged"] and loop["sweeps"] < settings.max_sweeps:
+            limit = min(int(loop["sweeps"]) + slice_, settings.max_sweeps)
             is_last = limit == settings.max_sweeps
             parallel = pace.choose(count)
             numba.set_num_threads(pace.threads if parallel else 1)
             done, started = float(loop["sweeps"]), time.perf_counter()
             iterate(system, momentum, local, settings.method == "accelerated", parallel, limit, is_last, tolerance, memory, partial)
             pace.note(count, parallel, (float(loop["sweeps"]) - done) * count, time.perf_counter() - started)
+            if loop["is_stuck"]:
+                solve_patch(system, SIZES[min(int(loop["patches"]), len(SIZES) - 1)])
+                begin_again(system, momentum, loop)
             if should_stop is not None and should_stop():
                 raise Interrupted
     finally:

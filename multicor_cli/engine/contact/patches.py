@@ -1,0 +1,271 @@
+"""Solves the contacts around the worst one exactly and all at once, with the impulses of all others held.
+
+Where friction and unilaterality chase each other around a small cluster of contacts, sweeps may go on for ever: the solution of
+the cluster is an unstable fixed point of the sweep. In two dimensions Coulomb's law is a linear complementarity problem without any
+approximation (Pfeiffer & Glocker 1996, §5.3). With σ = p_t + μ p_n and τ = μ p_n − p_t, what is left to either edge of the cone,
+and u_t = u₊ − u₋,
+
+    u_n = q_n + W_nn p_n + W_nt (σ − μ p_n)              0 ≤ u_n ⟂ p_n ≥ 0
+    u₊  = q_t + W_tn p_n + W_tt (σ − μ p_n) + u₋         0 ≤ u₊ ⟂ σ ≥ 0
+    τ   = 2 μ p_n − σ                                    0 ≤ τ ⟂ u₋ ≥ 0
+
+where W is the Delassus matrix of the cluster and q its velocities without its impulses. A finite number of pivots solves it.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from multicor_cli.engine.contact.complementarity import solve_complementarity
+from multicor_cli.engine.contact.general import general_velocity, push_general
+from multicor_cli.engine.contact.lanes import MU_, NY_, TANGENTIAL_, frame_place, impulse_place
+from multicor_cli.engine.contact.residual import lane_velocity, measure_general, measure_lane
+from multicor_cli.engine.contact.sweep import System, push_lane
+from multicor_cli.engine.jit.compile import kernel, loop_body
+from multicor_cli.model.columns import FIRST, INVERSE_MASS, MU, NORMAL, NX, NY, SECOND, SPIN, TANGENTIAL, X, Y
+from multicor_cli.model.model import Floats, Ints
+
+SIZES = (50, 70, 100, 140, 200)
+"""Contacts of the first patch of a solve, of the second, and so on; of all others the last. The work grows with the third power."""
+
+PIVOTS = 10
+"""Cap on the number of pivots, per unknown."""
+
+
+@loop_body
+def _body(contact: int, side: int, s: System) -> int:
+    """Row of a body of a contact; contacts are the lanes of all batches, then the general ones."""
+    if contact < s.slot.size:
+        return s.pair[contact // 4, side, contact % 4] // 4
+    return s.general_pair[contact - s.slot.size, side]
+
+
+@loop_body
+def _mobility(body: int, d: int, s: System) -> float:
+    """Inverse mass of a degree of freedom."""
+    m = s.velocity[body, INVERSE_MASS]
+    if m > 0.0:
+        return m * s.spin_factor if d == SPIN else m
+    return s.inverse[body, d] if body < s.inverse.shape[0] else 0.0
+
+
+@loop_body
+def _is_movable(body: int, s: System) -> bool:
+    return _mobility(body, X, s) > 0.0 or _mobility(body, Y, s) > 0.0 or _mobility(body, SPIN, s) > 0.0
+
+
+@kernel
+def _find_active(s: System) -> tuple[NDArray[np.bool_], int]:
+    """Contacts that carry an impulse or would, and the one with the largest e_c."""
+    lanes = s.slot.size
+    velocity, pair, frame, impulse = s.velocity.reshape(-1), s.pair.reshape(-1), s.frame.reshape(-1), s.impulse.reshape(-1)
+    active = np.empty(lanes + s.general_pair.shape[0], np.bool_)
+    worst, largest = 0, -1.0
+    for k in range(active.size):
+        if k < lanes:
+            square, _, _, active[k] = measure_lane(np.uint64(k), velocity, pair, frame, impulse, s.spin_factor)
+        else:
+            square, _, _, active[k] = measure_general(k - lanes, s)
+        if square > largest:
+            worst, largest = k, square
+    return active, worst
+
+
+@kernel
+def _contacts_by_body(active: NDArray[np.bool_], s: System) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Active contacts of each body: those of body b are ``contact[start[b]:start[b+1]]``."""
+    start = np.zeros(s.velocity.shape[0] + 1, np.int64)
+    for k in range(active.size):
+        if active[k]:
+            for side in range(2):
+                start[_body(k, side, s) + 1] += 1
+    for b in range(start.size - 1):
+        start[b + 1] += start[b]
+    contact, place = np.empty(start[-1], np.int64), start[:-1].copy()
+    for k in range(active.size):
+        if active[k]:
+            for side in range(2):
+                b = _body(k, side, s)
+                contact[place[b]] = k
+                place[b] += 1
+    return start, contact
+
+
+@kernel
+def _around(worst: int, size: int, active: NDArray[np.bool_], s: System) -> NDArray[np.int64]:
+    """Up to ``size`` active contacts: the worst one, then those that share a movable body with one that is chosen already."""
+    start, contact = _contacts_by_body(active, s)
+    chosen, is_left = np.empty(size, np.int64), active.copy()
+    chosen[0], is_left[worst] = worst, False
+    found, at = 1, 0
+    while at < found < size:
+        for side in range(2):
+            b = _body(chosen[at], side, s)
+            first, last = (start[b], start[b + 1]) if _is_movable(b, s) else (0, 0)
+            for place in range(first, last):
+                if is_left[contact[place]] and found < size:
+                    chosen[found] = contact[place]
+                    is_left[contact[place]] = False
+                    found += 1
+        at += 1
+    return chosen[:found]
+
+
+class _Patch(NamedTuple):
+    """Contacts of a patch, ``k`` rows.
+
+    Attributes:
+        contact: Their numbers, shape ``(k,)``.
+        body: Rows of their bodies, shape ``(k, 2)``.
+        normal: n_x, n_y, shape ``(k, 2)``.
+        lever: What the third velocities of both bodies add to u_n and u_t, shape ``(k, 2, 2)``.
+        friction: μ, shape ``(k,)``.
+        impulse: p_n, p_t [N s], shape ``(k, 2)``.
+        velocity: u_n + b, u_t [m/s], shape ``(k, 2)``.
+    """
+
+    contact: Ints
+    body: Ints
+    normal: Floats
+    lever: Floats
+    friction: Floats
+    impulse: Floats
+    velocity: Floats
+
+
+@kernel
+def _gather(contact: Ints, s: System) -> _Patch:
+    count, lanes = contact.size, s.slot.size
+    velocity, pair, frame, impulse = s.velocity.reshape(-1), s.pair.reshape(-1), s.frame.reshape(-1), s.impulse.reshape(-1)
+    patch = _Patch(
+        contact, np.empty((count, 2), np.int64), np.empty((count, 2)), np.empty((count, 2, 2)), np.empty(count),
+        np.empty((count, 2)), np.empty((count, 2)),
+    )  # fmt: skip
+    for k in range(count):
+        c = contact[k]
+        for side in range(2):
+            patch.body[k, side] = _body(c, side, s)
+        if c < lanes:
+            lane = np.uint64(c)
+            f, p = frame_place(lane), impulse_place(lane)
+            u_n, u_t = lane_velocity(lane, velocity, pair, frame)
+            patch.normal[k, X], patch.normal[k, Y], patch.friction[k] = frame[f], frame[f + NY_], frame[f + MU_]
+            patch.lever[k, :, NORMAL], patch.lever[k, :, TANGENTIAL] = 0.0, -1.0
+            patch.impulse[k, NORMAL], patch.impulse[k, TANGENTIAL] = impulse[p], impulse[p + TANGENTIAL_]
+        else:
+            g = c - lanes
+            u_n, u_t = general_velocity(g, s.velocity, s.general_pair, s.general_frame, s.general_lever)
+            patch.normal[k, X], patch.normal[k, Y] = s.general_frame[g, NX], s.general_frame[g, NY]
+            patch.friction[k] = s.general_frame[g, MU]
+            patch.lever[k, FIRST], patch.lever[k, SECOND] = s.general_lever[g, FIRST], -s.general_lever[g, SECOND]
+            patch.impulse[k] = s.general_impulse[g]
+        patch.velocity[k, NORMAL], patch.velocity[k, TANGENTIAL] = u_n, u_t
+    return patch
+
+
+@loop_body
+def _row(k: int, side: int, direction: int, d: int, patch: _Patch) -> float:
+    """What degree of freedom ``d`` of a body adds to u_n or u_t of a contact."""
+    if d == SPIN:
+        return patch.lever[k, side, direction]
+    sign = 1.0 if side == FIRST else -1.0
+    if direction == NORMAL:
+        return sign * patch.normal[k, d]
+    return sign * (patch.normal[k, X] if d == Y else -patch.normal[k, Y])
+
+
+@kernel
+def _delassus(patch: _Patch, s: System) -> Floats:
+    """W [1/kg], shape ``(2 k, 2 k)``: rows of u_n of all contacts, then those of u_t."""
+    count = patch.contact.size
+    matrix = np.zeros((2 * count, 2 * count))
+    for a in range(count):
+        for b in range(count):
+            for side in range(2):
+                for other in range(2):
+                    body = patch.body[a, side]
+                    if body != patch.body[b, other]:
+                        continue
+                    for d in range(3):
+                        m = _mobility(body, d, s)
+                        for row in range(2):
+                            for column in range(2):
+                                entry = _row(a, side, row, d, patch) * m * _row(b, other, column, d, patch)
+                                matrix[row * count + a, column * count + b] += entry
+    return matrix
+
+
+@kernel
+def _solve(patch: _Patch, s: System) -> tuple[bool, Floats]:
+    """Impulses of the contacts with all others held, shape ``(k, 2)``, and whether they were found."""
+    count = patch.contact.size
+    w = _delassus(patch, s)
+    mean = 0.0
+    for k in range(count):
+        mean += w[k, k] / count
+    mass = 1.0 / mean  # impulses are found in units of this mass times a velocity: numbers are of order 1
+    q, scale = np.empty(2 * count), 0.0
+    for k in range(2 * count):
+        q[k] = patch.velocity[k % count, k // count]
+        for c in range(2 * count):
+            q[k] -= w[k, c] * patch.impulse[c % count, c // count]
+        scale = max(scale, abs(q[k]))
+    new = np.zeros((count, 2))
+    if scale == 0.0:
+        return True, new
+    matrix, vector = np.zeros((3 * count, 3 * count)), np.zeros(3 * count)
+    vector[: 2 * count] = q / scale
+    for k in range(2 * count):
+        for c in range(count):
+            tangential = mass * w[k, count + c]
+            matrix[k, c] = mass * w[k, c] - patch.friction[c] * tangential
+            matrix[k, count + c] = tangential
+    for k in range(count):
+        matrix[count + k, 2 * count + k] = 1.0
+        matrix[2 * count + k, k] = 2.0 * patch.friction[k]
+        matrix[2 * count + k, count + k] = -1.0
+    z = np.empty(3 * count)
+    if not solve_complementarity(matrix, vector, PIVOTS * z.size, z):
+        return False, new
+    for k in range(count):
+        p_n = mass * scale * max(z[k], 0.0)
+        bound = patch.friction[k] * p_n
+        new[k, NORMAL] = p_n
+        new[k, TANGENTIAL] = min(max(mass * scale * z[count + k] - bound, -bound), bound)
+    return True, new
+
+
+@kernel
+def solve_patch(s: System, size: int) -> bool:
+    """Solve up to ``size`` contacts around the worst one.
+
+    Args:
+        s: The problem. **Impulses and velocities modified.**
+        size: Number of contacts.
+
+    Returns:
+        Whether they were solved. If not nothing has changed.
+    """
+    active, worst = _find_active(s)
+    patch = _gather(_around(worst, size, active, s), s)
+    is_solved, new = _solve(patch, s)
+    if not is_solved:
+        return False
+    lanes = s.slot.size
+    velocity, pair, frame, impulse = s.velocity.reshape(-1), s.pair.reshape(-1), s.frame.reshape(-1), s.impulse.reshape(-1)
+    for k in range(patch.contact.size):
+        c = patch.contact[k]
+        p_n, p_t = new[k, NORMAL], new[k, TANGENTIAL]
+        d_n, d_t = p_n - patch.impulse[k, NORMAL], p_t - patch.impulse[k, TANGENTIAL]
+        if c < lanes:
+            p = impulse_place(np.uint64(c))
+            impulse[p], impulse[p + TANGENTIAL_] = p_n, p_t
+            push_lane(np.uint64(c), d_n, d_t, velocity, pair, frame, s.spin_factor)
+        else:
+            g = c - lanes
+            s.general_impulse[g, NORMAL], s.general_impulse[g, TANGENTIAL] = p_n, p_t
+            push_general(g, d_n, d_t, s.velocity, s.inverse, s.general_pair, s.general_frame, s.general_lever)
+    return True

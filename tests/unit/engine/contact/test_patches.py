@@ -1,0 +1,128 @@
+"""Clusters of contacts as linear complementarity problems."""
+
+import itertools
+
+import numpy as np
+import pytest
+from scene_parts import advance, shear_engine
+
+from multicor_cli.engine.contact import patches
+from multicor_cli.engine.contact.complementarity import solve_complementarity
+from multicor_cli.engine.contact.law import solve_full
+from multicor_cli.engine.contact.patches import solve_patch
+from multicor_cli.engine.contact.problem import ContactProblem, _general_system
+from multicor_cli.engine.contact.residual import measure_residual
+from multicor_cli.engine.contact.sweep import add_impulses
+
+
+def solved(matrix, vector):
+    z = np.empty(len(vector))
+    found = solve_complementarity(np.asarray(matrix, float), np.asarray(vector, float), 100, z)
+    return z if found else None
+
+
+def complementary_solutions(matrix, vector):
+    """All solutions with regular bases, by trying every choice of what vanishes."""
+    n = len(vector)
+    for is_basic in itertools.product([False, True], repeat=n):
+        chosen = [k for k in range(n) if is_basic[k]]
+        z = np.zeros(n)
+        if chosen:
+            block = matrix[np.ix_(chosen, chosen)]
+            if abs(np.linalg.det(block)) < 1e-12:
+                continue
+            z[chosen] = np.linalg.solve(block, -vector[chosen])
+        if (z >= -1e-9).all() and (vector + matrix @ z >= -1e-9).all():
+            yield z
+
+
+@pytest.mark.parametrize("seed", range(20))
+def test_complementarity_with_a_positive_matrix_has_its_one_solution(seed):
+    random = np.random.default_rng(seed)
+    root = random.normal(size=(6, 6))
+    matrix, vector = root @ root.T + 0.1 * np.eye(6), random.normal(size=6)
+    (expected,) = complementary_solutions(matrix, vector)
+    assert solved(matrix, vector) == pytest.approx(expected, abs=1e-9)
+
+
+def test_complementarity_without_solution_is_told():
+    assert solved([[-1.0]], [-1.0]) is None  # w = −1 − z
+    assert solved([[0.0]], [-1.0]) is None
+
+
+def test_nothing_to_do_is_a_solution():
+    assert solved([[1.0]], [2.0]).tolist() == [0.0]
+
+
+def test_complementarity_stops_at_its_cap():
+    random = np.random.default_rng(1)
+    root = random.normal(size=(8, 8))
+    assert not solve_complementarity(root @ root.T, -np.ones(8), 1, np.empty(8))
+
+
+def on_the_ground(bias, tangential, friction):
+    """A body on the ground, with a lever that couples the normal and the tangent."""
+    return ContactProblem(
+        inverse_mass=np.array([[2.0, 2.0, 3.0], [0.0, 0.0, 0.0]]),
+        velocity=np.array([[tangential, -1.0, 0.3], [0.0, 0.0, 0.0]]),
+        pair=np.array([[0, 1]], np.int32),
+        normal=np.array([[0.0, 1.0]]),
+        lever=np.array([[[0.1, -1.0], [0.0, 0.0]]]),
+        bias=np.array([bias]),
+        friction=np.array([friction]),
+    )
+
+
+@pytest.mark.parametrize(
+    ("bias", "tangential", "friction"), itertools.product([0.0, 0.4, 2.0], [-3.0, -0.2, 0.1, 5.0], [0.0, 0.3, 0.9])
+)
+def test_one_contact_is_solved_as_by_enumeration(bias, tangential, friction):
+    problem = on_the_ground(bias, tangential, friction)
+    system = _general_system(problem, np.zeros((1, 2)))
+    w_nn, w_nt, w_tt = problem.delassus()[0]
+    u_n, u_t = -1.0 + bias + 0.3 * problem.levers()[0, 0, 0], -tangential + 0.3 * problem.levers()[0, 0, 1]
+    assert solve_patch(system, 5)
+    expected = solve_full(0.0, 0.0, u_n, u_t, w_nn, w_nt, w_tt, friction)
+    assert system.general_impulse[0] == pytest.approx(expected, abs=1e-12)
+
+
+def layer(columns):
+    engine = shear_engine(columns=columns, rows=6)
+    advance(engine, 0.02, 60)
+    system = engine.next_system(0.02, 0.0).system
+    return system._replace(velocity=system.velocity.copy(), impulse=system.impulse.copy())
+
+
+def test_a_patch_of_all_contacts_is_the_solution():
+    system = layer(8)
+    assert measure_residual(system, False)[1] > 1e-9
+    for _ in range(3):  # contacts that were open may have closed
+        assert solve_patch(system, 10_000)
+    rms, largest, energy, _ = measure_residual(system, False)
+    assert largest < 1e-12 * abs(system.velocity[:, :3]).max()
+    assert rms <= largest
+    assert energy < 1e-12
+
+
+def test_a_patch_mends_the_worst_contact_and_leaves_the_rest():
+    system = layer(30)
+    active, worst = patches._find_active(system)
+    chosen = patches._around(worst, 6, active, system).tolist()
+    assert len(set(chosen)) == 6
+    assert chosen[0] == worst
+    before = system.impulse.copy()
+    assert solve_patch(system, 6)
+    contacts = (system.impulse != before).any(axis=1).reshape(-1)
+    assert np.count_nonzero(contacts) > 0
+    assert set(np.flatnonzero(contacts).tolist()) <= set(chosen)
+    assert patches._find_active(system)[1] not in chosen
+
+
+def test_a_patch_keeps_velocities_and_impulses_together():
+    """What the impulses have pushed is what the velocities have gained."""
+    system = layer(30)
+    free = system._replace(velocity=system.velocity.copy())
+    add_impulses(free._replace(impulse=-system.impulse, general_impulse=-system.general_impulse))
+    assert solve_patch(system, 60)
+    add_impulses(free._replace(impulse=system.impulse, general_impulse=system.general_impulse))
+    assert free.velocity == pytest.approx(system.velocity, rel=1e-9, abs=1e-9 * abs(system.velocity).max())
