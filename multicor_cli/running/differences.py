@@ -6,7 +6,7 @@ import tomllib
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-from multicor_cli.scenario.base import FREE
+from multicor_cli.scenario.base import FREE, Formerly
 from multicor_cli.scenario.describe import find_field, find_spot
 from multicor_cli.scenario.models import ScenarioModel
 from multicor_cli.scenario.problems import KeyPath, show
@@ -33,9 +33,37 @@ def find_differences(before: str, after: str) -> list[Difference]:
     return [difference for difference in found if not _is_free(difference.path)]
 
 
-def _is_free(path: KeyPath) -> bool:
+def former_defaults(before: str, after: str, given: dict[str, Any]) -> list[str]:
+    """Overrides (``key=value``) that give a scenario the defaults of the version with which its run began.
+
+    Args:
+        before: TOML of the scenario with which the run began, resolved.
+        after: TOML of the scenario with which it would continue, resolved.
+        given: What the latter gives itself: these keys have no defaults.
+    """
+    return [
+        f"{'.'.join(map(str, difference.path))}={difference.before}"
+        for difference in find_differences(before, after)
+        if not _is_given(difference.path, given)
+        and any(isinstance(mark, Formerly) and show(mark.default) == difference.before for mark in _marks(difference.path))
+    ]
+
+
+def _is_given(path: KeyPath, document: Any) -> bool:
+    for key in path:
+        if isinstance(document, list) or key not in document:
+            return isinstance(document, list)  # elements of arrays are given as a whole
+        document = document[key]
+    return True
+
+
+def _marks(path: KeyPath) -> list[Any]:
     field = find_field(find_spot(ScenarioModel, path).table, str(path[-1]))
-    return field is not None and FREE in field.metadata
+    return [] if field is None else field.metadata
+
+
+def _is_free(path: KeyPath) -> bool:
+    return FREE in _marks(path)
 
 
 def _compare(path: KeyPath, before: Any, after: Any) -> Iterator[Difference]:

@@ -19,7 +19,7 @@ from multicor_cli.engine.jit.cache import is_compiled
 from multicor_cli.model import HEAT_BOOK_NAMES, TALLY_NAMES, Model, State
 from multicor_cli.packing import build
 from multicor_cli.running.controller import Controller
-from multicor_cli.running.differences import find_differences
+from multicor_cli.running.differences import find_differences, former_defaults
 from multicor_cli.running.heat_plan import heat_settings
 from multicor_cli.running.memory import keep_freed_memory
 from multicor_cli.running.observer import Observer, SilentObserver
@@ -120,7 +120,7 @@ class Session:
     def _continue(self) -> RunOutcome:
         document = read_run_document(self._path)
         before = read_scenario(self._path / RESOLVED, document["resolved_sha256"])
-        scenario = _with_seed_of(self._scenario, int(document["provenance"]["seed"]))
+        scenario = _with_seed_of(_with_defaults_of(self._scenario, before), int(document["provenance"]["seed"]))
         _refuse_changes(scenario, before, self._path)
         with RunDirectory.resume(self._path) as directory:
             if directory.is_finished:
@@ -231,6 +231,14 @@ def stage_starts(path: Path, state: State) -> list[float]:
 
 def _describe(error: Exception) -> str:
     return str(error) if exit_code_of(error) is not ExitCode.BUG else f"internal error: {type(error).__name__}: {error}"
+
+
+def _with_defaults_of(scenario: Scenario, before: str) -> Scenario:
+    """The scenario with the defaults of the version that began the run, where it leaves keys to their defaults."""
+    data, own = tomllib.loads(scenario.source), list(scenario.sources.applied.values())
+    apply_overrides(data, own)
+    former = former_defaults(before, scenario.resolved_toml(), data)
+    return parse_scenario(scenario.source, scenario.path, [*own, *former]) if former else scenario
 
 
 def _with_seed_of(scenario: Scenario, seed: int) -> Scenario:

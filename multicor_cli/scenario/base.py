@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import fields
+from dataclasses import dataclass, fields
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field, Strict, WithJsonSchema
@@ -33,6 +33,14 @@ class Table(BaseModel):
 
 FREE = "free"
 """Marks a key that may change between two sessions of a run: no result depends on it."""
+
+
+@dataclass(frozen=True)
+class Formerly:
+    """Marks a key whose default was another one in an earlier version: runs that began with it go on with it."""
+
+    default: object
+
 
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$", max_length=64)]
 """A name that can be a bare TOML key."""

@@ -19,7 +19,7 @@ from multicor_cli.engine.heat.hertz import relative_deflection
 from multicor_cli.engine.motion.drives import Constant, DofDrive, Ramp, Sine, WallDrive
 from multicor_cli.model import State
 from multicor_cli.running.conditions import ShearGauge, StrainReached
-from multicor_cli.running.differences import find_differences
+from multicor_cli.running.differences import find_differences, former_defaults
 from multicor_cli.running.estimate import estimate, estimate_steps
 from multicor_cli.running.plan import RunPlan, StagePlan
 from multicor_cli.running.planning import make_plan as plan_of
@@ -69,6 +69,15 @@ def test_differences_name_every_key() -> None:
 
 def test_lists_of_another_length_differ_as_a_whole() -> None:
     assert [d.path for d in find_differences("b = [1, 2]", "b = [1]")] == [("b",)]
+
+
+def test_a_default_that_was_another_one_is_kept_by_runs_that_began_with_it():
+    before, after = "[solver]\ntolerance_energy = 0.01", "[solver]\ntolerance_energy = 0.005"
+    assert former_defaults(before, after, {"solver": {}}) == ["solver.tolerance_energy=0.01"]
+    assert former_defaults(before, after, {}) == ["solver.tolerance_energy=0.01"]
+    assert former_defaults(before, after, {"solver": {"tolerance_energy": 0.005}}) == []  # the user's own
+    assert former_defaults("[solver]\ntolerance_energy = 0.02", after, {}) == []  # never a default
+    assert former_defaults("[solver]\ntolerance_rms = 0.01", "[solver]\ntolerance_rms = 0.001", {}) == []
 
 
 @pytest.mark.parametrize(
