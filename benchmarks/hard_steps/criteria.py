@@ -9,6 +9,8 @@ import numpy as np
 from listening import Problem
 
 from multicor_cli.engine.contact import acceleration as loops
+from multicor_cli.engine.contact.one_by_one import flatten
+from multicor_cli.engine.contact.patches import SIZES, solve_patch
 from multicor_cli.engine.contact.solve import ResidualScale, Settings, solve_system
 from multicor_cli.engine.contact.sweep import EXACT, Relaxation, System, sweep
 from multicor_cli.engine.contact.thread_choice import ThreadChoice
@@ -54,12 +56,12 @@ def trace(problem: Problem, truth: Floats, limit: int) -> Floats:
     """`COLUMNS` over their scales at every fourth sweep until all criteria are met or ``limit`` is reached. Light contacts only."""
     s, scale = problem.copy(), problem.scale
     m = loops.start_momentum(s)
-    memory = loops.start_loop(s.pair.shape[0])
+    memory = loops.start_loop(s.contacts)
     loop, partial, rows = memory[0], np.empty(s.tile_start.size - 1), []
     tolerance = RMS * scale.velocity
     while loop["sweeps"] < limit:
-        way = Relaxation(*loops.MODES[loop["mode"], :2].tolist())
-        change = float(np.sqrt(sweep(s, EXACT, way, False, partial) / loop["active"]))
+        way = Relaxation(*loops.MODES[loop["mode"], :2].tolist(), float(loop["factor"]))
+        change = float(np.sqrt(sweep(s, m.before, EXACT, way, False, partial) / loop["active"]))
         loop["sweeps"] += 1.0
         if change <= 2.0 * tolerance and loop["sweeps"] % EVERY == 0:
             row, loop["active"] = measure(s, m.weight, truth, scale)
@@ -67,17 +69,18 @@ def trace(problem: Problem, truth: Floats, limit: int) -> Floats:
             if row[0] <= RMS and row[1] <= LARGEST and row[2] <= 0.01 and row[4] <= 0.001:
                 break
         loops._choose_mode(change, tolerance, loop)
-        growth, factor = loops._growth(loop), 0.0
-        if growth > 0.0:
-            factor = loops.choose_factor(*loops._change_products(s, m, False), change, growth, loop)
-        loop["factor"] = factor
-        loops._extrapolate(s, m, factor, False)
+        if loop["is_stuck"]:
+            solve_patch(s, SIZES[min(int(loop["patches"]), len(SIZES) - 1)])
+            loops.begin_again(s, m, loop)
+        else:
+            loops.move_on(s, m, change, loops._growth(loop), loop, False)
     return np.array(rows).reshape(-1, len(COLUMNS))
 
 
 def measure(s: System, weight: Floats, truth: Floats, scale: ResidualScale) -> tuple[list[float], float]:
     """`COLUMNS` but the first, and the number of active contacts."""
-    (i, j), (nx, ny, w, bias, mu), (p_n, p_t), v = s.pair.T, s.frame.T, s.impulse.T, s.velocity
+    rows, v = flatten(s), s.velocity
+    (i, j), (nx, ny, w, bias, mu), (p_n, p_t) = rows.pair.T, rows.frame.T, rows.impulse.T
     dx, dy = v[i, 0] - v[j, 0], v[i, 1] - v[j, 1]
     u_n, u_t = dx * nx + dy * ny + bias, dy * nx - dx * ny - v[i, 2] - v[j, 2]
     w_t = w / (1.0 + s.spin_factor)

@@ -244,7 +244,7 @@ class Engine:
         """What residuals are measured against (theory §5.3).
 
         Velocities: u_ref = max(u_load, ten times the mean slip) with u_load = max(Δt |g|, Δt P d̄/m̄, rms of the closing velocities).
-        Energies: ½ M u_load u_ref.
+        Energies: ½ M u_load u_ref, or ½ M u_ref² where nothing loads.
         """
         model = self.model
         mean_mass = self._mass / model.grain_count
@@ -254,7 +254,7 @@ class Engine:
             math.sqrt(squares / closing) if closing else 0.0,
         )
         reference = max(load, SLIPS * slip / loaded if loaded else 0.0)
-        return ResidualScale(reference, 0.5 * self._mass * (load * reference))
+        return ResidualScale(reference, 0.5 * self._mass * ((load or reference) * reference))
 
     def _finish(self, scene: Scene, contacts: StepContacts, after: Floats, outcome: Outcome, reach: float, dt: float) -> StepReport:
         """Books, motion and position correction; from here on the state changes."""

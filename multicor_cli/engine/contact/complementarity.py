@@ -1,4 +1,4 @@
-"""Linear complementarity problems ``w = q + M z, 0 ≤ w ⟂ z ≥ 0``, by Lemke's method (Cottle, Pang & Stone 1992, §4.4)."""
+"""Linear complementarity problems ``w = q + M z, 0 ≤ w ⟂ z ≥ 0``, by Lemke's method (Cottle, Pang & Stone 1992, chapter 4)."""
 
 from __future__ import annotations
 

@@ -2,7 +2,7 @@
 
 Where friction and unilaterality chase each other around a small cluster of contacts, sweeps may go on for ever: the solution of
 the cluster is an unstable fixed point of the sweep. In two dimensions Coulomb's law is a linear complementarity problem without any
-approximation (Pfeiffer & Glocker 1996, §5.3). With σ = p_t + μ p_n and τ = μ p_n − p_t, what is left to either edge of the cone,
+approximation (Pfeiffer & Glocker 1996). With σ = p_t + μ p_n and τ = μ p_n − p_t, what is left to either edge of the cone,
 and u_t = u₊ − u₋,
 
     u_n = q_n + W_nn p_n + W_nt (σ − μ p_n)              0 ≤ u_n ⟂ p_n ≥ 0

@@ -73,9 +73,10 @@ def on_the_ground(bias, tangential, friction):
     )
 
 
-@pytest.mark.parametrize(
-    ("bias", "tangential", "friction"), itertools.product([0.0, 0.4, 2.0], [-3.0, -0.2, 0.1, 5.0], [0.0, 0.3, 0.9])
-)
+ONE = list(itertools.product([0.0, 0.4, 2.0], [-3.0, -0.2, 0.1, 5.0], [0.0, 0.3, 0.9]))
+
+
+@pytest.mark.parametrize(("bias", "tangential", "friction"), ONE)
 def test_one_contact_is_solved_as_by_enumeration(bias, tangential, friction):
     problem = on_the_ground(bias, tangential, friction)
     system = _general_system(problem, np.zeros((1, 2)))
