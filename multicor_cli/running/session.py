@@ -9,6 +9,7 @@ import time
 import tomllib
 from collections.abc import Iterator
 from pathlib import Path
+from typing import Any
 
 from multicor_cli import __version__
 from multicor_cli.engine import Engine
@@ -235,20 +236,24 @@ def _describe(error: Exception) -> str:
 
 def _with_defaults_of(scenario: Scenario, before: str) -> Scenario:
     """The scenario with the defaults of the version that began the run, where it leaves keys to their defaults."""
-    data, own = tomllib.loads(scenario.source), list(scenario.sources.applied.values())
-    apply_overrides(data, own)
-    former = former_defaults(before, scenario.resolved_toml(), data)
+    former = former_defaults(before, scenario.resolved_toml(), _given(scenario))
+    own = scenario.sources.applied.values()
     return parse_scenario(scenario.source, scenario.path, [*own, *former]) if former else scenario
 
 
 def _with_seed_of(scenario: Scenario, seed: int) -> Scenario:
     """The scenario with the seed that the run drew at its start, if it leaves the seed to chance."""
-    data = tomllib.loads(scenario.source)
-    apply_overrides(data, list(scenario.sources.applied.values()))
-    if data["scenario"]["seed"] != "random":
+    if _given(scenario)["scenario"]["seed"] != "random":
         return scenario
     header = scenario.model.scenario.model_copy(update={"seed": seed})
     return dataclasses.replace(scenario, model=scenario.model.model_copy(update={"scenario": header}))
+
+
+def _given(scenario: Scenario) -> dict[str, Any]:
+    """What the user has written, in the file and in overrides: no defaults."""
+    data = tomllib.loads(scenario.source)
+    apply_overrides(data, list(scenario.sources.applied.values()))
+    return data
 
 
 def _refuse_changes(scenario: Scenario, before: str, path: Path) -> None:

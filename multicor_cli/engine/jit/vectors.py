@@ -146,9 +146,11 @@ class Writer:
         """Variables that live through the loop, with these values to begin with."""
         return Kept(self.builder, vectors)
 
-    def each(self, first: ir.Value, last: ir.Value) -> Any:
+    @contextmanager
+    def each(self, first: ir.Value, last: ir.Value) -> Iterator[ir.Value]:
         """Context of a loop over ``first … last-1``; it gives the index."""
-        return self._each(first, last)
+        with cgutils.for_range_slice(self.builder, first, last, _LONG(1), _LONG) as (index, _):
+            yield index
 
     def if_any(self, first: ir.Value, last: ir.Value) -> Any:
         """Context of what is done only if ``first < last``."""
@@ -168,11 +170,6 @@ class Writer:
             element = self.builder.extract_element(vector.value, _INT(lane))
             result = self.builder.select(self.builder.fcmp_ordered(">", element, result), element, result)
         return result
-
-    @contextmanager
-    def _each(self, first: ir.Value, last: ir.Value) -> Iterator[ir.Value]:
-        with cgutils.for_range_slice(self.builder, first, last, _LONG(1), _LONG) as (index, _):
-            yield index
 
     def _place(self, array: ir.Value, at: ir.Value) -> ir.Value:
         return self.builder.bitcast(self.builder.gep(array, [at]), _VECTOR.as_pointer())
