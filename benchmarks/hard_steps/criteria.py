@@ -58,7 +58,7 @@ def trace(problem: Problem, truth: Floats, limit: int) -> Floats:
     m = loops.start_momentum(s)
     memory = loops.start_loop(s.contacts)
     loop, partial, rows = memory[0], np.empty(s.tile_start.size - 1), []
-    tolerance = RMS * scale.velocity
+    tolerance = RMS * scale.rms
     while loop["sweeps"] < limit:
         way = Relaxation(*loops.MODES[loop["mode"], :2].tolist(), float(loop["factor"]))
         change = float(np.sqrt(sweep(s, m.before, EXACT, way, False, partial) / loop["active"]))
@@ -97,8 +97,9 @@ def measure(s: System, weight: Floats, truth: Floats, scale: ResidualScale) -> t
     distance = np.sqrt((weight[:, :3] * error**2).sum() / mass)
     vertical = abs((weight[:, 1] * error[:, 1]).sum()) / mass
     speeds = [np.sqrt(squares.sum() / active), np.sqrt(squares.max())]
-    over_speed = [value / scale.velocity for value in (*speeds, distance, vertical)]
-    return [*over_speed[:2], *(value / scale.energy for value in (absolute, normal, both)), *over_speed[2:]], float(active)
+    powers = [value / scale.energy for value in (absolute, normal, both)]
+    over_speed = [value / scale.velocity for value in (speeds[1], distance, vertical)]
+    return [speeds[0] / scale.rms, over_speed[0], *powers, *over_speed[1:]], float(active)
 
 
 def compare(problems: Sequence[Problem], sweeps: int, limit: int) -> list[Row]:

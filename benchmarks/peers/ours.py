@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import copy
+import math
 import time
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
 from case import Floats, FlowPlan, Frames, Glued, Layer
-from scene import DENSITY, FRICTION
+from scene import DENSITY
 
 from multicor_cli.bench.driving import PreparedScene, prepare
 from multicor_cli.bench.scenes import BenchScene
@@ -17,6 +18,7 @@ from multicor_cli.engine import Settings
 from multicor_cli.engine.coupled import CoupledEngine
 from multicor_cli.engine.heat.settings import HeatSettings
 from multicor_cli.model import Model, ShapeKind, State
+from multicor_cli.running.time_step import Scales
 
 _BOTTOM, _TOP = 0, 1  # walls of the sheared layer
 
@@ -108,10 +110,15 @@ class Start:
         assert fall.force is not None
         height = float(top.position[:, 1].mean() - bottom.position[:, 1].mean())
         return Layer(
-            state.position[:, :2].copy(), state.velocity.copy(), model.grains.radius, DENSITY, FRICTION, bottom, top,
+            state.position[:, :2].copy(), state.velocity.copy(), model.grains.radius, DENSITY, float(model.laws.friction[0, 0]), bottom, top,
             model.period, float(state.wall_velocity[_TOP, 0]), float(state.wall_velocity[_TOP, 1]),
             float(model.walls.mass[_TOP]), -fall.force.value(0.0), fall.damping, height,
         )  # fmt: skip
+
+
+def automatic_step(layer: Layer) -> float:
+    """What the program would choose for a layer, over τ."""
+    return Scales(layer.tau, layer.height / layer.speed, math.inf, layer.friction).limit / layer.tau
 
 
 def glued(model: Model, state: State, wall: int) -> Glued:

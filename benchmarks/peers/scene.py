@@ -7,7 +7,13 @@ import math
 from multicor_cli.bench.scenes import BenchScene
 
 DIAMETER = 2e-3
-"""Mean diameter of the grains [m]; radii are spread evenly by ±20 %."""
+"""Mean diameter of the grains [m]."""
+
+SIZES = {
+    "even": ("{ kind = \"uniform\", min = 0.8e-3, max = 1.2e-3 }", 1.25 * DIAMETER),
+    "mixture": ("{ kind = \"list\", radii = [0.5e-3, 1.0e-3, 1.5e-3] }", 1.6 * DIAMETER),
+}
+"""Radii spread evenly by ±20 %, or 1, 2 and 3 mm in equal numbers; and the distance of the places of the lattice they start from [m]."""
 
 DENSITY = 2500.0
 """Density of the grains [kg/m³]."""
@@ -17,9 +23,6 @@ FRICTION = 0.5
 
 PRESSURE = 10.0
 """Load per length of the upper wall of the sheared layer [N/m]."""
-
-PITCH = 1.25 * DIAMETER
-"""Distance of the places of the lattice that grains start from [m]."""
 
 _HEAD = """\
 [scenario]
@@ -43,7 +46,7 @@ restitution = 0.0
 name = "grains"
 material = "stuff"
 shape = "sphere"
-sizes = {{ kind = "uniform", min = 0.8e-3, max = 1.2e-3 }}
+sizes = {sizes}
 count = {count}
 region = {{ min = [0.0, {bottom!r}], max = [{width!r}, {top!r}] }}
 packing = {{ kind = "lattice", lattice = "square", spacing = {pitch!r}, jitter = 0.02 }}
@@ -64,9 +67,9 @@ geometry = { kind = "plane", point = [0.0, 0.0], normal = [0.0, 1.0] }
 """
 
 
-def shear_scene(inertial: float, begin: float) -> BenchScene:
-    """Plane shear at an inertial number, measured after a strain ``begin`` from the lattice."""
-    return BenchScene("shear", "plane shear", lambda count, seed, _: _shear(inertial, begin, count, seed), 0, 0)
+def shear_scene(inertial: float, begin: float, friction: float = FRICTION, sizes: str = "even") -> BenchScene:
+    """Plane shear at an inertial number, measured after a strain ``begin`` from the lattice; ``sizes`` is a key of `SIZES`."""
+    return BenchScene("shear", "plane shear", lambda count, seed, _: _shear(inertial, begin, friction, sizes, count, seed), 0, 0)
 
 
 def bed_scene(dt: float) -> BenchScene:
@@ -79,17 +82,20 @@ def columns_of(count: int) -> int:
     return max(8, round(math.sqrt(count)))
 
 
-def _head(name: str, count: int, seed: int, height: float, bottom: float, gravity: float) -> str:
-    rows = -(-count // columns_of(count))
+def _head(
+    name: str, count: int, seed: int, height: float, bottom: float, gravity: float, friction: float = FRICTION, sizes: str = "even"
+) -> str:
+    rows, (radii, pitch) = -(-count // columns_of(count)), SIZES[sizes]
     return _HEAD.format(
-        name=name, seed=seed, width=columns_of(count) * PITCH, height=height, gravity=gravity, density=DENSITY,
-        friction=FRICTION, count=count, bottom=bottom, top=bottom + rows * PITCH, pitch=PITCH,
+        name=name, seed=seed, width=columns_of(count) * pitch, height=height, gravity=gravity, density=DENSITY,
+        friction=friction, sizes=radii, count=count, bottom=bottom, top=bottom + rows * pitch, pitch=pitch,
     )  # fmt: skip
 
 
-def _shear(inertial: float, begin: float, count: int, seed: int) -> str:
-    width = columns_of(count) * PITCH
-    layer = -(-count // columns_of(count)) * PITCH
+def _shear(inertial: float, begin: float, friction: float, sizes: str, count: int, seed: int) -> str:
+    pitch = SIZES[sizes][1]
+    width = columns_of(count) * pitch
+    layer = -(-count // columns_of(count)) * pitch
     tau = (DENSITY * 4.19 * (0.5 * DIAMETER) ** 3 / PRESSURE) ** 0.5
     dense = count * 0.785 * DIAMETER**2 / (0.8 * width)  # about the height of the layer when it is dense
     speed = inertial * dense / tau
@@ -100,11 +106,12 @@ def _shear(inertial: float, begin: float, count: int, seed: int) -> str:
     until = f'until = {{ strain = {{ walls = ["bottom", "top"], value = {begin!r} }} }}\n'
     stages = f'[[loading]]\nname = "begin"\n{until}{drives}[[loading]]\nname = "flow"\nduration = 1e3\n{drives}'
     solver = f"[solver]\ndt = {0.1 * tau!r}\n[output]\nframe_interval = 1.0\n"
-    return _head("shear", count, seed, layer + 4.0 * DIAMETER, 1.2 * DIAMETER, 0.0) + walls + stages + solver
+    head = _head("shear", count, seed, layer + 4.0 * DIAMETER, 1.2 * DIAMETER, 0.0, friction, sizes)
+    return head + walls + stages + solver
 
 
 def _bed(dt: float, count: int, seed: int) -> str:
-    rows = -(-count // columns_of(count))
+    height = -(-count // columns_of(count)) * SIZES["even"][1]
     stage = '[[loading]]\nname = "fall"\nduration = 1e3\n'
     solver = f"[solver]\ndt = {dt!r}\n[output]\nframe_interval = 1.0\n"
-    return _head("bed", count, seed, 1.2 * rows * PITCH, 0.0, -9.81) + _FLOOR + stage + solver
+    return _head("bed", count, seed, 1.2 * height, 0.0, -9.81) + _FLOOR + stage + solver

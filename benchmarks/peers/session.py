@@ -72,6 +72,8 @@ class Session:
             cores=o.cores,
             reference=0.2 if quick else o.reference,
             begin=0.5 if quick else 1.5,
+            friction=o.friction,
+            sizes=o.sizes,
         )
         result = compare_shear(wanted, self._soft_peers(), self._folder, self._say)
         return as_text(result), as_json(result)

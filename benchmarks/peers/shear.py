@@ -10,7 +10,7 @@ from typing import Any, Protocol
 
 from case import FlowPlan, Frames, Layer, soft_contact
 from measure import Accuracy, measure_flow
-from ours import OurRun, Start, flow, loosened
+from ours import OurRun, Start, automatic_step, flow, loosened
 from peers import SoftPeer
 from scene import shear_scene
 from table import draw, estimate, median, spread
@@ -32,11 +32,13 @@ class Wanted:
         rounds: Number of rounds.
         plan: Strains of the codes.
         stiff_plan: Strains of the soft codes where the contacts are stiff and a strain costs much.
-        dt_tau: Our time step over τ.
+        dt_tau: Our time step over τ; None: the automatic one.
         tolerance: Our tolerance of the rms velocity correction.
         cores: Threads and ranks.
         reference: Strain of our own run with a fine step and the default tolerances; 0: none.
         begin: Strain from the lattice to the first start.
+        friction: μ.
+        sizes: Sizes of the grains, a key of `scene.SIZES`.
     """
 
     grains: int
@@ -45,11 +47,13 @@ class Wanted:
     rounds: int
     plan: FlowPlan
     stiff_plan: FlowPlan
-    dt_tau: float
+    dt_tau: float | None
     tolerance: float
     cores: int
     reference: float
     begin: float
+    friction: float
+    sizes: str
 
 
 class FlowRun(Protocol):
@@ -121,11 +125,13 @@ def compare_shear(wanted: Wanted, peers: Sequence[SoftPeer], folder: Path, say: 
         say: Is told what is being done.
     """
     say("our run to steady flow")
-    start = Start(shear_scene(wanted.inertial, wanted.begin), wanted.grains, threads=wanted.cores)
+    scene = shear_scene(wanted.inertial, wanted.begin, wanted.friction, wanted.sizes)
+    start = Start(scene, wanted.grains, threads=wanted.cores)
     layer = start.layer()
+    dt_tau = automatic_step(layer) if wanted.dt_tau is None else wanted.dt_tau
     settings = loosened(wanted.tolerance)
-    flow(start, layer, settings, wanted.dt_tau, FlowPlan(0.0, wanted.plan.between, wanted.plan.between))  # compiles what is left
-    ours = Column(f"multicor Δt = {wanted.dt_tau:g} τ, rms {wanted.tolerance:g}", wanted.plan)
+    flow(start, layer, settings, dt_tau, FlowPlan(0.0, wanted.plan.between, wanted.plan.between))  # compiles what is left
+    ours = Column(f"multicor Δt = {dt_tau:.2g} τ, rms {wanted.tolerance:g}", wanted.plan)
     theirs, notes = _tuned(wanted, peers, layer, folder, say)
     for round_ in range(wanted.rounds):
         if round_:
@@ -133,7 +139,7 @@ def compare_shear(wanted: Wanted, peers: Sequence[SoftPeer], folder: Path, say: 
         now = start.layer()
         for column, run in [(ours, None), *theirs]:
             say(f"round {round_ + 1}: {column.name}")
-            column.runs.append(flow(start, now, settings, wanted.dt_tau, wanted.plan) if run is None else run(now))
+            column.runs.append(flow(start, now, settings, dt_tau, wanted.plan) if run is None else run(now))
     columns = [ours, *(column for column, _ in theirs)]
     reference = None
     if wanted.reference > 0.0:

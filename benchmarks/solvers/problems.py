@@ -73,7 +73,7 @@ class Problem:
 
     def units(self) -> Floats:
         """What rms, maximum, energy and distance of a history are measured in [m/s, m/s, J, m/s]."""
-        return np.array([self.scale.velocity, self.scale.velocity, self.scale.energy, self.scale.velocity])
+        return np.array([self.scale.rms, self.scale.velocity, self.scale.energy, self.scale.velocity])
 
 
 def copy_system(system: System) -> System:
@@ -102,7 +102,7 @@ def column(count: int = 116) -> Problem:
         light.velocity, np.zeros((count + 1, 3)), light.slot, light.pair, light.frame, light.impulse, light.tile_start,
         np.array([0, 1]), np.empty((0, 2), np.int32), np.empty((0, 7)), np.empty((0, 2, 2)), np.empty((0, 2)), 2.0, count,
     )  # fmt: skip
-    return Problem(f"column of {count}, cold", system, ResidualScale(9.81e-3, 0.5 * count * 9.81e-3**2))
+    return Problem(f"column of {count}, cold", system, ResidualScale(9.81e-3, 9.81e-3, 0.5 * count * 9.81e-3**2))
 
 
 @contextmanager
@@ -216,7 +216,7 @@ def _digest() -> str:
 def _save(path: Path, problems: list[Problem]) -> None:
     arrays: dict[str, Any] = {"count": len(problems)}
     for number, problem in enumerate(problems):
-        arrays[f"{number}.scale"] = np.array([problem.scale.velocity, problem.scale.energy])
+        arrays[f"{number}.scale"] = np.array([problem.scale.rms, problem.scale.velocity, problem.scale.energy])
         arrays |= {f"{number}.{field}": getattr(problem.system, field) for field in System._fields}
     part = path.with_suffix(".part.npz")
     np.savez(part, **arrays)

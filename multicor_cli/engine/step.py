@@ -38,8 +38,8 @@ from multicor_cli.model.model import LEAST_DIAMETERS, Floats, Model
 from multicor_cli.model.state import State
 
 PARALLEL_GRAINS = 4_000  # below this, starting threads costs more than they save; results are the same
-SLIPS = 10.0
-"""Reference velocity over the mean slip between grains: the default rms tolerance is then 1 % of the slip."""
+SLIPS_RMS, SLIPS = 50.0, 10.0
+"""Scales of the rms and of the largest velocity correction over the mean slip between grains: the defaults are 5 % and half of it."""
 PHASES = ("predict", "detect", "prepare", "solve", "account", "move", "correct")
 
 
@@ -243,8 +243,8 @@ class Engine:
     def _scale(self, dt: float, squares: float, closing: float, slip: float, loaded: float) -> ResidualScale:
         """What residuals are measured against (theory §5.3).
 
-        Velocities: u_ref = max(u_load, ten times the mean slip) with u_load = max(Δt |g|, Δt P d̄/m̄, rms of the closing velocities).
-        Energies: ½ M u_load u_ref, or ½ M u_ref² where nothing loads.
+        Velocities: u_ref = max(u_load, 10 times the mean slip), and u_rms = max(u_load, 50 times the mean slip), with u_load =
+        max(Δt |g|, Δt P d̄/m̄, rms of the closing velocities). Energies: ½ M u_load u_ref, or ½ M u_ref² where nothing loads.
         """
         model = self.model
         mean_mass = self._mass / model.grain_count
@@ -253,8 +253,11 @@ class Engine:
             dt * self._motion.pressure() * model.mean_diameter / mean_mass,
             math.sqrt(squares / closing) if closing else 0.0,
         )
-        reference = max(load, SLIPS * slip / loaded if loaded else 0.0)
-        return ResidualScale(reference, 0.5 * self._mass * ((load or reference) * reference))
+        mean_slip = slip / loaded if loaded else 0.0
+        reference = max(load, SLIPS * mean_slip)
+        return ResidualScale(
+            max(load, SLIPS_RMS * mean_slip), reference, 0.5 * self._mass * ((load or reference) * reference)
+        )  # fmt: skip
 
     def _finish(self, scene: Scene, contacts: StepContacts, after: Floats, outcome: Outcome, reach: float, dt: float) -> StepReport:
         """Books, motion and position correction; from here on the state changes."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 from multicor_cli.engine.contact.solve import Settings
 from multicor_cli.engine.motion.drives import Shifted, Sine
 from multicor_cli.model import Model
+from multicor_cli.model.state import State
 from multicor_cli.running.conditions import condition_of
 from multicor_cli.running.heat_plan import wall_heat
 from multicor_cli.running.plan import RunPlan, StageHeat, StagePlan, count_steps
@@ -19,12 +20,13 @@ MAX_OSCILLATIONS = 100.0
 """Most oscillations of the temperature or heat flow of a wall within one step."""
 
 
-def make_plan(scenario: Scenario, model: Model) -> RunPlan:
+def make_plan(scenario: Scenario, model: Model, state: State | None = None) -> RunPlan:
     """The plan of a run.
 
     Args:
         scenario: What to do.
         model: Grains and walls of the run.
+        state: Where a run stands that goes on. The stage under way keeps its time step, even if an earlier version has chosen it.
 
     Raises:
         ScenarioError: If nothing sets the scale of an automatic time step, or it is too short for the duration of its stage; if the
@@ -38,6 +40,8 @@ def make_plan(scenario: Scenario, model: Model) -> RunPlan:
     for number, stage in enumerate(scenario.loading):
         solver = scenario.stage_solver(number)
         dt = _automatic_step(scenario, model, number, drives[number]) if solver.dt == "auto" else solver.dt
+        if solver.dt == "auto" and state is not None and state.stage == number and state.stage_step > 0:
+            dt = state.last_dt
         _refuse_fast_heat(scenario, model, number, heat[number], dt)
         stages.append(
             StagePlan(

@@ -157,7 +157,7 @@ class Session:
 
     def _carry_on(self, directory: RunDirectory, scenario: Scenario, model: Model, state: State, *, is_new: bool) -> RunOutcome:
         with self._recording_failure(directory):
-            plan = make_plan(scenario, model)
+            plan = make_plan(scenario, model, state)
             starts = [0.0] if state.stage == 0 else stage_starts(self._path, state)
             writer = directory.writer(model)
             engine = make_engine(scenario, model, state, self._threads)

@@ -3,7 +3,7 @@
 What a longer step does to a flow has been measured (``benchmarks/time_step``): friction and solid fraction depend on two ratios,
 Δt to the time √(m̄/P) in which the pressure moves a grain by its own size, and Δt to the time 1/γ̇ of one unit of strain. The second
 one is the sliding distance per step over the diameter, and the angle by which contacts turn in a step, hence the curvature that a
-step cuts off. Overlaps do not limit the step: rigid grains are kept apart at any step.
+step cuts off. The more friction, the shorter the step has to be. Overlaps do not limit it: rigid grains are kept apart at any step.
 """
 
 from __future__ import annotations
@@ -27,6 +27,9 @@ PRESSURE = 0.2
 STRAIN = 0.01
 """Largest strain in a step, γ̇ Δt."""
 
+HIGH_FRICTION = 0.5
+"""Coefficient of friction from which on these two are smaller: in proportion to its power -3 and -1."""
+
 FALL = 0.3
 """Largest distance in a step over d̄, at the larger of the speed of a free fall and that between groups of grains."""
 
@@ -42,16 +45,19 @@ class Scales:
             two largest in y over its smaller side, and the fastest spin of a wall.
         fall: d̄ over the larger of the speed of a free fall through the domain and the largest initial speed of one group of grains
             relative to another.
+        friction: Largest coefficient of friction between grains.
     """
 
     pressure: float
     strain: float
     fall: float
+    friction: float = 0.0
 
     @property
     def limit(self) -> float:
         """The largest time step that all of them allow [s]."""
-        return min(PRESSURE * self.pressure, STRAIN * self.strain, FALL * self.fall)
+        excess = max(1.0, self.friction / HIGH_FRICTION)
+        return min(PRESSURE / (excess * excess * excess) * self.pressure, STRAIN / excess * self.strain, FALL * self.fall)
 
 
 def find_scales(scenario: Scenario, model: Model, drives: Sequence[WallDrive]) -> Scales:
@@ -70,6 +76,7 @@ def find_scales(scenario: Scenario, model: Model, drives: Sequence[WallDrive]) -
         math.sqrt(mean_mass / pressure) if pressure > 0.0 else math.inf,
         1.0 / rate if rate > 0.0 else math.inf,
         model.mean_diameter / speed if speed > 0.0 else math.inf,
+        _largest_friction(model),
     )
 
 
@@ -82,6 +89,17 @@ def largest_pressure(scenario: Scenario, model: Model, drives: Sequence[WallDriv
         for drive, length in zip(drives, model.walls.length, strict=True)
     ]
     return max([weight, *loads])
+
+
+def _largest_friction(model: Model) -> float:
+    """Largest coefficient of friction between two grains at any speed of sliding, at the reference temperature."""
+    laws, materials = model.laws, sorted(set(model.grains.material.tolist()))
+    pairs = [(a, b) for a in materials for b in materials]
+    starts = laws.table_start
+    tables = {int(laws.table[pair]) for pair in pairs} - {-1}
+    values = [float(laws.friction[pair]) for pair in pairs if laws.table[pair] < 0]
+    values += [float(laws.table_friction[starts[t] : starts[t + 1]].max()) for t in tables]
+    return max(values)
 
 
 def _largest_force(dof: DofDrive) -> float:

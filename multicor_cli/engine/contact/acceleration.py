@@ -91,7 +91,7 @@ GROWTH = 2  # its column
 LONG_FROM, LONG_TO, LONG_GROWTH = 250.0, 1000.0, 3.0  # sweeps between which `FAST` has another growth, unless it was stuck
 CALM_BELOW, CALM_AFTER, CALM_FOR = 2.0, 1000.0, 30.0  # times the tolerance; sweeps in `FAST` before; sweeps in `CALM`
 GAIN = 0.9  # the loop has gained if the change per sweep is lower by this factor
-PATIENCE = 300.0  # sweeps without gain after which the loop is stuck
+PATIENCE = 1000.0  # sweeps without gain after which the loop is stuck
 PATIENCE_AFTER = 15.0  # the same after a patch: what is unstable grows again
 PATCHES = 20  # after which patches take turns with long sweeping again: these have not helped, and they cost more
 

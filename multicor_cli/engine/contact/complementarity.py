@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from multicor_cli.engine.jit.compile import kernel
+from multicor_cli.engine.jit.compile import kernel, loop_body
 from multicor_cli.model.model import Floats, Ints
 
 SMALLEST = 1e-11
@@ -14,6 +14,12 @@ TIE = 1e-12
 """Ratios that differ by less are the same."""
 
 
+@loop_body
+def _add(target: Floats, source: Floats, factor: float) -> None:
+    for k in range(target.size):
+        target[k] += factor * source[k]
+
+
 @kernel
 def _exchange(table: Floats, row: int, column: int) -> None:
     """Let the variables of a row and a column of the table change places."""
@@ -21,12 +27,12 @@ def _exchange(table: Floats, row: int, column: int) -> None:
     for k in range(table.shape[1]):
         table[row, k] *= -pivot
     table[row, column] = pivot
+    source = table[row].copy()  # of which the compiler knows that no other row changes it: this is where time goes
     for i in range(table.shape[0]):
         factor = table[i, column]
         if i != row and factor != 0.0:
             table[i, column] = 0.0
-            for k in range(table.shape[1]):  # whole rows, without a question inside: this loop is where time goes
-                table[i, k] += factor * table[row, k]
+            _add(table[i], source, factor)
 
 
 @kernel

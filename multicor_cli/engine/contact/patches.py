@@ -28,7 +28,7 @@ from multicor_cli.engine.jit.compile import kernel, loop_body
 from multicor_cli.model.columns import FIRST, INVERSE_MASS, MU, NORMAL, NX, NY, SECOND, SPIN, TANGENTIAL, X, Y
 from multicor_cli.model.model import Floats, Ints
 
-SIZES = (50, 70, 100, 140, 200)
+SIZES = (50, 50, 70, 70, 100)
 """Contacts of the first patch of a solve, of the second, and so on; of all others the last. The work grows with the third power."""
 
 PIVOTS = 10

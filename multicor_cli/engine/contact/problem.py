@@ -172,7 +172,7 @@ def solve_contacts(
     movable = problem.inverse_mass[:, X] > 0.0
     energy = 0.5 * total(1.0 / problem.inverse_mass[movable, X]) * (reference_velocity * reference_velocity)
     add_impulses(system)
-    outcome = solve_system(system, ResidualScale(reference_velocity, energy), settings, ThreadChoice())
+    outcome = solve_system(system, ResidualScale(reference_velocity, reference_velocity, energy), settings, ThreadChoice())
     velocity = system.velocity[: len(problem.velocity), :INVERSE_MASS].copy()
     if arm is not None:
         spin = velocity[:, SURFACE] / np.where(arm > 0.0, arm, 1.0)

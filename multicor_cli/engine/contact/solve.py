@@ -27,7 +27,7 @@ class Settings:
     Attributes:
         method: Global method: Gauss–Seidel sweeps, accelerated or plain.
         local: Solution of one contact: exact, or one predictor–corrector step of the bipotential.
-        tolerance_rms: Largest rms velocity correction e_c over u_ref.
+        tolerance_rms: Largest rms velocity correction e_c over u_rms.
         tolerance_max: Largest velocity correction e_c of a contact over u_ref.
         tolerance_energy: Largest energy residual G.
         max_sweeps: Cap on the number of sweeps of one step.
@@ -45,8 +45,15 @@ class Settings:
 
 @dataclass(frozen=True)
 class ResidualScale:
-    """What residuals are measured against: u_ref [m/s], and ½ M u_load u_ref [J]."""
+    """What residuals are measured against (theory §5.3).
 
+    Attributes:
+        rms: Scale of the rms velocity correction, u_rms [m/s].
+        velocity: Scale of the largest one, u_ref [m/s].
+        energy: ½ M u_load u_ref [J].
+    """
+
+    rms: float
     velocity: float
     energy: float
 
@@ -99,7 +106,7 @@ def solve_system(
     if count == 0 or scale.velocity == 0.0:
         return Outcome(0.0, True, 0.0, 0.0, 0.0)
     tolerance = Tolerances(
-        settings.tolerance_rms * scale.velocity, settings.tolerance_max * scale.velocity, settings.tolerance_energy * scale.energy
+        settings.tolerance_rms * scale.rms, settings.tolerance_max * scale.velocity, settings.tolerance_energy * scale.energy
     )
     memory, momentum = start_loop(count), start_momentum(system)
     loop = memory[0]
@@ -126,7 +133,7 @@ def solve_system(
     return Outcome(
         float(loop["sweeps"] + loop["checks"]),
         bool(loop["is_converged"]),
-        float(loop["rms"] / scale.velocity),
+        float(loop["rms"] / scale.rms),
         float(loop["maximum"] / scale.velocity),
         float(loop["energy"] / scale.energy),
     )

@@ -9,7 +9,7 @@ from scenes import SHEAR
 from multicor_cli.engine.motion.drives import Constant, DofDrive, Ramp, Sine, WallDrive
 from multicor_cli.packing import build
 from multicor_cli.running.planning import make_plan
-from multicor_cli.running.time_step import FALL, PRESSURE, STRAIN, Scales, automatic_step, find_scales, review_steps
+from multicor_cli.running.time_step import FALL, HIGH_FRICTION, PRESSURE, STRAIN, Scales, automatic_step, find_scales, review_steps
 from multicor_cli.scenario import ScenarioError, parse_scenario
 from multicor_cli.scenario.settings import Output
 
@@ -73,6 +73,29 @@ def test_each_scale_can_be_the_one_that_limits():
     assert automatic_step(Scales(1.0, 1e-2, np.inf), output) == pytest.approx(1e-2 * STRAIN, rel=0.1)
     assert automatic_step(Scales(1.0, np.inf, 1e-3), output) == pytest.approx(1e-3 * FALL, rel=0.1)
     assert automatic_step(Scales(np.inf, np.inf, 1e-3), output) is None
+
+
+def test_friction_between_grains_shortens_the_step():
+    assert Scales(1.0, np.inf, np.inf, 0.3).limit == PRESSURE
+    assert Scales(1.0, np.inf, np.inf, 2.0 * HIGH_FRICTION).limit == pytest.approx(PRESSURE / 8.0)
+    assert Scales(np.inf, 1.0, np.inf, 2.0 * HIGH_FRICTION).limit == pytest.approx(STRAIN / 2.0)
+    assert Scales(np.inf, np.inf, 1.0, 2.0 * HIGH_FRICTION).limit == FALL
+    scenario, model, _ = planned("contacts.0.friction=0.7")
+    assert find_scales(scenario, model, [WallDrive()] * model.wall_count).friction == 0.7
+    table = "contacts.0.friction={ speed = [0.0, 1.0], values = [0.6, 0.2] }"
+    scenario, model, _ = planned(table)
+    assert find_scales(scenario, model, [WallDrive()] * model.wall_count).friction == 0.6
+
+
+def test_a_stage_under_way_keeps_its_step():
+    scenario, model, plan = planned()
+    _, state = build(scenario)
+    state.stage, state.stage_step, state.last_dt = 1, 3, 0.5 * plan.stages[1].dt
+    later = make_plan(scenario, model, state)
+    assert [stage.dt for stage in later.stages] == [plan.stages[0].dt, state.last_dt, *(stage.dt for stage in plan.stages[2:])]
+    assert later.stages[1].frame_every == 2 * plan.stages[1].frame_every
+    state.stage_step = 0
+    assert make_plan(scenario, model, state) == plan
 
 
 def test_short_intervals_shorten_the_step():
