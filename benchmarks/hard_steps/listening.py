@@ -13,6 +13,7 @@ from multicor_cli.bench.scenes import SCENES
 from multicor_cli.engine import step as engine_module
 from multicor_cli.engine.contact.solve import Outcome, ResidualScale
 from multicor_cli.engine.contact.sweep import System, add_impulses
+from multicor_cli.engine.jit.chunks import aligned_copy
 from multicor_cli.packing import build
 from multicor_cli.running.controller import Controller
 from multicor_cli.running.planning import make_plan
@@ -64,8 +65,8 @@ class _NoRecorder:
 
 
 def copied(system: System) -> System:
-    """A copy of what sweeps change; the rest is shared."""
-    return system._replace(**{name: getattr(system, name).copy() for name in ("velocity", "impulse", "general_impulse")})
+    """A copy of what sweeps change, which begins at cache lines as it does in a run; the rest is shared."""
+    return system._replace(**{name: aligned_copy(getattr(system, name)) for name in ("velocity", "impulse", "general_impulse")})
 
 
 @contextmanager

@@ -62,7 +62,12 @@ def _parser() -> argparse.ArgumentParser:
         help="strain of our run with Δt = 0.05 τ; 0: none [%(default)s]",
     )
     add("--friction", type=float, default=0.5, metavar="MU", help="coefficient of friction in shear [%(default)s]")
-    add("--sizes", choices=("even", "mixture"), default="even", help="grains in shear: radii spread by 20 %%, or 1, 2 and 3 mm [%(default)s]")
+    add(
+        "--sizes",
+        choices=("even", "mixture"),
+        default="even",
+        help="grains in shear: radii spread by 20 %%, or 1, 2 and 3 mm [%(default)s]",
+    )
     add("--dt-tau", type=float, help="our time step over τ = √(m/P) [the automatic one]")
     add("--dt-bed", type=float, default=2e-4, metavar="DT", help="our time step for the bed [%(default)s s]")
     add("--tolerance", type=float, default=1e-3, help="our tolerance of the rms velocity correction [%(default)s]")

@@ -11,8 +11,8 @@ linear in each other). Friction makes the problem no minimization, and unguarded
   sweeps: up to a quarter more);
 * near the tolerance momentum's own noise in a few contacts keeps the residual up: thirty sweeps with half of the normal
   corrections calm it, in very long solves only (earlier it would end them with more of the smooth errors left);
-* where nothing has been gained for long and the change per sweep is above the tolerance of the rms, a cluster of contacts cycles.
-  The loop says that it is stuck: the cluster has to be solved in another way (`multicor_cli.engine.contact.patches`).
+* where nothing has been gained for long and the change per sweep is above the tolerance of the rms, a cluster of contacts may cycle.
+  The loop says that it is stuck: such a cluster has to be solved in another way (`multicor_cli.engine.contact.patches`).
 """
 
 from __future__ import annotations
@@ -64,6 +64,7 @@ LOOP = np.dtype(
         ("best_at", "f8"),  # sweeps then
         ("mode", "i8"),  # row of `MODES`
         ("since", "f8"),  # sweeps when the mode began
+        ("patience", "f8"),  # sweeps without gain after which the loop is stuck
         ("is_stuck", "?"),  # nothing has been gained for long
         ("patches", "i8"),  # solved since the start
         ("next_check", "f8"),  # sweeps before which the residual is not evaluated again
@@ -105,6 +106,7 @@ def start_loop(contact_count: int) -> NDArray[np.void]:
     loop["theta"] = 1.0
     loop["lowest"] = np.inf
     loop["best"] = np.inf
+    loop["patience"] = PATIENCE
     return memory
 
 
@@ -204,8 +206,7 @@ def _choose_mode(change: float, tolerance: float, loop: Any) -> None:
     if change < GAIN * loop["best"]:
         loop["best"], loop["best_at"] = change, loop["sweeps"]
     in_mode = loop["sweeps"] - loop["since"]
-    patience = PATIENCE_AFTER if 0 < loop["patches"] <= PATCHES else PATIENCE
-    if change > tolerance and loop["sweeps"] - loop["best_at"] >= patience:
+    if change > tolerance and loop["sweeps"] - loop["best_at"] >= loop["patience"]:
         loop["is_stuck"] = True
     elif loop["mode"] == CALM:
         if in_mode >= CALM_FOR:
@@ -215,15 +216,16 @@ def _choose_mode(change: float, tolerance: float, loop: Any) -> None:
 
 
 @kernel
-def begin_again(s: System, m: Momentum, loop: Any) -> None:
-    """Go on with fresh momentum from impulses and velocities that something else has changed."""
+def begin_again(s: System, m: Momentum, is_patched: bool, loop: Any) -> None:
+    """Go on with fresh momentum after the loop was stuck, from impulses and velocities that a patch may have changed."""
     m.velocity[:] = s.velocity[: m.velocity.shape[0]]
     m.change[:] = 0.0
     m.before.impulse[:] = s.impulse
     m.before.general_impulse[:] = s.general_impulse
     loop["theta"], loop["factor"] = 1.0, 0.0
     loop["best"], loop["best_at"], loop["is_stuck"] = np.inf, loop["sweeps"], False
-    loop["patches"] += 1
+    loop["patches"] += is_patched
+    loop["patience"] = PATIENCE_AFTER if is_patched and loop["patches"] <= PATCHES else PATIENCE
     _switch(FAST, loop)
 
 

@@ -31,6 +31,9 @@ from multicor_cli.model.model import Floats, Ints
 SIZES = (50, 50, 70, 70, 100)
 """Contacts of the first patch of a solve, of the second, and so on; of all others the last. The work grows with the third power."""
 
+PEAK, SHARE = 5.0, 0.5
+"""Contacts whose e_c is that many times the rms are a peak; where peaks hold that share of Σ e_c², errors are those of clusters."""
+
 PIVOTS = 10
 """Cap on the number of pivots, per unknown."""
 
@@ -58,20 +61,33 @@ def _is_movable(body: int, s: System) -> bool:
 
 
 @kernel
-def _find_active(s: System) -> tuple[NDArray[np.bool_], int]:
-    """Contacts that carry an impulse or would, and the one with the largest e_c."""
+def _measure(s: System) -> tuple[NDArray[np.bool_], Floats]:
+    """Contacts that carry an impulse or would, and e_c² of all [m²/s²]."""
     lanes = s.slot.size
     velocity, pair, frame, impulse = s.velocity.reshape(-1), s.pair.reshape(-1), s.frame.reshape(-1), s.impulse.reshape(-1)
     active = np.empty(lanes + s.general_pair.shape[0], np.bool_)
-    worst, largest = 0, -1.0
+    square = np.empty(active.size)
     for k in range(active.size):
         if k < lanes:
-            square, _, _, active[k] = measure_lane(np.uint64(k), velocity, pair, frame, impulse, s.spin_factor)
+            square[k], _, _, active[k] = measure_lane(np.uint64(k), velocity, pair, frame, impulse, s.spin_factor)
         else:
-            square, _, _, active[k] = measure_general(k - lanes, s)
-        if square > largest:
-            worst, largest = k, square
-    return active, worst
+            square[k], _, _, active[k] = measure_general(k - lanes, s)
+    return active, square
+
+
+@kernel
+def has_clusters(s: System) -> bool:
+    """Whether errors are those of small clusters, and not spread over many contacts, where a patch would gain nothing."""
+    active, square = _measure(s)
+    whole, count = 0.0, 0
+    for k in range(square.size):
+        whole += square[k]
+        count += active[k]
+    peaks = 0.0
+    for k in range(square.size):
+        if square[k] * count >= PEAK * PEAK * whole:
+            peaks += square[k]
+    return peaks >= SHARE * whole
 
 
 @kernel
@@ -249,7 +265,11 @@ def solve_patch(s: System, size: int) -> bool:
     Returns:
         Whether they were solved. If not nothing has changed.
     """
-    active, worst = _find_active(s)
+    active, square = _measure(s)
+    worst = 0
+    for k in range(square.size):
+        if square[k] > square[worst]:
+            worst = k
     patch = _gather(_around(worst, size, active, s), s)
     is_solved, new = _solve(patch, s)
     if not is_solved:

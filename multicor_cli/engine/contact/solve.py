@@ -11,7 +11,7 @@ import numba
 import numpy as np
 
 from multicor_cli.engine.contact.acceleration import Tolerances, begin_again, iterate, start_loop, start_momentum
-from multicor_cli.engine.contact.patches import SIZES, solve_patch
+from multicor_cli.engine.contact.patches import SIZES, has_clusters, solve_patch
 from multicor_cli.engine.contact.report import PhysicsError
 from multicor_cli.engine.contact.sweep import BIPOTENTIAL, EXACT, System
 from multicor_cli.engine.contact.thread_choice import SLICE, ThreadChoice
@@ -124,8 +124,10 @@ def solve_system(
             iterate(system, momentum, local, settings.method == "accelerated", parallel, limit, is_last, tolerance, memory, partial)
             pace.note(count, parallel, (float(loop["sweeps"]) - done) * count, time.perf_counter() - started)
             if loop["is_stuck"]:
-                solve_patch(system, SIZES[min(int(loop["patches"]), len(SIZES) - 1)])
-                begin_again(system, momentum, loop)
+                is_clustered = has_clusters(system)
+                if is_clustered:
+                    solve_patch(system, SIZES[min(int(loop["patches"]), len(SIZES) - 1)])
+                begin_again(system, momentum, is_clustered, loop)
             if should_stop is not None and should_stop():
                 raise Interrupted
     finally:

@@ -12,7 +12,7 @@ from multicor_cli.engine.contact.law import solve_full
 from multicor_cli.engine.contact.patches import solve_patch
 from multicor_cli.engine.contact.problem import ContactProblem, _general_system
 from multicor_cli.engine.contact.residual import measure_residual
-from multicor_cli.engine.contact.sweep import add_impulses
+from multicor_cli.engine.contact.sweep import EXACT, Before, Relaxation, add_impulses, sweep
 
 
 def solved(matrix, vector):
@@ -107,7 +107,8 @@ def test_a_patch_of_all_contacts_is_the_solution():
 
 def test_a_patch_mends_the_worst_contact_and_leaves_the_rest():
     system = layer(30)
-    active, worst = patches._find_active(system)
+    active, square = patches._measure(system)
+    worst = int(square.argmax())
     chosen = patches._around(worst, 6, active, system).tolist()
     assert len(set(chosen)) == 6
     assert chosen[0] == worst
@@ -116,7 +117,19 @@ def test_a_patch_mends_the_worst_contact_and_leaves_the_rest():
     contacts = (system.impulse != before).any(axis=1).reshape(-1)
     assert np.count_nonzero(contacts) > 0
     assert set(np.flatnonzero(contacts).tolist()) <= set(chosen)
-    assert patches._find_active(system)[1] not in chosen
+    assert int(patches._measure(system)[1].argmax()) not in chosen
+
+
+def test_clusters_are_told_from_errors_that_are_spread():
+    system = layer(120)
+    before, way = Before(system.impulse.copy(), system.general_impulse.copy()), Relaxation(1.0, 1.0, 0.0)
+    for _ in range(40):
+        sweep(system, before, EXACT, way, False, np.empty(system.tile_start.size - 1))
+    assert not patches.has_clusters(system)
+    loaded = int(system.impulse[:, 0].argmax())
+    body = system.pair[loaded // 4, 0, loaded % 4] // 4
+    system.velocity[body, 0] += 1.0
+    assert patches.has_clusters(system)
 
 
 def test_a_patch_keeps_velocities_and_impulses_together():
