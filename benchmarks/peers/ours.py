@@ -110,7 +110,8 @@ class Start:
         assert fall.force is not None
         height = float(top.position[:, 1].mean() - bottom.position[:, 1].mean())
         return Layer(
-            state.position[:, :2].copy(), state.velocity.copy(), model.grains.radius, DENSITY, float(model.laws.friction[0, 0]), bottom, top,
+            state.position[:, :2].copy(), state.velocity.copy(), model.grains.radius, DENSITY,
+            float(model.laws.friction[0, 0]), bottom, top,
             model.period, float(state.wall_velocity[_TOP, 0]), float(state.wall_velocity[_TOP, 1]),
             float(model.walls.mass[_TOP]), -fall.force.value(0.0), fall.damping, height,
         )  # fmt: skip

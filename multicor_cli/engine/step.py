@@ -39,7 +39,7 @@ from multicor_cli.model.state import State
 
 PARALLEL_GRAINS = 4_000  # below this, starting threads costs more than they save; results are the same
 SLIPS_RMS, SLIPS = 50.0, 10.0
-"""Scales of the rms and of the largest velocity correction over the mean slip between grains: the defaults are 5 % and half of it."""
+"""Scales of the rms and of the largest velocity correction over the mean slip between grains: by default 5 % and half of it."""
 PHASES = ("predict", "detect", "prepare", "solve", "account", "move", "correct")
 
 

@@ -11,8 +11,8 @@ linear in each other). Friction makes the problem no minimization, and unguarded
   sweeps: up to a quarter more);
 * near the tolerance momentum's own noise in a few contacts keeps the residual up: thirty sweeps with half of the normal
   corrections calm it, in very long solves only (earlier it would end them with more of the smooth errors left);
-* where nothing has been gained for long and the change per sweep is above the tolerance of the rms, a cluster of contacts may cycle.
-  The loop says that it is stuck: such a cluster has to be solved in another way (`multicor_cli.engine.contact.patches`).
+* where nothing has been gained for long and the change per sweep is above the tolerance of the rms, a cluster of contacts may
+  cycle. The loop says that it is stuck: such a cluster has to be solved in another way (`multicor_cli.engine.contact.patches`).
 """
 
 from __future__ import annotations
