@@ -13,7 +13,7 @@ SIZES = {
     "even": ('{ kind = "uniform", min = 0.8e-3, max = 1.2e-3 }', 1.25 * DIAMETER),
     "mixture": ('{ kind = "list", radii = [0.5e-3, 1.0e-3, 1.5e-3] }', 1.6 * DIAMETER),
 }
-"""Radii: spread evenly by ±20 %, or diameters of 1, 2 and 3 mm in equal numbers; and the spacing of the lattice they start from [m]."""
+"""Radii, spread evenly by ±20 % or for diameters of 1, 2 and 3 mm; and the spacing of the lattice that grains start from [m]."""
 
 DENSITY = 2500.0
 """Density of the grains [kg/m³]."""
