@@ -20,7 +20,7 @@ from multicor_cli.store.schema import FORMAT_VERSION
 
 VERSIONS = sorted(path.name.removeprefix("format-").removesuffix(".tar.xz") for path in DATA.glob("format-*.tar.xz"))
 
-ENDS = {"1.0": {"state": "bc358be6cc68231084377a5fb243ac50", "data": "4c89154473442964f35c2d209ed0f5d3"}}
+ENDS = {"1.0": {"state": "43a818b621e94a69f83490344a58e70f", "data": "ef6d84ed8e7a660fc4dc5119e1097d2b"}}
 """Digests with which the unfinished run of each version ends, whose files stay of that version. They are frozen anew when results
 change (CHANGELOG.md), the archive stays."""
 

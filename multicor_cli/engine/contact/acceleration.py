@@ -23,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.engine.contact.residual import measure_residual
-from multicor_cli.engine.contact.sweep import Before, Relaxation, System, sweep
+from multicor_cli.engine.contact.sweep import EXACT, Before, Relaxation, System, sweep
 from multicor_cli.engine.contact.vector_sweep import extrapolate_rows
 from multicor_cli.engine.jit.chunks import CHUNK
 from multicor_cli.engine.jit.compile import kernel, loop_body, parallel_kernel, prange
@@ -89,6 +89,7 @@ MODES = np.array([[1.0, 1.0, 1.5], [0.5, 1.0, 1.2]])
 """Rows: factors on the normal and tangential corrections; growth of the change per sweep over its lowest value since the last
 restart, at which the momentum restarts."""
 GROWTH = 2  # its column
+CAREFUL = 1.0  # growth for local solves that are not exact: with more, they and the momentum drive each other
 LONG_FROM, LONG_TO, LONG_GROWTH = 250.0, 1000.0, 3.0  # sweeps between which `FAST` has another growth, unless it was stuck
 CALM_BELOW, CALM_AFTER, CALM_FOR = 2.0, 1000.0, 30.0  # times the tolerance; sweeps in `FAST` before; sweeps in `CALM`
 GAIN = 0.9  # the loop has gained if the change per sweep is lower by this factor
@@ -342,4 +343,4 @@ def iterate(
             _choose_mode(change, tolerance.rms, loop)
             if loop["is_stuck"]:
                 return
-            move_on(s, m, change, _growth(loop), loop, parallel)
+            move_on(s, m, change, _growth(loop) if local == EXACT else CAREFUL, loop, parallel)

@@ -77,12 +77,17 @@ def _measure(s: System) -> tuple[NDArray[np.bool_], Floats]:
 
 @kernel
 def has_clusters(s: System) -> bool:
-    """Whether errors are those of small clusters, and not spread over many contacts, where a patch would gain nothing."""
+    """Whether errors are those of small clusters, and not spread over many contacts, where a patch would gain nothing.
+
+    A system that is hardly larger than a patch is one cluster.
+    """
     active, square = _measure(s)
     whole, count = 0.0, 0
     for k in range(square.size):
         whole += square[k]
         count += active[k]
+    if count <= SIZES[-1]:
+        return True
     peaks = 0.0
     for k in range(square.size):
         if square[k] * count >= PEAK * PEAK * whole:
