@@ -8,8 +8,10 @@ import numpy as np
 import pytest
 from places import SUPPORT
 from problems import column_problem, dense_delassus, heap_problem, tilted
+from scene_parts import shear_engine
 
 from multicor_cli.engine import ContactProblem, Settings, solve_contacts
+from multicor_cli.engine.contact.acceleration import PATIENCE
 
 TIGHT = {"tolerance_rms": 1e-11, "tolerance_max": 1e-9, "tolerance_energy": 1e-9, "max_sweeps": 100_000}
 METHODS = [(m, local) for m in ("gauss-seidel", "accelerated") for local in ("exact", "bipotential")]
@@ -129,3 +131,11 @@ def test_siconos_finds_the_same_solution(tmp_path, seed, friction):
     ours = solve_contacts(problem, Settings(**TIGHT)).impulse.ravel()
     scale = np.abs(q).max()
     assert np.abs(w @ (ours - theirs)).max() < 1e-6 * scale
+
+
+def test_the_bipotential_solves_flows_before_there_are_patches():
+    """With the momentum of exact local solves it cycled for ever."""
+    engine = shear_engine(columns=24, rows=20, settings=Settings(local="bipotential", max_sweeps=int(PATIENCE)))
+    reports = [engine.step(0.02, 0.02 * k) for k in range(60)]
+    assert reports[-1].contacts > 10
+    assert all(report.converged for report in reports)

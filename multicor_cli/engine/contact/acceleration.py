@@ -60,7 +60,7 @@ LOOP = np.dtype(
         ("theta", "f8"),  # Nesterov's θ
         ("factor", "f8"),  # of the last extrapolation
         ("lowest", "f8"),  # change per sweep since the momentum was restarted [m/s]
-        ("best", "f8"),  # change per sweep since the last patch
+        ("best", "f8"),  # change per sweep since the start, or since it was stuck
         ("best_at", "f8"),  # sweeps then
         ("mode", "i8"),  # row of `MODES`
         ("since", "f8"),  # sweeps when the mode began

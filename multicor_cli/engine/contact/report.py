@@ -12,7 +12,7 @@ class StepReport:
     Attributes:
         sweeps: Sweep-equivalents: sweeps plus evaluations of the residual.
         converged: Whether all three tolerances were met.
-        rms: rms of e_c over u_ref.
+        rms: rms of e_c over u_rms.
         maximum: Largest e_c over u_ref.
         energy: Energy residual G.
         contacts: Number of contacts that carry an impulse.
