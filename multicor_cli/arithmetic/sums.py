@@ -19,8 +19,14 @@ FEW = 32
 
 def total(values: Floats) -> float:
     """Sum of all values of a float array; 0 if there are none."""
-    rest = _folded(values.reshape(-1))
-    return float(rest.cumsum()[-1]) if rest.size else 0.0
+    flat = values.reshape(-1)
+    rest = _folded(flat).tolist()
+    if not rest:
+        return 0.0
+    result = float(rest[0])
+    for value in rest[1:]:
+        result += value
+    return result
 
 
 def mean(values: Floats) -> float:

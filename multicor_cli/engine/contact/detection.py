@@ -197,7 +197,7 @@ def _fill_contact(
     out.frame[c, MU] = mu
     out.before[c, NORMAL], out.before[c, TANGENTIAL] = u_n, u_t
     out.lever[c, X], out.lever[c, Y] = lx, ly
-    return min(u_n, 0.0) if gap + dt * u_n <= 0.0 else 0.0
+    return u_n if u_n < 0.0 and gap + dt * u_n <= 0.0 else 0.0
 
 
 @formula
@@ -251,6 +251,7 @@ def fill_contacts(
     """
     count = row.size - 1
     for chunk in prange(speeds.shape[0]):
+        squares, closing, slip, loaded = 0.0, 0.0, 0.0, 0.0
         for i in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
             c = kept[i]
             last, k = warm.row[i + 1], warm.row[i]
@@ -259,13 +260,14 @@ def fill_contacts(
                     j = partner[p]
                     u = _fill_contact(c, i, j, gap[p], normal[p, X], normal[p, Y], scene, laws, start, dt, out)
                     k = _start_warm(c, j, k, last, warm, scale, out)
-                    if u < 0.0:
-                        speeds[chunk, _SQUARES] += u * u
-                        speeds[chunk, _CLOSING] += 1.0
-                    if partner[p] < count and out.impulse[c, NORMAL] > 0.0:
-                        speeds[chunk, _SLIP] += abs(out.before[c, TANGENTIAL])
-                        speeds[chunk, _LOADED] += 1.0
+                    squares += u * u
+                    closing += 1.0 if u < 0.0 else 0.0
+                    counts = j < count and out.impulse[c, NORMAL] > 0.0
+                    slip += abs(out.before[c, TANGENTIAL]) if counts else 0.0
+                    loaded += 1.0 if counts else 0.0
                     c += 1
+        speeds[chunk, _SQUARES], speeds[chunk, _CLOSING] = squares, closing
+        speeds[chunk, _SLIP], speeds[chunk, _LOADED] = slip, loaded
 
 
 @kernel

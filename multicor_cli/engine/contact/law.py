@@ -20,10 +20,11 @@ def bias(gap: float, normal_velocity: float, restitution: float, dt: float) -> f
     A contact that closes within the step rebounds by Newton's law, ``b = e·min(u_n⁻, 0)``; any other may approach no further
     than its gap allows, ``b = max(gap, 0)/Δt`` (theory §3). Letting both act on one contact never converges with Δt.
     """
-    closing = min(normal_velocity, 0.0)
+    # Conditional expressions compile to selections, the built-in min and max to branches.
+    closing = normal_velocity if normal_velocity < 0.0 else 0.0
     if restitution > 0.0 and gap + dt * closing <= 0.0:
         return restitution * closing
-    return max(gap, 0.0) / dt
+    return (gap if gap > 0.0 else 0.0) / dt
 
 
 @formula

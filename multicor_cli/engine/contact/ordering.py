@@ -57,6 +57,17 @@ def classify_contacts(scene: Scene, contacts: StepContacts, wall_is_free: NDArra
 
 
 @kernel
+def extent_of(position: Floats) -> tuple[float, float, float, float]:
+    """Least and largest x, least and largest y of grains."""
+    left, right, bottom, top = np.inf, -np.inf, np.inf, -np.inf
+    for i in range(position.shape[0]):
+        x, y = position[i, X], position[i, Y]
+        left, right = min(left, x), max(right, x)
+        bottom, top = min(bottom, y), max(top, y)
+    return left, right, bottom, top
+
+
+@kernel
 def color_tiles(columns: int, rows: int) -> NDArray[np.int64]:
     """First tile of each color, shape ``(COLORS + 1,)``: tiles are numbered color by color."""
     half_x, half_y = (columns + 1) // 2, (rows + 1) // 2

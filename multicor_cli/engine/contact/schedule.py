@@ -9,7 +9,14 @@ from numpy.typing import NDArray
 
 from multicor_cli.engine.contact.batches import fill_lanes, make_batches
 from multicor_cli.engine.contact.detection import StepContacts
-from multicor_cli.engine.contact.ordering import assign_tiles, classify_contacts, color_tiles, number_bodies, order_contacts
+from multicor_cli.engine.contact.ordering import (
+    assign_tiles,
+    classify_contacts,
+    color_tiles,
+    extent_of,
+    number_bodies,
+    order_contacts,
+)
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.jit.chunks import aligned
 from multicor_cli.engine.jit.vectors import LANES
@@ -84,9 +91,9 @@ def _make(contacts: StepContacts, tile: Ints, color_start: NDArray[np.int64], gr
 
 def _grid(scene: Scene, width: float) -> tuple[int, int, Floats, float, float]:
     """Numbers of columns and rows, the corner and the size of the tiles; at least ``width`` wide and high."""
-    x, y = scene.position[:, X], scene.position[:, Y]  # one by one: numpy is slow along the short axis
-    low = np.array([x.min(), y.min()])
-    size = np.array([x.max(), y.max()]) - low
+    left, right, bottom, top = extent_of(scene.position)
+    low = np.array([left, bottom])
+    size = np.array([right - left, top - bottom])
     if scene.period > 0.0:
         low[X], size[X] = 0.0, scene.period
     limit = max(4, scene.radius.size)  # grains that fly far away must not make the grid large

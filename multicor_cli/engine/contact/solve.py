@@ -113,13 +113,14 @@ def solve_system(
     partial = np.empty(system.tile_start.size - 1)
     local = EXACT if settings.local == "exact" else BIPOTENTIAL
     slice_ = max(1, SLICE // count)
-    outside = numba.get_num_threads()
+    outside = numba.get_num_threads()  # this also starts them: kernels that might use them must find them
     try:
         while not loop["is_converged"] and loop["sweeps"] < settings.max_sweeps:
             limit = min(int(loop["sweeps"]) + slice_, settings.max_sweeps)
             is_last = limit == settings.max_sweeps
             parallel = pace.choose(count)
-            numba.set_num_threads(pace.threads if parallel else 1)
+            if parallel:
+                numba.set_num_threads(pace.threads)
             done, started = float(loop["sweeps"]), time.perf_counter()
             iterate(system, momentum, local, settings.method == "accelerated", parallel, limit, is_last, tolerance, memory, partial)
             pace.note(count, parallel, (float(loop["sweeps"]) - done) * count, time.perf_counter() - started)
@@ -131,7 +132,8 @@ def solve_system(
             if should_stop is not None and should_stop():
                 raise Interrupted
     finally:
-        numba.set_num_threads(outside)  # the caller may have chosen it
+        if pace.threads > 1:
+            numba.set_num_threads(outside)  # the caller may have chosen it
     return Outcome(
         float(loop["sweeps"] + loop["checks"]),
         bool(loop["is_converged"]),

@@ -26,19 +26,16 @@ class Drift:
     Attributes:
         center: Where the field is ``fit[0]``, shape ``(2,)``.
         fit: a, and the changes per length in x and in y, shape ``(3, 2)``.
+        gradient: Bound of |G x|/|x| (Frobenius norm).
         rest: Largest deviation from the field.
         largest: Largest components in x and in y, shape ``(2,)``.
     """
 
     center: Floats
     fit: Floats
+    gradient: float
     rest: float
     largest: Floats
-
-    @property
-    def gradient(self) -> float:
-        """Bound of |G x|/|x| (Frobenius norm)."""
-        return math.sqrt(total(self.fit[1:] * self.fit[1:]))
 
 
 _NOTHING = np.empty((0, 2))
@@ -55,8 +52,8 @@ def fit_drift(vectors: Floats, position: Floats, period: float, origin: Floats =
     """
     fit, chunks = np.empty((3, 2)), chunks_for(len(position), 11)
     fit_affine(vectors, origin, position, period, fit, chunks)
-    square, *largest = chunks[0, :3].tolist()
-    return Drift(position[0, :2].copy(), fit, float(np.sqrt(square)), np.array(largest))
+    gradient = math.sqrt(total(fit[1:] * fit[1:]))
+    return Drift(position[0, :2].copy(), fit, gradient, math.sqrt(chunks[0, 0]), chunks[0, 1:3].copy())
 
 
 @dataclass(frozen=True)
@@ -78,6 +75,12 @@ class Closing:
     def over(self, distance: float) -> float:
         """Bound for discs whose centers are ``distance`` [m] apart, and for walls."""
         return max(min(self.rest + self.gradient * distance, self.disc), self.wall)
+
+    def or_faster(self, other: Closing) -> Closing:
+        """Bounds that hold for both."""
+        return Closing(
+            max(self.rest, other.rest), max(self.gradient, other.gradient), max(self.disc, other.disc), max(self.wall, other.wall)
+        )
 
     def reach(self, dt: float, diameter: float) -> float:
         """Gap [m] that no pair closes in a time step, given velocities and the largest diameter of a disc [m]."""

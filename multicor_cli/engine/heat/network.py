@@ -15,14 +15,14 @@ from multicor_cli.engine.heat.mechanism import NearPairs
 from multicor_cli.engine.heat.pairs import look_up, resting_contacts
 from multicor_cli.engine.heat.rates import OUTSIDE_BOOKS, Network
 from multicor_cli.engine.heat.settings import HeatSettings
+from multicor_cli.engine.heat.splitting import FLOW, INSULATED, KNOWN, split_links
 from multicor_cli.engine.heat.spots import Spots
 from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.model.columns import RADIUS
 from multicor_cli.model.model import Floats, Ints, Model
 from multicor_cli.model.shapes import ShapeKind
 
-_INSULATED, _KNOWN, _FLOW = 0, 1, 2
-_KINDS = {"insulated": _INSULATED, "temperature": _KNOWN, "flow": _FLOW}
+_KINDS = {"insulated": INSULATED, "temperature": KNOWN, "flow": FLOW}
 
 Pairs = tuple[Ints, Ints, Floats]
 """First and second shapes of pairs, sorted, and their gaps [m]."""
@@ -123,30 +123,12 @@ def network_of(
         settings: Choices about heat.
     """
     n = model.grain_count
-    kind = np.array([*(_KINDS[c.kind] for c in conditions), _INSULATED], np.int8)  # the last stands for "no wall"
-    wall = np.full(links.j.size, len(conditions))
-    is_wall = links.j >= n
-    wall[is_wall] = scene.wall[links.j[is_wall] - n]
-    grains, known, flowing = ~is_wall, kind[wall] == _KNOWN, kind[wall] == _FLOW
-    has_area = links.area.size > 0
-    none = np.empty(0)
-    total = np.bincount(wall[flowing], weights=links.conductance[flowing], minlength=len(conditions))
-    flowing &= links.conductance > 0.0
-    share = links.conductance[flowing] / total[wall[flowing]]
+    kind = np.array([_KINDS[c.kind] for c in conditions], np.int32)
+    ends = split_links(n, links.i, links.j, links.conductance, links.area, scene.wall, kind)
     asked = (mechanism.outside(velocity, settings.laws, model) for mechanism in settings.mechanisms)
     outside = [one for one in asked if one is not None]
     return Network(
-        i=links.i[grains],
-        j=links.j[grains],
-        conductance=links.conductance[grains],
-        area=links.area[grains] if has_area else none,
-        wall_i=links.i[known],
-        wall=wall[known].astype(np.int32),
-        wall_conductance=links.conductance[known],
-        wall_area=links.area[known] if has_area else none,
-        flow_i=links.i[flowing],
-        flow_wall=wall[flowing].astype(np.int32),
-        flow_share=share,
+        *ends,
         outside_book=np.array([OUTSIDE_BOOKS.index(one.book) for one in outside], np.int32),
         outside_temperature=np.array([one.temperature for one in outside], float),
         outside_conductance=_rows([one.conductance for one in outside], n),

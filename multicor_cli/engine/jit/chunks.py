@@ -32,8 +32,7 @@ def aligned(shape: tuple[int, ...], dtype: type[Any] = np.float64) -> NDArray[An
     """
     size = math.prod(shape) * np.dtype(dtype).itemsize
     memory = np.empty(size + _CACHE_LINE, np.uint8)
-    first = -memory.ctypes.data % _CACHE_LINE
-    return memory[first : first + size].view(dtype).reshape(shape)
+    return np.ndarray(shape, dtype, memory, -memory.ctypes.data % _CACHE_LINE)
 
 
 def aligned_copy(array: NDArray[Any]) -> NDArray[Any]:

@@ -83,9 +83,7 @@ def correct_positions(
     if count == 0:
         return Correction(overlap, 0.0, 0.0, 0)
     before, wall_before = scene.position[:, :2].copy(), scene.wall_position.copy()
-    with np.errstate(divide="ignore"):
-        # Walls are not turned. (Contiguous: kernels are compiled anew for another layout.)
-        inverse = np.ascontiguousarray(np.where(motion.driven, 1.0 / motion.mass, 0.0)[:, :2])
+    inverse = np.ascontiguousarray(motion.mobility[:, :2])  # walls are not turned; kernels are compiled anew for another layout
     rounds = 0
     while count and rounds < ROUNDS:
         # Pairs that a chain of corrections may close: a few of the largest overlaps away.

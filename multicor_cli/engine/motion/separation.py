@@ -117,6 +117,8 @@ def _measure(scene: Scene, bodies: _Bodies, i: Ints, j: Ints, target: float, all
     for c in range(i.size):
         a = bodies.number[i[c]]
         b = bodies.number[j[c] if j[c] < n else n + scene.wall[j[c] - n]]
+        if a == held and b == held:
+            continue
         gap, nx, ny = pair_geometry(scene, i[c], j[c])
         give = (bodies.mobility[a, X] + bodies.mobility[b, X]) * nx * nx + (bodies.mobility[a, Y] + bodies.mobility[b, Y]) * ny * ny
         if give > 0.0:

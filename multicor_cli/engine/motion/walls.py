@@ -11,7 +11,7 @@ from multicor_cli.engine.geometry.affine import shape_velocities
 from multicor_cli.engine.geometry.drift import Closing, Drift, bound_closing
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.motion.drives import WallDrive
-from multicor_cli.model.columns import RADIUS
+from multicor_cli.model.columns import RADIUS, SPIN
 from multicor_cli.model.model import Floats, Model
 from multicor_cli.model.shapes import TAIL, ShapeKind, Tail
 
@@ -29,6 +29,7 @@ class WallMotion:
         damping: Damping coefficients of driven degrees of freedom, shape ``(w, 3)``.
         load: Applied forces and torques at mid-step, gravity left out, shape ``(w, 3)``; set by `predict`.
         weight: Weights of the driven degrees of freedom, shape ``(w, 3)``.
+        mobility: Inverse masses, 0 where not driven, shape ``(w, 3)``.
         inverse: Inverse effective masses of the step, 0 where not driven, shape ``(w, 3)``; set by `predict`.
     """
 
@@ -37,19 +38,20 @@ class WallMotion:
             message = f"{model.wall_count} walls need as many drives, not {len(drives)}"
             raise ValueError(message)
         w = model.wall_count
-        self._drives = [drive.dofs() for drive in drives]
-        self.driven: NDArray[np.bool_] = np.array([[d.force is not None for d in dofs] for dofs in self._drives], bool).reshape(
-            w, 3
-        )
+        dofs = [drive.dofs() for drive in drives]
+        self._drives = [(wall, d, drive) for wall, of_wall in enumerate(dofs) for d, drive in enumerate(of_wall)]
+        self.driven: NDArray[np.bool_] = np.array([drive.force is not None for _, _, drive in self._drives], bool).reshape(w, 3)
         self.is_free: NDArray[np.bool_] = np.asarray(self.driven.any(axis=1))
         masses = np.column_stack([model.walls.mass, model.walls.mass, model.walls.inertia]).reshape(w, 3)
         if np.isnan(masses[self.driven]).any():
             message = "a wall driven by a force needs a mass, and one driven by a torque an inertia"
             raise ValueError(message)
         self.mass: Floats = np.where(self.driven, masses, 0.0)
-        self.damping: Floats = np.array([[d.damping for d in dofs] for dofs in self._drives]).reshape(w, 3)
+        self.damping: Floats = np.array([drive.damping for _, _, drive in self._drives]).reshape(w, 3)
         pull = np.append(model.gravity, 0.0)
         self.weight: Floats = np.where(self.driven & model.walls.has_gravity[:, None], self.mass * pull, 0.0)
+        self._pushed = np.argwhere(self.driven).tolist()
+        self.mobility: Floats = np.divide(1.0, self.mass, out=np.zeros((w, 3)), where=self.driven)
         self.load: Floats = np.zeros((w, 3))
         self.inverse: Floats = np.zeros((w, 3))
         self._length = model.walls.length
@@ -65,26 +67,24 @@ class WallMotion:
         """
         after = np.zeros_like(velocity)
         self.load[:] = 0.0
-        for w, dofs in enumerate(self._drives):
-            for d, drive in enumerate(dofs):
-                if drive.force is not None:
-                    self.load[w, d] = drive.force.value(t + 0.5 * dt)
-                elif drive.velocity is not None:
-                    after[w, d] = drive.velocity.value(t + dt)
-        half = 0.5 * dt * self.damping
+        for w, d, drive in self._drives:
+            if drive.force is not None:
+                self.load[w, d] = drive.force.value(t + 0.5 * dt)
+            elif drive.velocity is not None:
+                after[w, d] = drive.velocity.value(t + dt)
         driven = self.driven
-        with np.errstate(divide="ignore"):
-            self.inverse = np.where(driven, 1.0 / (self.mass + half), 0.0)
+        if not self._pushed:
+            return after
+        half = 0.5 * dt * self.damping
+        self.inverse = np.divide(1.0, self.mass + half, out=np.zeros_like(half), where=driven)
         free = ((self.mass - half) * velocity + dt * (self.load + self.weight)) * self.inverse
         after[driven] = free[driven]
         return after
 
     def pressure(self) -> float:
         """Largest load per length of a wall [N/m]."""
-        if not self.is_free.any():
-            return 0.0
-        force = np.abs(np.where(self.driven, self.load + self.weight, 0.0))[:, :2].max(axis=1)
-        return float((force / self._length)[self.is_free].max())
+        forces = (abs(self.load[w, d] + self.weight[w, d]) / self._length[w] for w, d in self._pushed if d < SPIN)
+        return float(max(forces, default=0.0))
 
     def kinetic(self, velocity: Floats) -> float:
         """Kinetic energy of the driven degrees of freedom [J]."""
@@ -93,11 +93,11 @@ class WallMotion:
     def closing(self, drift: Drift, scene: Scene, *velocities: Floats) -> Closing:
         """Bounds on how fast shapes come closer [m/s], given velocities of the grains and one or more of the walls ``(w, 3)``."""
         vectors, turn = np.empty((len(scene.world), 2)), np.empty(len(scene.world))
-        bounds = []
+        closing = Closing(0.0, 0.0, 0.0, 0.0)
         for velocity in velocities:
             shape_velocities(scene.kind, scene.wall, scene.world, scene.wall_position, velocity, self._extent, vectors, turn)
-            bounds.append(bound_closing(scene.kind, drift, scene.world, vectors, turn))
-        return Closing(*(max(getattr(bound, name) for bound in bounds) for name in ("rest", "gradient", "disc", "wall")))
+            closing = closing.or_faster(bound_closing(scene.kind, drift, scene.world, vectors, turn))
+        return closing
 
 
 def _extents(model: Model) -> Floats:
