@@ -39,7 +39,7 @@ class Settings:
     tolerance_rms: float = 1e-3
     tolerance_max: float = 5e-2
     tolerance_energy: float = 5e-3
-    max_sweeps: int = 10_000
+    max_sweeps: int = 50_000
     on_failure: Literal["warn", "error"] = "warn"
 
 

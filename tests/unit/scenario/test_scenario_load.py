@@ -33,7 +33,7 @@ def test_the_tables_of_the_file_are_attributes(write):
     assert scenario.walls[0].geometry.start == (0.0, 0.0)
     assert scenario.walls[0].geometry.end == (0.03, 0.0)
     assert scenario.loading[0].drives["top"].y.force == -0.015
-    assert scenario.solver.max_sweeps == 10_000
+    assert scenario.solver.max_sweeps == 50_000
     assert scenario.output.series_interval == 0.01 / 10
     assert scenario.source == SHEAR
 
