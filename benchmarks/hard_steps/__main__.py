@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import argparse
 import sys
+import tempfile
 from pathlib import Path
 
 import numpy as np
 from criteria import as_text, compare
+from ends import MEASURES, TIGHT, end_of
 from listening import Heard, Problem, cold, falling_bed, run_scenario, run_scene
 
 from multicor_cli.bench.scenes import SCENES
@@ -31,7 +33,7 @@ def _sample(options: argparse.Namespace) -> None:
 def _count(options: argparse.Namespace) -> None:
     """Sweeps and unconverged steps of whole runs."""
     print("| run | seed | solves | mean sweeps | median | largest | > 1,000 | unconverged |\n|---|---|---|---|---|---|---|---|")
-    for name in options.names:
+    for name in options.names or ["falling-bed"]:
         for seed in options.seeds:
             heard = Heard()
             if name == "falling-bed":
@@ -63,22 +65,40 @@ def _cold(options: argparse.Namespace) -> None:
             )
 
 
+def _ends(options: argparse.Namespace) -> None:
+    """Ends of whole runs, with the default tolerances and with a fifth of them."""
+    print("| run | seed | tolerances | measures | unconverged |\n|---|---|---|---|---|")
+    for name in options.names or MEASURES:
+        for seed in options.seeds:
+            for tolerances, overrides in (("default", []), ("a fifth", TIGHT)):
+                with tempfile.TemporaryDirectory() as folder:
+                    config = _CONFIGS / f"{name.removeprefix('configs/')}.toml"
+                    measures, missed = end_of(config, seed, overrides + options.set, Path(folder) / "run")
+                told = ", ".join(f"{what} {value:.5g}" for what, value in measures.items())
+                print(f"| {name} | {seed} | {tolerances} | {told} | {missed} |", flush=True)
+
+
 def main() -> int:
     """Print one of the tables; returns the exit code."""
     parser = argparse.ArgumentParser(
         prog="python benchmarks/hard_steps", description="Which criteria and which loop leave no step hard."
     )
     parser.add_argument(
-        "table", choices=("sample", "count", "cold"), help="criteria compared; whole runs; a deep bed from zero impulses"
+        "table",
+        choices=("sample", "count", "cold", "ends"),
+        help="criteria compared; sweeps of whole runs; a deep bed from zero impulses; where runs end",
     )
     parser.add_argument(
-        "--names", nargs="+", default=["falling-bed"], help="count: falling-bed, scenes of multicor bench, configs/NAME"
+        "--names",
+        nargs="+",
+        default=[],
+        help="count: falling-bed (default), scenes of multicor bench, configs/NAME; ends: configs/NAME",
     )
     parser.add_argument("--grains", type=int, default=1000, help="count: number of grains of scenes")
     parser.add_argument("--seeds", type=int, nargs="+", default=[1], help="seeds")
     parser.add_argument("--set", action="append", default=[], metavar="KEY=VALUE", help="overrides of the scenario")
     options = parser.parse_args()
-    {"sample": _sample, "count": _count, "cold": _cold}[options.table](options)
+    {"sample": _sample, "count": _count, "cold": _cold, "ends": _ends}[options.table](options)
     return 0
 
 
