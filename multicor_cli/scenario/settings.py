@@ -60,7 +60,9 @@ class Solver(Table):
     tolerance_rms: Tolerance = Field(1e-3, description="rms of the velocity corrections over the reference velocity")
     tolerance_max: Tolerance = Field(5e-2, description="largest velocity correction over the reference velocity")
     tolerance_energy: Annotated[Tolerance, Formerly(1e-2)] = Field(5e-3, description="energy error over the reference energy")
-    max_sweeps: int = Field(50_000, ge=1, le=MAX_SWEEPS, description="largest number of sweeps in a step")
+    max_sweeps: Annotated[int, Formerly(10_000)] = Field(
+        50_000, ge=1, le=MAX_SWEEPS, description="largest number of sweeps in a step"
+    )
     on_failure: Literal["warn", "error"] = Field(
         "warn", description='what to do if a step does not converge: "warn" or "error" (stop)'
     )
