@@ -51,7 +51,7 @@ class WallMotion:
         pull = np.append(model.gravity, 0.0)
         self.weight: Floats = np.where(self.driven & model.walls.has_gravity[:, None], self.mass * pull, 0.0)
         self._pushed = np.argwhere(self.driven).tolist()
-        self.mobility: Floats = np.divide(1.0, self.mass, out=np.zeros((w, 3)), where=self.driven)
+        self.mobility: Floats = _inverse_where(self.driven, self.mass)
         self.load: Floats = np.zeros((w, 3))
         self.inverse: Floats = np.zeros((w, 3))
         self._length = model.walls.length
@@ -76,7 +76,7 @@ class WallMotion:
         if not self._pushed:
             return after
         half = 0.5 * dt * self.damping
-        self.inverse = np.divide(1.0, self.mass + half, out=np.zeros_like(half), where=driven)
+        self.inverse = _inverse_where(driven, self.mass + half)
         free = ((self.mass - half) * velocity + dt * (self.load + self.weight)) * self.inverse
         after[driven] = free[driven]
         return after
@@ -98,6 +98,11 @@ class WallMotion:
             shape_velocities(scene.kind, scene.wall, scene.world, scene.wall_position, velocity, self._extent, vectors, turn)
             closing = closing.or_faster(bound_closing(scene.kind, drift, scene.world, vectors, turn))
         return closing
+
+
+def _inverse_where(chosen: NDArray[np.bool_], values: Floats) -> Floats:
+    """1/value where chosen, 0 elsewhere."""
+    return np.where(chosen, 1.0 / np.where(chosen, values, 1.0), 0.0)
 
 
 def _extents(model: Model) -> Floats:
