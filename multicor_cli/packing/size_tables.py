@@ -6,7 +6,8 @@ import numpy as np
 
 from multicor_cli.packing.bodies import Shape
 from multicor_cli.packing.sizes import MASS_POWER, SizeDistribution, list_sizes, lognormal_sizes, power_sizes, uniform_sizes
-from multicor_cli.scenario.models import AnySizes, ListSizes, LognormalSizes, PowerSizes
+from multicor_cli.packing.tabulated_sizes import normal_sizes, table_sizes
+from multicor_cli.scenario.models import AnySizes, ListSizes, LognormalSizes, NormalSizes, PowerSizes, TableSizes
 
 
 def sizes_of(table: AnySizes, shape: Shape) -> SizeDistribution:
@@ -17,6 +18,10 @@ def sizes_of(table: AnySizes, shape: Shape) -> SizeDistribution:
         return list_sizes(np.array(table.radii), fractions, table.by, power)
     if isinstance(table, LognormalSizes):
         return lognormal_sizes(table.median, table.sigma, table.min, table.max, table.by, power)
+    if isinstance(table, NormalSizes):
+        return normal_sizes(table.mean, table.sigma, table.min, table.max, table.by, power)
+    if isinstance(table, TableSizes):
+        return table_sizes(np.array(table.radii), np.array(table.passing), table.by, power)
     if isinstance(table, PowerSizes):
         return power_sizes(table.exponent, table.min, table.max, table.by, power)
     return uniform_sizes(table.min, table.max, table.by, power)

@@ -5,7 +5,8 @@ continuous distributions are drawn by stratified sampling, one grain per interva
 hold far better than with independent draws. Both are then shuffled.
 
 "By mass" weights are turned into weights by number: a grain of radius r has a mass ∝ r^p, p = 2 for discs and 3 for spheres, so
-that ``number density ∝ mass density / r^p``. All three continuous families stay in closed form under this.
+that ``number density ∝ mass density / r^p``. The continuous families here stay in closed form under this; tables and the normal
+distribution are in `multicor_cli.packing.tabulated_sizes`.
 """
 
 from __future__ import annotations
@@ -136,17 +137,21 @@ def lognormal_sizes(median: float, sigma: float, smallest: float, largest: float
     Cut to radii between ``smallest`` and ``largest`` [m]. Dividing by r^p shifts the mean of ln r by −p σ² and keeps the form.
     """
     center = arithmetic.log(median) - (mass_power * sigma * sigma if by == "mass" else 0.0)
-    low, high = (arithmetic.log(smallest) - center) / sigma, (arithmetic.log(largest) - center) / sigma
+    score = normal_between((arithmetic.log(smallest) - center) / sigma, (arithmetic.log(largest) - center) / sigma)
+    return ContinuousSizes(lambda level: np.clip(elementwise.exp(center + sigma * score(level)), smallest, largest), largest)
+
+
+def normal_between(low: float, high: float) -> Callable[[Floats], Floats]:
+    """Quantile function of the standard normal distribution, cut to ``low`` … ``high``."""
     # Work in the lower tail, where the cumulated probability has full relative precision.
     side = -1.0 if low + high > 0.0 else 1.0
     start, end = arithmetic.normal_cdf(side * low), arithmetic.normal_cdf(side * high)
 
     def quantile(level: Floats) -> Floats:
         cumulated = np.clip(start + level * (end - start), 1e-300, 1.0 - 1e-16)
-        score = elementwise.normal_quantile(cumulated)
-        return np.clip(elementwise.exp(center + sigma * side * score), smallest, largest)
+        return side * elementwise.normal_quantile(cumulated)
 
-    return ContinuousSizes(quantile, largest)
+    return quantile
 
 
 def disc_area(radii: Floats) -> Floats:

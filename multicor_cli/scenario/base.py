@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field, Strict, WithJsonSchema
@@ -118,11 +119,11 @@ def require_ascending(values: Sequence[float], what: str) -> None:
             raise refuse(f"{what} must ascend, {values[k]!r} follows {values[k - 1]!r}", "sort the rows and remove duplicates", k)
 
 
-def one_of(what: str, *keys: str, more: str = "") -> Discriminator:
+def one_of(what: str, *keys: str, more: str = "", tags: Mapping[str, str] = MappingProxyType({})) -> Discriminator:
     """Discriminator of a union whose tables differ by which of ``keys`` is present.
 
-    The tags are ``<key>``; anything but a table gets ``<plain>``. Not exactly one of the keys: no tag, hence an error, which
-    begins with ``what`` and ends with ``more``.
+    The tags are ``<key>``, or ``<name>`` with the name that ``tags`` gives to a key; anything but a table gets ``<plain>``. Not
+    exactly one of the keys: no tag, hence an error, which begins with ``what`` and ends with ``more``.
     """
 
     def tag(value: Any) -> str | None:
@@ -133,7 +134,8 @@ def one_of(what: str, *keys: str, more: str = "") -> Discriminator:
         else:
             return "<plain>"
         present = [key for key in keys if key in names]
-        return f"<{present[0]}>" if len(present) == 1 else None
+        names_tag = {tags.get(key, key) for key in present}
+        return f"<{names_tag.pop()}>" if len(names_tag) == 1 else None
 
     message = f"{what} exactly one of {', '.join(keys)}{more}"
     return Discriminator(tag, custom_error_type="one_of", custom_error_message=message)

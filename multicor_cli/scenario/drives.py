@@ -113,7 +113,7 @@ def engine_signal(signal: AnySignal) -> EngineSignal:
         return Ramp(signal.ramp[0], signal.ramp[1], signal.duration)
     if isinstance(signal, SineSignal):
         wave = signal.sine
-        return Sine(wave.mean, wave.amplitude, wave.period, wave.phase)
+        return Sine(wave.mean, wave.amplitude, wave.cycle, wave.phase)
     if isinstance(signal, TableSignal):
         return Interpolated(signal.times, signal.values)
     return Constant(signal)

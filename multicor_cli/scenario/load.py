@@ -11,6 +11,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from multicor_cli.scenario.checks import Draft, check_all
+from multicor_cli.scenario.csv_columns import DIRECTORY
 from multicor_cli.scenario.locate import MAX_NESTING, Lines, find_deep_nesting
 from multicor_cli.scenario.models import ScenarioModel
 from multicor_cli.scenario.overrides import apply_overrides
@@ -49,20 +50,26 @@ def parse_scenario(text: str, path: str | Path, overrides: Sequence[str] = ()) -
     data = _parse(text, str(path))
     applied, problems = apply_overrides(data, overrides)
     sources = Sources(str(path), text, applied)
-    model, findings = check_document(data)
+    model, findings = check_document(data, path.parent)
     if model is None or problems or findings:
         raise ScenarioError([*problems, *sources.problems(findings)])
     return Scenario(model, path, sources)
 
 
-def check_document(data: dict[str, Any]) -> tuple[ScenarioModel | None, list[Finding]]:
-    """Everything that is wrong with a parsed document, and its model if each table is valid on its own."""
+def check_document(data: dict[str, Any], directory: Path) -> tuple[ScenarioModel | None, list[Finding]]:
+    """Everything that is wrong with a parsed document, and its model if each table is valid on its own.
+
+    Args:
+        data: The document.
+        directory: That of its file, to which paths in it are relative.
+    """
+    context = {DIRECTORY: directory}
     try:
-        model = ScenarioModel.model_validate(data)
+        model = ScenarioModel.model_validate(data, context=context)
     except ValidationError as error:
         errors = error.errors(include_url=False)
         findings = translate(ScenarioModel, errors[:_MAX_ERRORS])
-        return None, _add_new(findings, check_all(Draft.of_document(data)))
+        return None, _add_new(findings, check_all(Draft.of_document(data, context)))
     return model, _add_new([], check_all(Draft.of_model(model)))
 
 

@@ -26,7 +26,7 @@ from multicor_cli.scenario.particles import ParticleGroup
 from multicor_cli.scenario.region import Region
 from multicor_cli.scenario.settings import Domain, Header, Output, Solver, StageSolver
 from multicor_cli.scenario.signals import RampSignal, SineSignal, SineWave, TableSignal
-from multicor_cli.scenario.sizes import AnySizes, ListSizes, LognormalSizes, PowerSizes, UniformSizes
+from multicor_cli.scenario.sizes import AnySizes, ListSizes, LognormalSizes, NormalSizes, PowerSizes, TableSizes, UniformSizes
 from multicor_cli.scenario.temperatures import (
     AnyTemperature,
     FileTemperature,
@@ -81,6 +81,7 @@ __all__ = [
     "ListSizes",
     "LognormalSizes",
     "Material",
+    "NormalSizes",
     "Output",
     "ParticleGroup",
     "PowerSizes",
@@ -98,6 +99,7 @@ __all__ = [
     "StageSolver",
     "StrainEnd",
     "TableSignal",
+    "TableSizes",
     "TemperatureCondition",
     "TemperatureRegion",
     "TilePacking",

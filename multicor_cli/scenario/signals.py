@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Self
+from typing import Annotated, Any, Self
 
-from pydantic import Field, Strict, Tag, field_validator, model_validator
+from pydantic import Field, Strict, Tag, ValidationInfo, field_validator, model_validator
 
 from multicor_cli.scenario.base import Number, Table, Time, Vector, one_of, refuse, require_ascending
+from multicor_cli.scenario.csv_columns import read_columns, refuse_both
 
 
 class RampSignal(Table):
@@ -21,25 +22,46 @@ class SineWave(Table):
 
     mean: Number = Field(0.0, description="mean value")
     amplitude: Number = Field(description="amplitude")
-    period: Time = Field(description="period [s]")
+    period: Time | None = Field(None, description="period [s] (or give frequency)")
+    frequency: Time | None = Field(None, description="frequency [1/s] (or give period)")
     phase: Annotated[float, Field(ge=-1e6, le=1e6)] = Field(0.0, description="phase [rad]")
+
+    @model_validator(mode="after")
+    def _one_rate(self) -> Self:
+        if (self.period is None) == (self.frequency is None):
+            both = "both period and frequency are given" if self.period is not None else "neither period nor frequency is given"
+            raise refuse(both, "give one of them: period [s] or frequency [1/s]")
+        return self
+
+    @property
+    def cycle(self) -> float:
+        """The period [s]."""
+        return self.period if self.period is not None else 1.0 / self.frequency  # type: ignore[operator]
 
 
 class SineSignal(Table):
     """A sine of the time since the start of the stage."""
 
-    sine: SineWave = Field(description="{ mean = 0, amplitude, period, phase = 0 }, period in s, phase in rad")
+    sine: SineWave = Field(description="{ mean = 0, amplitude, period or frequency, phase = 0 }, in s or 1/s, phase in rad")
 
 
 class TableSignal(Table):
     """Linear between the rows of a table, constant before the first and after the last."""
 
+    file: str | None = Field(None, description="CSV file with the columns time [s] and value, in place of the two arrays")
     times: Annotated[tuple[Annotated[float, Field(ge=0.0, le=1e12)], ...], Strict(False)] = Field(
-        min_length=1, max_length=100_000, description="times since the start of the stage [s], ascending"
+        (), max_length=100_000, description="times since the start of the stage [s], ascending"
     )
-    values: Annotated[tuple[Number, ...], Strict(False)] = Field(
-        min_length=1, max_length=100_000, description="value at each of the times"
-    )
+    values: Annotated[tuple[Number, ...], Strict(False)] = Field((), max_length=100_000, description="value at each of the times")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read(cls, data: Any, info: ValidationInfo) -> Any:
+        if not (isinstance(data, dict) and isinstance(data.get("file"), str)):
+            return data
+        refuse_both(data, "times", "values")
+        times, values = read_columns(data["file"], info, {"time": 1.0}, {"value": 1.0})
+        return {**data, "file": None, "times": times, "values": values}
 
     @field_validator("times")
     @classmethod
@@ -49,6 +71,8 @@ class TableSignal(Table):
 
     @model_validator(mode="after")
     def _same_length(self) -> Self:
+        if not self.times:
+            raise refuse("a table needs one row at least", "give times and values, or file")
         if len(self.times) != len(self.values):
             raise refuse(f"{len(self.values)} values for {len(self.times)} times", "give one value per time", "values")
         return self
@@ -59,6 +83,6 @@ Signal = Annotated[
     | Annotated[RampSignal, Tag("<ramp>")]
     | Annotated[SineSignal, Tag("<sine>")]
     | Annotated[TableSignal, Tag("<times>")],
-    one_of("a signal is a number or a table with", "ramp", "sine", "times"),
+    one_of("a signal is a number or a table with", "ramp", "sine", "times", "file", tags={"file": "times"}),
 ]
 AnySignal = float | RampSignal | SineSignal | TableSignal

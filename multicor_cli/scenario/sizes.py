@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Literal, Self
+from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, Strict, ValidationInfo, field_validator, model_validator
 
-from multicor_cli.scenario.base import Fraction, Radius, Table, refuse
+from multicor_cli.scenario.base import Fraction, Radius, Table, refuse, require_ascending
+from multicor_cli.scenario.csv_columns import read_columns, refuse_both
 
 MAX_SIZE_RATIO = 1000.0
 
@@ -99,6 +100,22 @@ class LognormalSizes(_Range):
         return median
 
 
+class NormalSizes(_Range):
+    """The radius is normally distributed; cut at ``min`` and ``max``."""
+
+    kind: Literal["normal"]
+    mean: Radius = Field(description="mean radius before the cut [m], between min and max")
+    sigma: float = Field(ge=1e-12, le=1e4, description="standard deviation of the radius before the cut [m]")
+
+    @field_validator("mean")
+    @classmethod
+    def _inside(cls, mean: float, info: ValidationInfo) -> float:
+        low, high = info.data.get("min", mean), info.data.get("max", mean)
+        if not low <= mean <= high:
+            raise refuse(f"the mean {mean:g} is outside min = {low:g} to max = {high:g}", "put it between the two")
+        return mean
+
+
 class PowerSizes(_Range):
     """Probability density proportional to radius to the power ``-exponent`` between ``min`` and ``max``."""
 
@@ -106,5 +123,64 @@ class PowerSizes(_Range):
     exponent: float = Field(ge=-20.0, le=20.0, description="exponent p of the density r^-p")
 
 
-Sizes = Annotated[ListSizes | UniformSizes | LognormalSizes | PowerSizes, Field(discriminator="kind")]
-AnySizes = ListSizes | UniformSizes | LognormalSizes | PowerSizes
+class TableSizes(Table):
+    """What passes at each radius, as a sieve curve: the density is constant between two rows."""
+
+    kind: Literal["table"]
+    by: Literal["number", "mass"] = Field(
+        "mass", description='whether passing is a share of the mass (a sieve curve) or of the number of grains: "mass" or "number"'
+    )
+    file: str | None = Field(
+        None, description="CSV file with the columns radius or diameter [m], and passing, in place of the two arrays"
+    )
+    radii: Annotated[tuple[Radius, ...], Strict(False)] = Field((), max_length=100_000, description="radii [m], ascending")
+    passing: Annotated[tuple[Fraction, ...], Strict(False)] = Field(
+        (), max_length=100_000, description="share of the grains that is smaller than each of the radii, from 0 to 1"
+    )
+
+    @model_validator(mode="before")
+    @classmethod
+    def _read(cls, data: Any, info: ValidationInfo) -> Any:
+        if not (isinstance(data, dict) and isinstance(data.get("file"), str)):
+            return data
+        refuse_both(data, "radii", "passing")
+        columns = read_columns(data["file"], info, {"radius": 1.0, "diameter": 0.5}, {"passing": 1.0})
+        return {**data, "file": None, "radii": columns[0], "passing": columns[1]}
+
+    @field_validator("radii")
+    @classmethod
+    def _ascending(cls, radii: tuple[float, ...]) -> tuple[float, ...]:
+        require_ascending(radii, "radii")
+        if radii and radii[-1] > MAX_SIZE_RATIO * radii[0]:
+            wide = f"the last radius is more than {MAX_SIZE_RATIO:g} times the first"
+            raise refuse(wide, "narrow the range; radii are in meters")
+        return radii
+
+    @model_validator(mode="after")
+    def _check_passing(self) -> Self:
+        if len(self.radii) < 2:
+            raise refuse("a table of sizes needs two rows at least", "give radii and passing, or file")
+        if len(self.passing) != len(self.radii):
+            raise refuse(f"{len(self.passing)} shares for {len(self.radii)} radii", "give one per radius", "passing")
+        if self.passing[0] != 0.0 or self.passing[-1] != 1.0:
+            ends = f"passing goes from {self.passing[0]:g} to {self.passing[-1]:g}"
+            raise refuse(ends, "begin with the radius that nothing passes, 0, and end with the one that all pass, 1", "passing")
+        for k in range(1, len(self.passing)):
+            if self.passing[k] < self.passing[k - 1]:
+                falls = f"passing falls from {self.passing[k - 1]:g} to {self.passing[k]:g}"
+                raise refuse(falls, "give the cumulated share that is smaller than each radius", "passing")
+        return self
+
+    @property
+    def smallest(self) -> float:
+        """Smallest radius [m]."""
+        return self.radii[0]
+
+    @property
+    def largest(self) -> float:
+        """Largest radius [m]."""
+        return self.radii[-1]
+
+
+AnySizes = ListSizes | UniformSizes | LognormalSizes | NormalSizes | PowerSizes | TableSizes
+Sizes = Annotated[AnySizes, Field(discriminator="kind")]

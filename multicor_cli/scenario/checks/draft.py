@@ -18,6 +18,7 @@ from multicor_cli.scenario.settings import Domain, Output, Solver
 from multicor_cli.scenario.walls import Wall
 
 T = TypeVar("T", bound=Table)
+Context = dict[str, Any]
 
 
 @dataclass(frozen=True)
@@ -74,33 +75,33 @@ class Draft:
         )
 
     @classmethod
-    def of_document(cls, data: dict[str, Any]) -> Draft:
-        """The draft of a parsed document of which some tables are wrong."""
+    def of_document(cls, data: dict[str, Any], context: Context) -> Draft:
+        """The draft of a parsed document of which some tables are wrong; ``context`` is that of the validation."""
         raw = data.get("materials")
         materials = dict(itertools.islice(raw.items(), _MAX_TABLES)) if isinstance(raw, dict) else {}
         return cls(
-            _table(Domain, data.get("domain")),
+            _table(Domain, data.get("domain"), context),
             list(raw) if isinstance(raw, dict) else [],
-            {name: _table(Material, table) for name, table in materials.items()},
-            _tables(ContactPair, data.get("contacts")),
-            _tables(ParticleGroup, data.get("particles")),
+            {name: _table(Material, table, context) for name, table in materials.items()},
+            _tables(ContactPair, data.get("contacts"), context),
+            _tables(ParticleGroup, data.get("particles"), context),
             _names(data.get("particles")),
-            _tables(Wall, data.get("walls")),
+            _tables(Wall, data.get("walls"), context),
             _names(data.get("walls")),
-            _tables(Stage, data.get("loading")),
+            _tables(Stage, data.get("loading"), context),
             "heat" in data,
-            _table(Heat, data.get("heat")),
-            _table(Solver, data.get("solver")),
-            _table(Output, data.get("output")),
+            _table(Heat, data.get("heat"), context),
+            _table(Solver, data.get("solver"), context),
+            _table(Output, data.get("output"), context),
         )
 
 
 _MAX_TABLES = 1000  # more are refused by the models
 
 
-def _table(model: type[T], raw: Any) -> T | None:
+def _table(model: type[T], raw: Any, context: Context) -> T | None:
     try:
-        return model.model_validate(raw)
+        return model.model_validate(raw, context=context)
     except ValidationError:
         return None
 
@@ -109,8 +110,8 @@ def _elements(raw: Any) -> list[Any]:
     return raw[:_MAX_TABLES] if isinstance(raw, list) else []
 
 
-def _tables(model: type[T], raw: Any) -> list[T | None]:
-    return [_table(model, element) for element in _elements(raw)]
+def _tables(model: type[T], raw: Any, context: Context) -> list[T | None]:
+    return [_table(model, element, context) for element in _elements(raw)]
 
 
 def _names(raw: Any) -> list[str | None]:

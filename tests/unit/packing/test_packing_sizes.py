@@ -16,6 +16,7 @@ from multicor_cli.packing.sizes import (
     power_sizes,
     uniform_sizes,
 )
+from multicor_cli.packing.tabulated_sizes import normal_sizes, table_sizes
 
 LOW, HIGH, N = 0.5e-3, 2.0e-3, 20_000
 
@@ -35,6 +36,15 @@ def lognormal_mean(median: float, sigma: float) -> float:
     return median * math.exp(sigma**2 / 2) * (cdf(b - sigma) - cdf(a - sigma)) / (cdf(b) - cdf(a))
 
 
+def normal_mean(mean: float, sigma: float) -> float:
+    a, b = ((r - mean) / sigma for r in (LOW, HIGH))
+    normal = NormalDist()
+    return mean + sigma * (normal.pdf(a) - normal.pdf(b)) / (normal.cdf(b) - normal.cdf(a))
+
+
+SIEVE = np.array([LOW, 0.8e-3, 0.9e-3, HIGH]), np.array([0.0, 0.25, 0.25, 1.0])
+
+
 FAMILIES = {
     "uniform": (lambda by, p: uniform_sizes(LOW, HIGH, by, p), 0.5 * (LOW + HIGH)),
     "power 1": (lambda by, p: power_sizes(1.0, LOW, HIGH, by, p), power_mean(1.0)),
@@ -42,6 +52,9 @@ FAMILIES = {
     "power -2": (lambda by, p: power_sizes(-2.0, LOW, HIGH, by, p), power_mean(-2.0)),
     "lognormal": (lambda by, p: lognormal_sizes(1e-3, 0.4, LOW, HIGH, by, p), lognormal_mean(1e-3, 0.4)),
     "lognormal, tail": (lambda by, p: lognormal_sizes(0.5e-3, 0.1, LOW, HIGH, by, p), lognormal_mean(0.5e-3, 0.1)),
+    "normal": (lambda by, p: normal_sizes(1e-3, 0.3e-3, LOW, HIGH, by, p), normal_mean(1e-3, 0.3e-3)),
+    "normal, tail": (lambda by, p: normal_sizes(HIGH, 0.2e-3, LOW, HIGH, by, p), normal_mean(HIGH, 0.2e-3)),
+    "table": (lambda by, p: table_sizes(*SIEVE, by, p), 0.25 * 0.65e-3 + 0.75 * 1.45e-3),
 }
 
 
@@ -104,5 +117,18 @@ def test_a_draw_is_a_function_of_its_stream():
 
 
 def test_degenerate_ranges_give_one_size():
-    for sizes in (power_sizes(2.0, LOW, LOW, "mass", 3), lognormal_sizes(LOW, 0.3, LOW, LOW, "number", 2)):
+    for sizes in (
+        power_sizes(2.0, LOW, LOW, "mass", 3),
+        lognormal_sizes(LOW, 0.3, LOW, LOW, "number", 2),
+        normal_sizes(LOW, 1e-4, LOW, LOW, "mass", 3),
+    ):
         np.testing.assert_allclose(sizes.draw(10, generator()), LOW, rtol=1e-14)
+
+
+@pytest.mark.parametrize(("by", "power"), [("number", 2), ("mass", 2), ("mass", 3)])
+def test_each_class_of_a_sieve_curve_has_its_share(by, power):
+    radii = table_sizes(*SIEVE, by, power).draw(N, generator())
+    weight = radii**power if by == "mass" else np.ones(N)
+    shares = [weight[radii <= limit].sum() / weight.sum() for limit in SIEVE[0][1:]]
+    assert shares == pytest.approx(SIEVE[1][1:].tolist(), abs=3e-4)
+    assert not ((radii > 0.8e-3) & (radii < 0.9e-3)).any()  # nothing is retained between these sieves
