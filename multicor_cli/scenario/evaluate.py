@@ -19,6 +19,7 @@ MAX_EXPRESSIONS = 500
 """Most expressions of a scenario: what is evaluated in a fraction of a second."""
 
 _TABLE = "variables"
+_LARGEST = 1e308
 
 
 @dataclass
@@ -85,6 +86,10 @@ def _places(path: KeyPath, node: Any, types: list[Any]) -> Iterator[_Place]:
             yield _Place((*path, key), value, float not in inside)
 
 
+def _is_number(value: Any) -> bool:
+    return type(value) in (int, float) and abs(value) <= _LARGEST
+
+
 class _Document:
     """A document while its expressions are evaluated."""
 
@@ -93,7 +98,7 @@ class _Document:
         table = data.get(_TABLE)
         self.variables: dict[str, Any] = table if isinstance(table, dict) else {}
         self.is_table = isinstance(table, dict | None)
-        self.values: dict[str, Value] = {name: value for name, value in self.variables.items() if type(value) in (int, float)}
+        self.values: dict[str, Value] = {name: value for name, value in self.variables.items() if _is_number(value)}
         self.expressions: dict[KeyPath, Expression] = {}
         self.whole: set[KeyPath] = set()
         self.result = Evaluated()
