@@ -148,6 +148,8 @@ HOSTILE = {
     "string": 'x = "' + "\\u0000" * 150_000 + '"',
     "errors": SMALL + "\n".join(f"[[walls]]\nname = {k}" for k in range(20_000)),
     "array": SMALL + "\n[[particles]]\nname = 'n'\nsizes = { kind = 'list', radii = [" + "1," * 200_000 + "] }",
+    "expressions": SMALL + "[variables]\n" + "\n".join(f'a{k} = "= {"1.1**90*" * 23}x"' for k in range(4_000)),
+    "long expression": SMALL + '[variables]\na = "= ' + "(" * 990_000 + '"',
     "large": "x = 1\n" * 400_000,
     "bom": "\ufeff\ufeff" + SMALL,
     "nul": SMALL + "\0",
