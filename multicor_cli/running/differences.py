@@ -63,7 +63,8 @@ def _marks(path: KeyPath) -> list[Any]:
 
 
 def _is_free(path: KeyPath) -> bool:
-    return FREE in _marks(path)
+    """Whether the key or a table around it is free."""
+    return any(FREE in _marks(path[:end]) for end in range(1, len(path) + 1))
 
 
 def _compare(path: KeyPath, before: Any, after: Any) -> Iterator[Difference]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import types
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from typing import Annotated, Any, Literal, Union, get_args, get_origin
 
@@ -57,6 +58,11 @@ def find_spot(model: type[BaseModel], location: tuple[str | int, ...]) -> Spot:
     return Spot(tuple(path), description, table)
 
 
+def types_inside(types: Iterable[Any], part: str | int) -> list[Any]:
+    """The types that the element or key ``part`` may have of something of one of these types; those of unions one by one."""
+    return [member for annotation in types for member in _alternatives(_inside(annotation, part))]
+
+
 def find_field(table: type[BaseModel], key: str) -> FieldInfo | None:
     """The field of ``table`` for a TOML key."""
     for name, field in table.model_fields.items():
@@ -83,6 +89,16 @@ def _strip(annotation: Any) -> Any:
 
 def _members(annotation: Any) -> tuple[Any, ...]:
     return get_args(annotation) if get_origin(annotation) in (Union, types.UnionType) else ()
+
+
+def _alternatives(annotation: Any) -> Iterator[Any]:
+    """The types that something of type ``annotation`` may have."""
+    annotation = _strip(annotation)
+    members = _members(annotation)
+    for member in members:
+        yield from _alternatives(member)
+    if not members:
+        yield annotation
 
 
 def _union_member(annotation: Any, part: str | int) -> Any:

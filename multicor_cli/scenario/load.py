@@ -12,6 +12,7 @@ from pydantic import ValidationError
 
 from multicor_cli.scenario.checks import Draft, check_all
 from multicor_cli.scenario.csv_columns import DIRECTORY
+from multicor_cli.scenario.evaluate import evaluate_expressions, unused_overrides
 from multicor_cli.scenario.locate import MAX_NESTING, Lines, find_deep_nesting
 from multicor_cli.scenario.models import ScenarioModel
 from multicor_cli.scenario.overrides import apply_overrides
@@ -49,8 +50,11 @@ def parse_scenario(text: str, path: str | Path, overrides: Sequence[str] = ()) -
     path, text = Path(path), text.removeprefix("\ufeff").replace("\r\n", "\n")
     data = _parse(text, str(path))
     applied, problems = apply_overrides(data, overrides)
-    sources = Sources(str(path), text, applied)
-    model, findings = check_document(data, path.parent)
+    evaluated = evaluate_expressions(data)
+    sources = Sources(str(path), text, applied, evaluated.shown)
+    model, invalid = check_document(data, path.parent)
+    findings = [*evaluated.findings, *(finding for finding in invalid if not _is_within(finding.path, evaluated.failed))]
+    findings = _add_new(findings, unused_overrides(data, applied, evaluated.used))
     if model is None or problems or findings:
         raise ScenarioError([*problems, *sources.problems(findings)])
     return Scenario(model, path, sources)

@@ -9,7 +9,8 @@ from typing import Annotated
 
 from pydantic import Field, Strict
 
-from multicor_cli.scenario.base import Name, Table
+from multicor_cli.scenario.base import FREE, Name, Table
+from multicor_cli.scenario.functions import Variable, VariableName
 from multicor_cli.scenario.heat import Heat
 from multicor_cli.scenario.loading import FixedDof, ForceDof, Stage, StrainEnd, UntilRest, UntilStrain, VelocityDof, WallDrives
 from multicor_cli.scenario.materials import MAX_MATERIALS, ContactPair, FrictionTable, Material, SofteningFriction
@@ -43,6 +44,12 @@ class ScenarioModel(Table):
     """A scenario file."""
 
     scenario: Header = Field(description="name, description and seed")
+    variables: Annotated[dict[VariableName, Variable] | None, FREE] = Field(
+        None,
+        max_length=1000,
+        description="a number by each name, as d = 1e-3; a string that begins with = is an expression and can stand in place of "
+        'any number, as "= 2 * d"',
+    )
     domain: Domain = Field(description="size, periodicity and gravity")
     materials: dict[Name, Material] = Field(min_length=1, max_length=MAX_MATERIALS, description="materials by name")
     contacts: Annotated[tuple[ContactPair, ...], Strict(False)] = Field(

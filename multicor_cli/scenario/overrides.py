@@ -18,7 +18,8 @@ def apply_overrides(data: dict[str, Any], overrides: Sequence[str]) -> tuple[dic
     """Set values in a parsed document.
 
     Each override is ``key=value``: a dotted key with 0-based indices for elements of arrays, and a value in TOML syntax; words
-    that are no TOML values are taken as strings. Tables that are missing on the way are added, elements of arrays are not.
+    that are no TOML values, and expressions (``key== 2*d``), are taken as strings. Tables that are missing on the way are added,
+    elements of arrays are not.
 
     Args:
         data: The document. **Modified.**
@@ -64,7 +65,7 @@ def _parse_value(key: str, text: str) -> Any:
         table = {}
     if len(table) == 1:
         return table["value"]
-    if _WORD.fullmatch(text):
+    if _WORD.fullmatch(text) or text.startswith("="):
         return text
     raise _BadOverrideError(
         key, f"{show(text)} is not a valid TOML value", 'write it as in the file, strings in quotes: name="a b"'

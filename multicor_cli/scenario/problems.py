@@ -23,11 +23,19 @@ _MAX_LINE = 120
 
 
 class Finding(NamedTuple):
-    """Something wrong at a key, before its position is known."""
+    """Something wrong at a key, before its position is known.
+
+    Attributes:
+        path: Path of the key.
+        message: What is wrong, with the value.
+        remedy: What to do about it; may be empty.
+        inside: Where it is in the string at the key: the string, and an offset in it.
+    """
 
     path: KeyPath
     message: str
     remedy: str = ""
+    inside: tuple[str, int] | None = None
 
 
 @dataclass(frozen=True)
@@ -37,7 +45,7 @@ class Problem:
     Attributes:
         file: Name of the file, or ``--set``.
         line: Line, from 1; 0 where there is no position (the file cannot be read, the command line).
-        column: Column, from 1; 0 likewise.
+        column: Column, from 1; 0 likewise, except inside an expression from the command line.
         key: Dotted path of the key with 0-based indices, as ``--set`` takes it; empty for the whole file.
         message: What is wrong, with the value.
         remedy: What to do about it; may be empty.

@@ -68,6 +68,11 @@ class Scenario:
         return int(self.model.scenario.seed)
 
     @property
+    def variables(self) -> dict[str, float]:
+        """``[variables]``: the values that expressions have used."""
+        return self.model.variables or {}
+
+    @property
     def domain(self) -> Domain:
         """``[domain]``."""
         return self.model.domain

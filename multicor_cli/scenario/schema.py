@@ -12,7 +12,7 @@ SCHEMA_DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 def scenario_schema() -> dict[str, Any]:
     """The JSON Schema of scenario files; what the tables must have in common is left to `load_scenario`."""
-    schema: dict[str, Any] = _without_null(ScenarioModel.model_json_schema(by_alias=True))
+    schema: dict[str, Any] = _with_expressions(_without_null(ScenarioModel.model_json_schema(by_alias=True)))
     schema.pop("description", None)
     return {
         "$schema": SCHEMA_DIALECT,
@@ -42,6 +42,18 @@ def _without_null(node: Any) -> Any:
             return {**choices[0], **cleaned}
         cleaned["anyOf"] = choices
     return cleaned
+
+
+def _with_expressions(node: Any) -> Any:
+    """The schema with expressions wherever numbers stand; bounds concern numbers only, patterns strings only."""
+    if isinstance(node, list):
+        return [_with_expressions(element) for element in node]
+    if not isinstance(node, dict):
+        return node
+    extended = {key: _with_expressions(value) for key, value in node.items()}
+    if node.get("type") in ("number", "integer"):
+        extended |= {"type": [node["type"], "string"], "pattern": "^="}
+    return extended
 
 
 def _is_noise(key: str, value: Any) -> bool:

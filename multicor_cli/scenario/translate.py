@@ -179,8 +179,9 @@ def _wrong_text_length(spot: Spot, error: ErrorDetails) -> Finding:
 
 def _wrong_characters(spot: Spot, error: ErrorDetails) -> Finding:
     what = f"{show(error['input'])} is empty or has characters that are not allowed here"
-    dot = " ." if "._-" in error["ctx"]["pattern"] else ""
-    rule = f"use letters, digits and{dot} _ - only; " if "A-Za-z" in error["ctx"]["pattern"] else ""
+    pattern = error["ctx"]["pattern"]
+    signs = " . _ -" if "._-" in pattern else " _ -" if "_-" in pattern else " _"
+    rule = f"use letters, digits and{signs} only; " if "A-Za-z" in pattern else ""
     return Finding(spot.path, what, f"{rule}{_expected(spot)}")
 
 

@@ -7,11 +7,12 @@ import sys
 from pathlib import Path
 
 import pytest
+import scenes
 from command_line import call, environment
 
 from multicor_cli import __version__
 
-HEAVY = {"numpy", "numba", "h5py", "pydantic", "matplotlib", "scipy"}
+HEAVY = {"numpy", "numba", "h5py", "pydantic", "matplotlib", "scipy", "simpleeval"}
 COMMANDS = ["new", "validate", "run", "info", "verify", "post", "export", "report", "bench", "schema", "doctor"]
 
 
@@ -51,6 +52,14 @@ def test_importing_the_package_imports_nothing_heavy() -> None:
         "import multicor_cli, multicor_cli.running, multicor_cli.engine, multicor_cli.cli.app, multicor_cli.store; multicor_cli.run"
     )
     assert not modules & HEAVY
+
+
+def test_expressions_are_evaluated_only_where_there_are_any() -> None:
+    load = "from scenes import SMALL; from multicor_cli.scenario import parse_scenario; parse_scenario(SMALL, 'a.toml', {})"
+    code = f"sys.path.insert(0, {str(Path(scenes.__file__).parent)!r}); {load}"
+    assert "simpleeval" not in loaded_after(code.format([]))
+    assert "simpleeval" not in loaded_after(code.format(["variables={}"]))
+    assert "simpleeval" in loaded_after(code.format(["solver.dt== 1 / 5e3"]))
 
 
 def test_help_names_every_command(tmp_path: Path) -> None:

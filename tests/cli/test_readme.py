@@ -7,10 +7,13 @@ import subprocess
 import sys
 from pathlib import Path
 
+import pytest
 from command_line import environment
 from places import ROOT
+from scenes import SMALL, changed
 
 from multicor_cli.cli.post_commands import COMMANDS
+from multicor_cli.scenario import parse_scenario
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
@@ -24,6 +27,13 @@ def test_python_example_runs(tmp_path: Path) -> None:
     assert done.returncode == 0, done.stderr
     assert "298.1" in done.stdout  # the temperature of the walls
     assert (tmp_path / "runs" / "short-shear" / "results.h5").exists()
+
+
+def test_example_of_variables_is_right() -> None:
+    (text,) = re.findall(r"```toml\n(.*?)```", README, re.DOTALL)
+    scenario = parse_scenario(changed(SMALL, ("[domain]\nsize = [0.02, 0.02]\nperiodic = true\n", text)), "README.md")
+    assert scenario.domain.size == pytest.approx((0.06, 0.06))
+    assert scenario.domain.gravity == pytest.approx((3.990, -8.962), abs=1e-3)
 
 
 def test_what_it_names_exists() -> None:

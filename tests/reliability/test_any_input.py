@@ -38,11 +38,12 @@ SOON = 1.0
 PLACED = 20.0
 """Time in which a few hundred grains are placed and moved by two steps [s]."""
 
-DOCUMENTS = [
-    tomllib.loads(text) for text in (SMALL, WARM, *(path.read_text() for path in (ROOT / "multicor_cli").rglob("templates/*.toml")))
-]
+TILTED = SMALL.replace("[domain]", '[variables]\nd = 1e-3\nx = "= 2 * d"\n[domain]').replace("0.6e-3", '"= 0.3 * x"')
+TEMPLATES = [path.read_text() for path in (ROOT / "multicor_cli").rglob("templates/*.toml")]
+DOCUMENTS = [tomllib.loads(text) for text in (SMALL, WARM, TILTED, *TEMPLATES)]
 NUMBERS = (0, 1, -1, 2, 1e-12, 1e-6, 1e-3, 0.5, 1.5, 10.0, 1e6, 1e12, 1e308, float("nan"), float("inf"), True, 10**400)
 OTHERS = ("", "x", "*", "top", "a\nb\x1b[31m", "é" * 100, [], [[]], {}, [{}], {"kind": "random"}, "../../etc/passwd", "<script>")
+EXPRESSIONS = ("= 1", "= 1 / 3", "= -x", "= 2 * d", "= d - d", "= 10**6", "= 9**9**9", "=", "= (", "= 1e308 * 10", "= d.real")
 ROOM = 1 << 30
 """Memory that a few hundred grains may take besides [bytes]."""
 
@@ -69,7 +70,7 @@ def mutate(document: dict[str, Any], choose: random.Random) -> dict[str, Any]:
         elif action < 0.6:
             node[last] = choose.choice(NUMBERS)
         elif action < 0.75:
-            node[last] = choose.choice(OTHERS)
+            node[last] = choose.choice(OTHERS + EXPRESSIONS)
         elif action < 0.9:
             del node[last]
         elif isinstance(node, list):
@@ -147,6 +148,8 @@ HOSTILE = {
     "string": 'x = "' + "\\u0000" * 150_000 + '"',
     "errors": SMALL + "\n".join(f"[[walls]]\nname = {k}" for k in range(20_000)),
     "array": SMALL + "\n[[particles]]\nname = 'n'\nsizes = { kind = 'list', radii = [" + "1," * 200_000 + "] }",
+    "expressions": SMALL + "[variables]\n" + "\n".join(f'a{k} = "= {"1.1**90*" * 23}x"' for k in range(4_000)),
+    "long expression": SMALL + '[variables]\na = "= ' + "(" * 990_000 + '"',
     "large": "x = 1\n" * 400_000,
     "bom": "\ufeff\ufeff" + SMALL,
     "nul": SMALL + "\0",
@@ -257,13 +260,17 @@ def test_the_schema_bounds_every_number_and_array() -> None:
     """No number without a smallest and a largest value, no array without a largest length: no size is a surprise."""
     schema = scenario_schema()
     unbounded = []
+    numbers = 0
 
     def walk(node: Any, path: str) -> None:
         if isinstance(node, list):
             for index, value in enumerate(node):
                 walk(value, f"{path}[{index}]")
         elif isinstance(node, dict):
-            if node.get("type") in ("number", "integer") and "enum" not in node and "const" not in node:
+            nonlocal numbers
+            is_number = not {"number", "integer"}.isdisjoint(np.atleast_1d(node.get("type", ())).tolist())
+            numbers += is_number
+            if is_number and "enum" not in node and "const" not in node:
                 has_low = "minimum" in node or "exclusiveMinimum" in node
                 if not has_low or not ("maximum" in node or "exclusiveMaximum" in node):
                     unbounded.append(path)
@@ -274,3 +281,4 @@ def test_the_schema_bounds_every_number_and_array() -> None:
 
     walk(schema, "schema")
     assert unbounded == []
+    assert numbers > 100

@@ -140,6 +140,20 @@ def test_changed_scenario_is_refused_before_anything_is_touched(scenario_path: P
     assert (reference.directory / "run.json").read_bytes() == before
 
 
+def test_a_changed_variable_is_refused_in_terms_of_the_keys_that_it_changes(scenario_path: Path, reference: RunOutcome) -> None:
+    text = changed(
+        scenario_path.read_text(), ("[domain]", "[variables]\nmu = 0.4\n[domain]"), ("friction = 0.4", 'friction = "= mu"')
+    )
+    same = parse_scenario(text, scenario_path)
+    assert run_scenario(same, reference.directory).reason is StopReason.ALREADY_FINISHED
+    with pytest.raises(ScenarioError) as caught:
+        run_scenario(parse_scenario(text, scenario_path, ["variables.mu=0.5"]), reference.directory)
+    (problem,) = caught.value.problems
+    assert problem.key == "contacts.0.friction"
+    assert problem.source_line == 'friction = "= mu"'
+    assert 'is 0.5 now ("= mu")' in problem.message
+
+
 def test_random_seed_is_drawn_once(scenario_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     path = write_small(tmp_path, changed(SMALL, ("seed = 3", 'seed = "random"')))
     directory = tmp_path / "run"

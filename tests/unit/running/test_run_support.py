@@ -12,7 +12,7 @@ import pytest
 from command_line import environment
 from run_fakes import FakeDrives, make_plan
 from scene_parts import between_planes
-from scenes import SMALL, write_small
+from scenes import SMALL, changed, write_small
 
 from multicor_cli.engine.contact.solve import Settings
 from multicor_cli.engine.heat.hertz import relative_deflection
@@ -69,6 +69,15 @@ def test_differences_name_every_key() -> None:
 
 def test_lists_of_another_length_differ_as_a_whole() -> None:
     assert [d.path for d in find_differences("b = [1, 2]", "b = [1]")] == [("b",)]
+
+
+def test_variables_differ_by_the_keys_that_they_change() -> None:
+    """What refers to a variable says so; a variable without effect may change."""
+    text = changed(SMALL, ("[domain]", "[variables]\nmu = 0.4\n[domain]"), ("friction = 0.4", 'friction = "= mu"'))
+    before, plain = (parse_scenario(content, "small.toml").resolved_toml() for content in (text, SMALL))
+    after = parse_scenario(text, "small.toml", ["variables.mu=0.5"]).resolved_toml()
+    assert find_differences(before, after) == [(("contacts", 0, "friction"), "0.4", "0.5")]
+    assert find_differences(before, plain) == find_differences(plain, before) == []
 
 
 def test_a_default_that_was_another_one_is_kept_by_runs_that_began_with_it():

@@ -151,7 +151,10 @@ def test_a_random_seed_is_drawn_once_and_recorded():
     assert parse_scenario(first.resolved_toml(), "b.toml").seed == first.seed
 
 
-DOCUMENTS = (tomllib.loads(SHEAR), tomllib.loads(HEATED))
+WITH_EXPRESSIONS = changed(
+    SHEAR, ("[domain]", '[variables]\nwidth = 0.03\nhalf = "= width / 2"\n[domain]'), ("size = [0.03, ", 'size = ["= 2 * half", ')
+)
+DOCUMENTS = (tomllib.loads(SHEAR), tomllib.loads(HEATED), tomllib.loads(WITH_EXPRESSIONS))
 HOSTILE = st.one_of(
     st.sampled_from(
         [
@@ -172,6 +175,12 @@ HOSTILE = st.one_of(
             "*",
             "top",
             "random",
+            "= 1",
+            "= 2 * width",
+            "= 1 / 3",
+            "= width - width",
+            "= 9**9**9",
+            "= (",
         ]
     ),
     st.sampled_from(["a\nb\x1b", "é" * 100, [], [[]], {}, [{}], {"kind": "random"}, {"kind": []}, {"kind": {"kind": 1}}]),

@@ -36,6 +36,22 @@ def test_every_key_is_described_and_none_may_be_null():
             assert "description" in value or key == "kind", f"{name}.{key}"
 
 
+def nodes(node):
+    yield node
+    for value in node.values() if isinstance(node, dict) else node if isinstance(node, list) else ():
+        yield from nodes(value)
+
+
+def test_editors_take_expressions_wherever_numbers_stand():
+    """Bounds concern numbers, the pattern strings, so that neither gets in the way of the other."""
+    tables = [node for node in nodes(scenario_schema()) if isinstance(node, dict) and isinstance(node.get("type"), str | list)]
+    assert not [node for node in tables if node["type"] in ("number", "integer")]
+    numbers = [(node["type"], node["pattern"]) for node in tables if isinstance(node["type"], list)]
+    assert len(numbers) > 100
+    assert all(kind in (["number", "string"], ["integer", "string"]) and pattern == "^=" for kind, pattern in numbers)
+    assert scenario_schema()["$defs"]["Material"]["properties"]["density"]["minimum"] == 1.0
+
+
 @pytest.mark.parametrize("template", TEMPLATES)
 def test_each_template_is_a_right_scenario_that_explains_itself(template):
     text = new_scenario("my-run.2", template)

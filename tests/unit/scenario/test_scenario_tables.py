@@ -7,7 +7,6 @@ from scenes import SHEAR, changed
 from multicor_cli.scenario import load_scenario
 
 
-
 def load(path, *changes):
     (path / "shear.toml").write_text(changed(SHEAR, *changes))
     return load_scenario(path / "shear.toml")

@@ -1,0 +1,194 @@
+"""One expression: a string that begins with ``=``, as ``"= -g * cos(angle)"``, read and evaluated.
+
+Only numbers, names, + - * / **, parentheses and calls of `FUNCTIONS` are let through to the evaluator; length and depth are
+bounded, integers too, and every intermediate result is a finite number. Nothing can hang or take much memory.
+"""
+
+from __future__ import annotations
+
+import ast
+import math
+import operator
+import re
+import warnings
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any
+
+from simpleeval import SimpleEval
+
+from multicor_cli.scenario.functions import CONSTANTS, FUNCTIONS, Value, raised
+from multicor_cli.scenario.problems import show
+from multicor_cli.scenario.translate import did_you_mean
+
+MAX_LENGTH = 200
+MAX_DEPTH = 60
+_OPERATORS = {
+    ast.Add: operator.add,
+    ast.Sub: operator.sub,
+    ast.Mult: operator.mul,
+    ast.Div: operator.truediv,
+    ast.Pow: raised,
+    ast.USub: operator.neg,
+    ast.UAdd: operator.pos,
+}
+_NODES = (ast.Constant, ast.Name, ast.UnaryOp, ast.BinOp, ast.Call)
+_STRANGE = re.compile(r"[^\x20-\x7e]|[#\\'\"]")
+_CLEAR = re.compile(r"'.' was never closed|unmatched '.'|invalid \w+ literal|closing parenthesis '.' does not match .*")
+_EXAMPLE = "write arithmetic, as = 2 * d or = g * sin(radians(24)) or = d**2 / 4"
+
+
+class ExpressionError(Exception):
+    """An expression is wrong.
+
+    Attributes:
+        message: What is wrong.
+        remedy: What to do about it.
+        offset: Where in the text, which begins with ``=``.
+    """
+
+    def __init__(self, message: str, remedy: str, offset: int) -> None:
+        super().__init__(message)
+        self.message, self.remedy, self.offset = message, remedy, offset
+
+
+class Expression:
+    """An expression that has been read.
+
+    Attributes:
+        text: The string, which begins with ``=``.
+        names: Names of the variables that it refers to.
+    """
+
+    def __init__(self, text: str) -> None:
+        """Read an expression.
+
+        Raises:
+            ExpressionError: It is too long, or is not arithmetic.
+        """
+        self.text = text
+        self._source = text[1:].strip(" ")
+        self._start = len(text) - len(text[1:].lstrip(" "))
+        self._check_characters()
+        self._tree = self._parsed()
+        located = [node for node in ast.walk(self._tree) if isinstance(node, ast.expr | ast.keyword)]
+        self._nodes = sorted(located, key=operator.attrgetter("col_offset"))
+        self._check_nodes()
+        called = {id(node.func) for node in self._nodes if isinstance(node, ast.Call)}
+        self._names = [node for node in self._nodes if isinstance(node, ast.Name) and id(node) not in called]
+        self.names = {node.id for node in self._names} - CONSTANTS.keys()
+
+    def _error(self, message: str, remedy: str, at: int) -> ExpressionError:
+        return ExpressionError(f"{message} in {show(self.text)}", remedy, self._start + at)
+
+    def _wrong(self, node: ast.AST, what: str, remedy: str) -> ExpressionError:
+        """The error at a node; ``what`` follows its text."""
+        part = ast.get_source_segment(self._source, node) or self._source
+        return self._error(f"{show(part)} {what}", remedy, getattr(node, "col_offset", 0))
+
+    def _check_characters(self) -> None:
+        if len(self.text) > MAX_LENGTH:
+            message = f"an expression of {len(self.text)} characters (at most {MAX_LENGTH})"
+            raise ExpressionError(message, "split it into several variables", 0)
+        if match := _STRANGE.search(self._source):
+            raise self._error(f"the character {show(match[0])} cannot stand", _EXAMPLE, match.start())
+        if not self._source:
+            raise ExpressionError(f"nothing follows the = of {show(self.text)}", _EXAMPLE, 0)
+
+    def _parsed(self) -> ast.expr:
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("ignore")  # Python's advice on style
+                return ast.parse(self._source, mode="eval").body
+        except SyntaxError as error:
+            at = min(error.offset - 1, len(self._source)) if error.offset else len(self._source)
+            rest = self._source[at:]
+            what = error.msg if _CLEAR.fullmatch(error.msg) else f"{show(rest)} cannot follow" if rest else "something is missing"
+            raise self._error(what, _EXAMPLE, at) from None
+        except (RecursionError, MemoryError):
+            raise self._too_deep() from None
+
+    def _too_deep(self) -> ExpressionError:
+        return self._error("too many parentheses or terms in a row", "split it into several variables", 0)
+
+    def _check_nodes(self) -> None:
+        if _depth(self._tree) > MAX_DEPTH:
+            raise self._too_deep()
+        for node in self._nodes:
+            if isinstance(node, ast.Call) and not isinstance(node.func, ast.Name):
+                raise self._wrong(node.func, "cannot be called", "write * between factors")
+            if isinstance(node, ast.BinOp) and isinstance(node.op, ast.BitXor):
+                raise self._wrong(node, "is no power", "write ** for a power")
+            if not self._is_arithmetic(node):
+                raise self._wrong(node, "is not arithmetic", _EXAMPLE)
+
+    @staticmethod
+    def _is_arithmetic(node: ast.AST) -> bool:
+        if isinstance(node, ast.Constant):
+            return type(node.value) in (int, float)
+        if isinstance(node, ast.BinOp | ast.UnaryOp):
+            return type(node.op) in _OPERATORS
+        return isinstance(node, _NODES)
+
+    def check_names(self, variables: Mapping[str, object]) -> None:
+        """Check that all variables and functions exist.
+
+        Raises:
+            ExpressionError: One does not.
+        """
+        for node in self._names:
+            if node.id in FUNCTIONS:
+                raise self._wrong(node, "is a function", f"write {node.id}(...)")
+            if node.id not in variables and node.id not in CONSTANTS:
+                known = did_you_mean(node.id, [*variables, *CONSTANTS]) or f"define it: [variables] {node.id} = ..."
+                raise self._error(f"unknown name '{node.id}'", known, node.col_offset)
+        for call in self._nodes:
+            if isinstance(call, ast.Call) and (name := ast.unparse(call.func)) not in FUNCTIONS:
+                if name in variables or name in CONSTANTS:
+                    raise self._wrong(call.func, "is no function", f"write {name} * (...)")
+                remedy = did_you_mean(name, FUNCTIONS) or f"known here: {', '.join(FUNCTIONS)}"
+                raise self._error(f"unknown function '{name}'", remedy, call.col_offset)
+
+    def value(self, variables: Mapping[str, Value]) -> Value:
+        """The value with these values of the variables; an int if only whole numbers are added, multiplied and raised.
+
+        Raises:
+            ExpressionError: It has none, or not the right number of arguments.
+        """
+        names = {**variables, **CONSTANTS}
+        evaluator = SimpleEval(operators=_OPERATORS, functions={name: f.compute for name, f in FUNCTIONS.items()}, names=names)
+        evaluator.nodes = {kind: partial(self._evaluated, evaluator.nodes[kind]) for kind in _NODES}
+        value: Value = evaluator.eval(self._source, self._tree)
+        return value
+
+    def _evaluated(self, evaluate: Callable[[Any], Any], node: Any) -> Value:
+        """The value of a part, which is checked to be a finite number."""
+        if isinstance(node, ast.Call):
+            self._check_arguments(node)
+        try:
+            value: Value = evaluate(node)
+            is_finite, is_nan = math.isfinite(value), math.isnan(value)
+        except ZeroDivisionError:
+            raise self._wrong(node, "divides by zero", "keep the divisor from zero") from None
+        except OverflowError:
+            raise self._wrong(node, "is larger than any number", "keep numbers below 1e308") from None
+        if is_nan:
+            raise self._wrong(node, "is not a real number", "keep the arguments within the domain of the function")
+        if not is_finite:
+            raise self._wrong(node, "is not finite", "keep numbers below 1e308")
+        return value
+
+    def _check_arguments(self, node: ast.Call) -> None:
+        name = ast.unparse(node.func)
+        _, fewest, most = FUNCTIONS[name]
+        if not fewest <= len(node.args) <= most:
+            takes = f"{fewest} argument{'s' * (fewest > 1)}" if fewest == most else f"{fewest} or more arguments"
+            raise self._wrong(node, f"has {len(node.args) or 'no'} argument{'s' * (len(node.args) != 1)}", f"{name} takes {takes}")
+
+
+def _depth(tree: ast.AST) -> int:
+    """Levels of a tree."""
+    depth, level = 0, [tree]
+    while level:
+        depth, level = depth + 1, [child for node in level for child in ast.iter_child_nodes(node)]
+    return depth
