@@ -296,7 +296,7 @@ class Engine:
         self._contacts, self._after = contacts, after
         return StepReport(
             outcome.sweeps, outcome.converged, outcome.rms, outcome.maximum, outcome.energy, int(state.contact_i.size),
-            int(contacts.i.size), correction.overlap,
+            int(contacts.i.size), correction.overlap, sums.wall_impulse,
         )  # fmt: skip
 
     @contextmanager

@@ -142,15 +142,16 @@ def estimate_steps(plan: RunPlan, model: Model, state: State) -> list[int | None
 def _steps_to_strain(stage: StagePlan, starts: Sequence[float], state: State) -> int | None:
     """Steps until two walls with prescribed velocities have reached the strain of the stage."""
     assert isinstance(stage.until, StrainReached)
-    gauge = stage.until.gauge
+    spacing = stage.until.gauge.height
+    walls = spacing.lower, spacing.upper
     drives = stage.drives.started(starts)
-    signals = [_velocity(drives[w]) for w in (gauge.lower, gauge.upper)]
-    if any(drives[w].x.force is not None for w in (gauge.lower, gauge.upper)):
+    signals = [_velocity(drives[w]) for w in walls]
+    if any(drives[w].x.force is not None for w in walls):
         return None
-    height = gauge.height(state)
+    height = spacing.of(state)
     if not height:
         return None
-    t, interval, left = 0.0, stage.dt, stage.until.value
+    t, interval, left = 0.0, stage.dt, stage.until.goal
     for _ in range(_DOUBLINGS):
         for _ in range(_SHORTEST_MARCH):
             middle = t + 0.5 * interval

@@ -6,10 +6,10 @@ from multicor_cli.engine.contact.solve import Settings
 from multicor_cli.engine.motion.drives import Shifted, Sine
 from multicor_cli.model import Model
 from multicor_cli.model.state import State
-from multicor_cli.running.conditions import condition_of
 from multicor_cli.running.heat_plan import wall_heat
 from multicor_cli.running.plan import RunPlan, StageHeat, StagePlan, count_steps
 from multicor_cli.running.time_step import automatic_step, find_scales
+from multicor_cli.running.until import condition_of
 from multicor_cli.scenario.checks.timing import MAX_STEPS
 from multicor_cli.scenario.drives import StageDrives
 from multicor_cli.scenario.loading import Stage
@@ -48,12 +48,13 @@ def make_plan(scenario: Scenario, model: Model, state: State | None = None) -> R
                 name=stage_name(stage, number),
                 dt=dt,
                 step_limit=None if stage.duration is None else count_steps(stage.duration, dt),
-                until=condition_of(stage, model),
+                until=condition_of(stage, model, dt),
                 frame_every=count_steps(output.frame_interval, dt),
                 series_every=count_steps(output.series_interval, dt),
                 settings=solver.as_record(Settings),
                 drives=drives[number],
                 heat=heat[number],
+                stops_late=stage.on_timeout == "stop",
             )
         )
     return RunPlan(scenario.name, tuple(stages), output)

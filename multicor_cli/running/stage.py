@@ -44,6 +44,8 @@ def begin_stage(engine: Staged, stage: StagePlan, starts: Sequence[float]) -> No
     engine.set_drives(stage.drives.started(starts))
     state = engine.state
     state.stage_peak = float(state.books[KINETIC]) if state.step > 0 else 0.0
+    if stage.until is not None:
+        state.stage_notes = stage.until.first_notes(state)
 
 
 def resume_stage(engine: Staged, stage: StagePlan, starts: Sequence[float]) -> None:

@@ -11,7 +11,7 @@ from pydantic import Field, Strict
 
 from multicor_cli.scenario.base import Name, Table
 from multicor_cli.scenario.heat import Heat
-from multicor_cli.scenario.loading import FixedDof, ForceDof, Stage, StrainEnd, UntilRest, UntilStrain, VelocityDof, WallDrives
+from multicor_cli.scenario.loading import FixedDof, ForceDof, Stage, VelocityDof, WallDrives
 from multicor_cli.scenario.materials import MAX_MATERIALS, ContactPair, FrictionTable, Material, SofteningFriction
 from multicor_cli.scenario.packings import (
     CompactedPacking,
@@ -34,6 +34,19 @@ from multicor_cli.scenario.temperatures import (
     RegionsTemperature,
     TemperatureRegion,
     ValuesTemperature,
+)
+from multicor_cli.scenario.until import (
+    AxialStrainEnd,
+    DisplacementEnd,
+    ForceEnd,
+    StrainEnd,
+    StressEnd,
+    UntilAxialStrain,
+    UntilDisplacement,
+    UntilForce,
+    UntilRest,
+    UntilStrain,
+    UntilStress,
 )
 from multicor_cli.scenario.wall_heat import FlowCondition, InsulatedCondition, TemperatureCondition
 from multicor_cli.scenario.walls import Wall
@@ -63,15 +76,18 @@ class ScenarioModel(Table):
 __all__ = [
     "AnySizes",
     "AnyTemperature",
+    "AxialStrainEnd",
     "CompactedPacking",
     "ContactPair",
     "DepositedPacking",
+    "DisplacementEnd",
     "Domain",
     "FilePacking",
     "FileTemperature",
     "FixedDof",
     "FlowCondition",
     "ForceDof",
+    "ForceEnd",
     "FrictionTable",
     "GradientTemperature",
     "Header",
@@ -97,13 +113,18 @@ __all__ = [
     "Stage",
     "StageSolver",
     "StrainEnd",
+    "StressEnd",
     "TableSignal",
     "TemperatureCondition",
     "TemperatureRegion",
     "TilePacking",
     "UniformSizes",
+    "UntilAxialStrain",
+    "UntilDisplacement",
+    "UntilForce",
     "UntilRest",
     "UntilStrain",
+    "UntilStress",
     "ValuesTemperature",
     "VelocityDof",
     "Wall",

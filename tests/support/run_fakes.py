@@ -13,9 +13,11 @@ from multicor_cli.engine.contact.solve import Interrupted, Settings
 from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
 from multicor_cli.model import BOOK_NAMES, Model, State
 from multicor_cli.model.contacts import ContactTable
-from multicor_cli.running.conditions import RestReached, ShearGauge, StrainReached
+from multicor_cli.running.conditions import RestReached, StrainReached
+from multicor_cli.running.gauges import ShearGauge
 from multicor_cli.running.plan import RunPlan, StagePlan
 from multicor_cli.scenario.settings import Output
+from multicor_cli.store.stage_ends import StageEnd
 
 KINETIC = BOOK_NAMES.index("kinetic")
 
@@ -76,12 +78,16 @@ class MemoryRecorder:
         self.rows: list[tuple[int, float, int, float]] = []
         self.checkpoints: list[tuple[State, int, int]] = []
         self.beats: list[dict[str, Any]] = []
+        self.ends: list[StageEnd] = []
 
     def frame(self, state: State, contacts: ContactTable | None) -> None:
         self.frames.append((state.step, state.time, state.stage))
 
     def series(self, state: State) -> None:
         self.rows.append((state.step, state.time, state.stage, float(state.window[1])))
+
+    def stage_ended(self, end: StageEnd) -> None:
+        self.ends.append(end)
 
     def checkpoint(self, state: State) -> None:
         self.checkpoints.append((copy.deepcopy(state), len(self.frames), len(self.rows)))
