@@ -12,7 +12,7 @@ from multicor_cli.engine.step import PARALLEL_GRAINS
 from multicor_cli.model import Model, State
 from multicor_cli.running.conditions import StrainReached
 from multicor_cli.running.plan import RunPlan, StagePlan
-from multicor_cli.running.time_step import largest_pressure
+from multicor_cli.running.time_step import largest_gravity, largest_pressure
 from multicor_cli.scenario.scenario import Scenario
 from multicor_cli.scenario.settings import Output
 from multicor_cli.store import schema
@@ -202,5 +202,7 @@ def _deflection(scenario: Scenario, plan: RunPlan, model: Model) -> float | None
 def _typical_force(scenario: Scenario, plan: RunPlan, model: Model) -> float:
     """The largest pressure of any stage times the mean diameter [N]."""
     zeros = [0.0] * len(plan.stages)
-    pressures = [largest_pressure(scenario, model, stage.drives.started(zeros)) for stage in plan.stages]
+    pressures = [
+        largest_pressure(scenario, model, stage.drives.started(zeros), largest_gravity(stage, model)) for stage in plan.stages
+    ]
     return max(pressures) * model.mean_diameter

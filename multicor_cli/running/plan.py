@@ -9,6 +9,7 @@ from dataclasses import asdict, dataclass, replace
 from multicor_cli.engine.contact.solve import Settings
 from multicor_cli.model import State
 from multicor_cli.running.conditions import Condition
+from multicor_cli.running.gravity_plan import StageGravity
 from multicor_cli.running.heat_plan import StageWallHeat
 from multicor_cli.scenario.drives import StageDrives
 from multicor_cli.scenario.settings import Output
@@ -44,6 +45,7 @@ class StagePlan:
         settings: Choices of the contact solver.
         drives: What happens to the walls.
         heat: What heat does, or None if the run has none.
+        gravity: Gravity, or None: that of the model.
         stops_late: Whether the run ends if ``step_limit`` comes before ``until`` holds.
     """
 
@@ -56,6 +58,7 @@ class StagePlan:
     settings: Settings
     drives: StageDrives
     heat: StageHeat | None = None
+    gravity: StageGravity | None = None
     stops_late: bool = False
 
     @property

@@ -8,6 +8,7 @@ from typing import Annotated, Literal, Self
 from pydantic import Field, Tag, model_validator
 
 from multicor_cli.scenario.base import FREE, Name, Table, Time, one_of, refuse, true_only
+from multicor_cli.scenario.gravity import StageGravityTable
 from multicor_cli.scenario.settings import Output, StageSolver, TimeStep
 from multicor_cli.scenario.signals import Signal
 from multicor_cli.scenario.until import Until, UntilStrain, window_of
@@ -79,6 +80,11 @@ class Stage(Table):
         default_factory=dict, max_length=1000, description="drives.NAME = { x = ..., y = ..., spin = ... } for the wall NAME"
     )
 
+    gravity: StageGravityTable | None = Field(
+        None,
+        description="gravity from this stage on: [gx, gy] [m/s²], each a number or a table with ramp, sine or times, or "
+        "{ angle = ..., magnitude = ... }, the angle in degrees from -y towards +x; default: as at the end of the stage before",
+    )
     thermal: dict[Name, WallCondition] = Field(
         default_factory=dict,
         max_length=1000,
@@ -120,7 +126,7 @@ class Stage(Table):
             )
         if self.heat is False:
             raise refuse("nothing happens in a stage with frozen = true and heat = false", "remove one of the two", "heat")
-        for key in ("until", "drives", "solver"):
+        for key in ("until", "drives", "gravity", "solver"):
             if getattr(self, key):
                 raise refuse(f"{key} has no meaning with frozen = true: nothing moves", f"remove {key} or frozen", key)
         return self

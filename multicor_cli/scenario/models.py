@@ -10,6 +10,7 @@ from typing import Annotated
 from pydantic import Field, Strict
 
 from multicor_cli.scenario.base import Name, Table
+from multicor_cli.scenario.gravity import TiltedGravityTable
 from multicor_cli.scenario.heat import Heat
 from multicor_cli.scenario.loading import FixedDof, ForceDof, Stage, VelocityDof, WallDrives
 from multicor_cli.scenario.materials import MAX_MATERIALS, ContactPair, FrictionTable, Material, SofteningFriction
@@ -118,6 +119,7 @@ __all__ = [
     "TemperatureCondition",
     "TemperatureRegion",
     "TilePacking",
+    "TiltedGravityTable",
     "UniformSizes",
     "UntilAxialStrain",
     "UntilDisplacement",

@@ -11,6 +11,7 @@ import numpy as np
 from multicor_cli.engine.contact.report import StepReport
 from multicor_cli.engine.contact.solve import Interrupted, Settings
 from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
+from multicor_cli.engine.motion.gravity import AnyGravity
 from multicor_cli.model import BOOK_NAMES, Model, State
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.running.conditions import RestReached, StrainReached
@@ -41,6 +42,9 @@ class FakeEngine:
         self._drives = drives
         if self.state.step > 0:
             self.state.books[KINETIC] += 1.0  # the switch of a wall's kinetic energy: must happen once per stage
+
+    def set_gravity(self, gravity: AnyGravity) -> None:
+        self.calls.append("gravity")
 
     def resume_drives(self, drives: list[WallDrive]) -> None:
         self.calls.append("resume")

@@ -7,6 +7,7 @@ from collections.abc import Iterator
 from multicor_cli.scenario.checks.draft import Draft
 from multicor_cli.scenario.checks.grains import double_names
 from multicor_cli.scenario.drives import DOF_NAMES, moves
+from multicor_cli.scenario.gravity import TiltedGravityTable
 from multicor_cli.scenario.loading import ForceDof, Stage
 from multicor_cli.scenario.problems import Finding, KeyPath, name_list, show
 from multicor_cli.scenario.translate import did_you_mean
@@ -17,6 +18,7 @@ from multicor_cli.scenario.walls import Wall
 def check(draft: Draft) -> Iterator[Finding]:
     """Findings about the loading stages."""
     yield from double_names([stage.name if stage else None for stage in draft.loading], "loading")
+    yield from _nothing_to_tilt(draft)
     if len(set(draft.wall_names) - {None}) < len(draft.wall_names):
         return  # a name is missing or double, and may be the one that is meant below
     unknown = [finding for k, stage in _stages(draft) for finding in _unknown_walls(("loading", k), stage, draft)]
@@ -41,6 +43,15 @@ def _unknown_walls(path: KeyPath, stage: Stage, draft: Draft) -> Iterator[Findin
         if name not in known:
             remedy = did_you_mean(name, known) or f"the walls are {name_list(known) or 'none'}"
             yield Finding(place, f"there is no wall {show(name)}", remedy)
+
+
+def _nothing_to_tilt(draft: Draft) -> Iterator[Finding]:
+    """Gravity of the magnitude of the domain's, where there is none."""
+    for k, stage in _stages(draft):
+        gravity = stage.gravity
+        if isinstance(gravity, TiltedGravityTable) and gravity.magnitude is None and draft.domain and not any(draft.domain.gravity):
+            what = "[domain] has gravity = [0, 0], which no angle turns"
+            yield Finding(("loading", k, "gravity"), what, "add magnitude [m/s²], as magnitude = 9.81")
 
 
 def _check_turning(wall: Wall, draft: Draft) -> Iterator[Finding]:
