@@ -57,6 +57,9 @@ class _NoRecorder:
     def series(self, state: Any) -> None:
         """Ignored."""
 
+    def stage_ended(self, end: Any) -> None:
+        """Ignored."""
+
     def checkpoint(self, state: Any) -> None:
         """Ignored."""
 

@@ -37,6 +37,9 @@ class _NoRecorder:
     def checkpoint(self, state: State) -> None:
         """Ignored."""
 
+    def stage_ended(self, end: Any) -> None:
+        """Ignored."""
+
     def heartbeat(self, data: dict[str, Any]) -> None:
         """Ignored."""
 

@@ -88,6 +88,7 @@ def _describe(found: dict[str, Any]) -> list[tuple[str, str]]:
         ("step", _text(found["step"])),
         ("time", _text(found["time"], " s")),
         ("stages", ", ".join(found["stages"])),
+        *_describe_ends(found["stage_ends"]),
         ("wall time", "–" if found["duration"] is None else format_seconds(found["duration"])),
         ("state digest", _text(found["state_digest"])),
         ("energy closure", _text(found["energy_closure"])),
@@ -101,6 +102,12 @@ def _describe(found: dict[str, Any]) -> list[tuple[str, str]]:
         lines.append(("Hertz deflection", _text(found["hertz_deflection"], " of a diameter under the largest contact force")))
     version = found["provenance"].get("multicor_version", "")
     return [*lines, ("made by", f"multicor {version}, seed {found['provenance'].get('seed')}")]
+
+
+def _describe_ends(ends: list[dict[str, Any]]) -> list[tuple[str, str]]:
+    from multicor_cli.store.stage_ends import StageEnd
+
+    return [(f"  {end.name}", end.text) for end in map(StageEnd.of_document, ends)]
 
 
 def _describe_tallies(found: dict[str, Any]) -> list[tuple[str, str]]:

@@ -105,6 +105,12 @@ def _conclude(outcome: RunOutcome, *, is_quiet: bool) -> None:
     if outcome.unconverged_steps:
         steps = count_noun(outcome.unconverged_steps, "step")
         say(f"warning: {steps} did not converge; see multicor info {outcome.directory}")
+    for end in outcome.stage_ends:
+        if end.has_timed_out:
+            remedy = f"give loading.{end.stage} a longer duration or another goal"
+            say(f"warning: stage {end.name}: {end.text}; {remedy}")
+        elif not is_quiet:
+            say(f"stage {end.name}: {end.text}")
     if not is_quiet:
         say(str(outcome))
 

@@ -14,6 +14,7 @@ from multicor_cli.engine.heat.pairs import resting_contacts
 from multicor_cli.engine.heat.step import HeatEngine, MovedContacts
 from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.engine.motion.drives import WallDrive
+from multicor_cli.engine.motion.gravity import AnyGravity
 from multicor_cli.engine.step import Engine
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.model.model import Floats
@@ -61,6 +62,10 @@ class CoupledEngine:
     def resume_drives(self, drives: list[WallDrive]) -> None:
         """Choose what the walls do, in the middle of a stage."""
         self.mechanics.resume_drives(drives)
+
+    def set_gravity(self, gravity: AnyGravity) -> None:
+        """Choose gravity, at the start of a stage or in its middle."""
+        self.mechanics.set_gravity(gravity)
 
     def set_heat(self, conditions: list[WallHeat], *, is_on: bool, is_frozen: bool) -> None:
         """Choose what heat does in a stage; the state is not touched, so this also serves a resumed stage.

@@ -30,6 +30,7 @@ from multicor_cli.engine.geometry.scene import Scene, scene_of
 from multicor_cli.engine.jit.chunks import chunks_for
 from multicor_cli.engine.motion.correction import correct_positions
 from multicor_cli.engine.motion.drives import WallDrive
+from multicor_cli.engine.motion.gravity import AnyGravity, Gravity
 from multicor_cli.engine.motion.moves import move, predict, wrap
 from multicor_cli.engine.motion.walls import WallMotion
 from multicor_cli.model.contacts import ContactTable
@@ -80,6 +81,8 @@ class Engine:
         n, w = model.grain_count, model.wall_count
         self._list = NeighborList(model)
         self._motion = WallMotion(model, [WallDrive()] * w)
+        self._gravity: AnyGravity = Gravity.constant(model.gravity)
+        self._pull: Floats = model.gravity  # what acts in the step: gravity at its middle
         self._middle = np.empty((n, 3))
         self._start = np.zeros((n + w, 4))
         self._free = np.zeros((n + w, 4))
@@ -102,6 +105,10 @@ class Engine:
     def resume_drives(self, drives: list[WallDrive]) -> None:
         """As `set_drives` in the middle of a stage: the books already know the kinetic energy of the walls."""
         self._motion = WallMotion(self.model, drives)
+
+    def set_gravity(self, gravity: AnyGravity) -> None:
+        """Choose gravity from now on, instead of that of the model (at the start of a stage, and after a resume)."""
+        self._gravity = gravity
 
     def step(self, dt: float, t: float, should_stop: Callable[[], bool] | None = None) -> StepReport:
         """Advance by one time step.
@@ -185,11 +192,12 @@ class Engine:
         state, model = self.state, self.model
         n = model.grain_count
         speeds = chunks_for(n)
+        self._pull = self._gravity.value(t + 0.5 * dt)
         predict(
-            state.position, state.velocity, model.grains.radius, model.grains.mass, model.gravity, dt,
+            state.position, state.velocity, model.grains.radius, model.grains.mass, self._pull, dt,
             self._middle, self._start, self._free, speeds,
         )  # fmt: skip
-        walls = self._motion.predict(state.wall_velocity, t, dt)
+        walls = self._motion.predict(state.wall_velocity, self._pull, t, dt)
         self._start[n:, :3] = state.wall_velocity
         self._free[n:, :3] = walls
         of_walls = np.concatenate([walls, state.wall_velocity, state.wall_position])
@@ -197,7 +205,7 @@ class Engine:
             raise PhysicsError(state.step, _name_absurd(state, model))
         scene = scene_of(model, self._middle, state.wall_position + 0.5 * dt * state.wall_velocity, self.shape_temperature)
         drift = fit_drift(self._free, self._middle, model.period)
-        fall = dt * np.abs(model.gravity)  # between the velocities at the start and the free ones
+        fall = dt * np.abs(self._pull)  # between the velocities at the start and the free ones
         drift = replace(drift, rest=drift.rest + hypot(*fall.tolist()), largest=drift.largest + fall)
         return scene, self._motion.closing(drift, scene, state.wall_velocity, walls).reach(dt, self._list.largest)
 
@@ -249,7 +257,7 @@ class Engine:
         model = self.model
         mean_mass = self._mass / model.grain_count
         load = max(
-            dt * hypot(*model.gravity.tolist()),
+            dt * hypot(*self._pull.tolist()),
             dt * self._motion.pressure() * model.mean_diameter / mean_mass,
             math.sqrt(squares / closing) if closing else 0.0,
         )
@@ -269,7 +277,7 @@ class Engine:
             wall_after = np.where(self._motion.driven, after[n:, :3], self._free[n:, :3])
             grain_sums = chunks_for(n, 2)
             move(
-                self._middle, self._start, after, model.grains.radius, model.grains.mass, model.gravity,
+                self._middle, self._start, after, model.grains.radius, model.grains.mass, self._pull,
                 model.shape_factor, dt, state.position, state.velocity, grain_sums,
             )  # fmt: skip
             kinetic, gravity_work = column_totals(grain_sums).tolist()
@@ -281,7 +289,7 @@ class Engine:
         with self._timed("correct"):
             # Not that of q_m with other positions: heat still looks at it.
             end = scene_of(model, state.position, state.wall_position)
-            correction = correct_positions(end, model, self._motion, self._list, reach, self._flagged, state.step)
+            correction = correct_positions(end, model, self._pull, self._motion, self._list, reach, self._flagged, state.step)
             if model.period > 0.0:
                 wrap(state.position, state.image, model.period)
         with self._timed("account"):
@@ -296,7 +304,7 @@ class Engine:
         self._contacts, self._after = contacts, after
         return StepReport(
             outcome.sweeps, outcome.converged, outcome.rms, outcome.maximum, outcome.energy, int(state.contact_i.size),
-            int(contacts.i.size), correction.overlap,
+            int(contacts.i.size), correction.overlap, sums.wall_impulse,
         )  # fmt: skip
 
     @contextmanager

@@ -25,6 +25,7 @@ def _fields(dtype: str, *dims: str) -> tuple[str, ...]:
     return tuple(name for dim in dims for name, about in found.items() if about.dims[0] == dim and about.dtype == dtype)
 
 
+_NOTES = _fields("f8", "stage_note")
 _OF_GRAINS, _OF_WALLS = _fields("f8", "heat_grain", "grain"), _fields("f8", "wall", "heat_wall")
 _NUMBERS, _COUNTS = _fields("f8", "one"), _fields("i8", "one")
 
@@ -34,7 +35,7 @@ def find_absurd_value(state: State, model: Model) -> str | None:
 
     Impulses and heat, which friction may depend on, come first: where one is wrong, velocities follow within a step.
     """
-    for name in (*_CONTACTS, *_OF_GRAINS, *_OF_WALLS, *_ENTRIES, *_NUMBERS):
+    for name in (*_CONTACTS, *_OF_GRAINS, *_OF_WALLS, *_ENTRIES, *_NUMBERS, *_NOTES):
         values = np.atleast_1d(getattr(state, name))
         size = np.abs(values).max(initial=0.0) if name != "wall_temperature" else np.nanmax(np.abs(values), initial=0.0)
         if not size <= LARGEST:

@@ -24,6 +24,7 @@ Dim = Literal[
     "heat_wall",
     "heat_book",
     "mean_row",
+    "stage_note",
     "book",
     "tally",
     "window",

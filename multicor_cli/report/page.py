@@ -20,7 +20,7 @@ from multicor_cli.plots.small_rises import rise_reference
 from multicor_cli.post.energy import HEAT, MECHANICAL, EnergyTable
 from multicor_cli.report.figures import Figure
 from multicor_cli.report.pack import Packed
-from multicor_cli.report.tables import ReportRow, describe_books, describe_quality, describe_run, pretty
+from multicor_cli.report.tables import ReportRow, describe_books, describe_quality, describe_run, describe_stages, pretty
 from multicor_cli.store import Run
 
 MARK = '<meta name="generator" content="multicor report">'
@@ -116,6 +116,7 @@ def _up(value: float) -> str:
 def _tables(info: dict[str, Any], books: EnergyTable | None) -> str:
     parts = [
         _table("What was run", describe_run(info)),
+        _table("Ends of the stages", describe_stages(info)),
         _table("Accuracy", describe_quality(info)),
         *_book_tables(books),
     ]

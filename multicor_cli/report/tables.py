@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from multicor_cli.post.energy import BookLine, EnergyTable
+from multicor_cli.store.stage_ends import StageEnd
 
 CLOSURE_LIMIT = 1e-10
 """Books that close better than this hold rounding errors only."""
@@ -59,6 +60,11 @@ def describe_run(info: dict[str, Any]) -> list[ReportRow]:
         ("state digest", str(info["state_digest"] or "–")),
     ]
     return [ReportRow(name, str(value)) for name, value in rows if value != "–"]
+
+
+def describe_stages(info: dict[str, Any]) -> list[ReportRow]:
+    """Why and when each stage ended that is over, as far as the run has kept it."""
+    return [ReportRow(end.name, end.text) for end in map(StageEnd.of_document, info["stage_ends"])]
 
 
 def describe_quality(info: dict[str, Any]) -> list[ReportRow]:

@@ -38,6 +38,7 @@ def run(
     Raises:
         ScenarioError: If the scenario is wrong, or not the one with which the run in the directory began.
         PhysicsError: If the run cannot go on; its last checkpoint is kept.
+        StageTimeout: If the condition of a stage was not reached in time, and that is to stop the run (``on_timeout = "stop"``).
         StoreError: If the directory cannot be used, or a file cannot be written or is damaged.
         ValueError: If there cannot be so many threads, or ``overrides`` come with a loaded scenario.
     """

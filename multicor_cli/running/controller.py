@@ -6,17 +6,20 @@ import time
 from collections.abc import Callable, Sequence
 from typing import Any, Protocol
 
+import numpy as np
+
 from multicor_cli.engine.contact.report import StepReport
 from multicor_cli.engine.contact.solve import Interrupted
 from multicor_cli.model import State
 from multicor_cli.model.contacts import ContactTable
-from multicor_cli.running.conditions import update_peak
+from multicor_cli.running.conditions import StepDone, update_peak
 from multicor_cli.running.observer import Observer, SilentObserver, Status
-from multicor_cli.running.outcome import StopReason
+from multicor_cli.running.outcome import StageTimeout, StopReason
 from multicor_cli.running.pace import Pace
 from multicor_cli.running.plan import RunPlan, StagePlan
 from multicor_cli.running.signals import Switchboard
 from multicor_cli.running.stage import Staged, begin_stage, resume_stage
+from multicor_cli.store.stage_ends import StageEnd
 
 HEARTBEAT = 2.0
 """Wall-clock time between two heartbeats [s]."""
@@ -45,6 +48,9 @@ class Recorder(Protocol):
     def series(self, state: State) -> None:
         """Write the row of the time series that ends the window of ``state``."""
 
+    def stage_ended(self, end: StageEnd) -> None:
+        """Note how a stage ended."""
+
     def checkpoint(self, state: State) -> None:
         """Save the state, and everything written so far, for good."""
 
@@ -60,9 +66,10 @@ class Controller:
     1. At the very start of a run: frame 0 and series row 0, then a checkpoint.
     2. Before every step: stop if a signal or the time limit says so (after a checkpoint); a checkpoint if one is due.
     3. Before the first step of a stage: its drives.
-    4. A step; then peak energy and strain of the stage.
+    4. A step; then peak energy of the stage, and what its condition notes of the step.
     5. If due or the stage is over: series row (the window starts anew), frame.
-    6. If the stage is over: the state moves on to the next stage. After the last one: a checkpoint.
+    6. If the stage is over: the state moves on to the next stage. After the last one: a checkpoint. If its time ran out and that is
+       to stop the run: a checkpoint with the state where it is, and `StageTimeout`. Told to go on, the run starts from here.
 
     A checkpoint is thus taken only where everything due has been written, and what is due depends on the state alone. That
     makes a resumed run equal to one that was never stopped.
@@ -102,6 +109,7 @@ class Controller:
         self._clock = clock
         self._pace = Pace()
         self._steps = 0
+        self._has_moved_on = False
         self._last_checkpoint = clock()
         self._checkpoint_took = 0.0
         self._last_heartbeat = float("-inf")
@@ -114,6 +122,7 @@ class Controller:
 
         Raises:
             PhysicsError: From a step; what is lost since the last checkpoint can be computed again.
+            StageTimeout: If the time of a stage ran out before its condition held, and that is to stop the run.
             StoreError: If something cannot be written.
         """
         if is_new:
@@ -125,7 +134,7 @@ class Controller:
             reason = self._run_stage(self._plan.stages[state.stage])
             if reason is not None:
                 return reason
-        if self._steps:
+        if self._has_moved_on:
             self._checkpoint()
         self._beat()
         return StopReason.FINISHED
@@ -134,6 +143,9 @@ class Controller:
         """Carry out the rest of a stage; None if it came to its end."""
         state = self._engine.state
         if state.stage_step > 0:
+            if stage.has_timed_out(state):
+                self._end_stage(stage)
+                return None
             resume_stage(self._engine, stage, self._starts)
         while True:
             reason = self._reason_to_stop()
@@ -154,20 +166,21 @@ class Controller:
         if report is None:
             state.books[:] = books
             state.stage_peak = 0.0
+            state.stage_notes = np.empty(0)
         return report
 
     def _step(self, stage: StagePlan) -> StepReport | None:
         """One step with its gauges; None if a signal interrupted it, which leaves the state as it was."""
-        state, gauge = self._engine.state, stage.gauge
-        before = gauge.offset(state) if gauge is not None else 0.0
+        state = self._engine.state
+        before = state.wall_position.copy()
         try:
             report = self._advance(stage)
         except Interrupted:
             return None
         self._steps += 1
         update_peak(state)
-        if gauge is not None:
-            state.stage_strain += gauge.increment(state, before)
+        if stage.until is not None:
+            stage.until.note(state, StepDone(stage.dt, before, report.wall_impulse))
         return report
 
     def _advance(self, stage: StagePlan) -> StepReport:
@@ -186,13 +199,25 @@ class Controller:
         if has_ended or stage.is_frame_due(state):
             self._write_frame()
         if has_ended:
-            state.stage += 1
-            state.stage_step = 0
-            state.stage_start = state.time
-            self._starts.append(state.time)
-            state.stage_peak = state.stage_strain = 0.0
+            self._end_stage(stage)
         self._tell(stage, report)
         return has_ended
+
+    def _end_stage(self, stage: StagePlan) -> None:
+        """Move on to the next stage, or stop here if the stage has timed out and says so."""
+        state = self._engine.state
+        end = stage.end_of(state)
+        self._recorder.stage_ended(end)
+        if end.has_timed_out and stage.stops_late:
+            self._checkpoint()
+            raise StageTimeout(end)
+        self._has_moved_on = True
+        state.stage += 1
+        state.stage_step = 0
+        state.stage_start = state.time
+        self._starts.append(state.time)
+        state.stage_peak = state.stage_strain = 0.0
+        state.stage_notes = np.empty(0)
 
     def _write_series(self) -> None:
         state = self._engine.state

@@ -12,7 +12,7 @@ from multicor_cli.engine.step import PARALLEL_GRAINS
 from multicor_cli.model import Model, State
 from multicor_cli.running.conditions import StrainReached
 from multicor_cli.running.plan import RunPlan, StagePlan
-from multicor_cli.running.time_step import largest_pressure
+from multicor_cli.running.time_step import largest_gravity, largest_pressure
 from multicor_cli.scenario.scenario import Scenario
 from multicor_cli.scenario.settings import Output
 from multicor_cli.store import schema
@@ -142,15 +142,16 @@ def estimate_steps(plan: RunPlan, model: Model, state: State) -> list[int | None
 def _steps_to_strain(stage: StagePlan, starts: Sequence[float], state: State) -> int | None:
     """Steps until two walls with prescribed velocities have reached the strain of the stage."""
     assert isinstance(stage.until, StrainReached)
-    gauge = stage.until.gauge
+    spacing = stage.until.gauge.height
+    walls = spacing.lower, spacing.upper
     drives = stage.drives.started(starts)
-    signals = [_velocity(drives[w]) for w in (gauge.lower, gauge.upper)]
-    if any(drives[w].x.force is not None for w in (gauge.lower, gauge.upper)):
+    signals = [_velocity(drives[w]) for w in walls]
+    if any(drives[w].x.force is not None for w in walls):
         return None
-    height = gauge.height(state)
+    height = spacing.of(state)
     if not height:
         return None
-    t, interval, left = 0.0, stage.dt, stage.until.value
+    t, interval, left = 0.0, stage.dt, stage.until.goal
     for _ in range(_DOUBLINGS):
         for _ in range(_SHORTEST_MARCH):
             middle = t + 0.5 * interval
@@ -201,5 +202,7 @@ def _deflection(scenario: Scenario, plan: RunPlan, model: Model) -> float | None
 def _typical_force(scenario: Scenario, plan: RunPlan, model: Model) -> float:
     """The largest pressure of any stage times the mean diameter [N]."""
     zeros = [0.0] * len(plan.stages)
-    pressures = [largest_pressure(scenario, model, stage.drives.started(zeros)) for stage in plan.stages]
+    pressures = [
+        largest_pressure(scenario, model, stage.drives.started(zeros), largest_gravity(stage, model)) for stage in plan.stages
+    ]
     return max(pressures) * model.mean_diameter

@@ -7,6 +7,8 @@ from dataclasses import dataclass
 from enum import Enum, IntEnum
 from pathlib import Path
 
+from multicor_cli.store.stage_ends import StageEnd
+
 
 class ExitCode(IntEnum):
     """Exit codes of the command line; ``run.json`` records them too. Classes of errors have theirs as ``exit_code``."""
@@ -15,7 +17,7 @@ class ExitCode(IntEnum):
     BUG = 1  # an internal error; the traceback is in crash.txt
     USAGE = 2  # the command line is wrong
     SCENARIO = 3  # the scenario is invalid, or not the one that the run began with
-    PHYSICS = 4  # non-finite state, no admissible positions, solver failed by request
+    PHYSICS = 4  # non-finite state, no admissible positions; by request: solver failed, condition of a stage not reached in time
     ENVIRONMENT = 5  # disk full, no permission, out of memory, missing library, environment variable with a wrong value
     OCCUPIED = 6  # the output exists, or another live run holds it
     DAMAGED = 7  # data damaged, or made by an incompatible version
@@ -33,6 +35,20 @@ def exit_code_of(error: BaseException) -> ExitCode:
     if isinstance(error, KeyboardInterrupt):
         return ExitCode.INTERRUPTED
     return ExitCode.ENVIRONMENT if isinstance(error, OSError | MemoryError) else ExitCode.BUG
+
+
+class StageTimeout(Exception):
+    """The duration of a stage was over before its condition held, and the scenario asks for the run to stop then.
+
+    The last checkpoint is of this moment. The same command says the same again; with ``on_timeout = "go on"`` it goes on from here.
+    """
+
+    exit_code = ExitCode.PHYSICS
+
+    def __init__(self, end: StageEnd) -> None:
+        again = f"the same command with --set 'loading.{end.stage}.on_timeout=go on' goes on from here"
+        super().__init__(f"stage {end.name}: {end.text}; {again}")
+        self.end = end
 
 
 class StopReason(Enum):
@@ -81,6 +97,7 @@ class RunOutcome:
         step: Steps done since the start of the run.
         time: Time since the start of the run [s].
         unconverged_steps: Steps that hit the cap on sweeps.
+        stage_ends: How the stages ended that are over.
     """
 
     reason: StopReason
@@ -88,6 +105,7 @@ class RunOutcome:
     step: int
     time: float
     unconverged_steps: int
+    stage_ends: tuple[StageEnd, ...] = ()
 
     @property
     def is_finished(self) -> bool:

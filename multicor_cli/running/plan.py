@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass, replace
 
 from multicor_cli.engine.contact.solve import Settings
 from multicor_cli.model import State
-from multicor_cli.running.conditions import Condition, ShearGauge, StrainReached
+from multicor_cli.running.conditions import Condition
+from multicor_cli.running.gravity_plan import StageGravity
 from multicor_cli.running.heat_plan import StageWallHeat
 from multicor_cli.scenario.drives import StageDrives
 from multicor_cli.scenario.settings import Output
+from multicor_cli.store.stage_ends import Reason, StageEnd
 
 
 @dataclass(frozen=True)
@@ -43,6 +45,8 @@ class StagePlan:
         settings: Choices of the contact solver.
         drives: What happens to the walls.
         heat: What heat does, or None if the run has none.
+        gravity: Gravity, or None: that of the model.
+        stops_late: Whether the run ends if ``step_limit`` comes before ``until`` holds.
     """
 
     name: str
@@ -54,22 +58,42 @@ class StagePlan:
     settings: Settings
     drives: StageDrives
     heat: StageHeat | None = None
+    gravity: StageGravity | None = None
+    stops_late: bool = False
 
     @property
     def is_frozen(self) -> bool:
         """Whether grains and walls stand still."""
         return self.heat is not None and self.heat.is_frozen
 
-    @property
-    def gauge(self) -> ShearGauge | None:
-        """What measures the shear strain of the stage, if its end depends on it."""
-        return self.until.gauge if isinstance(self.until, StrainReached) else None
-
     def has_ended(self, state: State) -> bool:
         """Whether the stage is over after the step that led to ``state``."""
         if self.step_limit is not None and state.stage_step >= self.step_limit:
             return True
         return self.until is not None and self.until.holds(state)
+
+    def has_timed_out(self, state: State) -> bool:
+        """Whether the time of the stage is over, and its condition does not hold."""
+        is_over = self.step_limit is not None and state.stage_step >= self.step_limit
+        return is_over and self.until is not None and not self.until.holds(state)
+
+    def reason_to_end(self, state: State) -> Reason:
+        """Why the stage is over after the step that led to ``state``."""
+        if self.until is None:
+            return "duration"
+        return "condition" if self.until.holds(state) else "timeout"
+
+    def end_of(self, state: State) -> StageEnd:
+        """What is kept of the end of the stage, which came with the step that led to ``state``."""
+        end = StageEnd(
+            stage=state.stage,
+            name=self.name,
+            reason=self.reason_to_end(state),
+            step=state.step,
+            time=state.time,
+            duration=state.time - state.stage_start,
+        )
+        return end if self.until is None else replace(end, value=self.until.value(state), **asdict(self.until.aim))
 
     def is_frame_due(self, state: State) -> bool:
         """Whether ``state`` is to be written as a frame, the end of the stage left aside."""

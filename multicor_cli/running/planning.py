@@ -6,10 +6,11 @@ from multicor_cli.engine.contact.solve import Settings
 from multicor_cli.engine.motion.drives import Shifted, Sine
 from multicor_cli.model import Model
 from multicor_cli.model.state import State
-from multicor_cli.running.conditions import condition_of
+from multicor_cli.running.gravity_plan import StageGravity, stage_gravity
 from multicor_cli.running.heat_plan import wall_heat
 from multicor_cli.running.plan import RunPlan, StageHeat, StagePlan, count_steps
 from multicor_cli.running.time_step import automatic_step, find_scales
+from multicor_cli.running.until import condition_of
 from multicor_cli.scenario.checks.timing import MAX_STEPS
 from multicor_cli.scenario.drives import StageDrives
 from multicor_cli.scenario.loading import Stage
@@ -34,12 +35,12 @@ def make_plan(scenario: Scenario, model: Model, state: State | None = None) -> R
         ValueError: If the strain of a stage is not defined; loading a scenario excludes it.
     """
     drives = scenario.drives(model.walls.names)
-    heat = _stage_heat(scenario, model)
+    heat, gravity = _stage_heat(scenario, model), stage_gravity(scenario)
     output = scenario.output
     stages = []
     for number, stage in enumerate(scenario.loading):
         solver = scenario.stage_solver(number)
-        dt = _automatic_step(scenario, model, number, drives[number]) if solver.dt == "auto" else solver.dt
+        dt = _automatic_step(scenario, model, number, drives[number], gravity[number]) if solver.dt == "auto" else solver.dt
         if solver.dt == "auto" and state is not None and state.stage == number and state.stage_step > 0:
             dt = state.last_dt
         _refuse_fast_heat(scenario, model, number, heat[number], dt)
@@ -48,21 +49,24 @@ def make_plan(scenario: Scenario, model: Model, state: State | None = None) -> R
                 name=stage_name(stage, number),
                 dt=dt,
                 step_limit=None if stage.duration is None else count_steps(stage.duration, dt),
-                until=condition_of(stage, model),
+                until=condition_of(stage, model, dt),
                 frame_every=count_steps(output.frame_interval, dt),
                 series_every=count_steps(output.series_interval, dt),
                 settings=solver.as_record(Settings),
                 drives=drives[number],
                 heat=heat[number],
+                gravity=gravity[number],
+                stops_late=stage.on_timeout == "stop",
             )
         )
     return RunPlan(scenario.name, tuple(stages), output)
 
 
-def _automatic_step(scenario: Scenario, model: Model, number: int, drives: StageDrives) -> float:
+def _automatic_step(scenario: Scenario, model: Model, number: int, drives: StageDrives, gravity: StageGravity) -> float:
     stage = scenario.loading[number]
     path = ("loading", number, "dt") if stage.dt is not None else ("solver", "dt")
-    dt = automatic_step(find_scales(scenario, model, drives.started([0.0] * (number + 1))), scenario.output)
+    scales = find_scales(scenario, model, drives.started([0.0] * (number + 1)), gravity.gravity.largest())
+    dt = automatic_step(scales, scenario.output)
     if dt is None:
         what = f"cannot choose a time step for stage {number}: there is no gravity, no load and no moving wall"
         raise ScenarioError([scenario.problem(path, what, "give the time step [s]")])

@@ -11,6 +11,7 @@ from multicor_cli.model.faults import find_absurd_value
 from multicor_cli.store.moment import Moment
 from multicor_cli.store.rundir import RunDirectory
 from multicor_cli.store.segments import FrameWriter
+from multicor_cli.store.stage_ends import StageEnd
 
 
 class DirectoryRecorder:
@@ -29,6 +30,10 @@ class DirectoryRecorder:
         """Write the row of the time series that ends the window of ``state``; raises as `frame` does."""
         self._require_sound(state)
         self._writer.series_row(Moment(state, self._writer.model))
+
+    def stage_ended(self, end: StageEnd) -> None:
+        """Note how a stage ended, for ``run.json``."""
+        self._directory.stage_ended(end)
 
     def checkpoint(self, state: State) -> None:
         """Commit the output so far, then the state.

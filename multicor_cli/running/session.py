@@ -81,6 +81,7 @@ class Session:
         Raises:
             ScenarioError: If the grains cannot be placed, or the run began with another scenario.
             PhysicsError: If the run cannot go on; its last checkpoint is kept.
+            StageTimeout: If the condition of a stage was not reached in time, and that is to stop the run.
             StoreError: If the directory cannot be used, or a file cannot be written or is damaged.
         """
         with self._signals.installed():
@@ -132,6 +133,7 @@ class Session:
                     int(summary["step"]),
                     float(summary["time"]),
                     int(summary["solver"]["unconverged_steps"]),
+                    directory.stage_ends,
                 )
             with self._recording_failure(directory):
                 checkpoint = directory.load_checkpoint()
@@ -183,7 +185,8 @@ class Session:
                 exit_code=reason.exit_code,
                 timings=timings,
             )
-        return RunOutcome(reason, self._path, state.step, state.time, round(float(state.tallies[_UNCONVERGED])))
+        unconverged = round(float(state.tallies[_UNCONVERGED]))
+        return RunOutcome(reason, self._path, state.step, state.time, unconverged, directory.stage_ends)
 
     def _announce(self, model: Model, engine: CoupledEngine) -> None:
         threads = engine.mechanics.threads

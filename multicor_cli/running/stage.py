@@ -8,6 +8,7 @@ from typing import Protocol
 from multicor_cli.engine.contact.solve import Settings
 from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.engine.motion.drives import WallDrive
+from multicor_cli.engine.motion.gravity import AnyGravity
 from multicor_cli.model import State
 from multicor_cli.running.conditions import KINETIC
 from multicor_cli.running.plan import StagePlan
@@ -28,6 +29,9 @@ class Staged(Protocol):
     def resume_drives(self, drives: list[WallDrive]) -> None:
         """Choose what the walls do, in the middle of a stage."""
 
+    def set_gravity(self, gravity: AnyGravity) -> None:
+        """Choose gravity, at the start of a stage or in its middle."""
+
     def set_heat(self, conditions: list[WallHeat], *, is_on: bool, is_frozen: bool) -> None:
         """Choose what heat does, at the start of a stage or in its middle."""
 
@@ -44,6 +48,8 @@ def begin_stage(engine: Staged, stage: StagePlan, starts: Sequence[float]) -> No
     engine.set_drives(stage.drives.started(starts))
     state = engine.state
     state.stage_peak = float(state.books[KINETIC]) if state.step > 0 else 0.0
+    if stage.until is not None:
+        state.stage_notes = stage.until.first_notes(state)
 
 
 def resume_stage(engine: Staged, stage: StagePlan, starts: Sequence[float]) -> None:
@@ -54,5 +60,7 @@ def resume_stage(engine: Staged, stage: StagePlan, starts: Sequence[float]) -> N
 
 def _choose(engine: Staged, stage: StagePlan, starts: Sequence[float]) -> None:
     engine.settings = stage.settings
+    if stage.gravity is not None:
+        engine.set_gravity(stage.gravity.started(starts))
     if stage.heat is not None:
         engine.set_heat(stage.heat.conditions.started(starts), is_on=stage.heat.is_on, is_frozen=stage.heat.is_frozen)

@@ -16,8 +16,9 @@ from decimal import ROUND_DOWN, Decimal
 from multicor_cli.arithmetic import hypot
 from multicor_cli.arithmetic.sums import total
 from multicor_cli.engine.motion.drives import DofDrive, WallDrive
+from multicor_cli.engine.motion.gravity import Gravity
 from multicor_cli.model import Model
-from multicor_cli.running.plan import RunPlan
+from multicor_cli.running.plan import RunPlan, StagePlan
 from multicor_cli.scenario.scenario import Scenario
 from multicor_cli.scenario.settings import Output
 
@@ -32,6 +33,10 @@ HIGH_FRICTION = 0.5
 
 FALL = 0.3
 """Largest distance in a step over d̄, at the larger of the speed of a free fall and that between groups of grains."""
+
+
+LargestGravity = tuple[float, float, float]
+"""Bounds of the magnitudes of gravity in x, in y and as a whole during a stage [m/s²]."""
 
 
 @dataclass(frozen=True)
@@ -60,18 +65,20 @@ class Scales:
         return min(PRESSURE / (excess * excess * excess) * self.pressure, STRAIN / excess * self.strain, FALL * self.fall)
 
 
-def find_scales(scenario: Scenario, model: Model, drives: Sequence[WallDrive]) -> Scales:
+def find_scales(scenario: Scenario, model: Model, drives: Sequence[WallDrive], gravity: LargestGravity | None = None) -> Scales:
     """The scales of a stage.
 
     Args:
         scenario: The scenario.
         model: Its grains and walls.
         drives: What the walls do in the stage, one per wall.
+        gravity: Largest gravity of the stage; default: that of the model.
     """
+    gravity = gravity or Gravity.constant(model.gravity).largest()
     mean_mass = total(model.grains.mass) / model.grain_count
-    pressure = largest_pressure(scenario, model, drives)
+    pressure = largest_pressure(scenario, model, drives, gravity)
     rate = _largest_rate(scenario, drives)
-    speed = _largest_speed(scenario)
+    speed = _largest_speed(scenario, gravity)
     return Scales(
         math.sqrt(mean_mass / pressure) if pressure > 0.0 else math.inf,
         1.0 / rate if rate > 0.0 else math.inf,
@@ -80,15 +87,20 @@ def find_scales(scenario: Scenario, model: Model, drives: Sequence[WallDrive]) -
     )
 
 
-def largest_pressure(scenario: Scenario, model: Model, drives: Sequence[WallDrive]) -> float:
+def largest_pressure(scenario: Scenario, model: Model, drives: Sequence[WallDrive], gravity: LargestGravity) -> float:
     """The larger of the weight of all grains over the side across gravity, and the loads of a stage over their length [N/m]."""
-    across = scenario.domain.size[0] if abs(model.gravity[1]) >= abs(model.gravity[0]) else scenario.domain.size[1]
-    weight = total(model.grains.mass) * hypot(*model.gravity.tolist()) / across
+    across = scenario.domain.size[0] if gravity[1] >= gravity[0] else scenario.domain.size[1]
+    weight = total(model.grains.mass) * gravity[2] / across
     loads = [
         max(_largest_force(drive.x), _largest_force(drive.y)) / float(length)
         for drive, length in zip(drives, model.walls.length, strict=True)
     ]
     return max([weight, *loads])
+
+
+def largest_gravity(stage: StagePlan, model: Model) -> LargestGravity:
+    """The largest gravity of a stage."""
+    return (Gravity.constant(model.gravity) if stage.gravity is None else stage.gravity.gravity).largest()
 
 
 def _largest_friction(model: Model) -> float:
@@ -120,10 +132,9 @@ def _largest_rate(scenario: Scenario, drives: Sequence[WallDrive]) -> float:
     return max([0.0, *spins, math.fsum(along_x[:2]) / height, math.fsum(along_y[:2]) / min(width, height)])
 
 
-def _largest_speed(scenario: Scenario) -> float:
+def _largest_speed(scenario: Scenario, gravity: LargestGravity) -> float:
     """Speed of a free fall through the domain, or of a group of grains relative to another at the start [m/s]."""
-    gravity, size = scenario.domain.gravity, scenario.domain.size
-    falls = [math.sqrt(2.0 * abs(g) * length) for g, length in zip(gravity, size, strict=True)]
+    falls = [math.sqrt(2.0 * g * length) for g, length in zip(gravity[:2], scenario.domain.size, strict=True)]
     velocities = [group.velocity for group in scenario.particles]
     apart = [hypot(a[0] - b[0], a[1] - b[1]) for a in velocities for b in velocities]
     return max([*falls, *apart])
@@ -181,7 +192,7 @@ def review_steps(scenario: Scenario, model: Model, plan: RunPlan) -> list[StepRe
     zeros = [0.0] * len(plan.stages)
     reviews: list[StepReview | None] = []
     for number, stage in enumerate(plan.stages):
-        scales = find_scales(scenario, model, stage.drives.started(zeros))
+        scales = find_scales(scenario, model, stage.drives.started(zeros), largest_gravity(stage, model))
         is_automatic = scenario.stage_solver(number).dt == "auto"
         review = StepReview(
             is_automatic,

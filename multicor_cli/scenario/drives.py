@@ -13,8 +13,8 @@ from typing import NamedTuple, TypeVar
 
 from multicor_cli.engine.motion.drives import Constant, DofDrive, Interpolated, Ramp, Shifted, Sine, WallDrive
 from multicor_cli.engine.motion.drives import Signal as EngineSignal
-from multicor_cli.scenario.loading import AnyDof, FixedDof, ForceDof, Stage
-from multicor_cli.scenario.signals import AnySignal, RampSignal, SineSignal, TableSignal
+from multicor_cli.scenario.loading import AnyDof, FixedDof, ForceDof, Stage, VelocityDof
+from multicor_cli.scenario.signals import AnySignal, RampSignal, SineSignal, TableSignal, levels
 
 DOF_NAMES = ("x", "y", "spin")
 NEVER = -1
@@ -105,6 +105,21 @@ def _engine_dof(dof: AnyDof) -> DofDrive:
     if isinstance(dof, ForceDof):
         return DofDrive(force=engine_signal(dof.force), damping=dof.damping)
     return DofDrive(velocity=engine_signal(dof.velocity))
+
+
+def moves(dof: AnyDof) -> bool:
+    """Whether a degree of freedom may move at all."""
+    if isinstance(dof, VelocityDof):
+        return any(value != 0.0 for value in levels(dof.velocity))
+    return isinstance(dof, ForceDof)
+
+
+def keeps_moving(dof: AnyDof) -> bool:
+    """Whether a degree of freedom moves for as long as one waits."""
+    if isinstance(dof, VelocityDof):
+        values = levels(dof.velocity)
+        return any(values) if isinstance(dof.velocity, SineSignal) else values[-1] != 0.0
+    return isinstance(dof, ForceDof)
 
 
 def engine_signal(signal: AnySignal) -> EngineSignal:

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from typing import Annotated, Self
+from typing import Annotated, Literal, Self
 
-from pydantic import Field, Strict, Tag, model_validator
+from pydantic import Field, Tag, model_validator
 
-from multicor_cli.scenario.base import Name, Ratio, Table, Time, one_of, refuse, true_only
+from multicor_cli.scenario.base import FREE, Name, Table, Time, one_of, refuse, true_only
+from multicor_cli.scenario.gravity import StageGravityTable
 from multicor_cli.scenario.settings import Output, StageSolver, TimeStep
 from multicor_cli.scenario.signals import Signal
+from multicor_cli.scenario.until import Until, UntilStrain, window_of
 from multicor_cli.scenario.wall_heat import WallCondition
 
 
@@ -55,37 +57,19 @@ class WallDrives(Table):
         return self
 
 
-class StrainEnd(Table):
-    """How strain is measured and when it is enough."""
-
-    walls: Annotated[tuple[Name, Name], Strict(False)] = Field(description="the two walls that shear the grains")
-    value: float = Field(ge=1e-12, le=1e9, description="shear strain of this stage at which it ends")
-
-
-class UntilStrain(Table):
-    """Ends at a shear strain: relative displacement of two walls in x over their distance in y."""
-
-    strain: StrainEnd = Field(description='{ walls = ["bottom", "top"], value = 1.5 }')
-
-
-class UntilRest(Table):
-    """Ends when the grains have come to rest."""
-
-    kinetic_energy_ratio: Ratio = Field(description="share of the stage's largest kinetic energy at which it ends, as 1e-6")
-
-
-Until = Annotated[
-    Annotated[UntilStrain, Tag("<strain>")] | Annotated[UntilRest, Tag("<kinetic_energy_ratio>")],
-    one_of("until is a table with", "strain", "kinetic_energy_ratio"),
-]
-
-
 class Stage(Table):
     """One entry of ``[[loading]]``; the stages follow each other in time."""
 
     name: Name | None = Field(None, description="name of the stage")
     duration: Time | None = Field(None, description="length of the stage [s]; with until: its upper bound")
-    until: Until | None = Field(None, description="condition that ends the stage: strain or kinetic_energy_ratio")
+    until: Until | None = Field(
+        None, description="condition that ends the stage: strain, kinetic_energy_ratio, axial_strain, displacement, force or stress"
+    )
+    on_timeout: Annotated[Literal["go on", "stop"], FREE] = Field(
+        "go on",
+        description='what happens if duration is over before until holds: "go on" with the next stage, or "stop" the run (exit '
+        'code 4; "go on" continues it)',
+    )
     dt: TimeStep | None = Field(
         None,
         description='time step of this stage [s], or "auto"; default: that of [solver]. In a frozen stage: interval at which '
@@ -96,6 +80,11 @@ class Stage(Table):
         default_factory=dict, max_length=1000, description="drives.NAME = { x = ..., y = ..., spin = ... } for the wall NAME"
     )
 
+    gravity: StageGravityTable | None = Field(
+        None,
+        description="gravity from this stage on: [gx, gy] [m/s²], each a number or a table with ramp, sine or times, or "
+        "{ angle = ..., magnitude = ... }, the angle in degrees from -y towards +x; default: as at the end of the stage before",
+    )
     thermal: dict[Name, WallCondition] = Field(
         default_factory=dict,
         max_length=1000,
@@ -110,8 +99,19 @@ class Stage(Table):
     def _ends(self) -> Self:
         if self.duration is None and self.until is None:
             raise refuse("the stage has no end", "give duration [s] or until")
-        if self.duration is None and isinstance(self.until, UntilRest):
-            raise refuse("a stage that waits for rest may never end", "give duration [s] too, as its upper bound", "until")
+        if self.duration is None and not isinstance(self.until, UntilStrain):
+            raise refuse("a stage that waits for this may never end", "give duration [s] too, as its upper bound", "until")
+        window = window_of(self.until)
+        if window is not None and self.duration is not None and window > self.duration:
+            what = f"no window of {window:g} s ends within the duration of {self.duration:g} s"
+            raise refuse(what, "use shorter windows, or a longer duration", "until")
+        return self
+
+    @model_validator(mode="after")
+    def _may_time_out(self) -> Self:
+        if self.on_timeout == "stop" and (self.until is None or self.duration is None):
+            missing = "until: its duration is no upper bound" if self.until is None else "duration: it cannot run out of time"
+            raise refuse(f'on_timeout = "stop" has no effect without {missing}', "add it, or remove on_timeout", "on_timeout")
         return self
 
     @model_validator(mode="after")
@@ -126,7 +126,7 @@ class Stage(Table):
             )
         if self.heat is False:
             raise refuse("nothing happens in a stage with frozen = true and heat = false", "remove one of the two", "heat")
-        for key in ("until", "drives", "solver"):
+        for key in ("until", "drives", "gravity", "solver"):
             if getattr(self, key):
                 raise refuse(f"{key} has no meaning with frozen = true: nothing moves", f"remove {key} or frozen", key)
         return self

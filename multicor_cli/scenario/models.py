@@ -11,8 +11,9 @@ from pydantic import Field, Strict
 
 from multicor_cli.scenario.base import FREE, Name, Table
 from multicor_cli.scenario.functions import Variable, VariableName
+from multicor_cli.scenario.gravity import TiltedGravityTable
 from multicor_cli.scenario.heat import Heat
-from multicor_cli.scenario.loading import FixedDof, ForceDof, Stage, StrainEnd, UntilRest, UntilStrain, VelocityDof, WallDrives
+from multicor_cli.scenario.loading import FixedDof, ForceDof, Stage, VelocityDof, WallDrives
 from multicor_cli.scenario.materials import MAX_MATERIALS, ContactPair, FrictionTable, Material, SofteningFriction
 from multicor_cli.scenario.packings import (
     CompactedPacking,
@@ -35,6 +36,19 @@ from multicor_cli.scenario.temperatures import (
     RegionsTemperature,
     TemperatureRegion,
     ValuesTemperature,
+)
+from multicor_cli.scenario.until import (
+    AxialStrainEnd,
+    DisplacementEnd,
+    ForceEnd,
+    StrainEnd,
+    StressEnd,
+    UntilAxialStrain,
+    UntilDisplacement,
+    UntilForce,
+    UntilRest,
+    UntilStrain,
+    UntilStress,
 )
 from multicor_cli.scenario.wall_heat import FlowCondition, InsulatedCondition, TemperatureCondition
 from multicor_cli.scenario.walls import Wall
@@ -70,15 +84,18 @@ class ScenarioModel(Table):
 __all__ = [
     "AnySizes",
     "AnyTemperature",
+    "AxialStrainEnd",
     "CompactedPacking",
     "ContactPair",
     "DepositedPacking",
+    "DisplacementEnd",
     "Domain",
     "FilePacking",
     "FileTemperature",
     "FixedDof",
     "FlowCondition",
     "ForceDof",
+    "ForceEnd",
     "FrictionTable",
     "GradientTemperature",
     "Header",
@@ -105,14 +122,20 @@ __all__ = [
     "Stage",
     "StageSolver",
     "StrainEnd",
+    "StressEnd",
     "TableSignal",
     "TableSizes",
     "TemperatureCondition",
     "TemperatureRegion",
     "TilePacking",
+    "TiltedGravityTable",
     "UniformSizes",
+    "UntilAxialStrain",
+    "UntilDisplacement",
+    "UntilForce",
     "UntilRest",
     "UntilStrain",
+    "UntilStress",
     "ValuesTemperature",
     "VelocityDof",
     "Wall",

@@ -86,3 +86,14 @@ Signal = Annotated[
     one_of("a signal is a number or a table with", "ramp", "sine", "times", "file", tags={"file": "times"}),
 ]
 AnySignal = float | RampSignal | SineSignal | TableSignal
+
+
+def levels(signal: AnySignal) -> tuple[float, ...]:
+    """Values that tell whether a signal is always zero; the last one is where a ramp or a table ends."""
+    if isinstance(signal, RampSignal):
+        return signal.ramp
+    if isinstance(signal, SineSignal):
+        return signal.sine.mean, signal.sine.amplitude
+    if isinstance(signal, TableSignal):
+        return signal.values
+    return (signal,)

@@ -113,6 +113,10 @@ class CheckedFile:
             raise DamagedRun(f"{self.path}: attribute {name!r} does not match its digest")
         return text
 
+    def has_text(self, name: str) -> bool:
+        """Whether there is a root attribute of this name that is a string."""
+        return name in self._text_digests
+
     def json(self, name: str) -> Any:
         """A root attribute that holds JSON; raises `DamagedRun`."""
         try:

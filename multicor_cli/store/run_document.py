@@ -17,6 +17,7 @@ from multicor_cli.store.errors import DamagedRun, DirectoryRefused
 from multicor_cli.store.hdf5 import Precision
 from multicor_cli.store.provenance import current_command
 from multicor_cli.store.schema import FORMAT_VERSION
+from multicor_cli.store.stage_ends import is_stage_end
 from multicor_cli.store.summary import empty_summary
 
 FILETYPE = "multicor-run"
@@ -69,6 +70,7 @@ def new_document(
         "updated": now(),
         "precision": precision,
         "stages": list(stages),
+        "stage_ends": [],
         "source_sha256": hashlib.sha256(source).hexdigest(),
         "resolved_sha256": hashlib.sha256(resolved.encode()).hexdigest(),
         "provenance": plain(dict(provenance)),
@@ -89,7 +91,10 @@ def now() -> str:
     return datetime.now(UTC).isoformat(timespec="seconds")
 
 
-_KEYS = set(new_document(b"", "", {}, (), "double"))
+_LATER = {"stage_ends"}
+"""Keys that runs of earlier versions lack."""
+
+_KEYS = set(new_document(b"", "", {}, (), "double")) - _LATER
 
 
 def _is_results(value: Any) -> bool:
@@ -140,6 +145,7 @@ _TYPES: dict[str, Callable[[Any], bool]] = {
     "run_id": lambda value: isinstance(value, str),
     "status": lambda value: value in (CREATING, "running", "finished", "stopped", "failed"),
     "stages": lambda value: isinstance(value, list) and all(isinstance(name, str) for name in value),
+    "stage_ends": lambda value: isinstance(value, list) and all(map(is_stage_end, value)),
     "sessions": lambda value: isinstance(value, list) and all(isinstance(item, dict) for item in value),
     "provenance": _is_provenance,
     "timings": lambda value: isinstance(value, dict) and all(map(_is_number, value.values())),

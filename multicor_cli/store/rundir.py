@@ -25,6 +25,7 @@ from multicor_cli.store.results import Texts, write_results
 from multicor_cli.store.run_document import new_document, new_session, now, read_run_document
 from multicor_cli.store.schema import FORMAT_VERSION
 from multicor_cli.store.segments import FrameWriter
+from multicor_cli.store.stage_ends import StageEnd
 
 Status = Literal["finished", "stopped", "failed"]
 
@@ -46,6 +47,7 @@ class RunDirectory:
         self._model: Model | None = None
         self._model_digest = ""
         self._newest: tuple[str, int] | None = None
+        self._has_news = False
 
     @staticmethod
     def is_run(path: Path) -> bool:
@@ -162,6 +164,11 @@ class RunDirectory:
         return tuple(self._document["stages"])
 
     @property
+    def stage_ends(self) -> tuple[StageEnd, ...]:
+        """How the loading stages ended so far; of runs that an earlier version began those since then."""
+        return tuple(map(StageEnd.of_document, self._document.get("stage_ends", [])))
+
+    @property
     def provenance(self) -> dict[str, Any]:
         """Provenance of the first start."""
         return dict(self._document["provenance"])
@@ -205,6 +212,7 @@ class RunDirectory:
                 prune(self.path / layout.CHECKPOINTS, found.name if found else None)
                 keep_segments(segments, list(found.segments) if found else [])
                 self._document["summary"] = found.summary if found else None
+                self._forget_stage_ends(found.state.stage if found else 0)
                 self._save()
             self._checkpoint, self._is_loaded = found, True
             if found:
@@ -241,6 +249,17 @@ class RunDirectory:
         )
         return self._writer
 
+    def stage_ended(self, end: StageEnd) -> None:
+        """Note how a loading stage ended; ``run.json`` says so from the next checkpoint on."""
+        self._forget_stage_ends(end.stage)
+        self._document["stage_ends"].append(end.as_document())
+        self._has_news = True
+
+    def _forget_stage_ends(self, stage: int) -> None:
+        """Keep the ends of the stages before this one only: the others are still to come, maybe once more."""
+        ends = self._document.get("stage_ends", [])
+        self._document["stage_ends"] = [end for end in ends if end["stage"] < stage]
+
     def checkpoint(self, state: State, writer: FrameWriter) -> None:
         """Commit what ``writer`` holds, then the state; the two newest checkpoints are kept.
 
@@ -257,6 +276,8 @@ class RunDirectory:
         identity = (state.digest(), len(writer.segments))
         if identity == self._newest:
             return
+        if self._has_news:  # before the checkpoint: whatever is continued from it knows how the stages before it ended
+            self._save()
         self._document["summary"] = write_checkpoint(
             self.path / layout.CHECKPOINTS,
             state,
@@ -328,7 +349,12 @@ class RunDirectory:
             model,
             Texts(self.source_text, self.resolved_text, self.stages),
             run_id=self.run_id,
-            attributes={**{name: self._document[name] for name in names}, "status": "finished", "finished": now()},
+            attributes={
+                **{name: self._document[name] for name in names},
+                "stage_ends": self._document.get("stage_ends", []),
+                "status": "finished",
+                "finished": now(),
+            },
             precision=self.precision,
             version=self.version,
         )
@@ -341,6 +367,7 @@ class RunDirectory:
 
     def _save(self) -> None:
         self._document["updated"] = now()
+        self._has_news = False
         write_document(self.path / layout.RUN, "runjson", self._document)
 
     def _begin_session(self) -> None:

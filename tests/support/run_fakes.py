@@ -11,11 +11,14 @@ import numpy as np
 from multicor_cli.engine.contact.report import StepReport
 from multicor_cli.engine.contact.solve import Interrupted, Settings
 from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
+from multicor_cli.engine.motion.gravity import AnyGravity
 from multicor_cli.model import BOOK_NAMES, Model, State
 from multicor_cli.model.contacts import ContactTable
-from multicor_cli.running.conditions import RestReached, ShearGauge, StrainReached
+from multicor_cli.running.conditions import RestReached, StrainReached
+from multicor_cli.running.gauges import ShearGauge
 from multicor_cli.running.plan import RunPlan, StagePlan
 from multicor_cli.scenario.settings import Output
+from multicor_cli.store.stage_ends import StageEnd
 
 KINETIC = BOOK_NAMES.index("kinetic")
 
@@ -39,6 +42,9 @@ class FakeEngine:
         self._drives = drives
         if self.state.step > 0:
             self.state.books[KINETIC] += 1.0  # the switch of a wall's kinetic energy: must happen once per stage
+
+    def set_gravity(self, gravity: AnyGravity) -> None:
+        self.calls.append("gravity")
 
     def resume_drives(self, drives: list[WallDrive]) -> None:
         self.calls.append("resume")
@@ -76,12 +82,16 @@ class MemoryRecorder:
         self.rows: list[tuple[int, float, int, float]] = []
         self.checkpoints: list[tuple[State, int, int]] = []
         self.beats: list[dict[str, Any]] = []
+        self.ends: list[StageEnd] = []
 
     def frame(self, state: State, contacts: ContactTable | None) -> None:
         self.frames.append((state.step, state.time, state.stage))
 
     def series(self, state: State) -> None:
         self.rows.append((state.step, state.time, state.stage, float(state.window[1])))
+
+    def stage_ended(self, end: StageEnd) -> None:
+        self.ends.append(end)
 
     def checkpoint(self, state: State) -> None:
         self.checkpoints.append((copy.deepcopy(state), len(self.frames), len(self.rows)))

@@ -2,7 +2,11 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from multicor_cli.model.model import Floats
 
 
 @dataclass(frozen=True)
@@ -18,6 +22,7 @@ class StepReport:
         contacts: Number of contacts that carry an impulse.
         candidates: Number of contacts considered.
         overlap: Largest overlap over the smaller radius at the end of the step.
+        wall_impulse: Impulse of the grains on the walls [N s, N s, N m s], shape ``(w, 3)``; empty where nothing moves.
     """
 
     sweeps: float
@@ -28,6 +33,7 @@ class StepReport:
     contacts: int
     candidates: int
     overlap: float
+    wall_impulse: Floats = field(default_factory=lambda: np.empty((0, 3)), repr=False, compare=False)
 
 
 class PhysicsError(Exception):

@@ -59,6 +59,7 @@ class Correction:
 def correct_positions(
     scene: Scene,
     model: Model,
+    gravity: Floats,
     motion: WallMotion,
     lists: NeighborList,
     reach: float,
@@ -70,6 +71,7 @@ def correct_positions(
     Args:
         scene: Shapes at q⁺. **Positions, wall frames and wall shapes modified.**
         model: The model.
+        gravity: Acceleration of gravity in the step [m/s²], shape ``(2,)``.
         motion: Drives; force-driven walls move according to their mass.
         lists: Neighbor list with the gaps at q_m.
         reach: Pairs farther apart than this at q_m cannot overlap now [m].
@@ -95,7 +97,7 @@ def correct_positions(
     if overlap > FORBIDDEN:
         raise PhysicsError(step, _name_overlap(scene, model, lists, flagged, overlap))
     moved = scene.position[:, :2] - before
-    gravity_work = total(model.grains.mass * (moved[:, X] * model.gravity[X] + moved[:, Y] * model.gravity[Y]))
+    gravity_work = total(model.grains.mass * (moved[:, X] * gravity[X] + moved[:, Y] * gravity[Y]))
     shift = scene.wall_position - wall_before
     gravity_work += total(motion.weight * shift)
     return Correction(overlap, gravity_work, total(motion.load * shift), rounds)

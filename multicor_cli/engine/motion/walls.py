@@ -28,7 +28,7 @@ class WallMotion:
         mass: Mass or inertia of the driven degrees of freedom, 0 elsewhere, shape ``(w, 3)``.
         damping: Damping coefficients of driven degrees of freedom, shape ``(w, 3)``.
         load: Applied forces and torques at mid-step, gravity left out, shape ``(w, 3)``; set by `predict`.
-        weight: Weights of the driven degrees of freedom, shape ``(w, 3)``.
+        weight: Weights of the driven degrees of freedom, shape ``(w, 3)``; set by `predict`.
         mobility: Inverse masses, 0 where not driven, shape ``(w, 3)``.
         inverse: Inverse effective masses of the step, 0 where not driven, shape ``(w, 3)``; set by `predict`.
     """
@@ -48,8 +48,8 @@ class WallMotion:
             raise ValueError(message)
         self.mass: Floats = np.where(self.driven, masses, 0.0)
         self.damping: Floats = np.array([drive.damping for _, _, drive in self._drives]).reshape(w, 3)
-        pull = np.append(model.gravity, 0.0)
-        self.weight: Floats = np.where(self.driven & model.walls.has_gravity[:, None], self.mass * pull, 0.0)
+        self.weight: Floats = np.zeros((w, 3))
+        self._is_heavy: NDArray[np.bool_] = self.driven & model.walls.has_gravity[:, None]
         self._pushed = np.argwhere(self.driven).tolist()
         self.mobility: Floats = _inverse_where(self.driven, self.mass)
         self.load: Floats = np.zeros((w, 3))
@@ -57,11 +57,12 @@ class WallMotion:
         self._length = model.walls.length
         self._extent = _extents(model)
 
-    def predict(self, velocity: Floats, t: float, dt: float) -> Floats:
+    def predict(self, velocity: Floats, gravity: Floats, t: float, dt: float) -> Floats:
         """Velocities V⁺ of the prescribed degrees of freedom and free velocities of the driven ones, shape ``(w, 3)``.
 
         Args:
             velocity: V⁻, shape ``(w, 3)``.
+            gravity: Acceleration of gravity at mid-step [m/s²], shape ``(2,)``.
             t: Time since the start of the stage at the beginning of the step [s].
             dt: Time step [s].
         """
@@ -75,6 +76,7 @@ class WallMotion:
         driven = self.driven
         if not self._pushed:
             return after
+        self.weight = np.where(self._is_heavy, self.mass * np.append(gravity, 0.0), 0.0)
         half = 0.5 * dt * self.damping
         self.inverse = _inverse_where(driven, self.mass + half)
         free = ((self.mass - half) * velocity + dt * (self.load + self.weight)) * self.inverse

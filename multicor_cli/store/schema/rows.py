@@ -164,4 +164,5 @@ _DIM_SYMBOL: dict[str, str] = {
     "heat_wall": "w*",
     "heat_book": "b*",
     "mean_row": "A",
+    "stage_note": "N",
 }

@@ -17,7 +17,7 @@ import numpy as np
 import pytest
 from heat_run import GRAINS, write_heated_run
 from report_run import EVIL, decode, read_page, write_evil_run
-from store_support import drive, make_model, run_whole
+from store_support import drive, make_model, make_run, run_whole
 
 from multicor_cli.export import ExportRefused
 from multicor_cli.post import QUANTITIES, PostError
@@ -29,9 +29,10 @@ from multicor_cli.report.fields import values_of
 from multicor_cli.report.figures import _book_lines, _Thinning
 from multicor_cli.report.pack import _ends, _sane, pack_frames
 from multicor_cli.report.quantize import Code, compress
-from multicor_cli.report.tables import describe_run, pretty
+from multicor_cli.report.tables import ReportRow, describe_run, describe_stages, pretty
 from multicor_cli.report.write import default_path
-from multicor_cli.store import RunDirectory, StoreError, open_run
+from multicor_cli.store import RunDirectory, StoreError, open_run, run_info
+from multicor_cli.store.stage_ends import StageEnd
 
 
 @pytest.mark.parametrize("spacing", ["even", "square", "signed"])
@@ -346,6 +347,18 @@ def test_endless_names_are_cut_and_texts_keep_their_direction(tmp_path: Path) ->
     assert max(map(len, re.findall(r'<td dir="auto">(.*?)</td>', text))) <= 200
     assert len(read_page(text)[0]["frames"][-1]["stage"]) == 200
     assert text.count(name) == 2 * 2  # whole in the two scenarios only
+
+
+def test_page_says_how_stages_ended(tmp_path: Path) -> None:
+    with make_run(tmp_path / "run") as run:
+        end = StageEnd(0, "<i>wait</i>", "timeout", 20, 0.5, 0.5, "the mean force in y on lid", 3.0, "at least", 5.0, "N")
+        run.stage_ended(end)
+        drive(run, make_model(), steps=40, checkpoint_every=15)
+    assert describe_stages(run_info(tmp_path / "run")) == [ReportRow(end.name, end.text)]
+    text = write_report(tmp_path / "run", tmp_path / "page.html").path.read_text()
+    assert "Ends of the stages" in text
+    words = "t = 0.5 s, step 20: timed out after 0.5 s; the mean force in y on lid was 3 N, asked for was at least 5 N"
+    assert f'&lt;i&gt;wait&lt;/i&gt;</th><td dir="auto">{words}' in text
 
 
 def test_a_version_that_is_not_known_is_left_out() -> None:

@@ -14,8 +14,9 @@ from scene_parts import between_planes
 from multicor_cli.engine.contact.report import PhysicsError
 from multicor_cli.engine.contact.solve import Settings
 from multicor_cli.model import BOOK_NAMES, State
-from multicor_cli.running.conditions import RestReached, ShearGauge, StrainReached, update_peak, wall_heights
+from multicor_cli.running.conditions import RestReached, StrainReached, update_peak
 from multicor_cli.running.controller import Controller
+from multicor_cli.running.gauges import ShearGauge, Spacing, wall_places
 from multicor_cli.running.observer import SilentObserver, Status
 from multicor_cli.running.outcome import StopReason
 from multicor_cli.running.pace import WARM_UP_STEPS, Pace
@@ -250,7 +251,7 @@ def test_strain_counts_to_and_fro() -> None:
     state = State.at_rest(model, np.zeros((2, 2)))
     total = 0.0
     for shift in (0.1, -0.1, 0.1):
-        before = gauge.offset(state)
+        before = state.wall_position.copy()
         state.wall_position[1, 0] += shift
         state.wall_position[1, 1] = 1.0  # twice as far apart
         total += gauge.increment(state, before)
@@ -275,11 +276,11 @@ def test_gauge_refuses_unknown_and_equal_walls() -> None:
         ShearGauge.between(model, "bottom", "lid")
     with pytest.raises(ValueError, match="between 'top' and itself"):
         ShearGauge.between(model, "top", "top")
-    assert wall_heights(model).tolist() == [0.0, 1.0]
+    assert wall_places(model, 1).tolist() == [0.0, 1.0]
 
 
 def test_strain_goal_survives_rounding() -> None:
-    gauge = ShearGauge(0, 1, 1.0)
+    gauge = ShearGauge(Spacing(0, 1, 1, 1.0))
     state = State.at_rest(between_planes(), np.zeros((2, 2)))
     for _ in range(15_000):
         state.stage_strain += 1e-4

@@ -18,9 +18,10 @@ from multicor_cli.engine.contact.solve import Settings
 from multicor_cli.engine.heat.hertz import relative_deflection
 from multicor_cli.engine.motion.drives import Constant, DofDrive, Ramp, Sine, WallDrive
 from multicor_cli.model import State
-from multicor_cli.running.conditions import ShearGauge, StrainReached
+from multicor_cli.running.conditions import StrainReached
 from multicor_cli.running.differences import find_differences, former_defaults
 from multicor_cli.running.estimate import estimate, estimate_steps
+from multicor_cli.running.gauges import ShearGauge
 from multicor_cli.running.plan import RunPlan, StagePlan
 from multicor_cli.running.planning import make_plan as plan_of
 from multicor_cli.running.threads import available_cores, reserve_threads

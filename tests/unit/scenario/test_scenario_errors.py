@@ -4,6 +4,9 @@ import pytest
 from scenario_problems import place_of, problems_of
 from scenes import SHEAR, changed
 
+STRAIN = 'strain = { walls = ["bottom", "top"], value = 1.0 }'
+WAIT = "duration = 1.0\nuntil = { kinetic_energy_ratio = 1e-4 }"
+
 # change, key, where the problem points (text at that place), words that the message must have
 MISTAKES = {
     "unknown key": (("density = 2500", "densty = 2500"), "materials.glass.densty", "densty", "unknown key", "'density'"),
@@ -114,6 +117,87 @@ MISTAKES = {
     "rest without bound": (("duration = 1.0\n", ""), "loading.0.until", "until = { kinetic", "may never end", "duration"),
     "strain without motion": (("ramp = [0.0, 0.1]", "ramp = [0, 0]"), "loading.1.until.strain", "strain = {", "moves in x"),
     "strain that stalls": (("ramp = [0.0, 0.1]", "ramp = [0.1, 0]"), "loading.1.until.strain", "strain = {", "never end"),
+    "timeout without condition": (
+        ("duration = 0.5\n", 'duration = 0.5\non_timeout = "stop"\n'),
+        "loading.2.on_timeout",
+        "on_timeout",
+        "no effect without until",
+        "remove on_timeout",
+    ),
+    "timeout without duration": (
+        ('name = "shear"\nuntil', 'name = "shear"\non_timeout = "stop"\nuntil'),
+        "loading.1.on_timeout",
+        "on_timeout",
+        "no effect without duration",
+    ),
+    "another timeout": (
+        ("duration = 1.0\n", 'duration = 1.0\non_timeout = "end"\n'),
+        "loading.0.on_timeout",
+        'on_timeout = "end"',
+        "'go on', 'stop'",
+    ),
+    "axial strain without bound": (
+        (STRAIN, 'axial_strain = { walls = ["bottom", "top"] }'),
+        "loading.1.until.axial_strain",
+        "axial_strain",
+        "neither above nor below",
+    ),
+    "axial strain with two bounds": (
+        (STRAIN, 'axial_strain = { walls = ["bottom", "top"], above = 1, below = 1 }'),
+        "loading.1.until.axial_strain",
+        "axial_strain",
+        "both above and below",
+    ),
+    "axial strain without end": (
+        (STRAIN, 'axial_strain = { walls = ["bottom", "top"], below = -0.1 }'),
+        "loading.1.until",
+        "until = { axial",
+        "may never end",
+    ),
+    "axial strain of walls that stay": (
+        (WAIT, 'duration = 1.0\nuntil = { axial_strain = { walls = ["bottom", "paddle"], axis = "x", below = -0.1 } }'),
+        "loading.0.until.axial_strain",
+        "axial_strain",
+        "moves in x",
+    ),
+    "displacement of a fixed wall": (
+        (WAIT, 'duration = 1.0\nuntil = { displacement = { wall = "bottom", axis = "y", above = 1 } }'),
+        "loading.0.until.displacement",
+        "displacement",
+        "does not move in y",
+        "drives.bottom.y",
+    ),
+    "displacement of no wall": (
+        (WAIT, 'duration = 1.0\nuntil = { displacement = { wall = "tpo", axis = "y", above = 1 } }'),
+        "loading.0.until.displacement.wall",
+        'wall = "tpo"',
+        "'top'",
+    ),
+    "force in a long window": (
+        (WAIT, 'duration = 1.0\nuntil = { force = { wall = "top", axis = "y", above = 1, window = 2.0 } }'),
+        "loading.0.until",
+        "until = { force",
+        "no window of 2 s",
+        "shorter windows",
+    ),
+    "stress by turning": (
+        (WAIT, 'duration = 1.0\nuntil = { stress = { wall = "top", axis = "spin", above = 1, window = 0.1 } }'),
+        "loading.0.until.stress.axis",
+        'axis = "spin"',
+        "'x', 'y'",
+    ),
+    "gravity of one number": (
+        ("duration = 0.5\n", "duration = 0.5\ngravity = 9.81\n"),
+        "loading.2.gravity",
+        "gravity = 9.81",
+        "array",
+    ),
+    "gravity with a bad signal": (
+        ("duration = 0.5\n", "duration = 0.5\ngravity = [0.0, { ramp = [0, 1] }]\n"),
+        "loading.2.gravity.1.duration",
+        "{ ramp = [0, 1] }",
+        "missing",
+    ),
     "velocity and force": (
         ("force = -0.015", "force = -0.015, velocity = 1"),
         "loading.0.drives.top.y",
@@ -165,6 +249,15 @@ def test_each_mistake_gives_one_problem_at_its_place(name):
         assert word in str(problem)
     assert problem.remedy
     assert "\n" not in str(problem)
+
+
+def test_there_is_gravity_to_be_tilted():
+    tilt = ("duration = 0.5\n", "duration = 0.5\ngravity = { angle = 10.0 }\n")
+    assert problems_of(changed(SHEAR, tilt)) == []
+    (problem,) = problems_of(changed(SHEAR, tilt, ("gravity = [0, -9.81]", "gravity = [0, 0]")))
+    assert problem.key == "loading.2.gravity"
+    assert "which no angle turns" in problem.message
+    assert "magnitude = 9.81" in problem.remedy
 
 
 def test_two_general_entries_for_one_pair_need_a_special_one():

@@ -1,0 +1,147 @@
+"""``until``: what ends a loading stage before its duration is over."""
+
+from __future__ import annotations
+
+from typing import Annotated, Literal, Self
+
+from pydantic import Field, Strict, Tag, model_validator
+
+from multicor_cli.scenario.base import Name, Number, Ratio, Table, Time, one_of, refuse
+
+Axis = Literal["x", "y"]
+AnyAxis = Literal["x", "y", "spin"]
+TwoWalls = Annotated[tuple[Name, Name], Strict(False)]
+Relation = Literal["at least", "at most"]
+
+_WINDOW = "windows of time [s] over which means are taken, one after the other from the start of the stage"
+
+
+class StrainEnd(Table):
+    """Shear strain at which a stage ends."""
+
+    walls: TwoWalls = Field(description="the two walls that shear the grains")
+    value: float = Field(ge=1e-12, le=1e9, description="shear strain of this stage at which it ends")
+
+
+class BoundEnd(Table):
+    """A quantity that ends a stage when it has come above or below a value."""
+
+    above: Number | None = Field(None, description="the stage ends when the quantity is at least this")
+    below: Number | None = Field(None, description="the stage ends when the quantity is at most this")
+
+    @model_validator(mode="after")
+    def _one_bound(self) -> Self:
+        if (self.above is None) == (self.below is None):
+            has = "neither" if self.above is None else "both"
+            raise refuse(f"has {has} above and below" if has == "both" else "has neither above nor below", "give one of the two")
+        return self
+
+    @property
+    def relation(self) -> Relation:
+        """How the quantity has to be."""
+        return "at most" if self.above is None else "at least"
+
+    @property
+    def goal(self) -> float:
+        """To what it is compared."""
+        bound = self.below if self.above is None else self.above
+        assert bound is not None  # as has been checked
+        return bound
+
+
+class AxialStrainEnd(BoundEnd):
+    """Relative change of the distance of two walls at which a stage ends."""
+
+    walls: TwoWalls = Field(description="the two walls")
+    axis: Axis = Field("y", description="direction in which their distance is measured")
+
+
+class DisplacementEnd(BoundEnd):
+    """Displacement of a wall at which a stage ends."""
+
+    wall: Name = Field(description="the wall")
+    axis: AnyAxis = Field(description="x or y [m], or spin: the angle by which it has turned, counter-clockwise [rad]")
+
+
+class ForceEnd(BoundEnd):
+    """Mean force of the grains on a wall at which a stage ends."""
+
+    wall: Name = Field(description="the wall")
+    axis: AnyAxis = Field(description="component of the force, x or y [N], or spin: the torque [N m]")
+    window: Time = Field(description=_WINDOW)
+
+
+class StressEnd(BoundEnd):
+    """Mean force of the grains on a wall over its length at which a stage ends."""
+
+    wall: Name = Field(description="the wall")
+    axis: Axis = Field(description="component of the force")
+    window: Time = Field(description=_WINDOW)
+
+
+class UntilStrain(Table):
+    """Ends at a shear strain: relative displacement of two walls in x over their distance in y."""
+
+    strain: StrainEnd = Field(description='{ walls = ["bottom", "top"], value = 1.5 }')
+
+
+class UntilRest(Table):
+    """Ends when the grains have come to rest."""
+
+    kinetic_energy_ratio: Ratio = Field(description="share of the stage's largest kinetic energy at which it ends, as 1e-6")
+
+
+class UntilAxialStrain(Table):
+    """Ends at an axial strain: distance of two walls over that at the start of the stage, less 1."""
+
+    axial_strain: AxialStrainEnd = Field(description='{ walls = ["bottom", "top"], axis = "y", below = -0.05 }: 5 % nearer')
+
+
+class UntilDisplacement(Table):
+    """Ends at a displacement of a wall since the start of the stage."""
+
+    displacement: DisplacementEnd = Field(description='{ wall = "lid", axis = "y", below = -0.01 }')
+
+
+class UntilForce(Table):
+    """Ends when the mean force of the grains on a wall has reached a value."""
+
+    force: ForceEnd = Field(description='{ wall = "lid", axis = "y", above = 5.0, window = 0.01 }')
+
+
+class UntilStress(Table):
+    """Ends when the mean force of the grains on a wall over its length has reached a value [N/m]."""
+
+    stress: StressEnd = Field(description='{ wall = "lid", axis = "y", above = 500.0, window = 0.01 }')
+
+
+Until = Annotated[
+    Annotated[UntilStrain, Tag("<strain>")]
+    | Annotated[UntilRest, Tag("<kinetic_energy_ratio>")]
+    | Annotated[UntilAxialStrain, Tag("<axial_strain>")]
+    | Annotated[UntilDisplacement, Tag("<displacement>")]
+    | Annotated[UntilForce, Tag("<force>")]
+    | Annotated[UntilStress, Tag("<stress>")],
+    one_of("until is a table with", "strain", "kinetic_energy_ratio", "axial_strain", "displacement", "force", "stress"),
+]
+AnyUntil = UntilStrain | UntilRest | UntilAxialStrain | UntilDisplacement | UntilForce | UntilStress
+
+
+def window_of(until: AnyUntil | None) -> float | None:
+    """Length of the windows of a condition [s]; None if it has none."""
+    if isinstance(until, UntilForce):
+        return until.force.window
+    return until.stress.window if isinstance(until, UntilStress) else None
+
+
+def walls_of(until: AnyUntil | None) -> dict[tuple[str | int, ...], str]:
+    """Walls that a condition names, by the keys inside ``until`` that name them."""
+    if isinstance(until, UntilStrain):
+        return {("strain", "walls", k): name for k, name in enumerate(until.strain.walls)}
+    if isinstance(until, UntilAxialStrain):
+        return {("axial_strain", "walls", k): name for k, name in enumerate(until.axial_strain.walls)}
+    if isinstance(until, UntilDisplacement):
+        return {("displacement", "wall"): until.displacement.wall}
+    if isinstance(until, UntilForce):
+        return {("force", "wall"): until.force.wall}
+    return {("stress", "wall"): until.stress.wall} if isinstance(until, UntilStress) else {}

@@ -1,0 +1,110 @@
+"""Why and when each loading stage of a run ended: what ``run.json`` and ``results.h5`` keep of it, and how people are told."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Mapping
+from dataclasses import asdict, dataclass, fields
+from typing import Any, Literal
+
+Reason = Literal["duration", "condition", "timeout"]
+REASONS: tuple[Reason, ...] = ("duration", "condition", "timeout")
+
+
+@dataclass(frozen=True)
+class StageEnd:
+    """The end of a loading stage.
+
+    Attributes:
+        stage: Index of the stage.
+        name: Name of the stage.
+        reason: ``duration``: it lasted as long as it was to; ``condition``: its condition held; ``timeout``: its duration was over
+            before its condition held.
+        step: Steps done since the start of the run.
+        time: Time since the start of the run [s].
+        duration: Time since the start of the stage [s].
+        quantity: What its condition looks at, in words; empty if it has none.
+        value: Value of this quantity at the end; None if there is none, or there was none yet.
+        relation: How the value had to be: ``at least`` or ``at most``; empty without condition.
+        goal: Value asked for; None without condition.
+        unit: SI unit of value and goal; ``1`` if dimensionless.
+    """
+
+    stage: int
+    name: str
+    reason: Reason
+    step: int
+    time: float
+    duration: float
+    quantity: str = ""
+    value: float | None = None
+    relation: str = ""
+    goal: float | None = None
+    unit: str = "1"
+
+    @classmethod
+    def of_document(cls, document: Mapping[str, Any]) -> StageEnd:
+        """The end that a document tells of; `is_stage_end` says whether it does."""
+        return cls(**{field.name: document[field.name] for field in fields(cls)})
+
+    def as_document(self) -> dict[str, Any]:
+        """As JSON types."""
+        return asdict(self)
+
+    @property
+    def has_timed_out(self) -> bool:
+        """Whether the stage waited for its condition in vain."""
+        return self.reason == "timeout"
+
+    @property
+    def text(self) -> str:
+        """Why and when it ended, in words."""
+        when = f"t = {self.time:.6g} s, step {self.step}"
+        if self.reason == "duration":
+            return f"{when}: its duration of {self.duration:.6g} s was over"
+        if self.reason == "condition":
+            return f"{when}: {self._reached}, {self._goal}"
+        return f"{when}: timed out after {self.duration:.6g} s; {self._reached}, {self._goal}"
+
+    @property
+    def _reached(self) -> str:
+        return f"{self.quantity} had no value yet" if self.value is None else f"{self.quantity} was {self._number(self.value)}"
+
+    @property
+    def _goal(self) -> str:
+        return f"asked for was {self.relation} {self._number(self.goal if self.goal is not None else math.nan)}"
+
+    def _number(self, value: float) -> str:
+        return f"{value:.5g}" + (f" {self.unit}" if self.unit != "1" else "")
+
+
+def is_stage_end(document: Any) -> bool:
+    """Whether a value read from a file is a `StageEnd.as_document`."""
+    return isinstance(document, dict) and all(is_right(document.get(name)) for name, is_right in _RIGHT.items())
+
+
+def _is_text(value: Any) -> bool:
+    return isinstance(value, str)
+
+
+def _is_count(value: Any) -> bool:
+    return isinstance(value, int) and not isinstance(value, bool) and 0 <= value < 2**63
+
+
+def _is_number(value: Any) -> bool:
+    return isinstance(value, float) or _is_count(value)
+
+
+_RIGHT: dict[str, Callable[[Any], bool]] = {
+    "stage": _is_count,
+    "name": _is_text,
+    "reason": lambda value: value in REASONS,
+    "step": _is_count,
+    "time": _is_number,
+    "duration": _is_number,
+    "quantity": _is_text,
+    "value": lambda value: value is None or _is_number(value),
+    "relation": _is_text,
+    "goal": lambda value: value is None or _is_number(value),
+    "unit": _is_text,
+}

@@ -1,0 +1,217 @@
+"""What ends a stage, by scenes whose end is known in closed form; what happens when it does not; and who is told."""
+
+from __future__ import annotations
+
+import json
+import math
+import signal
+from pathlib import Path
+from typing import Any
+
+import pytest
+from command_line import call, read_info
+
+from multicor_cli import run as run_scenario
+from multicor_cli.running import session as session_module
+from multicor_cli.running.outcome import RunOutcome, StageTimeout
+from multicor_cli.store import run_info
+
+ONE = """\
+[scenario]
+name = "one"
+seed = 1
+[domain]
+size = [0.1, 0.1]
+[materials.glass]
+density = 2500.0
+[[contacts]]
+pair = ["*", "*"]
+friction = 0.3
+[[particles]]
+name = "grain"
+material = "glass"
+shape = "disc"
+thickness = 1e-3
+sizes = { kind = "uniform", min = 1e-2, max = 1e-2 }
+count = 1
+packing = { kind = "deposited" }
+[[walls]]
+name = "floor"
+material = "glass"
+geometry = { kind = "plane", point = [0.0, 0.0], normal = [0.0, 1.0] }
+[[walls]]
+name = "lid"
+material = "glass"
+geometry = { kind = "plane", point = [0.0, 0.1], normal = [0.0, -1.0] }
+[[walls]]
+name = "side"
+material = "glass"
+geometry = { kind = "plane", point = [0.0, 0.0], normal = [1.0, 0.0] }
+[[loading]]
+name = "first"
+duration = 0.5
+STAGE
+[[loading]]
+name = "second"
+duration = 0.01
+[solver]
+dt = 1e-3
+[output]
+frame_interval = 0.1
+"""
+"""A disc of 10 mm that lies on the floor; walls move as a stage says."""
+
+MASS = 2500.0 * math.pi * 1e-4 * 1e-3
+HEAVIER = "gravity = [0.0, { ramp = [0.0, -10.0], duration = 1.0 }]"
+"""The floor carries m·10t; the mean over the window that ends at kT is m·10 (k − 1/2) T."""
+
+
+def write(folder: Path, stage: str) -> Path:
+    path = folder / "one.toml"
+    path.write_text(ONE.replace("STAGE", stage))
+    return path
+
+
+def run_one(folder: Path, stage: str) -> RunOutcome:
+    return run_scenario(write(folder, stage), folder / "run")
+
+
+ENDS = {
+    # A wall at rest is told v: it has moved v Δt (n − 1/2) after n steps. 0.05 m/s for 0.2 s out of 0.1 m: 10 % nearer.
+    "axial strain": (
+        'until = { axial_strain = { walls = ["floor", "lid"], below = -0.1 } }\ndrives.lid = { y = { velocity = -0.05 } }',
+        201,
+        -0.10025,
+    ),
+    "the first wall moves": (
+        'until = { axial_strain = { walls = ["lid", "floor"], above = 0.25 } }\ndrives.floor = { y = { velocity = -0.1 } }',
+        251,
+        0.2505,
+    ),
+    # x = v t²/(2 T) on a ramp to v in T: 0.2 · 0.3²/(2 · 0.5) = 0.018 m
+    "displacement": (
+        """until = { displacement = { wall = "lid", axis = "x", above = 0.018 } }
+drives.lid = { x = { velocity = { ramp = [0.0, 0.2], duration = 0.5 } } }""",
+        300,
+        0.018,
+    ),
+    "angle": (
+        'until = { displacement = { wall = "lid", axis = "spin", below = -0.02 } }\ndrives.lid = { spin = { velocity = -0.1 } }',
+        201,
+        -0.02005,
+    ),
+    # reached by the window that ends at 8 · 0.02 s: (8 − 1/2) · 0.02 · 10 = 1.5 m/s²
+    "force": (
+        f'until = {{ force = {{ wall = "floor", axis = "y", below = {-1.45 * MASS!r}, window = 0.02 }} }}\n{HEAVIER}',
+        160,
+        -1.5 * MASS,
+    ),
+    "stress": (
+        f'until = {{ stress = {{ wall = "floor", axis = "y", below = {-14.5 * MASS!r}, window = 0.02 }} }}\n{HEAVIER}',
+        160,
+        -15.0 * MASS,
+    ),
+}
+
+
+@pytest.mark.parametrize("name", ENDS)
+def test_stages_end_when_they_are_to(name: str, tmp_path: Path) -> None:
+    stage, steps, value = ENDS[name]
+    outcome = run_one(tmp_path, stage)
+    first, second = outcome.stage_ends
+    assert (first.reason, first.step) == ("condition", steps)
+    assert first.time == first.duration == pytest.approx(steps * 1e-3)
+    # Forces are as exact as the solver's tolerances, places as rounding.
+    assert first.value == pytest.approx(value, rel=1e-2 if name in ("force", "stress") else 1e-9)
+    assert (second.reason, second.step, second.value, second.goal) == ("duration", steps + 10, None, None)
+
+
+@pytest.mark.parametrize("name", ["axial strain", "displacement", "force"])
+def test_stopped_stages_end_likewise(name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Stopped in the middle of a window, whose sum the checkpoint holds."""
+    whole = tmp_path / "whole"
+    whole.mkdir()
+    run_one(whole, ENDS[name][0])
+    original = session_module.Engine.step
+
+    def stepping(self: Any, *arguments: Any, **options: Any) -> Any:
+        if self.state.step == 133:
+            signal.raise_signal(signal.SIGTERM)
+        return original(self, *arguments, **options)
+
+    with monkeypatch.context() as patch:
+        patch.setattr(session_module.Engine, "step", stepping)
+        assert not run_one(tmp_path, ENDS[name][0]).is_finished
+    assert run_one(tmp_path, ENDS[name][0]).is_finished
+    found, expected = (run_info(folder / "run") for folder in (tmp_path, whole))
+    for key in ("state_digest", "data_digest", "stage_ends"):
+        assert found[key] == expected[key]
+
+
+LATE = 'until = { displacement = { wall = "lid", axis = "y", below = -0.09 } }\ndrives.lid = { y = { velocity = -0.1 } }'
+
+
+def test_a_timeout_goes_on_and_is_told(tmp_path: Path) -> None:
+    write(tmp_path, LATE)
+    done = call("run", "one.toml", "-o", "run", "--quiet", cwd=tmp_path)
+    assert done.returncode == 0
+    (warning,) = done.stderr.splitlines()
+    for word in (
+        "warning",
+        "first",
+        "timed out after 0.5 s",
+        "displacement in y of lid",
+        "-0.04995 m",
+        "at most -0.09 m",
+        "longer",
+    ):
+        assert word in warning
+    info = read_info(tmp_path / "run")
+    assert [(end["name"], end["reason"], end["step"]) for end in info["stage_ends"]] == [
+        ("first", "timeout", 500),
+        ("second", "duration", 510),
+    ]
+    assert "timed out" in call("info", "run", cwd=tmp_path).stdout
+    again = call("run", "one.toml", "-o", "run", cwd=tmp_path).stderr
+    assert "stage first: t = 0.5 s, step 500: timed out" in again
+    assert "stage second: t = 0.51 s, step 510: its duration of 0.01 s was over" in again
+
+
+def test_a_timeout_may_stop_the_run(tmp_path: Path) -> None:
+    """It stays where it is until it is told to go on, and then ends as a run that was never stopped."""
+    write(tmp_path, LATE + '\non_timeout = "stop"')
+    for _ in range(2):
+        done = call("run", "one.toml", "-o", "run", cwd=tmp_path)
+        assert done.returncode == 4
+        assert "stage first: t = 0.5 s, step 500: timed out" in done.stderr
+        assert "--set 'loading.0.on_timeout=go on'" in done.stderr
+        info = read_info(tmp_path / "run")
+        assert (info["status"], info["exit_code"], info["step"], info["stage"]) == ("failed", 4, 500, 0)
+        assert [end["reason"] for end in info["stage_ends"]] == ["timeout"]
+    with pytest.raises(StageTimeout, match="timed out"):
+        run_scenario(tmp_path / "one.toml", tmp_path / "run")
+    more = ("--set", "loading.0.on_timeout=go on")
+    assert call("run", "one.toml", "-o", "run", *more, cwd=tmp_path).returncode == 0
+    assert call("run", "one.toml", "-o", "whole", *more, cwd=tmp_path).returncode == 0
+    found, expected = (read_info(tmp_path / name) for name in ("run", "whole"))
+    for key in ("state_digest", "data_digest", "stage_ends", "step"):
+        assert found[key] == expected[key]
+
+
+def test_a_last_stage_that_timed_out_is_finished_by_going_on(tmp_path: Path) -> None:
+    text = ONE.replace("STAGE", LATE + '\non_timeout = "stop"').replace('[[loading]]\nname = "second"\nduration = 0.01\n', "")
+    (tmp_path / "one.toml").write_text(text)
+    with pytest.raises(StageTimeout):
+        run_scenario(tmp_path / "one.toml", tmp_path / "run")
+    overrides = ["loading.0.on_timeout=go on"]
+    assert run_scenario(tmp_path / "one.toml", tmp_path / "run", overrides=overrides).is_finished
+    assert run_scenario(tmp_path / "one.toml", tmp_path / "whole", overrides=overrides).is_finished
+    assert run_info(tmp_path / "run")["state_digest"] == run_info(tmp_path / "whole")["state_digest"]
+
+
+def test_results_alone_know_how_stages_ended(tmp_path: Path) -> None:
+    outcome = run_one(tmp_path, LATE)
+    (tmp_path / "run" / "results.h5").rename(tmp_path / "mailed.h5")
+    ends = run_info(tmp_path / "mailed.h5")["stage_ends"]
+    assert ends == [end.as_document() for end in outcome.stage_ends]
+    assert json.loads((tmp_path / "run" / "run.json").read_text())["stage_ends"] == ends
