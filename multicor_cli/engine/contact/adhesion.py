@@ -16,6 +16,9 @@ from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.model.columns import GAP, INVERSE_MASS, NORMAL, NX, NY, SPIN, SURFACE, X, Y
 from multicor_cli.model.model import ContactLaws, Floats, Grains, Ints
 
+TOUCHING = 1e-9
+"""Largest gap, over the radius, of bodies that touch as far as rounded positions tell."""
+
 
 @formula
 def attraction_of(c: int, contacts: StepContacts) -> float:
@@ -27,8 +30,8 @@ def attraction_of(c: int, contacts: StepContacts) -> float:
 def attractions(scene: Scene, laws: ContactLaws, contacts: StepContacts, bodies: Floats, dt: float) -> Floats:
     """F_a Δt of all contacts [N s], shape ``(c,)``; 0 where a contact is not adhesive in this step.
 
-    Adhesive are contacts without a gap, and those that carried an impulse in the step before and that adhesion alone would close
-    within this one, ``gap ≤ F_a Δt² W_nn`` (of the grains): contacts turn, and what is left of their gap is of this order.
+    Adhesive are contacts without a gap (but for rounding), and those that carried an impulse in the step before and that adhesion
+    alone would close within this one, ``gap ≤ F_a Δt² W_nn`` (of the grains): contacts turn, which leaves a gap of second order.
 
     Args:
         scene: Shapes at q_m.
@@ -44,7 +47,7 @@ def attractions(scene: Scene, laws: ContactLaws, contacts: StepContacts, bodies:
         force = laws.adhesion[scene.material[i], scene.material[j]]
         w = bodies[i, INVERSE_MASS] + (bodies[j, INVERSE_MASS] if j < count else 0.0)
         gap, carried = contacts.frame[c, GAP], contacts.impulse[c, NORMAL] > 0.0
-        if gap <= 0.0 or (carried and gap <= dt * dt * force * w):
+        if gap <= TOUCHING * scene.radius[i] or (carried and gap <= dt * dt * force * w):
             found[c] = dt * force
             if not carried:
                 contacts.impulse[c, NORMAL] = found[c]
@@ -52,8 +55,11 @@ def attractions(scene: Scene, laws: ContactLaws, contacts: StepContacts, bodies:
 
 
 def closing_distance(laws: ContactLaws, grains: Grains, dt: float) -> float:
-    """No adhesive contact has a larger gap [m]; arguments as `attractions`."""
-    return dt * dt * 2.0 * float((laws.adhesion.max(initial=0.0) / grains.mass).max())
+    """No adhesive contact has a larger gap [m]; 0 if no pair of materials has adhesion. Arguments as `attractions`."""
+    if not laws.adhesion.size:
+        return 0.0
+    fastest = dt * dt * 2.0 * float(laws.adhesion.max()) / float(grains.mass.min())
+    return max(fastest, TOUCHING * float(grains.radius.max()))
 
 
 def attract(scene: Scene, contacts: StepContacts, free: Floats, wall_inverse: Floats) -> Floats:
