@@ -2,8 +2,8 @@
 
 In velocity units a couple is friction on the rolling velocity u_r = a* (ω_i − ω_j): |p_r| ≤ μ_r q_n, where p_r is the impulse of
 the couple over a*. It acts on spins alone and takes its bound from the normal impulse of its contact, so neither the contacts nor
-their vectors know of it. Couples are relaxed serially, in the order of their contacts; one takes some three times as long as a light
-contact, which is one of four in a vector (14 and 5 ns in a bed of 18,000 contacts).
+their vectors know of it. Couples are relaxed serially, in the order of their contacts; one takes some three times as long as a
+light contact, which is one of four in a vector (14 and 5 ns in a bed of 18,000 contacts).
 """
 
 from __future__ import annotations
