@@ -5,6 +5,7 @@ import pytest
 from scene_parts import FLOOR, TIGHT, G, advance, book, make_engine, make_model, shear_engine, tally
 
 from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
+from multicor_cli.engine.motion.gravity import Gravity
 from multicor_cli.model import ContactLaws, ShapeKind
 
 CEILING = [(ShapeKind.PLANE, 0, (0.0, 1.0, 0.0, -1.0))]
@@ -19,7 +20,7 @@ def test_two_discs_come_apart_in_the_first_step_in_which_the_pull_exceeds_adhesi
     object.__setattr__(model, "laws", _laws_of_two(strong=1e3 * mass, weak=(last + 0.5) * rise * mass))
     engine = make_engine(model, [[0.0, 0.9], [0.0, 0.65]], settings=TIGHT)
     for k in range(60):
-        model.gravity[1] = -k * rise
+        engine.set_gravity(Gravity.constant(np.array([0.0, -k * rise])))
         engine.step(1e-3, k * 1e-3)
         assert (abs(engine.state.velocity[1, 1]) < 1e-12) == (k <= last)
         assert abs(engine.state.velocity[0, 1]) < 1e-12
