@@ -106,7 +106,7 @@ def pack_couples(scene: Scene, contacts: StepContacts, slot: Ints, general: Ints
 def _places(slot: Ints, general: Ints, count: int) -> Ints:
     """Where the normal impulse of each contact is, as `Couples.place` says, shape ``(count,)``."""
     where = np.empty(count, np.int64)
-    batch, lane = np.nonzero(slot >= 0)
-    where[slot[batch, lane]] = IMPULSE_ROWS * LANES * batch + lane
+    filled = np.flatnonzero(slot.reshape(-1) >= 0)
+    where[slot.reshape(-1)[filled]] = IMPULSE_ROWS * LANES * (filled // LANES) + filled % LANES
     where[general] = -1 - np.arange(general.size)
     return where
