@@ -7,6 +7,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from multicor_cli.engine.contact.adhesion import net_impulses, resting_attraction
 from multicor_cli.engine.contact.problem import ContactProblem
 from multicor_cli.engine.contact.report import StepReport
 from multicor_cli.engine.contact.solve import Settings
@@ -133,6 +134,11 @@ class CoupledEngine:
         i, j = heat.resting_contacts()
         gap, normal = np.empty(i.size), np.empty((i.size, 2))
         resting_contacts(scene, i, j, gap, normal)
-        impulse = state.contact_impulse if state.last_dt > 0.0 else np.zeros((i.size, 2))
         none = np.zeros(i.size)
-        return ContactTable(i, j, normal, gap, impulse, none, np.zeros(i.size, np.bool_))
+        impulse, couple = np.zeros((i.size, 2)), none
+        laws = self.mechanics.model.laws
+        if state.last_dt > 0.0:
+            impulse = net_impulses(state.contact_impulse, resting_attraction(laws, scene.material, i, j, state.last_dt))
+            couple = state.contact_couple
+        sticking = np.zeros(i.size, np.bool_)
+        return ContactTable(i, j, normal, gap, impulse, none, sticking, couple=couple if laws.rolling.size else None)

@@ -13,6 +13,7 @@ import numpy as np
 
 from multicor_cli.arithmetic import hypot
 from multicor_cli.arithmetic.sums import column_totals, total
+from multicor_cli.engine.contact.adhesion import attract, closing_distance
 from multicor_cli.engine.contact.detection import StepContacts, WarmStart, find_missed, measure_pairs, warm_rows
 from multicor_cli.engine.contact.gathering import gather_contacts
 from multicor_cli.engine.contact.problem import ContactProblem, problem_of_step
@@ -33,6 +34,7 @@ from multicor_cli.engine.motion.drives import WallDrive
 from multicor_cli.engine.motion.gravity import AnyGravity, Gravity
 from multicor_cli.engine.motion.moves import move, predict, wrap
 from multicor_cli.engine.motion.walls import WallMotion
+from multicor_cli.model.columns import COUPLE
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.model.faults import LARGEST, find_absurd_value
 from multicor_cli.model.model import LEAST_DIAMETERS, Floats, Model
@@ -136,7 +138,7 @@ class Engine:
                 self._list.update(self._middle, scene.world, reach)
                 lists = self._list
                 if margin < 0.0:
-                    margin = dt * self._measure_pairs(scene, reach)
+                    margin = self._margin(scene, reach, dt)
             contacts, after, outcome = self._solve(scene, margin, dt, should_stop)
             with self._timed("detect"):
                 reach = max(reach, self._reach_after(scene, after, dt))
@@ -170,10 +172,15 @@ class Engine:
         """The contact problem of the next step, without taking it: to save, compare and study. Arguments as `step`.
 
         Returns:
-            The problem, and the impulses from which the solver would start [N s], shape ``(c, 2)``.
+            The problem, and the impulses from which the solver would start [N s], shape ``(c, 2)``. With adhesion free velocities
+            hold the attraction, and normal impulses are q_n = p_n + F_a Δt (theory §3.1).
+
+        Raises:
+            ValueError: If there is rolling resistance, which a `ContactProblem` does not know.
         """
         scene, contacts = self._next_contacts(dt, t)
-        problem = problem_of_step(scene, contacts, self._free, self._motion.inverse, self.model.shape_factor)
+        inverse = self._motion.inverse
+        problem = problem_of_step(scene, contacts, attract(scene, contacts, self._free, inverse), inverse, self.model.shape_factor)
         return problem, contacts.impulse
 
     def next_system(self, dt: float, t: float) -> OrderedSystem:
@@ -184,7 +191,7 @@ class Engine:
         """Shapes and contacts of the next step, as `step` finds them at first."""
         scene, reach = self._predict(dt, t)
         self._list.update(self._middle, scene.world, reach)
-        contacts, _ = self._gather(scene, dt * self._measure_pairs(scene, reach), dt)
+        contacts, _ = self._gather(scene, self._margin(scene, reach, dt), dt)
         return scene, contacts
 
     def _predict(self, dt: float, t: float) -> tuple[Scene, float]:
@@ -207,7 +214,12 @@ class Engine:
         drift = fit_drift(self._free, self._middle, model.period)
         fall = dt * np.abs(self._pull)  # between the velocities at the start and the free ones
         drift = replace(drift, rest=drift.rest + hypot(*fall.tolist()), largest=drift.largest + fall)
-        return scene, self._motion.closing(drift, scene, state.wall_velocity, walls).reach(dt, self._list.largest)
+        reach = self._motion.closing(drift, scene, state.wall_velocity, walls).reach(dt, self._list.largest)
+        return scene, max(reach, closing_distance(model.laws, model.grains, dt))
+
+    def _margin(self, scene: Scene, reach: float, dt: float) -> float:
+        """Largest gap of the contacts of the step, as far as velocities before the solve tell [m]; measures the listed pairs."""
+        return max(dt * self._measure_pairs(scene, reach), closing_distance(self.model.laws, self.model.grains, dt))
 
     def _measure_pairs(self, scene: Scene, reach: float) -> float:
         """Gaps of the listed pairs into the list; returns the largest approach speed of a pair nearer than ``reach`` [m/s]."""
@@ -234,31 +246,36 @@ class Engine:
     def _assemble(self, scene: Scene, contacts: StepContacts) -> OrderedSystem:
         model, motion = self.model, self._motion
         schedule = self._scheduler.schedule(scene, contacts, motion.is_free, model.mean_diameter)
-        return assemble(scene, contacts, schedule, self._free, motion.inverse, model.shape_factor)
+        free = attract(scene, contacts, self._free, motion.inverse)
+        return assemble(scene, contacts, schedule, free, motion.inverse, model.shape_factor)
 
     def _gather(self, scene: Scene, margin: float, dt: float) -> tuple[StepContacts, ResidualScale]:
         """Contacts with a gap up to ``margin``, with their warm start, and the scale of the residuals."""
         state, model, lists = self.state, self.model, self._list
-        warm = WarmStart(warm_rows(model.grain_count, state.contact_i), state.contact_j, state.contact_impulse)
+        row = warm_rows(model.grain_count, state.contact_i)
+        warm = WarmStart(row, state.contact_j, state.contact_impulse, state.contact_couple)
         ratio = dt / state.last_dt if state.last_dt > 0.0 else 0.0
         contacts, speeds = gather_contacts(scene, lists, margin, model.laws, self._start, dt, warm, ratio)
-        scale = self._scale(dt, *speeds)
+        scale = self._scale(dt, float(contacts.attraction.max(initial=0.0)), *speeds)
         if scale.velocity == 0.0:
             # Nothing closes and nothing pushes: the impulses of the step before must not act once more.
             contacts.impulse[:] = 0.0
+            contacts.rolling[:, COUPLE] = 0.0
         return contacts, scale
 
-    def _scale(self, dt: float, squares: float, closing: float, slip: float, loaded: float) -> ResidualScale:
+    def _scale(self, dt: float, attraction: float, squares: float, closing: float, slip: float, loaded: float) -> ResidualScale:
         """What residuals are measured against (theory §5.3).
 
         Velocities: u_ref = max(u_load, 10 times the mean slip), and u_rms = max(u_load, 50 times the mean slip), with u_load =
-        max(Δt |g|, Δt P d̄/m̄, rms of the closing velocities). Energies: ½ M u_load u_ref, or ½ M u_ref² where nothing loads.
+        max(Δt |g|, Δt P d̄/m̄, rms of the closing velocities). Energies: ½ M u_load u_ref, or ½ M u_ref² where nothing loads. Where
+        there is neither weight nor load, Δt F_a/m̄ stands in for them; ``attraction`` is the largest F_a Δt of a contact [N s].
         """
         model = self.model
         mean_mass = self._mass / model.grain_count
+        weight = dt * hypot(*self._pull.tolist())
+        pressure = dt * self._motion.pressure() * model.mean_diameter / mean_mass
         load = max(
-            dt * hypot(*self._pull.tolist()),
-            dt * self._motion.pressure() * model.mean_diameter / mean_mass,
+            max(weight, pressure) or attraction / mean_mass,
             math.sqrt(squares / closing) if closing else 0.0,
         )
         mean_slip = slip / loaded if loaded else 0.0
@@ -294,7 +311,7 @@ class Engine:
                 wrap(state.position, state.image, model.period)
         with self._timed("account"):
             book_step(state, self._motion, sums, kinetic, gravity_work, wall_before, correction, outcome, dt)
-            state.contact_i, state.contact_j, state.contact_impulse = account.warm_start_of(contacts)
+            state.contact_i, state.contact_j, state.contact_impulse, state.contact_couple = account.warm_start_of(contacts)
             state.last_dt = dt
             state.step += 1
             state.stage_step += 1

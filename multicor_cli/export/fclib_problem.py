@@ -74,7 +74,8 @@ def export_fclib(run: Run, path: Path, frame: int = -1, *, is_overwriting: bool 
         is_overwriting: Whether a file that is there may be replaced.
 
     Raises:
-        ExportError: If there is no such frame, the step is one in which nothing moves, or there is no contact.
+        ExportError: If there is no such frame, the step is one in which nothing moves, there is no contact, or contacts have
+            adhesion or rolling resistance.
         ExportRefused: If the file may not be written.
         StoreError: If the run cannot be read, or the file not be written.
     """
@@ -106,11 +107,13 @@ def frame_problem(run: Run, number: int = -1) -> FrameProblem:
         number: Number of the frame; negative counts from the end.
 
     Raises:
-        ExportError: If there is no such frame, or the step is one in which nothing moves.
+        ExportError: If there is no such frame, the step is one in which nothing moves, or contacts have adhesion or rolling
+            resistance.
         StoreError: If the run cannot be read.
     """
     frame = choose_frame(run, number)
     model = run.model
+    _refuse_further_laws(run, model)
     scenario = parse_scenario(run.scenario_resolved, run.path)
     plan = make_plan(scenario, model)
     moment = _find_moment(run, frame, plan)
@@ -127,6 +130,15 @@ def _next_problem(scenario: Scenario, plan: RunPlan, model: Model, state: State,
     engine, stage = make_engine(scenario, model, state, threads=1), plan.stages[moment.stage]
     resume_stage(engine, stage, moment.starts)
     return engine.next_start(stage.dt, moment.stage_step * stage.dt)
+
+
+def _refuse_further_laws(run: Run, model: Model) -> None:
+    """FCLib knows Coulomb's cone alone; raises `ExportError` if contacts have another law."""
+    laws = {"adhesion": model.laws.adhesion, "rolling resistance": model.laws.rolling}
+    for name, table in laws.items():
+        if table.size:
+            message = f"{run.path}: contacts of this run have {name}, which the format of FCLib does not know"
+            raise ExportError(message)
 
 
 def _find_moment(run: Run, frame: Frame, plan: RunPlan) -> _Moment:

@@ -150,7 +150,7 @@ def _fill_particles(target: Any, model: Model, frame: Frame, box: _Box) -> None:
 def _fill_bonds(target: Any, frame: Frame) -> None:
     """Contacts between grains that carry a force; frames without any say so, or readers would repeat those of the first one."""
     contacts, bonds = frame.contacts, target.bonds
-    shown = (contacts.kind == 0) & (contacts.impulse[:, 0] > 0.0)
+    shown = (contacts.kind == 0) & (contacts.impulse[:, 0] != 0.0)
     bonds.N = int(shown.sum())
     bonds.types = ["contact"]
     bonds.typeid = np.zeros(bonds.N, np.uint32)

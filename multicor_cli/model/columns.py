@@ -10,6 +10,7 @@
 | frames of contacts | `NX`, `NY`, `GAP` [m], `BIAS` [m/s], `MU` |
 | frames of contacts in a sweep | `NX`, `NY`, `MASS` = 1/W_nn [kg] or `W_NN`, `BIAS`, `MU`, and `W_NT`, `W_TT` [1/kg] |
 | geometry of wall shapes | `X`, `Y`; discs, circles: `RADIUS`; others: `TAIL_X`, `TAIL_Y`; see `multicor_cli.model.shapes.SHAPES` |
+| rolling resistance of contacts | `LIMIT` = μ_r, `ARM` = a* [m], `BEFORE` = u_r⁻ [m/s], `COUPLE` = p_r [N s] |
 | heat of contacts | `FRICTION`, `IMPACT` [J] |
 | heat of walls | `GIVEN` to grains by conduction, `RECEIVED` from friction and impacts [J] |
 """
@@ -27,6 +28,8 @@ NX, NY, BIAS, MU = 0, 1, 3, 4
 GAP = MASS = W_NN = 2
 W_NT, W_TT = 5, 6
 """Normal, bias and friction have the same columns in the frames of all kinds of contacts."""
+
+LIMIT, ARM, BEFORE, COUPLE = 0, 1, 2, 3
 
 RADIUS = 2
 TAIL_X, TAIL_Y = 2, 3

@@ -52,6 +52,9 @@ class ContactTable:
     sliding: NDArray[np.bool_] = _column("1", "1 if the contact slides, 0 if it sticks or carries nothing", "u1")
     heat: Floats | None = _heat("J", "heat generated in the contact in the last step", exports=("vtk", "gsd"))
     conductance: Floats | None = _heat("W/K", "conductance of the contact in the last step")
+    couple: Floats | None = _column(
+        "N m s", "impulse of the rolling resistance on i in the last step", only_with="rolling", since=(1, 1), default=None
+    )
 
     @classmethod
     def empty(cls) -> ContactTable:

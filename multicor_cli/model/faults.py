@@ -15,7 +15,11 @@ from multicor_cli.model.stored import stored_fields
 LARGEST = 1e50
 """Larger magnitudes are absurd in SI units, and their squares may not be finite."""
 
-_CONTACTS = {"contact_impulse": ("contact_i", "contact_j"), "mean_force": ("mean_i", "mean_j")}
+_CONTACTS = {
+    "contact_impulse": ("contact_i", "contact_j"),
+    "contact_couple": ("contact_i", "contact_j"),
+    "mean_force": ("mean_i", "mean_j"),
+}
 _ENTRIES = {"books": BOOK_NAMES, "tallies": TALLY_NAMES, "window": WINDOW_NAMES, "heat_books": HEAT_BOOK_NAMES}
 
 
@@ -56,7 +60,8 @@ def find_misfit(state: State, model: Model) -> str | None:
             return f"{name} has shape {getattr(state, name).shape} instead of {shape}"
     for name, (i, j) in _CONTACTS.items():
         first, second = getattr(state, i), getattr(state, j)
-        if not (first.shape == second.shape == getattr(state, name).shape[:1]):
+        rows = first.size if name != "contact_couple" or model.laws.rolling.size else 0
+        if not (first.shape == second.shape and getattr(state, name).shape[:1] == (rows,)):
             return f"{i}, {j} and {name} have different lengths"
         if not _are_pairs(first, second, n, n + shapes):
             return f"{i} and {j} are not pairs of shapes in ascending order"

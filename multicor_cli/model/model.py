@@ -84,7 +84,7 @@ _NONE = np.empty((0, 0))
 
 
 class ContactLaws(NamedTuple):
-    """Coulomb friction and Newton restitution for each pair of materials; ``k`` materials. Kernels take it as it is.
+    """Friction, restitution, adhesion and rolling resistance of each pair of materials; ``k`` materials. Kernels take it as it is.
 
     Attributes:
         friction: Coefficient of friction μ, shape ``(k, k)``, symmetric; used where ``table`` is -1.
@@ -98,6 +98,8 @@ class ContactLaws(NamedTuple):
         softening_start: T_r, the temperature at which μ = μ₀ [K].
         softening_lowest: Smallest μ.
         softening_highest: Largest μ.
+        adhesion: F_a, the tension that a contact bears [N], shape ``(k, k)``, symmetric; of size 0 if no pair has adhesion.
+        rolling: Coefficient of rolling resistance μ_r, shape ``(k, k)``, symmetric; of size 0 if no pair has it.
     """
 
     friction: Floats
@@ -110,6 +112,8 @@ class ContactLaws(NamedTuple):
     softening_start: Floats = _NONE
     softening_lowest: Floats = _NONE
     softening_highest: Floats = _NONE
+    adhesion: Floats = _NONE
+    rolling: Floats = _NONE
 
     @property
     def depends_on_temperature(self) -> bool:

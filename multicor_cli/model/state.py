@@ -47,10 +47,12 @@ class State:
     velocity: Floats = _array(("grain", 3), "m/s, m/s, rad/s", "velocities and spins of the grains")
     wall_position: Floats = _array(("wall", 3), "m, m, rad", "reference points and angles of the walls")
     wall_velocity: Floats = _array(("wall", 3), "m/s, m/s, rad/s", "velocities and spins of the walls")
-    # The contacts that carried an impulse, ascending by both shapes; where the next solve starts.
+    # The contacts that carried an impulse, ascending by both shapes; where the next solve starts. With adhesion normal impulses are
+    # p_n + F_a Δt (theory §3.1).
     contact_i: Ints = _array(("contact_row",), "1", "first shape of each contact that carried an impulse", "i4")
     contact_j: Ints = _array(("contact_row",), "1", "second shape of each of these contacts", "i4")
     contact_impulse: Floats = _array(("contact_row", 2), "N s", "normal and tangential impulse of the last step")
+    contact_couple: Floats = _array(("rolling_row",), "N m s", "impulse of the rolling resistance of each of them", since=(1, 1))
     books: Floats = _array(("book",), "J", "energy books, in the order of model.BOOK_NAMES")
     tallies: Floats = _array(("tally",), "mixed", "counters, in the order of state.TALLY_NAMES")
     window: Floats = _array(("window",), "mixed", "sums, in the order of state.WINDOW_NAMES")
@@ -137,12 +139,12 @@ class FrameFields:
 def digest_of(arrays: dict[str, NDArray[Any]]) -> str:
     """`State.digest` of what `State.as_dict` gives.
 
-    Fields that came after version 1.0 of the format are left out where they are empty: a state without them keeps its digest.
+    Empty arrays that came with a later version of the format do not count: what a run does not have leaves its digest as it was.
     """
     total = hashlib.blake2b(digest_size=16)
-    later = {name for name, about in stored_fields(State).items() if about.since > (1, 0)}
+    about = stored_fields(State)
     for name, value in arrays.items():
-        if name in later and not value.size:
+        if value.size == 0 and about[name].since > (1, 0):
             continue
         total.update(name.encode())
         total.update(str(value.shape).encode())

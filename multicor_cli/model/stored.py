@@ -11,6 +11,7 @@ Dim = Literal[
     "frame_edge",
     "particle_row",
     "contact_row",
+    "rolling_row",
     "series_row",
     "grain",
     "shape",
@@ -41,8 +42,8 @@ Version = tuple[int, int]
 DType = Literal["f8", "float", "i8", "i4", "u1", "str"]
 """Stored types. ``float`` is f8 or f4 after ``output.precision``; ``str`` is UTF-8 of fixed length."""
 
-Feature = Literal["heat", "softening"]
-"""What only some runs have: temperatures, or friction that depends on them."""
+Feature = Literal["heat", "softening", "adhesion", "rolling"]
+"""What only some runs have: temperatures, friction that depends on them, adhesion, rolling resistance."""
 
 Export = Literal["vtk", "gsd"]
 """What shows a dataset of the frames besides CSV, which shows all: the view for ParaView, and GSD files."""

@@ -36,8 +36,8 @@ def contact_laws(
     friction, restitution, table = np.zeros((k, k)), np.zeros((k, k)), np.full((k, k), -1, np.int32)
     number: dict[tuple[tuple[float, ...], tuple[float, ...]], int] = {}
     softening: dict[tuple[int, int], Softening] = {}
-    for a, b in touching:
-        law = law_of(materials[a], materials[b])
+    given = {(a, b): law_of(materials[a], materials[b]) for a, b in touching}
+    for (a, b), law in given.items():
         if law.softening is not None:
             softening[a, b] = softening[b, a] = law.softening
         restitution[a, b] = restitution[b, a] = law.restitution
@@ -54,7 +54,19 @@ def contact_laws(
         table_speed=np.array([speed for speeds, _ in number for speed in speeds], float),
         table_friction=np.array([value for _, values in number for value in values], float),
         **(_softening(k, softening) if softening else {}),
+        **_of_pairs(k, "adhesion", {pair: law.adhesion for pair, law in given.items()}),
+        **_of_pairs(k, "rolling", {pair: law.rolling_friction for pair, law in given.items()}),
     )
+
+
+def _of_pairs(k: int, name: str, values: Mapping[tuple[int, int], float | None]) -> dict[str, Floats]:
+    """A symmetric table of what pairs have; nothing if none has it."""
+    if not any(values.values()):
+        return {}
+    table = np.zeros((k, k))
+    for (a, b), value in values.items():
+        table[a, b] = table[b, a] = value or 0.0
+    return {name: table}
 
 
 def _softening(k: int, pairs: Mapping[tuple[int, int], Softening]) -> dict[str, Floats]:

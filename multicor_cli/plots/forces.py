@@ -33,7 +33,7 @@ def draw_forces(axes: Any, network: ForceNetwork) -> None:
         return
     handles = [Line2D([], [], color=COLORS[k], linewidth=max(float(width.mean()), 1.0)) for k in (0, 1)]
     labels = ["sticking", "sliding"]
-    title = f"width: normal force, mean {network.force[:, 0].mean():.3g} N"
+    title = f"width: normal force, mean {_mean_size(network):.3g} N"
     axes.figure.legend(handles, labels, loc="outside upper center", ncols=2, title=title, title_fontsize=7.0)
 
 
@@ -63,13 +63,18 @@ def segments(network: ForceNetwork) -> tuple[Floats, Any]:
 
 
 def line_widths(axes: Any, network: ForceNetwork) -> Floats:
-    """Widths of the lines [points], proportional to the normal forces; the largest forces are cut off at a wide line."""
+    """Widths of the lines [points], proportional to the normal forces without sign; the largest are cut off at a wide line."""
     scene = network.scene
     inches = axes.figure.get_size_inches()
     per_meter = float(min(inches / (scene.box[1] - scene.box[0]))) * _POINTS
     diameter = 2.0 * float(scene.radius.mean()) * per_meter
-    normal = network.force[:, 0]
-    return np.asarray(np.minimum(_WIDTH * diameter * normal / normal.mean(), _WIDEST * diameter))
+    relative = np.abs(network.force[:, 0]) / _mean_size(network)
+    return np.asarray(np.minimum(_WIDTH * diameter * relative, _WIDEST * diameter))
+
+
+def _mean_size(network: ForceNetwork) -> float:
+    """Mean normal force without sign [N]."""
+    return float(np.abs(network.force[:, 0]).mean())
 
 
 def forces_text(network: ForceNetwork, terminal: Terminal) -> str:
@@ -79,7 +84,7 @@ def forces_text(network: ForceNetwork, terminal: Terminal) -> str:
         PlotError: If matplotlib is not installed.
     """
     picture = draw_picture(network.scene, lambda axes: draw_network(axes, network), terminal)
-    mean = float(network.force[:, 0].mean()) if network.i.size else 0.0
+    mean = _mean_size(network) if network.i.size else 0.0
     return f"{picture}\nwidth: normal force, mean {mean:.3g} N; blue: sticking, red: sliding"
 
 

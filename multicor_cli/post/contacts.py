@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True)
 class LoadedContacts:
-    """The contacts of a frame with a positive normal force; ``c`` of them between ``n`` grains and the walls.
+    """The contacts of a frame with a normal force (tension is negative); ``c`` of them between ``n`` grains and the walls.
 
     Attributes:
         i: First grain, shape ``(c,)``.
@@ -103,7 +103,7 @@ def loaded_contacts(frame: GrainFrame, model: Model) -> LoadedContacts:
     """The contacts of a frame that carry a force."""
     contacts = frame.contacts
     force = np.asarray(contacts.force, np.float64)
-    row = np.flatnonzero(force[:, 0] > 0.0)
+    row = np.flatnonzero(force[:, 0])
     glued = np.where(model.shapes.kind == ShapeKind.DISC, model.shapes.geometry[:, 2], 0.0)
     reach_of = np.concatenate([model.grains.radius, glued])
     return LoadedContacts(contacts.i[row], contacts.j[row], force[row], row, contacts, reach_of, model.grain_count)

@@ -25,7 +25,7 @@ class ContactsView:
         i: First grain, shape ``(c,)``.
         j: Second grain; −1: a wall, shape ``(c,)``.
         angle: Direction from the first grain to the contact [rad], −π … π, shape ``(c,)``.
-        force: Normal force [N], shape ``(c,)``.
+        force: Normal force without sign [N], shape ``(c,)``.
     """
 
     i: NDArray[np.int64]
@@ -90,4 +90,4 @@ def _contacts(run: Run, index: int) -> ContactsView | None:
     contacts = loaded_contacts(frame, run.model)
     normal, j = contacts.normal, np.where(contacts.is_wall, -1, contacts.j).astype(np.int64)
     angle = np.arctan2(-normal[:, 1], -normal[:, 0]).astype(np.float32)
-    return ContactsView(contacts.i.astype(np.int64), j, angle, contacts.force[:, 0].astype(np.float32))
+    return ContactsView(contacts.i.astype(np.int64), j, angle, np.abs(contacts.force[:, 0]).astype(np.float32))

@@ -223,6 +223,15 @@ class ContactPair(Table):
         "{ value = 0.5, softening = 1e-3 } of the temperature, or both: speed, values and softening"
     )
     restitution: Fraction = Field(0.0, description="coefficient of normal restitution, 0 to 1")
+    adhesion: Annotated[float, Field(ge=0.0, le=1e12)] | None = Field(
+        None,
+        description="tension that a contact bears F_a [N]; adhesion has no range, it acts while two bodies touch; default: none",
+    )
+    rolling_friction: Friction | None = Field(
+        None,
+        description="coefficient of rolling resistance (0 to 10): the couple of a contact is at most rolling_friction a* times its "
+        "normal force, with a* = a_i a_j/(a_i + a_j), a_i at a smooth wall; default: none",
+    )
     wear: Annotated[float, Field(ge=1e-15, le=1.0)] | None = Field(
         None, description="Archard's coefficient of wear K: volume = K force distance/hardness; needs [heat]; default: no wear"
     )

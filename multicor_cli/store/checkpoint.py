@@ -274,7 +274,10 @@ def _read_column(file: CheckedFile, spec: schema.Dataset) -> NDArray[Any]:
 
 
 def _complete(values: NDArray[Any] | None, spec: schema.Dataset, lengths: dict[str, int]) -> NDArray[Any]:
-    """Zeros for what a file of an older version of the format lacks: a dataset, or the last entries of books."""
+    """Zeros for what a file of an older version of the format lacks: a dataset, or the last entries of books.
+
+    Rows that nothing else counts are none.
+    """
     shape = () if spec.dims == ("one",) else tuple(d if isinstance(d, int) else lengths.get(d, 0) for d in spec.dims)
     if values is None:
         return np.zeros(shape, dtype_of(spec, "double"))

@@ -270,6 +270,13 @@ _LAWS = {
         "region": "region = { min = [0.003, 0.003], max = [0.027, 0.029] }",
         "drives": _SHAKE,
     },
+    "adhesion-and-rolling": {
+        "walls": _MOVING,
+        "periodic": "false",
+        "region": "region = { min = [0.003, 0.003], max = [0.027, 0.029] }",
+        "wear": "adhesion = 1e-4\nrolling_friction = 0.1",
+        "drives": _SHAKE,
+    },
     "friction-of-speed": {"friction": _SPEEDS, "packing": '{ kind = "deposited" }', "region": _region(0.03)},
     "friction-of-temperature": {**_BED, "friction": _SOFT, "heat": _HEAT},
     "heat": {**_BED, "heat": _HEAT, "second": "frozen = true\nduration = 20.0\ndt = 0.5"},

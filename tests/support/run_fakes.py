@@ -1,8 +1,9 @@
-"""An engine that only counts, and a recorder that remembers: for tests of the controller."""
+"""An engine that only counts, a recorder that remembers, and an observer that stops a run: for tests of the controller."""
 
 from __future__ import annotations
 
 import copy
+import signal
 from collections.abc import Callable, Sequence
 from typing import Any
 
@@ -16,11 +17,24 @@ from multicor_cli.model import BOOK_NAMES, Model, State
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.running.conditions import RestReached, StrainReached
 from multicor_cli.running.gauges import ShearGauge
+from multicor_cli.running.observer import SilentObserver
 from multicor_cli.running.plan import RunPlan, StagePlan
 from multicor_cli.scenario.settings import Output
 from multicor_cli.store.stage_ends import StageEnd
 
 KINETIC = BOOK_NAMES.index("kinetic")
+
+
+class StopAt(SilentObserver):
+    """Sends the signal to stop after a step."""
+
+    def __init__(self, step: int) -> None:
+        self.step = step
+
+    def stepped(self, status: Any) -> None:
+        """Told after every step."""
+        if status.state.step == self.step:
+            signal.raise_signal(signal.SIGTERM)
 
 
 class FakeEngine:

@@ -12,14 +12,15 @@ TIGHT = Settings(tolerance_rms=1e-12, tolerance_max=1e-10, tolerance_energy=1e-1
 FIXED = DofDrive()
 
 
-def make_laws(friction=0.5, restitution=0.0, table=None):
+def make_laws(friction=0.5, restitution=0.0, table=None, *, adhesion=0.0, rolling=0.0):
+    further = {name: np.full((1, 1), value) for name, value in (("adhesion", adhesion), ("rolling", rolling)) if value}
     if table is None:
         none = np.zeros(0)
         number, start, speed, values = np.full((1, 1), -1, np.int32), np.zeros(1, np.int32), none, none
     else:
         number, start = np.zeros((1, 1), np.int32), np.array([0, len(table[0])], np.int32)
         speed, values = np.array(table[0], float), np.array(table[1], float)
-    return ContactLaws(np.full((1, 1), friction), np.full((1, 1), restitution), number, start, speed, values)
+    return ContactLaws(np.full((1, 1), friction), np.full((1, 1), restitution), number, start, speed, values, **further)
 
 
 def make_shapes(shapes):
@@ -45,6 +46,8 @@ def make_model(
     density=1.0,
     table=None,
     wall_gravity=False,
+    adhesion=0.0,
+    rolling=0.0,
 ):
     """Model of one material; ``shapes`` are (kind, wall, four numbers)."""
     radius = np.asarray(radius, float)
@@ -56,7 +59,7 @@ def make_model(
     grains = Grains(radius, grain_mass, grain_mass * radius**2 / factor, np.zeros(n, np.int32), np.zeros(n, np.int32))
     fill = lambda value: np.full(w, np.nan if value is None else value, float)  # noqa: E731
     bodies = Walls(tuple(walls), fill(mass), fill(inertia), np.full(w, wall_gravity), fill(length))
-    laws = make_laws(friction, restitution, table)
+    laws = make_laws(friction, restitution, table, adhesion=adhesion, rolling=rolling)
     return Model(grains, make_shapes(shapes), bodies, laws, ("steel",), ("grains",), period, np.array(gravity, float), factor)
 
 
@@ -89,7 +92,10 @@ def tally(state, name):
     return state.tallies[TALLY_NAMES.index(name)]
 
 
-def shear_scene(columns=16, rows=14, *, seed=0, friction=0.4, restitution=0.0, spread=0.2, gravity=(0.0, 0.0), load=1.0, speed=1.5):
+def shear_scene(
+    columns=16, rows=14, *, seed=0, friction=0.4, restitution=0.0, spread=0.2, gravity=(0.0, 0.0), load=1.0, speed=1.5,
+    adhesion=0.0, rolling=0.0,
+):  # fmt: skip
     """Loose discs of mean mass and diameter 1 between two rough walls; the upper one is sheared under a load per length.
 
     Returns the model, positions (with the walls' reference points) and drives.
@@ -106,7 +112,7 @@ def shear_scene(columns=16, rows=14, *, seed=0, friction=0.4, restitution=0.0, s
     shapes = [(ShapeKind.DISC, 0, g) for g in line] + [(ShapeKind.DISC, 1, g) for g in line]
     model = make_model(
         radius, shapes, ("bottom", "top"), friction=friction, restitution=restitution, gravity=gravity, period=period,
-        mass=20.0, length=period, density=4.0 / np.pi,
+        mass=20.0, length=period, density=4.0 / np.pi, adhesion=adhesion, rolling=rolling,
     )  # fmt: skip
     height = 1.15 + rows * 1.1
     origins = np.array([[0.5 * period, 0.0, 0.0], [0.5 * period, height, 0.0]])

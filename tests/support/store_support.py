@@ -40,6 +40,7 @@ PROVENANCE = {"multicor_version": "0", "seed": 7, "versions": {"python": "3"}}
 
 
 def make_model(grains: int = 5, *, walls: bool = True, heat: bool = False) -> Model:
+    """Five grains, or others; with heat it has all that only some runs have."""
     names = ("bottom", "dessus-é") if walls else ()
     w, m = len(names), 3 if walls else 0
     radius = np.linspace(1.0, 2.0, grains) * 1e-3
@@ -58,6 +59,7 @@ def make_model(grains: int = 5, *, walls: bool = True, heat: bool = False) -> Mo
             np.array([0.0, 1.0]),
             np.array([0.3, 0.2]),
             *([np.full((2, 2), 1e-3), np.full((2, 2), 293.15), np.full((2, 2), 0.1), np.ones((2, 2))] if heat else []),
+            **({"adhesion": np.full((2, 2), 1e-5), "rolling": np.full((2, 2), 0.2)} if heat else {}),
         ),
         materials=("steel", "glass"),
         groups=("grains",),
@@ -94,6 +96,8 @@ def advance(state: State, model: Model, dt: float = 1e-3) -> None:
     state.contact_i = np.array([p[0] for p in pairs], np.int32)
     state.contact_j = np.array([p[1] for p in pairs], np.int32)
     state.contact_impulse = 1e-3 * np.sin(np.arange(2.0 * len(pairs)) + state.step).reshape(-1, 2)
+    if model.laws.rolling.size:
+        state.contact_couple = 1e-9 * (1.0 + np.arange(float(len(pairs))))
     state.books += np.linspace(0.0, 1.0, len(BOOK_NAMES)) * dt
     state.tallies[TALLY_NAMES.index("sweeps")] += 10
     state.tallies[TALLY_NAMES.index("max_impulse_rate")] = 1.0
@@ -124,8 +128,17 @@ def contact_rows(state: State) -> ContactTable:
     normal = np.tile([0.6, 0.8], (c, 1))
     sliding = np.arange(c) % 2 == 1
     heat = (1e-9 * np.arange(c), 0.1 + np.arange(c)) if state.heat.size else (None, None)
+    couple = state.contact_couple if state.heat.size else None
     return ContactTable(
-        state.contact_i, state.contact_j, normal, -1e-6 * np.arange(c), state.contact_impulse, 0.1 * np.arange(c), sliding, *heat
+        state.contact_i,
+        state.contact_j,
+        normal,
+        -1e-6 * np.arange(c),
+        state.contact_impulse,
+        0.1 * np.arange(c),
+        sliding,
+        *heat,
+        couple,
     )
 
 

@@ -124,7 +124,9 @@ def start_momentum(s: System) -> Momentum:
             elif s.inverse[b, d] > 0.0:
                 weight[b, d] = 1.0 / s.inverse[b, d]
     velocity = s.velocity[:bodies].copy()
-    return Momentum(velocity, np.zeros((bodies, 4)), weight, Before(s.impulse.copy(), s.general_impulse.copy()))
+    return Momentum(
+        velocity, np.zeros((bodies, 4)), weight, Before(s.impulse.copy(), s.general_impulse.copy(), s.couples.impulse.copy())
+    )
 
 
 @loop_body
@@ -223,6 +225,7 @@ def begin_again(s: System, m: Momentum, is_patched: bool, loop: Any) -> None:
     m.change[:] = 0.0
     m.before.impulse[:] = s.impulse
     m.before.general_impulse[:] = s.general_impulse
+    m.before.couple[:] = s.couples.impulse
     loop["theta"], loop["factor"] = 1.0, 0.0
     loop["best"], loop["best_at"], loop["is_stuck"] = np.inf, loop["sweeps"], False
     loop["patches"] += is_patched

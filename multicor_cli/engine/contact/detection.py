@@ -22,6 +22,7 @@ from multicor_cli.model.columns import BIAS, GAP, MU, NORMAL, NX, NY, SURFACE, T
 from multicor_cli.model.model import ContactLaws, Floats, Ints
 
 _SQUARES, _CLOSING, _SLIP, _LOADED = range(4)
+_NONE, _NO_ROLLING = np.empty(0), np.empty((0, 4))
 
 
 class StepContacts(NamedTuple):
@@ -34,6 +35,9 @@ class StepContacts(NamedTuple):
         before: u_n⁻, u_t⁻ [m/s], shape ``(c, 2)``.
         impulse: p_n, p_t [N s], shape ``(c, 2)``.
         lever: From the wall's reference point to the contact [m]; 0 for grains, shape ``(c, 2)``.
+        attraction: F_a Δt of adhesive contacts [N s], shape ``(c,)``; ``impulse`` then holds q_n = p_n + F_a Δt in place of p_n.
+            Of size 0 if no pair of materials has adhesion.
+        rolling: μ_r, a* [m], u_r⁻ [m/s], p_r [N s], shape ``(c, 4)``; of size 0 if no pair of materials has rolling resistance.
     """
 
     i: Ints
@@ -42,14 +46,17 @@ class StepContacts(NamedTuple):
     before: Floats
     impulse: Floats
     lever: Floats
+    attraction: Floats = _NONE
+    rolling: Floats = _NO_ROLLING
 
 
 class WarmStart(NamedTuple):
-    """Impulses of the step before, by grain: those of grain i are ``row[i]:row[i+1]``."""
+    """Impulses of the step before, by grain: those of grain i are ``row[i]:row[i+1]``; couples where there are any [N m s]."""
 
     row: NDArray[np.int64]
     j: Ints
     impulse: Floats
+    couple: Floats = _NONE
 
 
 @formula

@@ -5,7 +5,9 @@ from __future__ import annotations
 import numpy as np
 
 from multicor_cli.arithmetic.sums import column_totals
+from multicor_cli.engine.contact.adhesion import attractions
 from multicor_cli.engine.contact.detection import StepContacts, WarmStart, count_contacts, fill_contacts
+from multicor_cli.engine.contact.rolling import rolling_of_contacts
 from multicor_cli.engine.geometry.neighbor_list import NeighborList
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.jit.chunks import chunks_for
@@ -37,4 +39,8 @@ def gather_contacts(
     fill_contacts(
         scene, laws, lists.row, lists.partner, lists.gap, lists.normal, margin, kept, start, dt, warm, ratio, contacts, speeds
     )
+    if laws.adhesion.size:
+        contacts = contacts._replace(attraction=attractions(scene, laws, contacts, start, dt))
+    if laws.rolling.size:
+        contacts = contacts._replace(rolling=rolling_of_contacts(scene, laws, contacts, start, warm, ratio))
     return contacts, column_totals(speeds)

@@ -279,7 +279,13 @@ def problem_of_step(scene: Scene, contacts: StepContacts, free: Floats, wall_inv
         free: Free velocities (v_x, v_y, a ω or Ω, 1/m), shape ``(n + w, 4)``.
         wall_inverse: Inverse masses of the walls, shape ``(w, 3)``.
         spin_factor: β = m a²/I.
+
+    Raises:
+        ValueError: If there is rolling resistance.
     """
+    if contacts.rolling.size:
+        message = "a contact problem has no couples, and contacts here have rolling resistance"
+        raise ValueError(message)
     n = scene.radius.size
     velocity = free[:, :INVERSE_MASS].copy()
     velocity[:n, SPIN] /= scene.radius

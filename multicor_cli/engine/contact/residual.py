@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from multicor_cli.engine.contact.couples import measure_couples
 from multicor_cli.engine.contact.general import correction, general_solution, general_velocity
 from multicor_cli.engine.contact.lanes import (
     BIAS_,
@@ -130,9 +131,9 @@ def measure_residual(s: System, parallel: bool) -> tuple[float, float, float, fl
 
     Returns:
         rms and maximum of e_c, the velocity correction that an exact local solve of contact c would make with the others held
-        (natural map in velocity units), over contacts with p_n > 0 or e_c > 0 [m/s]; the energy residual Σ(|Σ p_n e_n| +
-        |Σ p_t e_t|), with the inner sums over `CHUNK` lanes of light contacts in the order of the sweep, or over all general
-        contacts [J]; and the number of these contacts.
+        (natural map in velocity units), over contacts with p_n > 0 or e_c > 0 [m/s], couples counting as further contacts; the
+        energy residual Σ(|Σ p_n e_n| + |Σ p_t e_t|), with the inner sums over `CHUNK` lanes of light contacts in the order of the
+        sweep, or over all general contacts, and |Σ p_r e_r| of all couples [J]; and the number of these contacts and couples.
     """
     velocity, pair, frame, impulse = s.velocity.reshape(-1), s.pair.reshape(-1), s.frame.reshape(-1), s.impulse.reshape(-1)
     batches = s.slot.shape[0]
@@ -157,5 +158,9 @@ def measure_residual(s: System, parallel: bool) -> tuple[float, float, float, fl
             largest = max(largest, square)
         normal += of_normal
         tangential += of_tangential
-    energy += abs(normal) + abs(tangential)
+    of_couples, peak, rolling, rolled = measure_couples(s.velocity, s.couples, impulse, s.general_impulse)
+    squares += of_couples
+    active += rolled
+    largest = max(largest, peak)
+    energy += abs(normal) + abs(tangential) + abs(rolling)
     return np.sqrt(squares / max(active, 1.0)), np.sqrt(largest), energy, active

@@ -1,6 +1,6 @@
 """Gauss–Seidel sweeps over contacts, in the matrix-free form: velocities are updated in place after each contact.
 
-Two kinds of contact:
+Two kinds of contact, and couples of rolling resistance (`multicor_cli.engine.contact.couples`), relaxed after them:
 
 * *light* ones between bodies with one inverse mass (grains, anchors): the Delassus matrix is diagonal,
   W_nn = 1/m_i + 1/m_j and W_tt = (1 + β) W_nn with β = m a²/I. They lie in batches of four that share no body
@@ -16,6 +16,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from multicor_cli.engine.contact.couples import NO_COUPLES, Couples, push_couple, relax_couples
 from multicor_cli.engine.contact.general import push_general, relax_general
 from multicor_cli.engine.contact.lanes import (
     BIAS_,
@@ -79,6 +80,7 @@ class System(NamedTuple):
         general_impulse: p_n, p_t [N s], shape ``(g, 2)``. **Modified by sweeps.**
         spin_factor: β = m a²/I of the light contacts.
         contacts: Number of contacts of both kinds.
+        couples: Couples of rolling resistance.
     """
 
     velocity: Floats
@@ -95,13 +97,15 @@ class System(NamedTuple):
     general_impulse: Floats
     spin_factor: float
     contacts: int
+    couples: Couples = NO_COUPLES
 
 
 class Before(NamedTuple):
-    """Impulses before the last sweep [N s]: of the light contacts, shape ``(q, 2, 4)``, and of the general ones, ``(g, 2)``."""
+    """Impulses before the last sweep [N s]: of light contacts, ``(q, 2, 4)``, general ones, ``(g, 2)``, and couples, ``(k,)``."""
 
     impulse: Floats
     general_impulse: Floats
+    couple: Floats = NO_COUPLES.impulse
 
 
 @formula
@@ -198,7 +202,7 @@ def _relax_tiles_on_threads(
 
 @kernel
 def sweep(s: System, before: Before, local: int, way: Relaxation, parallel: bool, partial: Floats) -> float:
-    """One Gauss–Seidel sweep over all contacts.
+    """One Gauss–Seidel sweep over all contacts and couples.
 
     Args:
         s: The problem. **Impulses and velocities modified.**
@@ -222,10 +226,11 @@ def sweep(s: System, before: Before, local: int, way: Relaxation, parallel: bool
     total = 0.0
     for t in range(partial.size):
         total += partial[t]
-    return total + relax_general(
+    total += relax_general(
         s.velocity, s.inverse, s.general_pair, s.general_frame, s.general_lever, s.general_impulse, before.general_impulse,
         local == EXACT, way.extrapolation,
     )  # fmt: skip
+    return total + relax_couples(s.velocity, s.inverse, s.couples, impulse, s.general_impulse, before.couple, way.extrapolation)
 
 
 @formula
@@ -256,3 +261,5 @@ def add_impulses(s: System) -> None:
     for g in range(s.general_pair.shape[0]):
         d_n, d_t = s.general_impulse[g, NORMAL], s.general_impulse[g, TANGENTIAL]
         push_general(g, d_n, d_t, s.velocity, s.inverse, s.general_pair, s.general_frame, s.general_lever)
+    for c in range(s.couples.impulse.size):
+        push_couple(c, s.couples.impulse[c], s.couples, s.velocity, s.inverse)

@@ -7,13 +7,14 @@ from dataclasses import dataclass
 import numpy as np
 
 from multicor_cli.engine.contact.detection import StepContacts
+from multicor_cli.engine.contact.rolling import pack_couples
 from multicor_cli.engine.contact.schedule import Schedule
 from multicor_cli.engine.contact.sweep import System, add_impulses
 from multicor_cli.engine.contact.transfer import pack_bodies, pack_contacts, pack_general, unpack
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.jit.chunks import aligned
 from multicor_cli.engine.jit.vectors import LANES
-from multicor_cli.model.columns import INVERSE_MASS, SPIN, X, Y
+from multicor_cli.model.columns import COUPLE, INVERSE_MASS, SPIN, X, Y
 from multicor_cli.model.model import Floats, Ints
 
 
@@ -32,11 +33,13 @@ class OrderedSystem:
     place: Ints
 
     def collect(self, contacts: StepContacts) -> Floats:
-        """Write the impulses back into ``contacts``; returns the velocities of grains and walls, shape ``(n + w, 4)``."""
+        """Write impulses and couples back into ``contacts``; returns the velocities of grains and walls, shape ``(n + w, 4)``."""
         system = self.system
         after = np.empty((system.inverse.shape[0], 4))
         unpack(system.slot, system.impulse, self.place, system.velocity, contacts.impulse, after)
         contacts.impulse[self.general] = system.general_impulse
+        if system.couples.impulse.size:
+            contacts.rolling[system.couples.contact, COUPLE] = system.couples.impulse
         return after
 
 
@@ -47,7 +50,7 @@ def assemble(
 
     Args:
         scene: Shapes at q_m.
-        contacts: Contacts sorted by key, with the warm start in ``impulse``.
+        contacts: Contacts sorted by key, with the warm start in ``impulse`` and ``rolling``.
         schedule: Their order.
         free: Free velocities of grains and walls, shape ``(n + w, 4)``.
         wall_inverse: Inverse mass per degree of freedom of the walls, shape ``(w, 3)``.
@@ -61,7 +64,7 @@ def assemble(
     pack_bodies(free, place, velocity)
     pack_contacts(scene, contacts, slot, pair, velocity, frame, impulse)
     inverse = np.zeros((bodies, 3))
-    if general.size:
+    if general.size or contacts.rolling.size:
         n = scene.radius.size
         inverse[:n, X] = inverse[:n, Y] = velocity[:n, INVERSE_MASS]
         inverse[:n, SPIN] = spin_factor * velocity[:n, INVERSE_MASS]
@@ -69,6 +72,7 @@ def assemble(
     system = System(
         velocity, inverse, slot, pair, frame, impulse, tile_start, color_start,
         *pack_general(scene, contacts, place, general, inverse), spin_factor, contacts.i.size,
+        pack_couples(scene, contacts, slot, general, place, inverse),
     )  # fmt: skip
     add_impulses(system)
     return OrderedSystem(system, general, place)

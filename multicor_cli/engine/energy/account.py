@@ -7,7 +7,9 @@ from typing import NamedTuple
 import numpy as np
 
 from multicor_cli.arithmetic.sums import column_totals
+from multicor_cli.engine.contact.adhesion import attraction_of
 from multicor_cli.engine.contact.detection import StepContacts, contact_after
+from multicor_cli.engine.contact.rolling import couple_of, couples_of_contacts, rolling_loss
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.jit.chunks import CHUNK, chunks_for
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
@@ -33,7 +35,7 @@ def _push_wall(c: int, scene: Scene, contacts: StepContacts, px: float, py: floa
     wall = scene.wall[contacts.j[c] - scene.radius.size]
     wall_impulse[chunk, wall, X] -= px
     wall_impulse[chunk, wall, Y] -= py
-    wall_impulse[chunk, wall, SPIN] -= contacts.lever[c, X] * py - contacts.lever[c, Y] * px
+    wall_impulse[chunk, wall, SPIN] -= contacts.lever[c, X] * py - contacts.lever[c, Y] * px + couple_of(c, contacts)
 
 
 @formula
@@ -44,20 +46,21 @@ def _account_chunk(
     friction, impact, sliding, negative, largest, loaded = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
     xx, xy, yx, yy = 0.0, 0.0, 0.0, 0.0
     for c in range(first, last):
-        p_n, p_t = contacts.impulse[c, NORMAL], contacts.impulse[c, TANGENTIAL]
-        if p_n == 0.0:
+        q_n, p_t, attraction = contacts.impulse[c, NORMAL], contacts.impulse[c, TANGENTIAL], attraction_of(c, contacts)
+        if q_n == 0.0 and attraction == 0.0:
             continue
+        p_n = q_n - attraction
         i, j = contacts.i[c], contacts.j[c]
         nx, ny = contacts.frame[c, NX], contacts.frame[c, NY]
         u_n, u_t = contact_after(c, scene, contacts, after)
         hit = -p_n * 0.5 * (contacts.before[c, NORMAL] + u_n)
-        rub = -p_t * 0.5 * (contacts.before[c, TANGENTIAL] + u_t)
+        rub = -p_t * 0.5 * (contacts.before[c, TANGENTIAL] + u_t) + rolling_loss(c, scene, contacts, after)
         friction += rub
         impact += hit
-        sliding += contacts.frame[c, MU] * abs(u_t) * p_n
+        sliding += contacts.frame[c, MU] * abs(u_t) * q_n
         negative += min(0.0, rub + hit)
         largest = max(largest, p_n)
-        loaded += 1.0
+        loaded += 1.0 if q_n > 0.0 else 0.0
         px, py = p_n * nx - p_t * ny, p_n * ny + p_t * nx
         if j < scene.radius.size:
             branch = scene.radius[i] + scene.radius[j] + contacts.frame[c, GAP]
@@ -85,7 +88,8 @@ def _account_chunks(scene: Scene, contacts: StepContacts, after: Floats, partial
 def account_contacts(scene: Scene, contacts: StepContacts, after: Floats) -> ContactSums:
     """Sum losses, virial and wall impulses over the contacts of a step, in fixed chunks.
 
-    The losses are −p·½(u⁻+u⁺), exact for the scheme whether or not the solver has converged (Moreau–Jean energy identity).
+    The losses are −p·½(u⁻+u⁺), exact for the scheme whether or not the solver has converged (Moreau–Jean energy identity). p is
+    what acts, adhesion taken off; couples count as friction.
 
     Args:
         scene: Shapes at q_m.
@@ -100,9 +104,18 @@ def account_contacts(scene: Scene, contacts: StepContacts, after: Floats) -> Con
     return ContactSums(total, column_totals(partial_wall))
 
 
+def warm_start_of(contacts: StepContacts) -> tuple[Ints, Ints, Floats, Floats]:
+    """Shapes i, j, impulses [N s] and couples [N m s] of the contacts that carry an impulse, in the same order.
+
+    Shapes ``(k,), (k,), (k, 2)``, and ``(k,)``, or ``(0,)`` without rolling resistance. With adhesion impulses are those of
+    `StepContacts`.
+    """
+    couple = couples_of_contacts(contacts)
+    return *_carrying(contacts), couple[contacts.impulse[:, NORMAL] > 0.0] if couple.size else couple
+
+
 @kernel
-def warm_start_of(contacts: StepContacts) -> tuple[Ints, Ints, Floats]:
-    """Shapes i, j and impulses [N s] of the contacts that carry an impulse, in the same order: shapes ``(k,), (k,), (k, 2)``."""
+def _carrying(contacts: StepContacts) -> tuple[Ints, Ints, Floats]:
     found = 0
     for c in range(contacts.i.size):
         if contacts.impulse[c, NORMAL] > 0.0:

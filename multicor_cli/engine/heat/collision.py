@@ -23,9 +23,9 @@ from numpy.typing import NDArray
 
 from multicor_cli.arithmetic import power
 from multicor_cli.engine.contact.detection import StepContacts
+from multicor_cli.engine.geometry.radii import pair_radius
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.heat.laws import HeatLaws
-from multicor_cli.engine.heat.pairs import pair_radius
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.model.columns import NORMAL

@@ -19,9 +19,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
+from multicor_cli.engine.geometry.radii import pair_radius
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.heat.hertz import contact_radius
-from multicor_cli.engine.heat.pairs import pair_radius
 from multicor_cli.engine.heat.rough import rough_conductance
 from multicor_cli.engine.jit.chunks import CHUNK
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange

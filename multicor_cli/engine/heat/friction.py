@@ -11,7 +11,9 @@ from __future__ import annotations
 
 from typing import Literal
 
+from multicor_cli.engine.contact.adhesion import attraction_of
 from multicor_cli.engine.contact.detection import StepContacts, contact_after
+from multicor_cli.engine.contact.rolling import rolled_loss, rolling_loss
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.heat.wear import rubbing_of
 from multicor_cli.engine.jit.chunks import CHUNK
@@ -39,6 +41,8 @@ def generated_heat(
     """Heat generated in each contact of a step, and the product of force and slipped distance that wears.
 
     ``"energy"``: −p_t ½(u_t⁻+u_t⁺), exact and signed; ``"sliding"``: μ|u_t⁺| p_n (the paper's E_f); impacts: −p_n ½(u_n⁻+u_n⁺).
+    Couples of rolling resistance add −p_r ½(u_r⁻+u_r⁺), or |p_r u_r⁺|, to friction. With adhesion q_n = p_n + F_a Δt takes the
+    place of p_n in Coulomb's law.
     Rubbing is the work of friction over μ: p_n times the slipped distance where a contact slides, less where it sticks.
 
     Args:
@@ -54,15 +58,15 @@ def generated_heat(
     for chunk in prange((count + CHUNK - 1) // CHUNK):
         for c in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
             heat[c, FRICTION], heat[c, IMPACT], rubbing[c] = 0.0, 0.0, 0.0
-            p_n, p_t = contacts.impulse[c, NORMAL], contacts.impulse[c, TANGENTIAL]
-            if p_n > 0.0:
+            q_n, p_t, attraction = contacts.impulse[c, NORMAL], contacts.impulse[c, TANGENTIAL], attraction_of(c, contacts)
+            if q_n > 0.0 or attraction > 0.0:
                 u_n, u_t = contact_after(c, scene, contacts, after)
                 mu, slip = contacts.frame[c, MU], 0.5 * (contacts.before[c, TANGENTIAL] + u_t)
                 work = -p_t * slip
                 if rule == ENERGY:
-                    heat[c, FRICTION] = work
+                    heat[c, FRICTION] = work + rolling_loss(c, scene, contacts, after)
                 elif rule == SLIDING:
-                    heat[c, FRICTION] = sliding_power(mu, p_n, u_t)
+                    heat[c, FRICTION] = sliding_power(mu, q_n, u_t) + rolled_loss(c, scene, contacts, after)
                 if has_impact:
-                    heat[c, IMPACT] = -p_n * 0.5 * (contacts.before[c, NORMAL] + u_n)
-                rubbing[c] = rubbing_of(p_n, slip, work, mu)
+                    heat[c, IMPACT] = -(q_n - attraction) * 0.5 * (contacts.before[c, NORMAL] + u_n)
+                rubbing[c] = rubbing_of(q_n, slip, work, mu)

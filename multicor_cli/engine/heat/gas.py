@@ -25,10 +25,9 @@ from typing import TYPE_CHECKING, Literal
 import numpy as np
 
 from multicor_cli.arithmetic import log
+from multicor_cli.engine.geometry.radii import effective_radius, other_radius, pair_radius
 from multicor_cli.engine.geometry.scene import Scene
-from multicor_cli.engine.heat.hertz import effective_radius
 from multicor_cli.engine.heat.mechanism import Mechanism, NearPairs, PairTransfer
-from multicor_cli.engine.heat.pairs import other_radius, pair_radius
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.model.model import Floats, Ints, Model

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 
 from multicor_cli.arithmetic import cbrt
+from multicor_cli.engine.geometry.radii import effective_radius
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.model.model import Model
 
@@ -15,12 +16,6 @@ from multicor_cli.model.model import Model
 def contact_modulus(young_i: float, poisson_i: float, young_j: float, poisson_j: float) -> float:
     """Contact modulus E* [Pa] with ``1/E* = (1−ν_i²)/E_i + (1−ν_j²)/E_j``; E Young's modulus [Pa], ν Poisson's ratio (Hertz)."""
     return 1.0 / ((1.0 - poisson_i * poisson_i) / young_i + (1.0 - poisson_j * poisson_j) / young_j)
-
-
-@formula
-def effective_radius(a_i: float, a_j: float) -> float:
-    """Effective radius ``a* = a_i a_j/(a_i + a_j)`` [m]; on a plane wall it is a_i (Hertz)."""
-    return a_i * a_j / (a_i + a_j)
 
 
 @formula

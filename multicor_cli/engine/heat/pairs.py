@@ -5,38 +5,11 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from multicor_cli.engine.geometry.radii import smaller_radius
 from multicor_cli.engine.geometry.scene import Scene, pair_geometry
-from multicor_cli.engine.heat.hertz import effective_radius
 from multicor_cli.engine.jit.compile import kernel
-from multicor_cli.engine.jit.formulas import formula
-from multicor_cli.model.columns import RADIUS, X, Y
+from multicor_cli.model.columns import X, Y
 from multicor_cli.model.model import Floats, Ints
-from multicor_cli.model.shapes import ShapeKind
-
-_DISC = int(ShapeKind.DISC)
-
-
-@formula
-def other_radius(scene: Scene, j: int) -> float:
-    """Radius of the second body of a pair [m]; 0 for lines and circles."""
-    shape = j - scene.radius.size
-    if shape < 0:
-        return scene.radius[j]
-    return scene.world[shape, RADIUS] if scene.kind[shape] == _DISC else 0.0
-
-
-@formula
-def pair_radius(scene: Scene, i: int, j: int) -> float:
-    """a* of a pair [m]; a* = a_i at lines and circles."""
-    other = other_radius(scene, j)
-    return effective_radius(scene.radius[i], other) if other > 0.0 else scene.radius[i]
-
-
-@formula
-def smaller_radius(scene: Scene, i: int, j: int) -> float:
-    """Smaller radius of a pair [m]; that of the grain at lines and circles."""
-    other = other_radius(scene, j)
-    return min(scene.radius[i], other) if other > 0.0 else scene.radius[i]
 
 
 @kernel

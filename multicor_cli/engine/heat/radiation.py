@@ -22,9 +22,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from multicor_cli.arithmetic import acos
+from multicor_cli.engine.geometry.radii import other_radius
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.heat.mechanism import Mechanism, NearPairs, Outside, PairTransfer
-from multicor_cli.engine.heat.pairs import other_radius
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.model.model import SHAPE_FACTOR, Floats, Ints, Model

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 from multicor_cli.model.shapes import SHAPES
-from multicor_cli.model.stored import DType, Shape
+from multicor_cli.model.stored import DType, Feature, Shape
 from multicor_cli.store.schema.rows import Dataset
 
 
@@ -19,6 +19,10 @@ def _law(name: str, dtype: DType, dims: Shape, unit: str, long_name: str) -> Dat
 
 def _softening(name: str, unit: str, long_name: str) -> Dataset:
     return replace(_law(f"softening_{name}", "f8", ("material", "material"), unit, long_name), only_with="softening")
+
+
+def _pair(name: str, unit: str, long_name: str, feature: Feature) -> Dataset:
+    return replace(_law(name, "f8", ("material", "material"), unit, long_name), only_with=feature, since=(1, 1))
 
 
 MODEL: tuple[Dataset, ...] = (
@@ -80,6 +84,8 @@ MODEL: tuple[Dataset, ...] = (
     _softening("start", "K", "temperature T_r at which mu = mu0"),
     _softening("lowest", "1", "smallest coefficient of friction"),
     _softening("highest", "1", "largest coefficient of friction"),
+    _pair("adhesion", "N", "tension that a contact bears", "adhesion"),
+    _pair("rolling", "1", "coefficient of rolling resistance", "rolling"),
     _thermal("capacity", "J/K", "heat capacity of each grain"),
     _thermal("start", "K", "temperature of each grain at the start of the run"),
     _thermal("surface", "m2", "area through which each grain meets fluid and surroundings"),

@@ -112,7 +112,7 @@ def _describe(column: Column[Any]) -> str:
     text = name[0].upper() + name[1:]
     text += f" [{column.unit}]" if column.unit != "1" else ""
     text += f", shape ``({', '.join(dims)}{',' * (len(dims) == 1)})``" if dims else ""
-    text += "; None in a run without heat" if column.only_with else ""
+    text += f"; None in a run without {column.only_with}" if column.only_with else ""
     return text + (f"; None in a run of an older format than {column.since[0]}.{column.since[1]}" if column.since > (1, 0) else "")
 
 
@@ -124,8 +124,14 @@ def select(table: tuple[Dataset, ...], features: Set[str], version: Version | No
 
 def features_of(model: Model) -> frozenset[Feature]:
     """What a run of this model has beyond what every run has."""
-    found: dict[Feature, object] = {"heat": model.thermal, "softening": model.laws.depends_on_temperature or None}
-    return frozenset(feature for feature, value in found.items() if value is not None)
+    laws = model.laws
+    found: dict[Feature, bool] = {
+        "heat": model.thermal is not None,
+        "softening": laws.depends_on_temperature,
+        "adhesion": laws.adhesion.size > 0,
+        "rolling": laws.rolling.size > 0,
+    }
+    return frozenset(feature for feature, is_there in found.items() if is_there)
 
 
 def names(table: tuple[Dataset, ...]) -> tuple[str, ...]:
@@ -151,6 +157,7 @@ _DIM_SYMBOL: dict[str, str] = {
     "frame_edge": "K+1",
     "particle_row": "P",
     "contact_row": "C",
+    "rolling_row": "C°",
     "series_row": "S",
     "grain": "n",
     "shape": "m",

@@ -1,28 +1,17 @@
 """Runs with heat: stages that move, stand still and move again; stopped and continued; drums; threads."""
 
-import signal
-
 import numpy as np
 import pytest
 from places import ROOT
+from run_fakes import StopAt
 from scenes import WARM
 
 import multicor_cli as multicor
 from multicor_cli.packing import build
 from multicor_cli.running.dry_run import try_step
-from multicor_cli.running.observer import SilentObserver
 from multicor_cli.store import run_info
 
 CONFIGS = ROOT / "configs"
-
-
-class StopAt(SilentObserver):
-    def __init__(self, step):
-        self.step = step
-
-    def stepped(self, status):
-        if status.state.step == self.step:
-            signal.raise_signal(signal.SIGTERM)
 
 
 @pytest.fixture(scope="module")

@@ -33,6 +33,8 @@ MISTAKES = {
         "not a table of temperatures",
         "softening",
     ),
+    "negative adhesion": (("restitution = 0.5", "adhesion = -1"), "contacts.1.adhesion", "adhesion = -1", "-1", "[N]"),
+    "rolling too hard": (("restitution = 0.5", "rolling_friction = 11"), "contacts.1.rolling_friction", "rolling_f", "11", "10"),
     "descending table": (("speed = [0, 1.0]", "speed = [1.0, 0]"), "contacts.1.friction.speed.1", "0], values", "ascend"),
     "uneven table": (("[0.3, 0.2]", "[0.3]"), "contacts.1.friction.values", "values = [0.3]", "1 values for 2 speeds"),
     "missing material": (('material = "steel"', 'material = "stele"'), "walls.2.material", 'material = "stele"', "'steel'"),

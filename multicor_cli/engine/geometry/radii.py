@@ -1,0 +1,43 @@
+"""Radii of pairs of shapes."""
+
+from __future__ import annotations
+
+from typing import TYPE_CHECKING
+
+from multicor_cli.engine.jit.formulas import formula
+from multicor_cli.model.columns import RADIUS
+from multicor_cli.model.shapes import ShapeKind
+
+if TYPE_CHECKING:
+    from multicor_cli.engine.geometry.scene import Scene
+
+_DISC = int(ShapeKind.DISC)
+
+
+@formula
+def effective_radius(a_i: float, a_j: float) -> float:
+    """Effective radius ``a* = a_i a_j/(a_i + a_j)`` [m]; on a plane wall it is a_i (Hertz)."""
+    return a_i * a_j / (a_i + a_j)
+
+
+@formula
+def other_radius(scene: Scene, j: int) -> float:
+    """Radius of the second body of a pair [m]; 0 for lines and circles."""
+    shape = j - scene.radius.size
+    if shape < 0:
+        return scene.radius[j]
+    return scene.world[shape, RADIUS] if scene.kind[shape] == _DISC else 0.0
+
+
+@formula
+def pair_radius(scene: Scene, i: int, j: int) -> float:
+    """a* of a pair [m]; a* = a_i at lines and circles."""
+    other = other_radius(scene, j)
+    return effective_radius(scene.radius[i], other) if other > 0.0 else scene.radius[i]
+
+
+@formula
+def smaller_radius(scene: Scene, i: int, j: int) -> float:
+    """Smaller radius of a pair [m]; that of the grain at lines and circles."""
+    other = other_radius(scene, j)
+    return min(scene.radius[i], other) if other > 0.0 else scene.radius[i]
