@@ -217,7 +217,8 @@ def _save(path: Path, problems: list[Problem]) -> None:
     arrays: dict[str, Any] = {"count": len(problems)}
     for number, problem in enumerate(problems):
         arrays[f"{number}.scale"] = np.array([problem.scale.rms, problem.scale.velocity, problem.scale.energy])
-        arrays |= {f"{number}.{field}": getattr(problem.system, field) for field in System._fields}
+        kept = [field for field in System._fields if field != "couples"]  # no scene has rolling resistance
+        arrays |= {f"{number}.{field}": getattr(problem.system, field) for field in kept}
     part = path.with_suffix(".part.npz")
     np.savez(part, **arrays)
     part.replace(path)

@@ -138,7 +138,7 @@ def _only_light(system: System) -> System:
 
 def _before(system: System) -> Before:
     """Impulses before the first sweep: those that there are."""
-    return Before(aligned_copy(system.impulse), system.general_impulse.copy())
+    return Before(aligned_copy(system.impulse), system.general_impulse.copy(), system.couples.impulse.copy())
 
 
 def _compare(system: System, c_sweep: CSweep) -> None:

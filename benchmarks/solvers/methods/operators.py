@@ -76,7 +76,7 @@ def record(s: System, log: Log, row: int, work: float) -> bool:
 @kernel
 def copy_impulses(s: System) -> Before:
     """The impulses of now: what sweeps without extrapolation may take for the last ones, and write over."""
-    return Before(s.impulse.copy(), s.general_impulse.copy())
+    return Before(s.impulse.copy(), s.general_impulse.copy(), s.couples.impulse.copy())
 
 
 @kernel

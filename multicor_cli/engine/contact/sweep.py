@@ -105,7 +105,7 @@ class Before(NamedTuple):
 
     impulse: Floats
     general_impulse: Floats
-    couple: Floats = NO_COUPLES.impulse
+    couple: Floats
 
 
 @formula

@@ -112,7 +112,7 @@ def test_frames_without_contacts_do_not_repeat_those_of_the_first_one(tmp_path: 
         state.last_dt = 0.1
         loaded = contact_rows(state)
         fields = {field.name: getattr(loaded, field.name) for field in dataclasses.fields(loaded)}
-        empty = dataclasses.replace(loaded, **{name: values[:0] for name, values in fields.items()})
+        empty = dataclasses.replace(loaded, **{name: None if values is None else values[:0] for name, values in fields.items()})
         for rows in (loaded, empty, None, loaded):
             writer.frame(Moment(state, model, rows))
             writer.series_row(Moment(state, model))

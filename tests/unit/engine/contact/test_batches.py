@@ -138,7 +138,7 @@ def one_sweep(contacts, velocity, beta):
 def test_batches_make_the_sweep_of_one_contact_after_the_other(count):
     contacts, velocity = random_contacts(count, 30, count, held=3)
     system = system_of(contacts, velocity)
-    before = Before(system.impulse.copy(), system.general_impulse)
+    before = Before(system.impulse.copy(), system.general_impulse, system.couples.impulse)
     for _ in range(3):
         one_sweep(contacts, velocity, system.spin_factor)
         sweep.sweep(system, before, EXACT, WAYS[0], False, np.empty(1))

@@ -7,6 +7,7 @@ import pytest
 from scipy import integrate
 
 from multicor_cli.engine.contact import softening
+from multicor_cli.engine.geometry.radii import effective_radius
 from multicor_cli.engine.heat import collision, conduction, convection, friction, gas, hertz, partition, radiation, rough, wear
 
 SIX_DIGITS = 5e-6
@@ -16,7 +17,7 @@ AIR = 0.026
 VOLUMETRIC = DENSITY * HEAT_CAPACITY
 MASS = DENSITY * 4.0 / 3.0 * pi * A**3
 MODULUS = hertz.contact_modulus(YOUNG, POISSON, YOUNG, POISSON)
-A_EFF = hertz.effective_radius(A, A)
+A_EFF = effective_radius(A, A)
 
 
 def digits(value, rel=SIX_DIGITS):

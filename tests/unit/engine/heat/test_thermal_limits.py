@@ -7,7 +7,8 @@ from pathlib import Path
 
 import pytest
 
-from multicor_cli.engine.contact import law, softening
+from multicor_cli.engine.contact import couples, law, softening
+from multicor_cli.engine.geometry import radii
 from multicor_cli.engine.heat import collision, conduction, convection, friction, gas, hertz, partition, radiation, rough, wear
 from multicor_cli.engine.jit.compile import kernel
 
@@ -30,7 +31,7 @@ def test_unlike_bodies_reduce_to_like_ones():
 
 def test_a_rigid_or_insulating_partner():
     assert hertz.contact_modulus(1e11, 0.3, 1e30, 0.3) == pytest.approx(1e11 / 0.91, rel=1e-15)
-    assert hertz.effective_radius(A, 1e12) == pytest.approx(A, rel=1e-12)
+    assert radii.effective_radius(A, 1e12) == pytest.approx(A, rel=1e-12)
     assert conduction.harmonic_mean(15.0, 1e-9) == pytest.approx(2e-9, rel=1e-9)
 
 
@@ -235,7 +236,7 @@ SAMPLES = {
     "collision.impact_time": (5e-5, 7.5e-4, 1e11, 0.1),
     "conduction.biot_number": (5e-4, 15.0, A),
     "hertz.contact_radius": (0.7, 7.5e-4, 1e11),
-    "hertz.effective_radius": (A, 2e-3),
+    "radii.effective_radius": (A, 2e-3),
     "conduction.hertz_conductance": (15.0, 1e-5),
     "convection.coefficient_of": (7.3, AIR, 3e-3),
     "convection.gunn": (100.0, 0.7, 0.4),
@@ -258,6 +259,7 @@ SAMPLES = {
     "rough.rough_conductance": (1.0, 1.7e-5, 1e11, 7.5e-4, 15.0, 1e-6, 0.1, 3e9),
     "wear.archard_volume": (1e-14, 100.0),
     "wear.rubbing_of": (1e-3, -0.1, 2e-5, 0.5),
+    "couples.solve_rolling": (1e-4, 0.1, 5e-5, 2e-4),
     "law.bias": (1e-5, -0.1, 0.5, 1e-4),
     "law.bipotential_parameter": (1e-3, 3e-4),
     "law.predict_and_correct": (1e-4, 5e-5, -0.1, 0.2, 5e-4, 0.4),
@@ -267,15 +269,25 @@ SAMPLES = {
     "law.solve_full": (1e-4, 5e-5, -0.1, 0.2, 1e3, 200.0, 3e3, 0.4),
 }
 
-MODULES = (collision, conduction, convection, friction, gas, hertz, law, partition, radiation, rough, softening, wear)
+MODULES = [
+    collision, conduction, convection, couples, friction, gas, hertz, law,
+    partition, radiation, radii, rough, softening, wear,
+]  # fmt: skip
+
+
+def is_scalar_formula(node):
+    """Whether a node defines a function of numbers alone that kernels may call."""
+    if not isinstance(node, ast.FunctionDef) or [ast.unparse(mark) for mark in node.decorator_list] != ["formula"]:
+        return False
+    return not {ast.unparse(argument.annotation) for argument in node.args.args} - {"float", "int"}
 
 
 def formulas():
-    """Functions that kernels may call, by their names."""
+    """Functions of numbers alone that kernels may call, by their names."""
     found = {}
     for module in MODULES:
         for node in ast.parse(Path(module.__file__).read_text()).body:
-            if isinstance(node, ast.FunctionDef) and [ast.unparse(mark) for mark in node.decorator_list] == ["formula"]:
+            if is_scalar_formula(node):
                 found[f"{module.__name__.rpartition('.')[2]}.{node.name}"] = getattr(module, node.name)
     return found
 
