@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import MISSING, dataclass
+from dataclasses import MISSING, dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -52,6 +52,16 @@ class ContactTable:
     sliding: NDArray[np.bool_] = _column("1", "1 if the contact slides, 0 if it sticks or carries nothing", "u1")
     heat: Floats | None = _heat("J", "heat generated in the contact in the last step", exports=("vtk", "gsd"))
     conductance: Floats | None = _heat("W/K", "conductance of the contact in the last step")
+
+    def carrying(self) -> ContactTable:
+        """The contacts that carry a force or heat: those that frames hold. The others are near pairs that were looked at."""
+        kept = self.impulse[:, 0] > 0.0
+        for values in (self.heat, self.conductance):
+            kept = kept if values is None else kept | (values != 0.0)
+        if kept.all():
+            return self
+        columns = {field.name: getattr(self, field.name) for field in fields(self)}
+        return replace(self, **{name: values[kept] for name, values in columns.items() if values is not None})
 
     @classmethod
     def empty(cls) -> ContactTable:
