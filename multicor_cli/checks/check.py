@@ -99,7 +99,7 @@ class Rule(Generic[S]):
         found = list(self.measure(subject))
         if not found:
             return None
-        worst = max(found, key=lambda measured: (_ORDER.index(self._verdict(measured.value)), measured.value))
+        worst = max(found, key=lambda measured: (_ORDER.index(self._verdict(measured.value)), self._excess(measured.value)))
         return Check(self.name, worst.value, self._text(worst), self.limit, self._verdict(worst.value), self.meaning, self.remedy)
 
     def _verdict(self, value: float) -> Verdict:
@@ -107,6 +107,12 @@ class Rule(Generic[S]):
         if self.bad is not None and not value <= self.bad:
             return Verdict.BAD
         return Verdict.OK if value <= self.warning and (self.least is None or value >= self.least) else Verdict.WARNING
+
+    def _excess(self, value: float) -> float:
+        """How far a number is towards its limits: the larger, the nearer or the farther beyond."""
+        if self.least is None:
+            return value
+        return max(value / self.warning, self.least / value if value > 0.0 else math.inf)
 
     def _text(self, measured: Measured) -> str:
         number = f"{measured.value:.3g} {self.unit}".strip()

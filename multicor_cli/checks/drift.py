@@ -42,6 +42,8 @@ def _drifts(run: Recorded) -> Iterator[Measured]:
     if stage is None or not run.run.stages:
         return
     rows = run.rows(min(int(stage), len(run.run.stages) - 1))
+    if not rows.size:
+        return
     for name, values in _averaged(run, rows):
         change = relative_drift(values)
         if change is not None:
@@ -50,7 +52,7 @@ def _drifts(run: Recorded) -> Iterator[Measured]:
 
 def _averaged(run: Recorded, rows: np.ndarray[tuple[int], np.dtype[np.int64]]) -> Iterator[tuple[str, Floats]]:
     kinetic = run.series("kinetic")[rows]
-    if kinetic.size and kinetic[-1] > _SMALL * run.book("terms"):
+    if kinetic[-1] > _SMALL * run.book("terms"):
         yield "kinetic energy", kinetic
     force, at = run.series("wall_force")[rows], run.series("wall_position")[rows]
     scale = float(np.abs(force[..., :2]).mean(axis=0).max(initial=0.0)) if force.size else 0.0
@@ -68,8 +70,8 @@ RULES: tuple[Rule[Recorded], ...] = (
     Rule(
         "drift", _drifts, warning=0.1,
         meaning="Change of the mean from the third to the fourth quarter of the last stage, over the larger of them: of the "
-        "kinetic energy, of forces on walls, of heights of walls; 0 where it is within three standard errors. Means over the later half "
-        "of a stage, the default of multicor post, are those of a steady state only if nothing drifts.",
+        "kinetic energy, of forces on walls, of heights of walls; 0 where it is within three standard errors. Means over the "
+        "later half of a stage, the default of multicor post, are those of a steady state only if nothing drifts.",
         remedy="Let the stage go on for longer, or choose frames with --from and --to; in a transient flow (a collapse), nothing.",
     ),
 )  # fmt: skip

@@ -89,8 +89,8 @@ OF_RUN: tuple[Rule[Recorded], ...] = (
     Rule(
         "negative losses", _negative,
         "Energy that contacts gained over what others lost. The loss of a contact in a step is -p·½(u⁻ + u⁺): negative where the "
-        "mean of both velocities points along the impulse, although the impulse brakes at the end of the step. A long step, in which "
-        "many impacts and reversals of sliding are one, has many of those; a share of some percent is the error of the step.",
+        "mean of both velocities points along the impulse, although the impulse brakes at the end of the step. A long step, in "
+        "which many impacts and reversals of sliding are one, has many of those; a share of some percent is the error of the step.",
         "Use a shorter dt: the share falls with it.", unit="of the losses", warning=0.05, bad=0.1,
     ),
 )  # fmt: skip

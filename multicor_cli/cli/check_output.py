@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from textwrap import fill
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
@@ -15,14 +16,18 @@ if TYPE_CHECKING:
 Strict = Annotated[bool, typer.Option("--strict", help="Exit with code 4 if a check is bad.")]
 
 
+_WIDTH = 120
+_INDENT = " " * 11
+
+
 def show_all(checks: Sequence[Check], write: Callable[[str], None]) -> None:
     """Every check in a line; what those that are not ok mean, and what to do, below theirs."""
     width = max((len(check.name) for check in checks), default=0)
     for check in checks:
         write(f"{check.verdict.value:<7}  {check.name:<{width}}  {check.text} [{check.limit}]")
         if check.verdict.value != "ok":
-            write(f"{'':<7}  {check.meaning}")
-            write(f"{'':<7}  → {check.remedy}")
+            for text, start in ((check.meaning, _INDENT), (check.remedy, _INDENT[:-2] + "→ ")):
+                write(fill(text, _WIDTH, initial_indent=start, subsequent_indent=_INDENT))
 
 
 def show_doubtful(checks: Sequence[Check], say: Callable[[str], None]) -> None:

@@ -147,8 +147,8 @@ def _table(title: str, rows: list[ReportRow]) -> str:
 
 def _row(row: ReportRow) -> str:
     mark = f' <span class="{row.verdict}">{row.verdict} [{escape(row.limit)}]</span>' if row.limit else ""
-    note = f"<br>{escape(row.note)}" if row.note else ""
-    return f'<tr><th scope="row">{escape(row.name)}</th><td dir="auto">{escape(_shorten(row.value))}{mark}{note}</td></tr>'
+    note = f'<tr><td colspan="2" class="note">{escape(row.note)}</td></tr>' if row.note else ""
+    return f'<tr><th scope="row">{escape(row.name)}</th><td dir="auto">{escape(_shorten(row.value))}{mark}</td></tr>{note}'
 
 
 def _figures(figures: list[Figure] | None) -> str:

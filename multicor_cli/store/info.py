@@ -27,10 +27,10 @@ def run_info(path: Path | str) -> dict[str, Any]:
         ``path, run_id, status, stop_reason, exit_code, grain_count, frame_count, series_count, step, time, stage, stages,
         walls, state_digest, energy_closure, heat_closure, max_overlap, solver.{sweeps_mean, residual_rms_max,
         residual_max_max, unconverged_steps}, books, heat, negative_loss_share, corrected_steps, max_contact_force,
-        progress`` (``progress.json`` while the run goes on: step, time, speed, seconds left …), ``pid`` (of the process on this host
-        that carries it on), ``worst_step.{step, time}`` (end of the row of the time series with the largest rms residual), ``hertz_deflection,
-        started, finished, duration`` (from the first start to the last sign of life, s), ``timings, data_digest,
-        provenance``.
+        progress`` (``progress.json`` of a run that goes on: step, time, speed, seconds left …), ``pid`` (of its process, if that
+        is on this host), ``worst_step.{step, time}`` (end of the row of the time series with the largest rms residual),
+        ``hertz_deflection, started, finished, duration`` (from the first start to the last sign of life, s), ``timings,
+        data_digest, provenance``.
 
     Raises:
         DirectoryRefused: If there is no run.
