@@ -37,9 +37,8 @@ def _correction(run: Recorded) -> Iterator[Measured]:
 
 
 def _unconverged(run: Recorded) -> Iterator[Measured]:
-    steps = int(run.series("window_steps").sum())
-    if run.has_steps and steps > 0:
-        missed = int(run.series("unconverged").sum())
+    if run.has_steps:
+        missed, steps = run.info["solver"]["unconverged_steps"], run.info["step"]
         yield Measured(missed / steps, f"{missed} of {steps}")
 
 

@@ -24,6 +24,7 @@ class Verdict(Enum):
 
 
 _ORDER = list(Verdict)
+_LONGEST = 100  # letters of what a number belongs to: names may be of any length
 
 
 class Measured(NamedTuple):
@@ -116,7 +117,8 @@ class Rule(Generic[S]):
 
     def _text(self, measured: Measured) -> str:
         number = f"{measured.value:.3g} {self.unit}".strip()
-        return f"{number} ({measured.about})" if measured.about else number
+        about = measured.about if len(measured.about) <= _LONGEST else measured.about[: _LONGEST - 1] + "…"
+        return f"{number} ({about})" if about else number
 
 
 def judge_all(rules: Sequence[Rule[S]], subject: S) -> list[Check]:

@@ -58,12 +58,12 @@ def _predicted_biot(run: Prepared) -> Iterator[Measured]:
 
 
 def _reached(run: Recorded) -> Iterator[Measured]:
-    if run.info["hertz_deflection"] is not None:
+    if run.has_steps and run.info["hertz_deflection"] is not None:
         yield Measured(run.info["hertz_deflection"])
 
 
 def _reached_biot(run: Recorded) -> Iterator[Measured]:
-    if run.info["heat"] is not None:
+    if run.has_steps and run.info["heat"] is not None:
         yield Measured(run.info["heat"]["max_biot"])
 
 

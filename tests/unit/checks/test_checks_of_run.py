@@ -3,16 +3,22 @@
 from __future__ import annotations
 
 import copy
+import json
+import math
+import re
+import time
 from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
-from scenes import PACKED, SMALL, changed, write_small
+from command_line import call, start
+from scenes import LASTING, PACKED, SMALL, changed, write_small
 
 import multicor_cli as multicor
-from multicor_cli.checks import OF_RUN, Check, Recorded, Verdict, judge_all, worst_verdict
+from multicor_cli.checks import OF_RUN, Check, Recorded, Verdict, judge_all, resolution, worst_verdict
 from multicor_cli.checks.drift import relative_drift
 from multicor_cli.store import open_run, run_info
 
@@ -93,14 +99,23 @@ def test_a_time_step_that_is_far_too_long(tmp_path: Path) -> None:
     assert found["time step for the flow"].value > 5.0
 
 
-def test_the_flow_needs_a_shorter_step_than_the_scenario_lets_expect(tmp_path: Path) -> None:
-    """The automatic step does not know the pressure of a lid that is pushed down; the books of the run do."""
-    pushed = (
-        "y = { force = -0.1, damping = 0.1 }",
-        "y = { velocity = { times = [0.0, 0.02, 0.021], values = [-0.15, -0.15, 0.0] } }",
-    )
-    found = run_small(tmp_path, pushed, overrides=("loading.0.until.kinetic_energy_ratio=1e-12",))
-    assert found["time step"].value < found["time step for the flow"].value
+@pytest.mark.parametrize(("pressure", "rate"), [(50.0, 1.0), (1e-3, 100.0)])
+def test_step_that_a_known_pressure_and_rate_of_shear_need(pressure: float, rate: float, recorded: Recorded) -> None:
+    """Limits 0.2 √(m/P) and 0.01/γ̇ of the automatic step (μ = 0.4 is below 0.5), for a stress P V and a work of sliding μ P V γ̇."""
+    model, dt, rows = recorded.run.model, 1e-4, 11
+    volume = math.pi * float((model.grains.radius**2).sum()) / 0.8
+    time = 0.01 * np.arange(rows)
+    columns = {
+        "stage": np.zeros(rows, int),
+        "window_duration": np.full(rows, 0.01),
+        "virial_rate": np.broadcast_to(pressure * volume * np.eye(2), (rows, 2, 2)),
+        "friction_sliding": 0.4 * pressure * volume * rate * time * rows / (rows - 1),
+    }
+    frames = SimpleNamespace(stage=np.zeros(3, int), column=lambda path: np.full(3, dt))
+    run = SimpleNamespace(model=model, series=columns, frames=frames, stages=("only",))
+    (measured,) = resolution._needed(Recorded(run, {}))  # type: ignore[arg-type]
+    limit = min(0.2 * math.sqrt(float(model.grains.mass.mean()) / pressure), 0.01 / rate)
+    assert measured.value == pytest.approx(dt / limit)
 
 
 def test_steps_that_did_not_converge(tmp_path: Path) -> None:
@@ -151,3 +166,37 @@ def test_frames_hold_the_contacts_that_carry_something(ordinary: Path) -> None:
         for frame in run.frames[1:]:
             assert (frame.contacts.impulse[:, 0] > 0.0).all()
         assert sum(map(len, (frame.contacts for frame in run.frames))) > 0
+
+
+@pytest.mark.parametrize(("change", "before", "code"), [((), False, 0), (("dt = 2e-4", "dt = 2e-3"), True, 4)])
+def test_strict(change: tuple[str, str] | tuple[()], before: bool, code: int, tmp_path: Path) -> None:
+    """A bad check before a run keeps it from beginning; afterwards `info` says the same; without the option nothing changes."""
+    write_small(tmp_path, changed(SMALL, *([change] if change else [])))
+    assert call("validate", "small.toml", "--strict", cwd=tmp_path).returncode == code
+    assert call("validate", "small.toml", cwd=tmp_path).returncode == 0
+    strict = call("run", "small.toml", "-o", "strict", "--strict", cwd=tmp_path)
+    assert strict.returncode == code
+    assert (tmp_path / "strict").exists() is not before
+    assert ("bad: time step: " in strict.stderr) is before
+    assert call("run", "small.toml", "-o", "run", "-q", cwd=tmp_path).returncode == 0
+    assert call("info", "run", "--strict", cwd=tmp_path).returncode == code
+    data = json.loads(call("info", "run", "--json", cwd=tmp_path).stdout)
+    assert data["verdict"] == ("bad" if code else worst_verdict(multicor.check_run(tmp_path / "run")).value)
+    assert all(check.keys() == {"name", "value", "text", "limit", "verdict", "meaning", "remedy"} for check in data["checks"])
+    assert (data["progress"], data["pid"]) == (None, None)
+
+
+def test_a_run_that_goes_on_tells_where_it_is(tmp_path: Path) -> None:
+    write_small(tmp_path, LASTING)
+    process = start("run", "small.toml", "-o", "run", cwd=tmp_path)
+    try:
+        deadline = time.monotonic() + 120.0
+        while not (tmp_path / "run" / "progress.json").exists() and time.monotonic() < deadline:
+            time.sleep(0.1)
+        shown = call("info", "run", cwd=tmp_path).stdout
+        assert f"kill -USR1 {process.pid} " in shown
+        assert re.search(r"now +step \d+, t = ", shown)
+    finally:
+        process.terminate()
+        process.communicate()
+    assert "kill" not in call("info", "run", cwd=tmp_path).stdout
