@@ -20,7 +20,7 @@ from multicor_cli.store.schema import FORMAT_VERSION
 
 VERSIONS = sorted(path.name.removeprefix("format-").removesuffix(".tar.xz") for path in DATA.glob("format-*.tar.xz"))
 
-ENDS = {"1.0": {"state": "43a818b621e94a69f83490344a58e70f", "data": "ef6d84ed8e7a660fc4dc5119e1097d2b"}}
+ENDS = {"1.0": {"state": "43a818b621e94a69f83490344a58e70f", "data": "2ede725dfe6d09f5f08204aa6147ae3e"}}
 """Digests with which the unfinished run of each version ends, whose files stay of that version. They are frozen anew when results
 change (CHANGELOG.md), the archive stays."""
 
