@@ -74,6 +74,15 @@ def test_limits_of_the_summary(name: str, key: str, values: dict[float, Verdict]
         assert with_info(recorded, key, value)[name].verdict is verdict
 
 
+def test_negative_losses_of_a_bed_at_rest_are_left_out(recorded: Recorded) -> None:
+    model, steps = recorded.run.model, float(recorded.run.series["window_steps"].sum())
+    kick = 9.81 * 1e-4
+    limit = steps * 0.5 * float(model.grains.mass.sum()) * kick**2
+    recorded.info["books"] |= {"friction_loss": 0.2 * limit, "negative_loss": -0.3 * limit}
+    assert with_info(recorded, "books.impact_loss", 0.6 * limit)["negative losses"].verdict is not None
+    assert "negative losses" not in with_info(recorded, "books.impact_loss", 0.4 * limit)
+
+
 def test_work_of_corrections_is_compared_with_what_was_put_in(recorded: Recorded) -> None:
     given = recorded.book("kinetic_start") + sum(abs(recorded.book(f"{name}_work")) for name in ("gravity", "wall", "load"))
     for share, verdict in ((0.02, WARNING), (-0.2, BAD)):
