@@ -6,6 +6,7 @@ from typing import Annotated, Any
 
 import typer
 
+from multicor_cli.cli.check_output import Strict, checks_as_json, refuse_bad, show_all
 from multicor_cli.cli.console import emit, emit_json, emit_pairs, format_seconds, say
 from multicor_cli.cli.options import RunPath, count_noun
 from multicor_cli.running.outcome import ExitCode
@@ -26,22 +27,23 @@ _OF_REFERENCE = " of the reference velocity (rms of a step)"
 AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 
 
-def info(directory: RunPath, is_json: AsJson = False) -> None:
-    """Show what a run contains, how far it has got, and how accurate it is."""
-    from multicor_cli.engine.heat.watch import biot_warning, undelivered_warning
+def info(directory: RunPath, is_strict: Strict = False, is_json: AsJson = False) -> None:
+    """Show what a run contains, how far it has got, and how accurate it is; also while it goes on."""
+    from multicor_cli.checks import check_run
     from multicor_cli.store import run_info
 
-    found = run_info(directory)
+    found, checks = run_info(directory), check_run(directory)
     if is_json:
-        emit_json(found)
-        return
-    emit_pairs(_describe(found))
-    if found["heat"] is not None:
-        emit("")
-        emit_pairs(_describe_heat(found["heat"]))
-        for warning in (biot_warning(found["heat"]["max_biot"]), undelivered_warning(found["heat"]["books"]["undelivered"])):
-            if warning is not None:
-                say(f"warning: {warning}")
+        emit_json({**found, **checks_as_json(checks)})
+    else:
+        emit_pairs([*_describe(found), *_describe_progress(found)])
+        if found["heat"] is not None:
+            emit("")
+            emit_pairs(_describe_heat(found["heat"]))
+        if checks:
+            emit("")
+            show_all(checks, emit)
+    refuse_bad(checks, is_strict=is_strict)
 
 
 def verify(directory: RunPath, is_json: AsJson = False) -> None:
@@ -91,15 +93,10 @@ def _describe(found: dict[str, Any]) -> list[tuple[str, str]]:
         *_describe_ends(found["stage_ends"]),
         ("wall time", "–" if found["duration"] is None else format_seconds(found["duration"])),
         ("state digest", _text(found["state_digest"])),
-        ("energy closure", _text(found["energy_closure"])),
         *_describe_tallies(found),
         ("sweeps", _text(solver["sweeps_mean"], " per step")),
         ("largest residual", _text(solver["residual_rms_max"], _OF_REFERENCE) + _where(found["worst_step"])),
-        ("not converged", _text(solver["unconverged_steps"], " steps")),
-        ("negative losses", _text(found["negative_loss_share"], " of the losses at contacts")),
     ]
-    if found["hertz_deflection"] is not None:
-        lines.append(("Hertz deflection", _text(found["hertz_deflection"], " of a diameter under the largest contact force")))
     version = found["provenance"].get("multicor_version", "")
     return [*lines, ("made by", f"multicor {version}, seed {found['provenance'].get('seed')}")]
 
@@ -108,6 +105,23 @@ def _describe_ends(ends: list[dict[str, Any]]) -> list[tuple[str, str]]:
     from multicor_cli.store.stage_ends import StageEnd
 
     return [(f"  {end.name}", end.text) for end in map(StageEnd.of_document, ends)]
+
+
+def _describe_progress(found: dict[str, Any]) -> list[tuple[str, str]]:
+    """What the heartbeat of a run that goes on tells, and how to talk to it."""
+    beat, pid = found["progress"], found["pid"]
+    lines = []
+    if beat is not None:
+        where = f"step {beat['step']}, t = {beat['time']:.4g} s, stage {beat.get('stage', '–')}, {100.0 * beat['progress']:.1f} %"
+        speed, left = beat.get("steps_per_second"), beat.get("remaining_seconds")
+        where += f", {speed:.3g} steps/s" if speed is not None else ""
+        where += f", {format_seconds(left)} left" if left is not None else ""
+        lines.append(("now", f"{where} ({beat.get('updated', 'time not known')})"))
+    if pid is not None:
+        lines.append(
+            ("checkpoint", f"kill -USR1 {pid} writes one; kill -TERM {pid} writes one and stops, and the same command continues")
+        )
+    return lines
 
 
 def _describe_tallies(found: dict[str, Any]) -> list[tuple[str, str]]:
@@ -123,9 +137,7 @@ def _where(worst: dict[str, Any] | None) -> str:
 def _describe_heat(heat: dict[str, Any]) -> list[tuple[str, str]]:
     books, temperature = heat["books"], heat["temperature"]
     lines = [
-        ("heat closure", _text(books["closure"])),
         ("temperature", f"{temperature['mean']:.6g} K on average, {temperature['min']:.6g} to {temperature['max']:.6g} K"),
-        ("largest Biot number", _text(heat["max_biot"])),
         ("heat stored", _text(books["stored"], " J")),
     ]
     lines += [(label, _text(books[name], " J")) for name, label in _HEAT_LABELS.items() if books[name]]

@@ -10,12 +10,15 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, Optional
 
 import typer
 
+from multicor_cli.cli.check_output import Strict, count_verdicts, refuse_bad, show_doubtful
 from multicor_cli.cli.console import format_seconds, say
 from multicor_cli.cli.guard import set_crash_directory
-from multicor_cli.cli.options import Overrides, ScenarioFile, count_noun
+from multicor_cli.cli.options import Overrides, ScenarioFile
 
 if TYPE_CHECKING:
+    from multicor_cli.model import Model, State
     from multicor_cli.running.outcome import RunOutcome
+    from multicor_cli.running.plan import RunPlan
     from multicor_cli.running.signals import Switchboard
     from multicor_cli.scenario.scenario import Scenario
 
@@ -44,6 +47,7 @@ def run(
     threads: Threads = 0,
     max_hours: MaxHours = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Remove the run that is in the directory.")] = False,
+    is_strict: Strict = False,
     is_dry: Annotated[bool, typer.Option("--dry-run", help="Place the grains and do one step; write nothing.")] = False,
     is_quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show warnings and errors only.")] = False,
 ) -> None:
@@ -60,8 +64,8 @@ def run(
             with switchboard.impatient():
                 _dry_run(job)
             return
-        outcome = _run(job, output, max_hours, switchboard, overwrite=overwrite, is_quiet=is_quiet)
-    _conclude(outcome, is_quiet=is_quiet)
+        outcome = _run(job, output, max_hours, switchboard, overwrite=overwrite, is_quiet=is_quiet, is_strict=is_strict)
+    _conclude(outcome, is_quiet=is_quiet, is_strict=is_strict)
     raise typer.Exit(outcome.reason.exit_code)
 
 
@@ -82,37 +86,53 @@ def _prepare(path: Path, overrides: Sequence[str], threads: int) -> _Job:
 
 
 def _run(
-    job: _Job, output: Path | None, max_hours: float | None, switchboard: Switchboard, *, overwrite: bool, is_quiet: bool
+    job: _Job,
+    output: Path | None,
+    max_hours: float | None,
+    switchboard: Switchboard,
+    *,
+    overwrite: bool,
+    is_quiet: bool,
+    is_strict: bool,
 ) -> RunOutcome:
+    from multicor_cli.checks import Prepared, check_prepared
     from multicor_cli.cli.progress import make_observer
     from multicor_cli.running.session import Session
 
     path = output if output is not None else Path("runs") / job.scenario.name
     set_crash_directory(path)
+    observer = make_observer(is_quiet=is_quiet)
+
+    def review(scenario: Scenario, plan: RunPlan, model: Model, state: State) -> None:
+        checks = check_prepared(Prepared(scenario, plan, model, state, job.threads, path))
+        show_doubtful(checks, observer.message)
+        refuse_bad(checks, is_strict=is_strict)
+
     session = Session(
         job.scenario,
         path,
         threads=job.threads,
         max_seconds=None if max_hours is None else 3600.0 * max_hours,
         overwrite=overwrite,
-        observer=make_observer(is_quiet=is_quiet),
+        observer=observer,
         switchboard=switchboard,
+        review=review,
     )
     return session.run()
 
 
-def _conclude(outcome: RunOutcome, *, is_quiet: bool) -> None:
-    if outcome.unconverged_steps:
-        steps = count_noun(outcome.unconverged_steps, "step")
-        say(f"warning: {steps} did not converge; see multicor info {outcome.directory}")
-    for end in outcome.stage_ends:
-        if end.has_timed_out:
-            remedy = f"give loading.{end.stage} a longer duration or another goal"
-            say(f"warning: stage {end.name}: {end.text}; {remedy}")
-        elif not is_quiet:
-            say(f"stage {end.name}: {end.text}")
+def _conclude(outcome: RunOutcome, *, is_quiet: bool, is_strict: bool) -> None:
+    """Say what is doubtful about the run and how it ended. A run that was stopped keeps its own exit code: it can go on."""
+    from multicor_cli.checks import check_run
+
+    checks = check_run(outcome.directory)
+    show_doubtful(checks, say)
     if not is_quiet:
+        for end in outcome.stage_ends:
+            say(f"stage {end.name}: {end.text}")
+        say(f"{count_verdicts(checks)}; see multicor info {outcome.directory}")
         say(str(outcome))
+    refuse_bad(checks, is_strict=is_strict and outcome.is_finished)
 
 
 def _dry_run(job: _Job) -> None:

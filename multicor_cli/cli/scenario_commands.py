@@ -10,18 +10,17 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from multicor_cli.cli.console import emit_json, emit_pairs, format_seconds, say
+from multicor_cli.cli.check_output import Strict, checks_as_json, refuse_bad, show_all
+from multicor_cli.cli.console import emit, emit_json, emit_pairs, format_seconds, say
 from multicor_cli.cli.listing import ListingCommand
 from multicor_cli.cli.options import Overrides, ScenarioFile, count_noun
 from multicor_cli.running.outcome import ExitCode
 from multicor_cli.text import format_bytes
 
 if TYPE_CHECKING:
-    from multicor_cli.model import Model
-    from multicor_cli.running.estimate import Estimate
+    from multicor_cli.checks import Prepared
     from multicor_cli.running.plan import RunPlan
     from multicor_cli.running.time_step import StepReview
-    from multicor_cli.scenario.scenario import Scenario
 
 NAME_HELP = "Name of the scenario; the file is NAME.toml."
 TEMPLATE_HELP = "What to start from: {templates}."
@@ -52,6 +51,7 @@ def validate(
     scenario: ScenarioFile,
     overrides: Overrides = None,
     threads: Annotated[int, typer.Option("--threads", min=0, max=1024, help="Number of threads to assume; 0: all cores.")] = 0,
+    is_strict: Strict = False,
     is_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
 ) -> None:
     """Check a scenario, place its grains, and estimate what a run will cost. Nothing is written."""
@@ -61,20 +61,21 @@ def validate(
     loaded = load_scenario(scenario, overrides or ())
     cores = reserve_threads(threads or loaded.solver.threads)
 
+    from multicor_cli.checks import Prepared, check_prepared
     from multicor_cli.packing import build
-    from multicor_cli.running.estimate import estimate
     from multicor_cli.running.planning import make_plan
-    from multicor_cli.running.time_step import review_steps
 
     model, state = build(loaded)
-    plan = make_plan(loaded, model)
-    cost = estimate(loaded, plan, model, state, cores)
-    reviews = review_steps(loaded, model, plan)
+    prepared = Prepared(loaded, make_plan(loaded, model), model, state, cores)
+    checks = check_prepared(prepared)
     if is_json:
-        emit_json(_summary(loaded, plan, model, cost, reviews))
-        return
-    emit_pairs(_lines(loaded, plan, model, cost, reviews))
-    say(f"({cost.basis})")
+        emit_json({**_summary(prepared), **checks_as_json(checks)})
+    else:
+        emit_pairs(_lines(prepared))
+        emit("")
+        show_all(checks, emit)
+        say(f"({prepared.cost.basis})")
+    refuse_bad(checks, is_strict=is_strict)
 
 
 def schema() -> None:
@@ -84,9 +85,8 @@ def schema() -> None:
     emit_json(scenario_schema())
 
 
-def _summary(
-    scenario: Scenario, plan: RunPlan, model: Model, cost: Estimate, reviews: Sequence[StepReview | None]
-) -> dict[str, Any]:
+def _summary(run: Prepared) -> dict[str, Any]:
+    scenario, plan, model, cost = run.scenario, run.plan, run.model, run.cost
     return {
         "valid": True,
         "scenario": str(scenario.path),
@@ -102,7 +102,7 @@ def _summary(
                 "step_limit": stage.step_limit,
                 "frame_every": stage.frame_every,
             }
-            for stage, review in zip(plan.stages, reviews, strict=True)
+            for stage, review in zip(plan.stages, run.reviews, strict=True)
         ],
         "estimate": {
             "steps": cost.steps,
@@ -128,16 +128,15 @@ def _time_steps(plan: RunPlan, reviews: Sequence[StepReview | None]) -> str:
     return "; ".join(f"{text} ({', '.join(stages)})" for text, stages in names.items())
 
 
-def _lines(
-    scenario: Scenario, plan: RunPlan, model: Model, cost: Estimate, reviews: Sequence[StepReview | None]
-) -> list[tuple[str, str]]:
+def _lines(run: Prepared) -> list[tuple[str, str]]:
+    scenario, plan, model, cost = run.scenario, run.plan, run.model, run.cost
     steps = "not known in advance" if cost.steps is None else f"{cost.steps} at most, in {count_noun(len(plan.stages), 'stage')}"
     frames = "not known in advance" if cost.frames is None else f"{cost.frames} of {format_bytes(cost.frame_bytes)}"
     lines = [
         ("scenario", f"{scenario.path} is valid"),
         ("grains", f"{model.grain_count}, mean diameter {model.mean_diameter:.4g} m"),
         ("walls", f"{model.wall_count} of {model.shape_count} shapes"),
-        ("time step", _time_steps(plan, reviews)),
+        ("time step", _time_steps(plan, run.reviews)),
         ("steps", steps),
         ("frames", frames),
         ("memory", f"about {format_bytes(cost.memory)}"),
@@ -147,9 +146,6 @@ def _lines(
         lines.append(("wall time", f"about {format_seconds(cost.seconds)}, and half a minute of compilation the first time"))
     else:
         lines.append(("disk, time", "not known in advance: a stage ends by a condition that cannot be foreseen"))
-    if cost.deflection is not None:
-        text = f"{cost.deflection:.2g} of a diameter is the elastic deflection that rigid grains neglect (Hertz)"
-        lines.append(("deflection", text))
     return lines
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import MISSING, dataclass
+from dataclasses import MISSING, dataclass, fields, replace
 from typing import Any
 
 import numpy as np
@@ -55,6 +55,16 @@ class ContactTable:
     couple: Floats | None = _column(
         "N m s", "impulse of the rolling resistance on i in the last step", only_with="rolling", since=(1, 1), default=None
     )
+
+    def carrying(self) -> ContactTable:
+        """The contacts that carry a force or heat: those that frames hold. The others are near pairs that were looked at."""
+        kept = self.impulse[:, 0] != 0.0  # tension is negative
+        for values in (self.heat, self.conductance, self.couple):
+            kept = kept if values is None else kept | (values != 0.0)
+        if kept.all():
+            return self
+        columns = {field.name: getattr(self, field.name) for field in fields(self)}
+        return replace(self, **{name: values[kept] for name, values in columns.items() if values is not None})
 
     @classmethod
     def empty(cls) -> ContactTable:

@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
 
+from multicor_cli.model import Model
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import Outline, outlines
 from multicor_cli.post.source import FrameSource, GrainFrame
@@ -37,10 +38,9 @@ class GrainScene:
 
 def make_scene(source: FrameSource, frame: GrainFrame) -> GrainScene:
     """The scene of a frame; x is wrapped into the period."""
-    model, shapes = source.model, source.model.shapes
+    model = source.model
     center = np.array(np.asarray(frame.position, np.float64)[:, :2])
-    pose = np.asarray(frame.wall_position, np.float64)
-    walls = [_placed(outline, pose[shapes.wall[which]]) for which, outline in outlines(shapes.kind, shapes.geometry)]
+    walls = [outline for _, outline in placed_walls(model, np.asarray(frame.wall_position, np.float64))]
     if model.period > 0.0:
         center[:, 0] %= model.period
         for outline in walls:
@@ -50,6 +50,18 @@ def make_scene(source: FrameSource, frame: GrainFrame) -> GrainScene:
     if model.period > 0.0:
         box[:, 0] = 0.0, model.period
     return GrainScene(center, model.grains.radius, walls, model.period, box)
+
+
+def placed_walls(model: Model, pose: Floats) -> Iterator[tuple[NDArray[np.int64], Outline]]:
+    """What the shapes of the walls look like in the world, kind by kind: which of them, and their outlines.
+
+    Args:
+        model: The walls.
+        pose: Reference points and angles of the walls [m, rad], shape ``(w, 3)``.
+    """
+    shapes = model.shapes
+    for which, outline in outlines(shapes.kind, shapes.geometry):
+        yield which, _placed(outline, pose[shapes.wall[which]])
 
 
 def images(x: Floats, reach: Floats, period: float) -> tuple[NDArray[np.int64], Floats]:

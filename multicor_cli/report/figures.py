@@ -11,13 +11,13 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from multicor_cli.checks.books import CLOSURE_LIMIT
 from multicor_cli.model.model import Floats
 from multicor_cli.plots.profile import draw_profile
 from multicor_cli.plots.small_rises import rise_formatter, rise_label, rise_reference
 from multicor_cli.plots.style import COLORS, PlotError, house_style
 from multicor_cli.post import PostError, Selection, profile
 from multicor_cli.post.energy import HEAT, MECHANICAL, BookLine, EnergyTable
-from multicor_cli.report.tables import CLOSURE_LIMIT
 from multicor_cli.store import Run
 
 _POINTS = 1200  # of a line; longer series are thinned

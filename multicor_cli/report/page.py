@@ -7,6 +7,7 @@ import hashlib
 import json
 import math
 import tomllib
+from collections.abc import Sequence
 from html import escape
 from importlib import resources
 from typing import Any
@@ -14,13 +15,22 @@ from typing import Any
 import numpy as np
 
 from multicor_cli import __version__
+from multicor_cli.checks import Check
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import outlines
 from multicor_cli.plots.small_rises import rise_reference
 from multicor_cli.post.energy import HEAT, MECHANICAL, EnergyTable
 from multicor_cli.report.figures import Figure
 from multicor_cli.report.pack import Packed
-from multicor_cli.report.tables import ReportRow, describe_books, describe_quality, describe_run, describe_stages, pretty
+from multicor_cli.report.tables import (
+    ReportRow,
+    describe_books,
+    describe_checks,
+    describe_run,
+    describe_solver,
+    describe_stages,
+    pretty,
+)
 from multicor_cli.store import Run
 
 MARK = '<meta name="generator" content="multicor report">'
@@ -31,12 +41,20 @@ _SCRIPTS = ("data.js", "scale.js", "picture.js", "viewer.js")
 _LONGEST = 200  # letters of a name; longer ones stand whole in the scenario at the end of the page
 
 
-def make_page(run: Run, info: dict[str, Any], books: EnergyTable | None, packing: Packed, figures: list[Figure] | None) -> bytes:
+def make_page(
+    run: Run,
+    info: dict[str, Any],
+    checks: Sequence[Check],
+    books: EnergyTable | None,
+    packing: Packed,
+    figures: list[Figure] | None,
+) -> bytes:
     """The page as UTF-8.
 
     Args:
         run: The run.
         info: What `multicor_cli.store.run_info` says about it.
+        checks: What was checked of it.
         books: Its energy books; None if it has none yet.
         packing: The frames of the interactive view.
         figures: The figures; None if matplotlib is missing.
@@ -51,7 +69,7 @@ def make_page(run: Run, info: dict[str, Any], books: EnergyTable | None, packing
     body = [
         _header(name, str(scenario.get("description") or ""), info),
         _file("view.html").replace("NOTE_ON_FRAMES", escape(_note(packing))),
-        _tables(info, books),
+        _tables(info, checks, books),
         _figures(figures),
         _scenario(source, resolved),
         f"<footer><p>Made by multicor {escape(__version__)} from {escape(run.path.resolve().name)}.</p></footer>",
@@ -113,11 +131,12 @@ def _up(value: float) -> str:
     return pretty(math.ceil(value / power - 1e-9) * power, 1)
 
 
-def _tables(info: dict[str, Any], books: EnergyTable | None) -> str:
+def _tables(info: dict[str, Any], checks: Sequence[Check], books: EnergyTable | None) -> str:
     parts = [
         _table("What was run", describe_run(info)),
+        _table("Checks", describe_checks(checks)),
         _table("Ends of the stages", describe_stages(info)),
-        _table("Accuracy", describe_quality(info)),
+        _table("Contact solver", describe_solver(info)),
         *_book_tables(books),
     ]
     return f'<section class="cards">{"".join(parts)}</section>'
@@ -136,9 +155,9 @@ def _table(title: str, rows: list[ReportRow]) -> str:
 
 
 def _row(row: ReportRow) -> str:
-    kind, words = ("good", "within the limit") if row.is_good else ("bad", "above the limit")
-    mark = f' <span class="{kind}">{words} {escape(row.limit)}</span>' if row.limit else ""
-    return f'<tr><th scope="row">{escape(row.name)}</th><td dir="auto">{escape(_shorten(row.value))}{mark}</td></tr>'
+    mark = f' <span class="{row.verdict}">{row.verdict} [{escape(row.limit)}]</span>' if row.limit else ""
+    note = f'<tr><td colspan="2" class="note">{escape(row.note)}</td></tr>' if row.note else ""
+    return f'<tr><th scope="row">{escape(row.name)}</th><td dir="auto">{escape(_shorten(row.value))}{mark}</td></tr>{note}'
 
 
 def _figures(figures: list[Figure] | None) -> str:

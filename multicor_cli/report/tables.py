@@ -9,13 +9,10 @@ from typing import Any
 
 import numpy as np
 
+from multicor_cli.checks import Check, Verdict
 from multicor_cli.post.energy import BookLine, EnergyTable
 from multicor_cli.store.stage_ends import StageEnd
 
-CLOSURE_LIMIT = 1e-10
-"""Books that close better than this hold rounding errors only."""
-
-_OVERLAP = 1e-3
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -27,13 +24,15 @@ class ReportRow:
         name: What it is.
         value: Its value, as text.
         limit: Its limit, as text; empty if it has none.
-        is_good: Whether it is within its limit.
+        verdict: How it compares with its limit: ``ok``, ``warning`` or ``bad``.
+        note: What that means and what to do, if it is not ok.
     """
 
     name: str
     value: str
     limit: str = ""
-    is_good: bool = True
+    verdict: str = "ok"
+    note: str = ""
 
 
 def describe_run(info: dict[str, Any]) -> list[ReportRow]:
@@ -67,22 +66,24 @@ def describe_stages(info: dict[str, Any]) -> list[ReportRow]:
     return [ReportRow(end.name, end.text) for end in map(StageEnd.of_document, info["stage_ends"])]
 
 
-def describe_quality(info: dict[str, Any]) -> list[ReportRow]:
-    """Closure of the books, overlap, residuals and counters of the solver."""
-    solver, heat = info["solver"], info["heat"]
+def describe_checks(checks: Sequence[Check]) -> list[ReportRow]:
+    """What was checked of the run."""
+    return [_checked(check) for check in checks]
+
+
+def _checked(check: Check) -> ReportRow:
+    note = "" if check.verdict is Verdict.OK else f"{check.meaning} {check.remedy}"
+    return ReportRow(check.name, check.text, check.limit, check.verdict.value, note)
+
+
+def describe_solver(info: dict[str, Any]) -> list[ReportRow]:
+    """Residuals and counters of the solver, and the largest force."""
+    solver = info["solver"]
     rows = [
-        _limited("energy closure", info["energy_closure"], CLOSURE_LIMIT),
-        _limited("heat closure", info["heat_closure"], CLOSURE_LIMIT),
-        _limited("largest overlap over the smaller radius", info["max_overlap"], _OVERLAP),
-        _limited("steps that did not converge", solver["unconverged_steps"], 0, f" of {_number(info['step'])}"),
         ReportRow("largest residual over the reference velocity (rms of a step)", _number(solver["residual_rms_max"])),
         ReportRow("sweeps per step", _number(solver["sweeps_mean"])),
         ReportRow("largest contact force (mean of a step)", _number(info["max_contact_force"], "N")),
-        ReportRow("Hertz deflection over the diameter at that force", _number(info["hertz_deflection"])),
-        ReportRow("negative share of the losses at contacts", _number(info["negative_loss_share"])),
     ]
-    if heat is not None:
-        rows.append(ReportRow("largest Biot number", _number(heat["max_biot"])))
     return [row for row in rows if row.value != "–"]
 
 
@@ -90,12 +91,6 @@ def describe_books(table: EnergyTable, entries: Sequence[BookLine]) -> list[Repo
     """Some lines of the energy books at the end [J]; what never happened is left out."""
     lines = [(entry.label, table.books[entry.name]) for entry in entries if entry.name in table.books]
     return [ReportRow(label, _number(float(values[-1]), "J")) for label, values in lines if np.any(values) or "imbalance" in label]
-
-
-def _limited(name: str, value: float | None, limit: float, more: str = "") -> ReportRow:
-    if value is None:
-        return ReportRow(name, "–")
-    return ReportRow(name, _number(value) + more, _number(limit), value <= limit)
 
 
 def _number(value: Any, unit: str = "") -> str:

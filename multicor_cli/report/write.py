@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 
+from multicor_cli.checks import check_run
 from multicor_cli.export.errors import ExportRefused
 from multicor_cli.export.target import check_output
 from multicor_cli.post.energy import energy
@@ -86,7 +87,7 @@ def write_report(
         packing = pack_frames(run, int((SIZE_LIMIT - _ROOM) / _BASE64), frames, progress)
         books = energy(run) if run.series.row_count else None
         figures = make_figures(run, books)
-        page = make_page(run, info, books, packing, figures)
+        page = make_page(run, info, check_run(directory), books, packing, figures)
     commit_result(target, "report", page)
     return _summary(target, len(page), packing, figures is not None)
 

@@ -226,7 +226,7 @@ class Controller:
         state.window_wall_impulse[:] = 0.0
 
     def _write_frame(self) -> None:
-        contacts = self._engine.contacts() if self._plan.output.contacts else None
+        contacts = self._engine.contacts().carrying() if self._plan.output.contacts else None
         self._recorder.frame(self._engine.state, contacts)
 
     def _checkpoint(self) -> None:

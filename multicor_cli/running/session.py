@@ -7,7 +7,7 @@ import dataclasses
 import functools
 import time
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -15,9 +15,8 @@ from multicor_cli import __version__
 from multicor_cli.engine import Engine
 from multicor_cli.engine.coupled import CoupledEngine
 from multicor_cli.engine.heat.step import HeatEngine
-from multicor_cli.engine.heat.watch import biot_warning, undelivered_warning
 from multicor_cli.engine.jit.cache import is_compiled
-from multicor_cli.model import HEAT_BOOK_NAMES, TALLY_NAMES, Model, State
+from multicor_cli.model import TALLY_NAMES, Model, State
 from multicor_cli.packing import build
 from multicor_cli.running.controller import Controller
 from multicor_cli.running.differences import find_differences, former_defaults
@@ -25,6 +24,7 @@ from multicor_cli.running.heat_plan import heat_settings
 from multicor_cli.running.memory import keep_freed_memory
 from multicor_cli.running.observer import Observer, SilentObserver
 from multicor_cli.running.outcome import ExitCode, RunOutcome, StopReason, exit_code_of
+from multicor_cli.running.plan import RunPlan
 from multicor_cli.running.planning import make_plan
 from multicor_cli.running.recorder import DirectoryRecorder
 from multicor_cli.running.signals import Switchboard
@@ -40,6 +40,8 @@ from multicor_cli.store.run_document import read_run_document
 
 _UNCONVERGED = TALLY_NAMES.index("unconverged_steps")
 
+Review = Callable[[Scenario, RunPlan, Model, State], None]
+
 
 class Session:
     """Carries out a scenario in a directory until it is finished or has to stop."""
@@ -54,6 +56,7 @@ class Session:
         overwrite: bool = False,
         observer: Observer | None = None,
         switchboard: Switchboard | None = None,
+        review: Review | None = None,
     ) -> None:
         """Set up; nothing is read or written yet.
 
@@ -65,6 +68,7 @@ class Session:
             overwrite: Whether a run that is there may be removed.
             observer: Who is told.
             switchboard: Where signals arrive, if the caller has installed one already.
+            review: Looks at a new run before anything is written; what it raises ends the run there.
         """
         self._scenario = scenario
         self._path = path
@@ -72,6 +76,7 @@ class Session:
         self._overwrite = overwrite
         self._observer = observer or SilentObserver()
         self._signals = switchboard or Switchboard()
+        self._review = review
         self._started = time.monotonic()
         self._deadline = None if max_seconds is None else self._started + max_seconds
 
@@ -107,6 +112,8 @@ class Session:
         check_usable(self._path, overwrite=self._overwrite)
         model, state = self._build(self._scenario)
         plan = make_plan(self._scenario, model)
+        if self._review is not None:
+            self._review(self._scenario, plan, model, state)
         provenance = collect_provenance(current_command(), seed=self._scenario.seed, threads=self._threads)
         with RunDirectory.create(
             self._path,
@@ -175,7 +182,6 @@ class Session:
                 stage_starts=starts,
             )
             reason = controller.run(is_new=is_new)
-            self._warn_of_heat(state)
             timings = {"wall": time.monotonic() - self._started, **engine.timers}
             if reason.is_end:
                 self._observer.message("writing results.h5")
@@ -194,14 +200,6 @@ class Session:
         self._observer.message(f"{model.grain_count} grains, {model.wall_count} walls, {threads} {plural}")
         if not is_compiled():
             self._observer.message("compiling the kernels; this happens once and takes up to half a minute")
-
-    def _warn_of_heat(self, state: State) -> None:
-        if not state.heat_books.size:
-            return
-        biot, undelivered = (float(state.heat_books[HEAT_BOOK_NAMES.index(name)]) for name in ("max_biot", "undelivered"))
-        for warning in (biot_warning(biot), undelivered_warning(undelivered)):
-            if warning is not None:
-                self._observer.warning(warning)
 
     @contextlib.contextmanager
     def _recording_failure(self, directory: RunDirectory) -> Iterator[None]:

@@ -83,7 +83,7 @@ def find_scales(scenario: Scenario, model: Model, drives: Sequence[WallDrive], g
         math.sqrt(mean_mass / pressure) if pressure > 0.0 else math.inf,
         1.0 / rate if rate > 0.0 else math.inf,
         model.mean_diameter / speed if speed > 0.0 else math.inf,
-        _largest_friction(model),
+        largest_friction(model),
     )
 
 
@@ -103,7 +103,7 @@ def largest_gravity(stage: StagePlan, model: Model) -> LargestGravity:
     return (Gravity.constant(model.gravity) if stage.gravity is None else stage.gravity.gravity).largest()
 
 
-def _largest_friction(model: Model) -> float:
+def largest_friction(model: Model) -> float:
     """Largest coefficient of friction between two grains at any speed of sliding, at the reference temperature."""
     laws, materials = model.laws, sorted(set(model.grains.material.tolist()))
     pairs = [(a, b) for a in materials for b in materials]
@@ -130,6 +130,13 @@ def _largest_rate(scenario: Scenario, drives: Sequence[WallDrive]) -> float:
     along_x = sorted((_largest_velocity(drive.x) for drive in drives), reverse=True)
     along_y = sorted((_largest_velocity(drive.y) for drive in drives), reverse=True)
     return max([0.0, *spins, math.fsum(along_x[:2]) / height, math.fsum(along_y[:2]) / min(width, height)])
+
+
+def largest_speed(scenario: Scenario, drives: Sequence[WallDrive], gravity: LargestGravity) -> float:
+    """The larger of the speed in `Scales.fall` and the speeds of the walls in x and y [m/s]."""
+    return max(
+        [_largest_speed(scenario, gravity), *(max(_largest_velocity(drive.x), _largest_velocity(drive.y)) for drive in drives)]
+    )
 
 
 def _largest_speed(scenario: Scenario, gravity: LargestGravity) -> float:

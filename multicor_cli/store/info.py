@@ -2,13 +2,17 @@
 
 from __future__ import annotations
 
+import json
+import socket
 import tomllib
 from datetime import datetime
 from pathlib import Path
 from typing import Any
 
 from multicor_cli.engine.heat.hertz import largest_deflection
+from multicor_cli.store import layout
 from multicor_cli.store.errors import DamagedRun, StoreError
+from multicor_cli.store.lock import read_holder
 from multicor_cli.store.reader import Run, open_run
 from multicor_cli.store.summary import empty_summary
 
@@ -23,9 +27,10 @@ def run_info(path: Path | str) -> dict[str, Any]:
         ``path, run_id, status, stop_reason, exit_code, grain_count, frame_count, series_count, step, time, stage, stages,
         stage_ends`` (how each stage ended that is over, see `multicor_cli.store.stage_ends.StageEnd`), ``walls, state_digest,
         energy_closure, heat_closure, max_overlap, solver.{sweeps_mean, residual_rms_max, residual_max_max, unconverged_steps},
-        books, heat, negative_loss_share, corrected_steps, max_contact_force, worst_step.{step, time}`` (end of the row of the time
-        series with the largest rms residual), ``hertz_deflection, started, finished, duration`` (from the first start to the last
-        sign of life, s), ``timings, data_digest, provenance``.
+        books, heat, negative_loss_share, corrected_steps, max_contact_force, progress`` (``progress.json`` of a run that goes on:
+        step, time, speed, seconds left …), ``pid`` (of its process, if that is on this host), ``worst_step.{step, time}`` (end of
+        the row of the time series with the largest rms residual), ``hertz_deflection, started, finished, duration`` (from the
+        first start to the last sign of life, s), ``timings, data_digest, provenance``.
 
     Raises:
         DirectoryRefused: If there is no run.
@@ -49,6 +54,7 @@ def run_info(path: Path | str) -> dict[str, Any]:
             "stage_ends": info.get("stage_ends", []),
             "walls": _walls(run),
             **{name: value for name, value in summary.items() if name not in ("grain_count", "step", "time", "stage")},
+            **_heartbeat(run),
             "worst_step": _worst_step(run),
             "hertz_deflection": hertz_deflection(run, summary["max_contact_force"]),
             "started": info["started"],
@@ -58,6 +64,20 @@ def run_info(path: Path | str) -> dict[str, Any]:
             "data_digest": results.get("data_digest"),
             "provenance": info["provenance"],
         }
+
+
+def _heartbeat(run: Run) -> dict[str, Any]:
+    """What ``progress.json`` says, and which process to send signals to, if the run goes on."""
+    if run.status != "running":
+        return {"progress": None, "pid": None}
+    holder = read_holder(run.path / layout.LOCK)
+    pid = holder.get("pid") if holder.get("host") == socket.gethostname() else None
+    try:
+        beat = json.loads((run.path / layout.PROGRESS).read_text())
+    except (OSError, ValueError, RecursionError):  # not protected: it may be missing or torn
+        beat = None
+    is_whole = isinstance(beat, dict) and all(isinstance(beat.get(name), int | float) for name in ("step", "time", "progress"))
+    return {"progress": beat if is_whole else None, "pid": pid}
 
 
 def _worst_step(run: Run) -> dict[str, float] | None:

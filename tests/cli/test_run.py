@@ -43,7 +43,8 @@ def test_number_of_threads_does_not_matter(threads: int, finished: Path, tmp_pat
     """More than this machine may have cores."""
     write_small(tmp_path)
     done = call("run", "small.toml", "-o", "other", "--threads", threads, "-q", cwd=tmp_path)
-    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+    assert (done.returncode, done.stdout) == (0, "")
+    assert all(line.startswith("warning: ") for line in done.stderr.splitlines())  # of checks: their time step is a long one
     expected, found = read_info(finished), read_info(tmp_path / "other")
     assert found["provenance"]["threads"] == threads
     assert found["state_digest"] == expected["state_digest"]

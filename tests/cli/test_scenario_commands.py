@@ -40,7 +40,16 @@ def test_validate_says_what_a_run_will_cost(tmp_path: Path) -> None:
     path = write_small(tmp_path)
     done = runner.invoke(app, ["validate", str(path), "--threads", "2"])
     assert done.exit_code == 0, done.output
-    for word in ("60, mean diameter", "memory", "disk", "wall time", "elastic deflection", "0.0002 s"):
+    for word in (
+        "60, mean diameter",
+        "memory",
+        "disk",
+        "wall time",
+        "deflection",
+        "0.0002 s",
+        "time step",
+        "grains without a floor",
+    ):
         assert word in done.stdout
     assert "rough" in done.stderr
     data = json.loads(runner.invoke(app, ["validate", str(path), "--json"]).stdout)

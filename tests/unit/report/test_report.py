@@ -182,13 +182,13 @@ def test_page_asks_for_nothing_from_anywhere(page: str) -> None:
 
 
 def test_page_names_what_was_run_and_how_good_it_is(page: str) -> None:
-    for words in ("What was run", "Accuracy", "Energy books", "Books of heat", "heat closure", "energy closure"):
+    for words in ("What was run", "Checks", "Contact solver", "Energy books", "Books of heat", "heat closure", "energy closure"):
         assert words in page
     assert "All 6 frames of the run" in page
     for title in ("Temperature over time", "Work of the solver", "Contacts that carry a force"):
         assert f'aria-label="{title}' in page
     assert "Energy books over time" not in page  # they are empty, as those of heat
-    assert 'steps that did not converge</th><td dir="auto">0 of 5 ' in page
+    assert 'steps not converged</th><td dir="auto">0 of the steps (0 of 5) <span class="ok">ok [none, bad above 0.05]' in page
     assert page.index("multicor report") < 400
 
 

@@ -1,0 +1,100 @@
+"""One list of checks, before a run and of a run: each with its value, limit, verdict, meaning and remedy.
+
+A new check is a `Rule` in the table of its module, which is in one of the two lists below; docs/checks.md is made of them
+(``python tests/support/check_tables.py``).
+"""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from multicor_cli.checks import books, cost, drift, floor, lids, lost, plausible, resolution, rigidity, stages
+from multicor_cli.checks.check import Check, Rule, Verdict, judge_all, worst_verdict
+from multicor_cli.checks.prepared import Prepared
+from multicor_cli.checks.recorded import Recorded
+from multicor_cli.scenario.scenario import Scenario
+from multicor_cli.store import open_run, run_info
+
+BEFORE_RUN: tuple[Rule[Prepared], ...] = (
+    *resolution.BEFORE_RUN,
+    *rigidity.BEFORE_RUN,
+    *plausible.RULES,
+    *lids.RULES,
+    *floor.RULES,
+    *cost.RULES,
+)
+"""What is checked before a run."""
+
+OF_RUN: tuple[Rule[Recorded], ...] = (
+    *stages.RULES,
+    *resolution.OF_RUN,
+    *books.RULES,
+    *rigidity.OF_RUN,
+    *lost.RULES,
+    *drift.RULES,
+)
+"""What is checked of a run, from its first checkpoint on."""
+
+
+class ChecksFailed(Exception):
+    """A check came out bad where that was not to be."""
+
+    exit_code = 4
+
+    def __init__(self, checks: list[Check]) -> None:
+        bad = [f"{check.name}: {check.text}, {check.limit}" for check in checks if check.verdict is Verdict.BAD]
+        super().__init__("; ".join(bad))
+        self.checks = checks
+
+
+def check_prepared(prepared: Prepared) -> list[Check]:
+    """The checks of a scenario whose grains are placed."""
+    return judge_all(BEFORE_RUN, prepared)
+
+
+def check_scenario(scenario: Scenario | str | Path, threads: int = 1) -> list[Check]:
+    """The checks of a scenario before it is run, as ``multicor validate`` shows them; its grains are placed, nothing is written.
+
+    Args:
+        scenario: A scenario, or the path of a scenario file.
+        threads: Number of threads to assume.
+
+    Raises:
+        ScenarioError: If the scenario is wrong, or its grains cannot be placed.
+    """
+    from multicor_cli.packing import build
+    from multicor_cli.running.planning import make_plan
+    from multicor_cli.scenario.load import load_scenario
+
+    loaded = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
+    model, state = build(loaded)
+    return check_prepared(Prepared(loaded, make_plan(loaded, model), model, state, threads))
+
+
+def check_run(directory: Path | str) -> list[Check]:
+    """The checks of a run, as ``multicor info`` shows them: of its newest checkpoint, whether it goes on or has ended.
+
+    Args:
+        directory: Run directory, or a ``results.h5`` on its own.
+
+    Raises:
+        StoreError: If there is no run, or a file that is needed is damaged.
+    """
+    with open_run(directory) as run:
+        return judge_all(OF_RUN, Recorded(run, run_info(directory)))
+
+
+__all__ = [
+    "BEFORE_RUN",
+    "OF_RUN",
+    "Check",
+    "ChecksFailed",
+    "Prepared",
+    "Recorded",
+    "Rule",
+    "Verdict",
+    "check_prepared",
+    "check_run",
+    "check_scenario",
+    "worst_verdict",
+]

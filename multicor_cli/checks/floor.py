@@ -1,0 +1,187 @@
+"""Whether grains can fall out of what holds them.
+
+The plane is covered with cells. A cell is free if the smallest grain fits in it, with its center in the middle, beside all walls.
+From a free cell a grain can get into free cells beside and below, "below" being along the larger component of gravity. From where
+it so gets to the lower edge of everything it can fall for ever. Rows are gone through from the lowest to the highest, so this
+takes as long as there are cells. Walls stand where they are at the start; grains that heap up above the rim of a wall are not
+foreseen.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from numpy.typing import NDArray
+
+from multicor_cli.checks.check import Measured, Rule
+from multicor_cli.checks.prepared import Prepared
+from multicor_cli.model import Model
+from multicor_cli.model.model import Floats
+from multicor_cli.model.shapes import Outline
+from multicor_cli.post.scene import placed_walls
+
+_MOST_CELLS = 1500
+_MARGIN = 3
+
+Flags = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class _Grid:
+    """Cells in rows and columns; ``low`` is the center of the first one [m]."""
+
+    low: Floats
+    size: float
+    rows: int
+    columns: int
+
+    def centers(self, first: NDArray[np.int64], last: NDArray[np.int64]) -> tuple[Floats, Floats]:
+        """X and y of the centers of a block of cells, from (column, row) to (column, row), the last left out."""
+        x = self.low[0] + self.size * np.arange(first[0], last[0])
+        y = self.low[1] + self.size * np.arange(first[1], last[1])
+        return x[np.newaxis, :], y[:, np.newaxis]
+
+    def block(self, low: Floats, high: Floats) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+        """The block of cells around a rectangle."""
+        limits = np.array([self.columns, self.rows])
+        first = np.clip(np.floor((low - self.low) / self.size), 0, limits).astype(np.int64)
+        return first, np.clip(np.ceil((high - self.low) / self.size) + 1, 0, limits).astype(np.int64)
+
+
+def escape_share(model: Model, position: Floats, wall_position: Floats, gravity: Floats) -> float | None:
+    """The part of the grains that can get out of all walls along gravity; None without gravity.
+
+    Args:
+        model: Grains and walls.
+        position: Centers of the grains, x and y first [m], shape ``(n, 2)`` or more columns.
+        wall_position: Poses of the walls, shape ``(w, 3)``.
+        gravity: Acceleration of gravity [m/s²], shape ``(2,)``.
+    """
+    if not np.any(gravity):
+        return None
+    axis = _larger(gravity)
+    center, walls = np.array(position[:, :2], float), [outline for _, outline in placed_walls(model, wall_position)]
+    if model.period > 0.0:
+        center[:, 0] %= model.period
+    grid = _make_grid(model, center, walls)
+    free = ~_blocked(model, grid, walls)
+    is_down = gravity[axis] < 0.0
+    upright = free if axis == 1 else free.T
+    upright = upright if is_down else upright[::-1]
+    open_ = _reaches_bottom(upright, is_periodic=axis == 1 and model.period > 0.0)
+    open_ = open_ if is_down else open_[::-1]
+    return float(_at_grains(grid, free, open_ if axis == 1 else open_.T, center).mean())
+
+
+def _larger(gravity: Floats) -> int:
+    return 1 if abs(gravity[1]) >= abs(gravity[0]) else 0
+
+
+def _make_grid(model: Model, center: Floats, walls: list[Outline]) -> _Grid:
+    radius = float(model.grains.radius.min())
+    ends = [corners for outline in walls for corners in outline.corners()]
+    points = np.concatenate([center, *ends])
+    low, high = points.min(axis=0), points.max(axis=0)
+    size = max(radius, float((high - low).max()) / _MOST_CELLS)
+    low, high = low - _MARGIN * (size + 2.0 * radius), high + _MARGIN * (size + 2.0 * radius)
+    if model.period > 0.0:
+        low[0], high[0] = 0.0, model.period
+    columns, rows = (max(1, math.ceil(length / size)) for length in high - low)
+    return _Grid(low, size, rows, columns)
+
+
+def _blocked(model: Model, grid: _Grid, walls: list[Outline]) -> Flags:
+    """Cells in which the smallest grain would touch a wall."""
+    reach = max(float(model.grains.radius.min()), 0.75 * grid.size)
+    found = np.zeros((grid.rows, grid.columns), np.bool_)
+    shifts = (-model.period, 0.0, model.period) if model.period > 0.0 else (0.0,)
+    for outline in walls:
+        for k in range(len(outline.points)):
+            for shift in shifts if outline.normal is None else (0.0,):
+                _block_shape(grid, outline, k, np.array([shift, 0.0]), reach, found)
+    return found
+
+
+def _block_shape(grid: _Grid, outline: Outline, k: int, shift: Floats, reach: float, found: Flags) -> None:
+    """Mark the cells near one shape."""
+    points = outline.points[k] + shift
+    if outline.normal is not None:
+        x, y = grid.centers(np.zeros(2, np.int64), np.array([grid.columns, grid.rows]))
+        n = outline.normal[k]
+        found |= (x - points[0, 0]) * n[0] + (y - points[0, 1]) * n[1] < reach
+        return
+    radius = 0.0 if outline.radius is None else float(outline.radius[k])
+    first, last = grid.block(points.min(axis=0) - radius - reach, points.max(axis=0) + radius + reach)
+    if (last <= first).any():
+        return
+    x, y = grid.centers(first, last)
+    distance = _distance(x, y, points)
+    # The inside of a circle holds grains; glued grains are solid.
+    is_near = np.abs(distance - radius) < reach if radius > 0.0 and not outline.is_grain else distance - radius < reach
+    found[first[1] : last[1], first[0] : last[0]] |= is_near
+
+
+def _distance(x: Floats, y: Floats, points: Floats) -> Floats:
+    """Distance of cells from a point or a straight line between two [m]."""
+    start = points[0]
+    if len(points) == 1:
+        return np.asarray(np.hypot(x - start[0], y - start[1]))
+    way = points[1] - start
+    along = np.clip(((x - start[0]) * way[0] + (y - start[1]) * way[1]) / float(way @ way), 0.0, 1.0)
+    return np.asarray(np.hypot(x - start[0] - along * way[0], y - start[1] - along * way[1]))
+
+
+def _reaches_bottom(free: Flags, *, is_periodic: bool) -> Flags:
+    """Free cells from which the first row can be reached by going down and sideways."""
+    found = np.zeros_like(free)
+    below = np.ones(free.shape[1], np.bool_)
+    for row in range(len(free)):
+        below = found[row] = _spread(free[row], below & free[row], is_periodic=is_periodic)
+    return found
+
+
+def _spread(free: Flags, reached: Flags, *, is_periodic: bool) -> Flags:
+    """What is reached from cells of a row by going sideways through free ones."""
+    run = np.cumsum(~free)
+    if is_periodic and free[0] and free[-1]:
+        run[run == run[-1]] = run[0]
+    hit = np.zeros(int(run.max(initial=0)) + 1, np.bool_)
+    hit[run[reached]] = True
+    return np.asarray(hit[run] & free)
+
+
+def _at_grains(grid: _Grid, free: Flags, open_: Flags, center: Floats) -> Flags:
+    """Whether grains are in open cells, or beside one if a wall blocks their own."""
+    column, row = np.rint((center - grid.low) / grid.size).astype(np.int64).T
+    column, row = np.clip(column, 0, grid.columns - 1), np.clip(row, 0, grid.rows - 1)
+    found = open_[row, column]
+    for dx, dy in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+        beside = np.clip(row + dy, 0, grid.rows - 1), np.clip(column + dx, 0, grid.columns - 1)
+        found |= ~free[row, column] & open_[beside]
+    return np.asarray(found)
+
+
+def _escapes(run: Prepared) -> Iterator[Measured]:
+    seen = set()
+    for stage, gravity in zip(run.plan.stages, run.gravity, strict=True):
+        axis = _larger(gravity)
+        if (axis, gravity[axis] < 0.0) in seen:
+            continue
+        seen.add((axis, gravity[axis] < 0.0))
+        share = escape_share(run.model, run.state.position, run.state.wall_position, gravity)
+        if share is not None:
+            yield Measured(share, f"gravity of stage {stage.name}" if len(run.plan.stages) > 1 else "")
+
+
+RULES: tuple[Rule[Prepared], ...] = (
+    Rule(
+        "grains without a floor", _escapes, unit="of the grains", warning=0.0,
+        meaning="These grains can fall or roll out of all walls along gravity, and then fall for ever. Told from the walls as "
+        "they stand at the start.",
+        remedy="Close the gaps, or put a plane below, which has no ends; if grains are to leave (a hopper), nothing.",
+    ),
+)  # fmt: skip
+"""What is checked of where grains can go."""

@@ -1,0 +1,83 @@
+"""A run from its first step on: what the checks of a run look at."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from multicor_cli.model.model import Floats
+from multicor_cli.running.plan import RunPlan
+from multicor_cli.running.planning import make_plan
+from multicor_cli.running.time_step import StepReview, largest_gravity, review_steps
+from multicor_cli.scenario.load import parse_scenario
+from multicor_cli.scenario.problems import ScenarioError
+from multicor_cli.scenario.scenario import Scenario
+from multicor_cli.store import Run
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """A run directory, of a run that goes on or has ended.
+
+    Attributes:
+        run: The open run.
+        info: What `multicor_cli.store.run_info` says of it.
+    """
+
+    run: Run
+    info: dict[str, Any]
+
+    @cached_property
+    def planned(self) -> tuple[Scenario, RunPlan] | None:
+        """The scenario and its plan; None if this version cannot read it."""
+        with contextlib.suppress(ScenarioError):
+            scenario = parse_scenario(self.run.scenario_resolved, self.run.path)
+            return scenario, make_plan(scenario, self.run.model)
+        return None
+
+    @cached_property
+    def reviews(self) -> list[StepReview | None]:
+        """How the time step of each stage compares with what it needs; None for frozen stages."""
+        return [] if self.planned is None else review_steps(self.planned[0], self.run.model, self.planned[1])
+
+    @cached_property
+    def gravity(self) -> Floats:
+        """Gravity at the newest checkpoint [m/s²], shape ``(2,)``; that of the domain where the plan of the stage is not known."""
+        starts = [0.0, *(end["time"] for end in self.info["stage_ends"])]
+        if self.planned is None or self.info["stage"] is None:
+            return self.run.model.gravity
+        number = min(int(self.info["stage"]), len(self.planned[1].stages) - 1)
+        gravity = self.planned[1].stages[number].gravity
+        if gravity is None or number >= len(starts):
+            return self.run.model.gravity
+        return gravity.started(starts).value(self.info["time"] - starts[number])
+
+    @cached_property
+    def largest_gravity(self) -> float:
+        """Largest magnitude of gravity in any stage [m/s²]; that of the domain where the plan is not known."""
+        model = self.run.model
+        stages = [] if self.planned is None else self.planned[1].stages
+        return max((largest_gravity(stage, model)[2] for stage in stages), default=math.hypot(*model.gravity.tolist()))
+
+    @property
+    def has_steps(self) -> bool:
+        """Whether the books of a step are there."""
+        return bool(self.info["step"])
+
+    def book(self, name: str) -> float:
+        """An energy book of the newest checkpoint [J]."""
+        return float(self.info["books"][name])
+
+    def rows(self, stage: int) -> np.ndarray[Any, np.dtype[np.int64]]:
+        """Rows of the time series in a stage that end a window in which something moved."""
+        is_moving = np.asarray(self.run.series["window_duration"]) > 0.0
+        return np.flatnonzero((np.asarray(self.run.series["stage"]) == stage) & is_moving)
+
+    def series(self, name: str) -> Floats:
+        """A column of the time series."""
+        return np.asarray(self.run.series[name], np.float64)

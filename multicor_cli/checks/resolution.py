@@ -1,0 +1,108 @@
+"""Whether the time step resolves the flow: the step that was asked for, the one that the flow needs, and what it does to losses."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from multicor_cli.arithmetic.sums import total
+from multicor_cli.checks.check import Measured, Rule
+from multicor_cli.checks.prepared import Prepared
+from multicor_cli.checks.recorded import Recorded
+from multicor_cli.running.time_step import Scales, StepReview, largest_friction
+
+_SOLID_FRACTION = 0.8
+"""Of a dense packing in the plane."""
+
+
+def _compare(names: Sequence[str], steps: Sequence[float], reviews: Sequence[StepReview | None]) -> Iterator[Measured]:
+    for name, dt, review in zip(names, steps, reviews, strict=True):
+        if review is not None and review.automatic is not None:
+            yield Measured(1.0 if review.is_automatic else dt / review.automatic, f"{dt:.3g} s in stage {name}")
+
+
+def _asked_for(run: Prepared) -> Iterator[Measured]:
+    stages = run.plan.stages
+    return _compare([stage.name for stage in stages], [stage.dt for stage in stages], run.reviews)
+
+
+def _used(run: Recorded) -> Iterator[Measured]:
+    if run.planned is None:
+        return iter(())
+    stages = run.planned[1].stages
+    return _compare([stage.name for stage in stages], [stage.dt for stage in stages], run.reviews)
+
+
+def _needed(run: Recorded) -> Iterator[Measured]:
+    """The step over the limit of a stage, from the mean pressure and the mean rate of shear that its rows show.
+
+    With the trace of the stress, Σ f·ℓ = 2 P V, the mean pressure P; and with the work of sliding Ẇ ≈ μ P V γ̇ the rate of shear
+    γ̇ that would dissipate as much.
+    """
+    model, steps = run.run.model, np.asarray(run.run.frames.column("steps/dt"))
+    mass, friction = total(model.grains.mass) / model.grain_count, largest_friction(model)
+    area = math.pi * total(model.grains.radius * model.grains.radius) / _SOLID_FRACTION
+    for stage, name in enumerate(run.run.stages):
+        rows = run.rows(stage)
+        used = steps[np.asarray(run.run.frames.stage) == stage]
+        if rows.size < 2 or not used.size:
+            continue
+        weight = run.series("window_duration")[rows]
+        virial = run.series("virial_rate")[rows]
+        trace = total(weight * (virial[:, 0, 0] + virial[:, 1, 1])) / total(weight)
+        sliding = run.series("friction_sliding")
+        work = float(sliding[rows[-1]] - sliding[max(0, rows[0] - 1)]) / total(weight)
+        if trace <= 0.0:
+            continue
+        rate = work / (0.5 * trace * friction) if friction > 0.0 else 0.0
+        scales = Scales(math.sqrt(mass * area / (0.5 * trace)), 1.0 / rate if rate > 0.0 else math.inf, math.inf, friction)
+        yield Measured(float(used.max()) / scales.limit, f"{used.max():.3g} s in stage {name}")
+
+
+def _negative(run: Recorded) -> Iterator[Measured]:
+    """The share, unless the grains rest: losses of a step are then below the energy ½ M (g Δt)² of what gravity does in one.
+
+    A bed at rest loses a hundredth of that, with any share; flows lose more than ten times as much.
+    """
+    steps = float(run.series("window_steps").sum())
+    if not run.has_steps or steps == 0.0:
+        return
+    model, dt = run.run.model, float(np.asarray(run.run.frames.column("steps/dt")).max(initial=0.0))
+    kick = run.largest_gravity * dt
+    lost = run.book("friction_loss") + run.book("impact_loss") - run.book("negative_loss")
+    if lost > steps * 0.5 * total(model.grains.mass) * kick * kick:
+        yield Measured(run.info["negative_loss_share"])
+
+
+_AUTOMATIC = 'Use dt = "auto", or a step of that size.'
+
+_RATIO = (
+    "Given time step over the automatic one, at which friction and solid fraction of plane shear are within 0.01 and 0.004 of what "
+    "small steps give. A step four times as long raises friction by up to 0.08 and lowers the solid fraction by up to 0.02."
+)
+
+BEFORE_RUN: tuple[Rule[Prepared], ...] = (
+    Rule("time step", _asked_for, _RATIO, _AUTOMATIC, unit="automatic steps", warning=1.25, bad=5.0),
+)  # fmt: skip
+"""What is checked before a run."""
+
+OF_RUN: tuple[Rule[Recorded], ...] = (
+    Rule("time step", _used, _RATIO, _AUTOMATIC, unit="automatic steps", warning=1.25, bad=5.0),
+    Rule(
+        "time step for the flow", _needed,
+        "Time step over the longest that the flow of a stage would have needed, by the rules of the automatic one, with the mean "
+        "pressure and the work of friction that were recorded in place of those that the scenario lets expect.",
+        "Give a shorter dt in this stage.", unit="of the longest step", warning=2.0, bad=5.0,
+    ),
+    Rule(
+        "negative losses", _negative,
+        "Energy that contacts gained over what others lost. The loss of a contact in a step is -p·½(u⁻ + u⁺): negative where the "
+        "mean of both velocities points along the impulse, although the impulse brakes at the end of the step. A long step, in "
+        "which many impacts and reversals of sliding are one, has many of those; a share of some percent is the error of the step. "
+        "Left out where the grains rest: what is lost there is next to nothing.",
+        "Use a shorter dt: the share falls with it.", unit="of the losses", warning=0.05, bad=0.1,
+    ),
+)  # fmt: skip
+"""What is checked of a run."""

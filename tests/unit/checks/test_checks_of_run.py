@@ -1,0 +1,234 @@
+"""Each check of a run, provoked by a run that deserves it, or by numbers that no run should ever have."""
+
+from __future__ import annotations
+
+import copy
+import json
+import math
+import re
+import time
+from collections.abc import Iterator
+from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from command_line import call, start
+from scenes import LASTING, PACKED, SMALL, changed, write_small
+
+import multicor_cli as multicor
+from multicor_cli.checks import OF_RUN, Check, Recorded, Verdict, judge_all, resolution, worst_verdict
+from multicor_cli.checks.drift import relative_drift
+from multicor_cli.store import open_run, run_info
+
+OK, WARNING, BAD = Verdict.OK, Verdict.WARNING, Verdict.BAD
+
+
+def run_small(directory: Path, *changes: tuple[str, str], overrides: tuple[str, ...] = ()) -> dict[str, Check]:
+    path = write_small(directory, changed(SMALL, *changes))
+    multicor.run(path, directory / "run", overrides=overrides)
+    return {check.name: check for check in multicor.check_run(directory / "run")}
+
+
+@pytest.fixture(scope="module")
+def ordinary(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    directory = tmp_path_factory.mktemp("ordinary")
+    run_small(directory, ("dt = 2e-4", "dt = 1e-4"))
+    return directory / "run"
+
+
+@pytest.fixture
+def recorded(ordinary: Path) -> Iterator[Recorded]:
+    with open_run(ordinary) as run:
+        yield Recorded(run, copy.deepcopy(run_info(ordinary)))
+
+
+def with_info(recorded: Recorded, key: str, value: Any) -> dict[str, Check]:
+    table, *names = recorded.info, *key.split(".")
+    for name in names[:-1]:
+        table = table[name]
+    table[names[-1]] = value
+    return {check.name: check for check in judge_all(OF_RUN, recorded)}
+
+
+def test_an_ordinary_run_has_nothing_bad(ordinary: Path) -> None:
+    checks = multicor.check_run(ordinary)
+    assert worst_verdict(checks) is not BAD, checks
+    names = {check.name for check in checks}
+    assert {"time step", "time step for the flow", "negative losses", "overlap", "lost grains", "Hertz deflection"} <= names
+
+
+@pytest.mark.parametrize(
+    ("name", "key", "values"),
+    [
+        ("energy closure", "energy_closure", {1e-14: OK, 1e-9: BAD}),
+        ("overlap", "max_overlap", {5e-4: OK, 2e-3: BAD}),
+        ("negative losses", "negative_loss_share", {0.01: OK, 0.07: WARNING, 0.2: BAD}),
+        ("Hertz deflection", "hertz_deflection", {6e-6: OK, 5e-3: WARNING, 0.04: BAD}),
+        ("work of corrections", "books.correction_work", {0.0: OK}),
+    ],
+)
+def test_limits_of_the_summary(name: str, key: str, values: dict[float, Verdict], recorded: Recorded) -> None:
+    for value, verdict in values.items():
+        assert with_info(recorded, key, value)[name].verdict is verdict
+
+
+def test_negative_losses_of_a_bed_at_rest_are_left_out(recorded: Recorded) -> None:
+    model, steps = recorded.run.model, float(recorded.run.series["window_steps"].sum())
+    kick = 9.81 * 1e-4
+    limit = steps * 0.5 * float(model.grains.mass.sum()) * kick**2
+    recorded.info["books"] |= {"friction_loss": 0.2 * limit, "negative_loss": -0.3 * limit}
+    assert with_info(recorded, "books.impact_loss", 0.6 * limit)["negative losses"].verdict is not None
+    assert "negative losses" not in with_info(recorded, "books.impact_loss", 0.4 * limit)
+
+
+def test_work_of_corrections_is_compared_with_what_was_put_in(recorded: Recorded) -> None:
+    given = recorded.book("kinetic_start") + sum(abs(recorded.book(f"{name}_work")) for name in ("gravity", "wall", "load"))
+    for share, verdict in ((0.02, WARNING), (-0.2, BAD)):
+        check = with_info(recorded, "books.correction_work", share * given)["work of corrections"]
+        assert (check.value, check.verdict) == (pytest.approx(abs(share)), verdict)
+
+
+def test_heat_of_a_run(recorded: Recorded) -> None:
+    heat = {"max_biot": 0.5, "books": {"undelivered": 1.0, "from_walls": 3.0, "closure": 1e-3}}
+    recorded.info["heat_closure"] = 1e-3
+    checks = with_info(recorded, "heat", heat)
+    assert checks["heat closure"].verdict is BAD
+    assert checks["largest Biot number"].verdict is WARNING
+    assert (checks["heat not delivered"].value, checks["heat not delivered"].verdict) == (0.25, WARNING)
+    heat["max_biot"] = 2.0
+    assert with_info(recorded, "heat", heat)["largest Biot number"].verdict is BAD
+
+
+def test_a_time_step_that_is_far_too_long(tmp_path: Path) -> None:
+    found = run_small(tmp_path, ("dt = 2e-4", "dt = 4e-3"), ("frame_interval = 0.002", "frame_interval = 0.004"))
+    assert found["time step"].verdict is BAD
+    assert found["time step for the flow"].verdict is BAD
+    assert found["time step for the flow"].value > 5.0
+
+
+@pytest.mark.parametrize(("pressure", "rate"), [(50.0, 1.0), (1e-3, 100.0)])
+def test_step_that_a_known_pressure_and_rate_of_shear_need(pressure: float, rate: float, recorded: Recorded) -> None:
+    """Limits 0.2 √(m/P) and 0.01/γ̇ of the automatic step (μ = 0.4 is below 0.5), for a stress P V and a work of sliding μ P V γ̇."""
+    model, dt, rows = recorded.run.model, 1e-4, 11
+    volume = math.pi * float((model.grains.radius**2).sum()) / 0.8
+    time = 0.01 * np.arange(rows)
+    columns = {
+        "stage": np.zeros(rows, int),
+        "window_duration": np.full(rows, 0.01),
+        "virial_rate": np.broadcast_to(pressure * volume * np.eye(2), (rows, 2, 2)),
+        "friction_sliding": 0.4 * pressure * volume * rate * time * rows / (rows - 1),
+    }
+    frames = SimpleNamespace(stage=np.zeros(3, int), column=lambda path: np.full(3, dt))
+    run = SimpleNamespace(model=model, series=columns, frames=frames, stages=("only",))
+    (measured,) = resolution._needed(Recorded(run, {}))  # type: ignore[arg-type]
+    limit = min(0.2 * math.sqrt(float(model.grains.mass.mean()) / pressure), 0.01 / rate)
+    assert measured.value == pytest.approx(dt / limit)
+
+
+def test_steps_that_did_not_converge(tmp_path: Path) -> None:
+    few = run_small(tmp_path, overrides=("solver.max_sweeps=3", "solver.tolerance_rms=1e-6"))["steps not converged"]
+    assert few.verdict is BAD
+    assert 0.05 < few.value <= 1.0
+
+
+def test_soft_grains(tmp_path: Path) -> None:
+    assert run_small(tmp_path, ("young = 70e9", "young = 1e5"))["Hertz deflection"].verdict is BAD
+
+
+@pytest.mark.parametrize(("floor", "verdict"), [([-1.0, 1.0], OK), ([0.0, 0.045], BAD)])
+def test_lost_grains(floor: list[float], verdict: Verdict, tmp_path: Path) -> None:
+    wall = f'geometry = {{ kind = "polyline", points = [[{floor[0]}, -0.002], [{floor[1]}, -0.002]] }}'
+    text = changed(
+        PACKED, ("duration = 1.0", "duration = 0.2"), ("dt = 1e-4", "dt = 1e-3"), ("size = [0.06, 0.08]", "size = [0.06, 0.02]")
+    )
+    text = changed(text, ("count = 200", "count = 40")) + f'\n[[walls]]\nname = "floor"\nmaterial = "glass"\n{wall}\n'
+    multicor.run(write_small(tmp_path, text), tmp_path / "run")
+    found = {check.name: check for check in multicor.check_run(tmp_path / "run")}["lost grains"]
+    with open_run(tmp_path / "run") as run:
+        below = int((run.frames[-1].position[:, 1] < -0.005).sum())
+    assert found.value == below / 40
+    assert found.verdict is verdict
+
+
+def test_a_stage_that_timed_out(tmp_path: Path) -> None:
+    late = run_small(tmp_path, ("kinetic_energy_ratio = 1e-2", "kinetic_energy_ratio = 1e-9"))["stages timed out"]
+    assert (late.value, late.verdict) == (1.0, WARNING)
+    assert "settle" in late.text
+    assert "timed out after 0.03 s" in late.text
+
+
+def test_gravity_is_that_of_the_stage(tmp_path: Path) -> None:
+    """Grains of a box without a right side stay in it until gravity is tilted."""
+    box = '{ kind = "box", min = [0.0, 0.0], max = [0.06, 0.08], open = ["right", "top"] }'
+    text = changed(PACKED, ("duration = 1.0", "duration = 0.01"))
+    text += f'\n[[walls]]\nname = "box"\nmaterial = "glass"\ngeometry = {box}\n'
+    tilt = '\n[[loading]]\nname = "tilt"\nduration = 0.02\ngravity = { angle = { ramp = [0.0, 90.0], duration = 0.02 } }\n'
+    path = write_small(tmp_path, text.replace("\n[solver]", tilt + "\n[solver]"))
+    before = {check.name: check for check in multicor.check_scenario(path)}["grains without a floor"]
+    assert (before.value, "tilt" in before.text) == (1.0, True)
+    multicor.run(path, tmp_path / "run")
+    with open_run(tmp_path / "run") as run:
+        recorded = Recorded(run, run_info(tmp_path / "run"))
+        np.testing.assert_allclose(recorded.gravity, [9.81, 0.0], atol=1e-12)
+        assert recorded.largest_gravity == pytest.approx(9.81)
+
+
+def test_drift_of_a_series() -> None:
+    rng = np.random.default_rng(1)
+    noise = rng.normal(size=4000)
+    assert relative_drift(np.ones(39)) is None
+    assert relative_drift(np.zeros(100)) == 0.0
+    assert relative_drift(10.0 + noise) == 0.0
+    assert relative_drift(np.repeat([1.0, 1.0, 2.0, 3.0], 100)) == pytest.approx(1.0 / 3.0)
+    assert relative_drift(np.repeat([1.0, 1.0, -2.0, -1.0], 100)) == pytest.approx(0.5)
+    assert relative_drift(5.0 + np.repeat([0.0, 0.0, 0.0, 5.0], 1000) + noise) == pytest.approx(0.5, abs=0.05)
+
+
+def test_a_run_without_steps_has_few_checks(tmp_path: Path) -> None:
+    path = write_small(tmp_path)
+    multicor.run(path, tmp_path / "run", max_hours=0.0)
+    names = {check.name for check in multicor.check_run(tmp_path / "run")}
+    assert names == {"time step", "lost grains"}
+
+
+def test_frames_hold_the_contacts_that_carry_something(ordinary: Path) -> None:
+    with open_run(ordinary) as run:
+        for frame in run.frames[1:]:
+            assert (frame.contacts.impulse[:, 0] > 0.0).all()
+        assert sum(map(len, (frame.contacts for frame in run.frames))) > 0
+
+
+@pytest.mark.parametrize(("change", "before", "code"), [((), False, 0), (("dt = 2e-4", "dt = 2e-3"), True, 4)])
+def test_strict(change: tuple[str, str] | tuple[()], before: bool, code: int, tmp_path: Path) -> None:
+    """A bad check before a run keeps it from beginning; afterwards `info` says the same; without the option nothing changes."""
+    write_small(tmp_path, changed(SMALL, *([change] if change else [])))
+    assert call("validate", "small.toml", "--strict", cwd=tmp_path).returncode == code
+    assert call("validate", "small.toml", cwd=tmp_path).returncode == 0
+    strict = call("run", "small.toml", "-o", "strict", "--strict", cwd=tmp_path)
+    assert strict.returncode == code
+    assert (tmp_path / "strict").exists() is not before
+    assert ("bad: time step: " in strict.stderr) is before
+    assert call("run", "small.toml", "-o", "run", "-q", cwd=tmp_path).returncode == 0
+    assert call("info", "run", "--strict", cwd=tmp_path).returncode == code
+    data = json.loads(call("info", "run", "--json", cwd=tmp_path).stdout)
+    assert data["verdict"] == ("bad" if code else worst_verdict(multicor.check_run(tmp_path / "run")).value)
+    assert all(check.keys() == {"name", "value", "text", "limit", "verdict", "meaning", "remedy"} for check in data["checks"])
+    assert (data["progress"], data["pid"]) == (None, None)
+
+
+def test_a_run_that_goes_on_tells_where_it_is(tmp_path: Path) -> None:
+    write_small(tmp_path, LASTING)
+    process = start("run", "small.toml", "-o", "run", cwd=tmp_path)
+    try:
+        deadline = time.monotonic() + 120.0
+        while not (tmp_path / "run" / "progress.json").exists() and time.monotonic() < deadline:
+            time.sleep(0.1)
+        shown = call("info", "run", cwd=tmp_path).stdout
+        assert f"kill -USR1 {process.pid} " in shown
+        assert re.search(r"now +step \d+, t = ", shown)
+    finally:
+        process.terminate()
+        process.communicate()
+    assert "kill" not in call("info", "run", cwd=tmp_path).stdout
