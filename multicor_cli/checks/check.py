@@ -24,7 +24,7 @@ class Verdict(Enum):
 
 
 _ORDER = list(Verdict)
-_LONGEST = 160  # letters of what a number belongs to: names may be of any length
+_LONGEST = 110  # letters of what a number belongs to: names may be of any length
 
 
 class Measured(NamedTuple):

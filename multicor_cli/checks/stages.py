@@ -11,7 +11,7 @@ from multicor_cli.store.stage_ends import StageEnd
 
 def _timed_out(run: Recorded) -> Iterator[Measured]:
     ends = [StageEnd.of_document(document) for document in run.info["stage_ends"]]
-    late = [f"{end.name}: {end.text}" for end in ends if end.has_timed_out]
+    late = [f"{end.name}: {end.why}" for end in ends if end.has_timed_out]
     if ends:
         yield Measured(len(late), "; ".join(late))
 

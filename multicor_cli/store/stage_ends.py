@@ -58,13 +58,16 @@ class StageEnd:
 
     @property
     def text(self) -> str:
-        """Why and when it ended, in words."""
-        when = f"t = {self.time:.6g} s, step {self.step}"
+        """When and why it ended, in words."""
+        return f"t = {self.time:.6g} s, step {self.step}: {self.why}"
+
+    @property
+    def why(self) -> str:
+        """Why it ended, in words."""
         if self.reason == "duration":
-            return f"{when}: its duration of {self.duration:.6g} s was over"
-        if self.reason == "condition":
-            return f"{when}: {self._reached}, {self._goal}"
-        return f"{when}: timed out after {self.duration:.6g} s; {self._reached}, {self._goal}"
+            return f"its duration of {self.duration:.6g} s was over"
+        reached = f"{self._reached}, {self._goal}"
+        return reached if self.reason == "condition" else f"timed out after {self.duration:.6g} s; {reached}"
 
     @property
     def _reached(self) -> str:
