@@ -6,6 +6,7 @@ from collections.abc import Callable
 from dataclasses import replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from multicor_cli.engine.contact.adhesion import net_impulses, resting_attraction
 from multicor_cli.engine.contact.problem import ContactProblem
@@ -80,6 +81,11 @@ class CoupledEngine:
         if self.heat is not None:
             self.heat.set_conditions(conditions)
             self.heat.last = None
+
+    def begin_heat(self, is_new: NDArray[np.bool_]) -> None:
+        """At the start of a stage: walls with a heat capacity and a new condition, shape ``(w,)``, get their first temperature."""
+        if self.heat is not None:
+            self.heat.begin_conditions(is_new)
 
     def step(self, dt: float, t: float, should_stop: Callable[[], bool] | None = None) -> StepReport:
         """Advance by one time step; arguments and errors as `Engine.step` and `HeatEngine.step`."""

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from multicor_cli.engine.heat.conduction import ContactForce
 from multicor_cli.engine.heat.laws import HeatLaws, heat_laws
@@ -15,7 +17,7 @@ from multicor_cli.model import Model
 from multicor_cli.scenario.drives import engine_signal, kept_signal
 from multicor_cli.scenario.heat import AverageForce, Heat
 from multicor_cli.scenario.scenario import Scenario
-from multicor_cli.scenario.wall_heat import AnyCondition, FlowCondition, TemperatureCondition
+from multicor_cli.scenario.wall_heat import AnyCondition, CapacityCondition, FlowCondition, KeptCondition, TemperatureCondition
 
 
 def heat_settings(scenario: Scenario, model: Model) -> HeatSettings | None:
@@ -75,6 +77,10 @@ class StageWallHeat:
     walls: tuple[WallHeat, ...]
     named_by: tuple[int, ...]
 
+    def beginning(self) -> NDArray[np.bool_]:
+        """Which walls have a condition that begins with this stage, shape ``(w,)``."""
+        return np.array([named_by == self.stage for named_by in self.named_by], np.bool_)
+
     def started(self, stage_starts: Sequence[float]) -> list[WallHeat]:
         """The conditions as functions of the time since the start of this stage.
 
@@ -94,13 +100,28 @@ def wall_heat(scenario: Scenario, wall_names: Sequence[str]) -> list[StageWallHe
         scenario: What to do.
         wall_names: Names of the walls, in the order of the engine.
     """
-    return [
-        StageWallHeat(number, tuple(_engine_condition(kept.condition) for kept in walls), tuple(kept.stage for kept in walls))
-        for number, walls in enumerate(scenario.wall_conditions(tuple(wall_names)))
-    ]
+    found, before = [], None
+    for number, walls in enumerate(scenario.wall_conditions(tuple(wall_names))):
+        conditions = (_engine_condition(kept.condition, _initial(scenario, w, kept, before)) for w, kept in enumerate(walls))
+        found.append(StageWallHeat(number, tuple(conditions), tuple(kept.stage for kept in walls)))
+        before = walls
+    return found
 
 
-def _engine_condition(condition: AnyCondition) -> WallHeat:
+def _initial(scenario: Scenario, wall: int, kept: KeptCondition, before: list[KeptCondition] | None) -> float:
+    """Temperature with which a wall of some heat capacity begins [K]; nan: the one that it has."""
+    condition = kept.condition
+    if scenario.heat is None or not isinstance(condition, CapacityCondition):
+        return math.nan
+    if condition.initial is not None:
+        return condition.initial
+    had_one = before is not None and isinstance(before[wall].condition, TemperatureCondition | CapacityCondition)
+    return math.nan if had_one else scenario.heat.temperature
+
+
+def _engine_condition(condition: AnyCondition, initial: float) -> WallHeat:
+    if isinstance(condition, CapacityCondition):
+        return WallHeat("capacity", capacity=condition.capacity, initial=initial)
     if isinstance(condition, TemperatureCondition):
         return WallHeat("temperature", engine_signal(condition.temperature))
     if isinstance(condition, FlowCondition):

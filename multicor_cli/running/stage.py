@@ -5,6 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
 from multicor_cli.engine.contact.solve import Settings
 from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.engine.motion.drives import WallDrive
@@ -35,6 +38,9 @@ class Staged(Protocol):
     def set_heat(self, conditions: list[WallHeat], *, is_on: bool, is_frozen: bool) -> None:
         """Choose what heat does, at the start of a stage or in its middle."""
 
+    def begin_heat(self, is_new: NDArray[np.bool_]) -> None:
+        """Give walls with a heat capacity whose condition is new, shape ``(w,)``, the temperature with which they begin."""
+
 
 def begin_stage(engine: Staged, stage: StagePlan, starts: Sequence[float]) -> None:
     """Tell an engine what a stage asks for, before its first step.
@@ -46,6 +52,8 @@ def begin_stage(engine: Staged, stage: StagePlan, starts: Sequence[float]) -> No
     """
     _choose(engine, stage, starts)
     engine.set_drives(stage.drives.started(starts))
+    if stage.heat is not None:
+        engine.begin_heat(stage.heat.conditions.beginning())
     state = engine.state
     state.stage_peak = float(state.books[KINETIC]) if state.step > 0 else 0.0
     if stage.until is not None:

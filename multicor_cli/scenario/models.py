@@ -50,7 +50,7 @@ from multicor_cli.scenario.until import (
     UntilStrain,
     UntilStress,
 )
-from multicor_cli.scenario.wall_heat import FlowCondition, InsulatedCondition, TemperatureCondition
+from multicor_cli.scenario.wall_heat import CapacityCondition, FlowCondition, InsulatedCondition, TemperatureCondition
 from multicor_cli.scenario.walls import Wall
 
 
@@ -85,6 +85,7 @@ __all__ = [
     "AnySizes",
     "AnyTemperature",
     "AxialStrainEnd",
+    "CapacityCondition",
     "CompactedPacking",
     "ContactPair",
     "DepositedPacking",

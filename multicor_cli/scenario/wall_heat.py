@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 from pydantic import AfterValidator, Field, Tag
 
-from multicor_cli.scenario.base import Table, check_kelvin, one_of, true_only
+from multicor_cli.scenario.base import Kelvin, Table, check_kelvin, one_of, true_only
 from multicor_cli.scenario.signals import AnySignal, RampSignal, Signal, SineSignal, TableSignal
 
 if TYPE_CHECKING:
@@ -53,6 +53,18 @@ class FlowCondition(Table):
     )
 
 
+class CapacityCondition(Table):
+    """A wall that is a body with a temperature of its own, which heat and friction change."""
+
+    capacity: Annotated[float, Field(ge=1e-18, le=1e18)] = Field(
+        description="heat capacity of the wall [J/K]: it has one temperature, which what it exchanges with grains changes"
+    )
+    initial: Kelvin | None = Field(
+        None,
+        description="its temperature when this condition begins [K]; default: that before, if it had one, else that of [heat]",
+    )
+
+
 class InsulatedCondition(Table):
     """A wall that exchanges no heat; a grain that rubs on it gets all the heat of friction."""
 
@@ -64,10 +76,11 @@ class InsulatedCondition(Table):
 WallCondition = Annotated[
     Annotated[TemperatureCondition, Tag("<temperature>")]
     | Annotated[FlowCondition, Tag("<flow>")]
+    | Annotated[CapacityCondition, Tag("<capacity>")]
     | Annotated[InsulatedCondition, Tag("<insulated>")],
-    one_of("a thermal condition is a table with", "temperature", "flow", "insulated"),
+    one_of("a thermal condition is a table with", "temperature", "flow", "capacity", "insulated"),
 ]
-AnyCondition = TemperatureCondition | FlowCondition | InsulatedCondition
+AnyCondition = TemperatureCondition | FlowCondition | CapacityCondition | InsulatedCondition
 
 
 class KeptCondition(NamedTuple):

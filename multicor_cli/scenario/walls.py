@@ -280,6 +280,6 @@ class Wall(Table):
 
     thermal: WallCondition | None = Field(
         None,
-        description="thermal condition from the start of the run: { temperature = 323.15 }, { flow = 5.0 } or { insulated = true } "
-        "(the default)",
+        description="thermal condition from the start of the run: { temperature = 323.15 }, { flow = 5.0 }, "
+        "{ capacity = 0.05, initial = 400.0 } or { insulated = true } (the default)",
     )

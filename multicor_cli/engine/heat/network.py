@@ -15,14 +15,14 @@ from multicor_cli.engine.heat.mechanism import NearPairs
 from multicor_cli.engine.heat.pairs import look_up, resting_contacts
 from multicor_cli.engine.heat.rates import OUTSIDE_BOOKS, Network
 from multicor_cli.engine.heat.settings import HeatSettings
-from multicor_cli.engine.heat.splitting import FLOW, INSULATED, KNOWN, split_links
+from multicor_cli.engine.heat.splitting import BODY, FLOW, INSULATED, KNOWN, split_links
 from multicor_cli.engine.heat.spots import Spots
 from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.model.columns import RADIUS
 from multicor_cli.model.model import Floats, Ints, Model
 from multicor_cli.model.shapes import ShapeKind
 
-_KINDS = {"insulated": INSULATED, "temperature": KNOWN, "flow": FLOW}
+_KINDS = {"insulated": INSULATED, "temperature": KNOWN, "flow": FLOW, "capacity": BODY}
 
 Pairs = tuple[Ints, Ints, Floats]
 """First and second shapes of pairs, sorted, and their gaps [m]."""
@@ -112,7 +112,7 @@ def _is_within(scene: Scene, i: Ints, j: Ints, gap: Floats, reach: float) -> NDA
 def network_of(
     links: Links, scene: Scene, conditions: list[WallHeat], velocity: Floats, model: Model, settings: HeatSettings
 ) -> Network:
-    """The network of a step. Links to insulated walls are left out; a prescribed flow is shared by conductance.
+    """The network of a step, of grains and then bodies: walls with a heat capacity. Links to insulated walls are left out.
 
     Args:
         links: Pairs between which heat flows.
@@ -124,21 +124,23 @@ def network_of(
     """
     n = model.grain_count
     kind = np.array([_KINDS[c.kind] for c in conditions], np.int32)
-    ends = split_links(n, links.i, links.j, links.conductance, links.area, scene.wall, kind)
+    node = (n - 1 + np.cumsum(kind == BODY)).astype(np.int32)
+    ends = split_links(n, links.i, links.j, links.conductance, links.area, scene.wall, kind, node)
+    nodes = n + int(np.count_nonzero(kind == BODY))
     asked = (mechanism.outside(velocity, settings.laws, model) for mechanism in settings.mechanisms)
     outside = [one for one in asked if one is not None]
     return Network(
         *ends,
         outside_book=np.array([OUTSIDE_BOOKS.index(one.book) for one in outside], np.int32),
         outside_temperature=np.array([one.temperature for one in outside], float),
-        outside_conductance=_rows([one.conductance for one in outside], n),
-        outside_area=_rows([one.area for one in outside], n),
+        outside_conductance=_rows([one.conductance for one in outside], n, nodes),
+        outside_area=_rows([one.area for one in outside], n, nodes),
     )
 
 
-def _rows(values: Sequence[Floats | float], n: int) -> Floats:
-    """One row of length ``n`` for each of ``values``, arrays or single numbers."""
-    table = np.empty((len(values), n))
+def _rows(values: Sequence[Floats | float], n: int, nodes: int) -> Floats:
+    """One row for each of ``values``, arrays of length ``n`` or single numbers: nothing outside reaches the bodies that follow."""
+    table = np.zeros((len(values), nodes))
     for row, value in zip(table, values, strict=True):
-        row[:] = value
+        row[:n] = value
     return table

@@ -1,7 +1,8 @@
 """Heat flow in a network of grains and walls: the rates, and the linear systems of the implicit integrator.
 
-Nodes are grains; walls of known temperature and what is outside are what the network exchanges heat with. Every rate is
-applied with opposite signs to the two ends, so heat is conserved to round-off whatever the temperatures are.
+Nodes are grains, and then the walls that have a heat capacity (bodies); walls of known temperature and what is outside are what the
+network exchanges heat with. Every rate is applied with opposite signs to the two ends, so heat is conserved to round-off whatever
+the temperatures are.
 """
 
 from __future__ import annotations
@@ -19,7 +20,9 @@ OUTSIDE_BOOKS = ("from_ambient", "from_surroundings")
 
 
 class Network(NamedTuple):
-    """What conducts between ``n`` grains, ``w`` walls and ``s`` things outside.
+    """What conducts between ``n`` nodes, ``w`` walls and ``s`` things outside.
+
+    Wherever the following says grain, a body may stand.
 
     Attributes:
         i: First grain of each link between grains, shape ``(e,)``.

@@ -1,4 +1,4 @@
-"""Sorts the links of a network by what is at their other end: a grain, a wall of known temperature, or one of known flow."""
+"""Sorts the links of a network by what is at their other end: a grain or a body, a wall of known temperature, or of known flow."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ import numpy as np
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.model.model import Floats, Ints
 
-INSULATED, KNOWN, FLOW = 0, 1, 2
+INSULATED, KNOWN, FLOW, BODY = 0, 1, 2, 3
 """Kinds of walls."""
 
 
@@ -30,8 +30,10 @@ class Ends(NamedTuple):
 
 
 @kernel
-def split_links(grains: int, i: Ints, j: Ints, conductance: Floats, area: Floats, wall: Ints, kind: Ints) -> Ends:
-    """Split links. Those to insulated walls are left out; a prescribed flow is shared by conductance.
+def split_links(
+    grains: int, i: Ints, j: Ints, conductance: Floats, area: Floats, wall: Ints, kind: Ints, node: Ints
+) -> Ends:  # fmt: skip
+    """Split links. Those to insulated walls are left out; a prescribed flow is shared by conductance; bodies are like grains.
 
     Args:
         grains: Number of grains.
@@ -41,8 +43,9 @@ def split_links(grains: int, i: Ints, j: Ints, conductance: Floats, area: Floats
         area: Area factor of radiation [m²], shape ``(e,)`` or of size 0.
         wall: Wall of each wall shape, shape ``(m,)``.
         kind: Kind of each wall, shape ``(w,)``.
+        node: Node of each wall that is a body, shape ``(w,)``; not used of others.
     """
-    count = np.zeros(3, np.int64)  # of links to grains, and to walls by kind
+    count = np.zeros(3, np.int64)  # of links to grains and bodies, and to walls by kind
     total = np.zeros(kind.size)
     for k in range(j.size):
         if j[k] < grains:
@@ -51,6 +54,8 @@ def split_links(grains: int, i: Ints, j: Ints, conductance: Floats, area: Floats
             w = wall[j[k] - grains]
             if kind[w] == KNOWN:
                 count[KNOWN] += 1
+            elif kind[w] == BODY:
+                count[INSULATED] += 1
             elif kind[w] == FLOW and conductance[k] > 0.0:
                 count[FLOW] += 1
                 total[w] += conductance[k]
@@ -63,9 +68,10 @@ def split_links(grains: int, i: Ints, j: Ints, conductance: Floats, area: Floats
     )  # fmt: skip
     count[:] = 0
     for k in range(j.size):
-        if j[k] < grains:
+        is_grain = j[k] < grains
+        if is_grain or kind[wall[j[k] - grains]] == BODY:
             at = count[INSULATED]
-            ends.i[at], ends.j[at], ends.conductance[at] = i[k], j[k], conductance[k]
+            ends.i[at], ends.j[at], ends.conductance[at] = i[k], j[k] if is_grain else node[wall[j[k] - grains]], conductance[k]
             if has_area:
                 ends.area[at] = area[k]
             count[INSULATED] += 1

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 
 import numpy as np
+from numpy.typing import NDArray
 
 from multicor_cli.arithmetic.sums import column_totals, total
 from multicor_cli.engine.contact.detection import StepContacts, warm_rows
@@ -90,14 +91,23 @@ class HeatEngine:
         self.last: StepHeat | None = None
         self._thermal = model.thermal
         self._laws = settings.laws
-        self._conditions = [WallHeat()] * model.wall_count
+        self.set_conditions([WallHeat()] * model.wall_count)
         self._list = NeighborList(model)
         self._frozen: tuple[Links, Spots] | None = None
 
     def set_conditions(self, conditions: list[WallHeat]) -> None:
         """Choose the thermal conditions of the walls, one per wall; their signals count from the start of the stage."""
         self._conditions = conditions
+        self._bodies = np.flatnonzero([condition.kind == "capacity" for condition in conditions])
+        self._capacity = np.append(self._thermal.capacity, [conditions[w].capacity for w in self._bodies])
         self._frozen = None
+
+    def begin_conditions(self, is_new: NDArray[np.bool_]) -> None:
+        """Give bodies whose condition is new, shape ``(w,)``, the temperature with which they begin."""
+        for w in self._bodies[is_new[self._bodies]]:
+            initial = self._conditions[w].initial
+            if np.isfinite(initial):
+                self.state.wall_temperature[w] = initial
 
     def shape_temperatures(self, t: float) -> Floats:
         """Temperatures of grains and wall shapes [K]; nan for walls that have none, shape ``(n + m,)``.
@@ -137,7 +147,7 @@ class HeatEngine:
             scene = self.resting_scene()
             links, spots = self._rest(scene)
             self.last = StepHeat(np.zeros(spots.i.size), spots.conductance)
-            source = np.zeros(self.model.grain_count)
+            source = np.zeros(self._capacity.size)
             self._flow(links, scene, source, dt, t, is_frozen=True, should_stop=should_stop)
 
     def forget_averages(self) -> None:
@@ -173,14 +183,14 @@ class HeatEngine:
         return scene_of(self.model, self.state.position, self.state.wall_position)
 
     def _generate(self, moved: MovedContacts) -> tuple[Floats, Floats]:
-        """Heat generated: by grain, and by contact [J]; enters the books, and wears."""
+        """Heat generated: by grain and body, and by contact [J]; enters the books, and wears."""
         state, contacts, model = self.state, moved.contacts, self.model
         count = contacts.i.size
         heat, rubbing = np.empty((count, 2)), np.empty(count)
         settings = self.settings
         generated_heat(moved.scene, contacts, moved.after, _RULES[settings.friction], settings.impact, heat, rubbing)
         source, to_walls = np.zeros(model.grain_count), np.zeros(model.wall_count)
-        takes_heat = np.array([c.kind == "temperature" for c in self._conditions], np.bool_)
+        takes_heat = np.array([c.kind in ("temperature", "capacity") for c in self._conditions], np.bool_)
         share_out(
             moved.scene, contacts.i, contacts.j, heat, rubbing, self._laws, takes_heat, source, to_walls, state.wear,
             state.wall_wear,
@@ -188,7 +198,7 @@ class HeatEngine:
         state.generated += source
         friction, impact = column_totals(heat).tolist()
         book_generated(state, friction, impact, to_walls)
-        return source, heat[:, FRICTION] + heat[:, IMPACT]
+        return np.append(source, to_walls[self._bodies]), heat[:, FRICTION] + heat[:, IMPACT]
 
     def _spots(self, moved: MovedContacts, dt: float) -> Spots:
         contacts, settings = moved.contacts, self.settings
@@ -229,36 +239,45 @@ class HeatEngine:
             raise PhysicsError(state.step, find_absurd_value(state, self.model) or "a temperature is not finite")
         velocity = np.zeros((len(state.velocity), 2)) if is_frozen else state.velocity[:, :2]
         net = network_of(links, scene, self._conditions, velocity, self.model, settings)
-        walls = WallValues(self._conditions, t)
-        temperature, capacity = state.temperature(self._thermal), self._thermal.capacity
+        walls, n = WallValues(self._conditions, t), self.model.grain_count
+        temperature = np.append(state.temperature(self._thermal), state.wall_temperature[self._bodies])
         try:
             flow = integrate(
-                net, capacity, temperature, walls, source, dt, state.heat_dt, settings, should_stop, is_frozen=is_frozen
+                net, self._capacity, temperature, walls, source, dt, state.heat_dt, settings, should_stop, is_frozen=is_frozen
             )
         except ArithmeticError as error:
             raise PhysicsError(state.step, find_absurd_value(state, self.model) or str(error)) from error
         self._check(flow)
-        state.heat += flow.received
+        state.heat += flow.received[:n]
         state.heat_dt = flow.next_step
+        state.wall_temperature[self._bodies] += flow.received[n:] / self._capacity[n:]
         state.wall_temperature = self._wall_temperatures(walls, dt)
+        flow.walls[self._bodies] += source[n:] - flow.received[n:]
         book_flow(state, flow, self._undelivered(net.flow_wall, walls, dt))
         note_contacts(state, links.biot, links.gas_ratio)
         strike_balance(state)
 
     def _check(self, flow: Flow) -> None:
         """Raise `PhysicsError` if a temperature is not finite, or below absolute zero by more than rounding."""
-        after = self._thermal.start + (self.state.heat + flow.received) / self._thermal.capacity
+        state, n = self.state, self.model.grain_count
+        grains = self._thermal.start + (state.heat + flow.received[:n]) / self._thermal.capacity
+        bodies = state.wall_temperature[self._bodies] + flow.received[n:] / self._capacity[n:]
+        after = np.append(grains, bodies)
         if not np.isfinite(after).all():
-            worst = int(np.argmin(np.isfinite(after)))
-            raise PhysicsError(self.state.step, f"the temperature of grain {worst} is not finite")
+            raise PhysicsError(state.step, f"the temperature of {self._name(int(np.argmin(np.isfinite(after))))} is not finite")
         coldest = int(np.argmin(after))
         if after[coldest] < -1e-9 * max(1.0, float(after.max())):
-            message = f"grain {coldest} would fall below absolute zero: a wall draws more heat than there is"
-            raise PhysicsError(self.state.step, message)
+            message = f"{self._name(coldest)} would fall below absolute zero: a wall draws more heat than there is"
+            raise PhysicsError(state.step, message)
+
+    def _name(self, node: int) -> str:
+        n = self.model.grain_count
+        return f"grain {node}" if node < n else f"wall {self.model.walls.names[self._bodies[node - n]]}"
 
     def _wall_temperatures(self, walls: WallValues, dt: float) -> Floats:
-        known = np.array([c.kind == "temperature" for c in self._conditions], np.bool_)
-        return np.where(known, walls(dt), np.nan)
+        found = np.where([c.kind == "temperature" for c in self._conditions], walls(dt), np.nan)
+        found[self._bodies] = self.state.wall_temperature[self._bodies]
+        return found
 
     def _undelivered(self, reached: Ints, walls: WallValues, dt: float) -> float:
         """Heat that walls of prescribed flow that touch nothing could not pass on within ``dt`` [J]."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import itertools
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -13,6 +14,8 @@ from multicor_cli.engine.motion.drives import Constant, Signal
 from multicor_cli.model.model import Floats
 
 _INSULATED = Constant(0.0)
+PRESCRIBED = ("temperature", "flow")
+"""Kinds of conditions with a value as a function of time."""
 
 
 @dataclass(frozen=True)
@@ -21,12 +24,16 @@ class WallHeat:
 
     Attributes:
         kind: ``"insulated"``; ``"temperature"``: prescribed [K]; ``"flow"``: heat flow into the grains that touch it [W], shared
-            in proportion to their conductances.
+            in proportion to their conductances; ``"capacity"``: a body with one temperature, which changes.
         signal: The prescribed value as a function of the time since the start of the stage.
+        capacity: Heat capacity of a body [J/K].
+        initial: Its temperature when the condition begins [K]; nan: the one that it has.
     """
 
-    kind: Literal["insulated", "temperature", "flow"] = "insulated"
+    kind: Literal["insulated", "temperature", "flow", "capacity"] = "insulated"
     signal: Signal = _INSULATED
+    capacity: float = 0.0
+    initial: float = math.nan
 
 
 @dataclass(frozen=True)
@@ -49,10 +56,7 @@ class WallValues:
     def pieces(self, dt: float) -> list[tuple[WallValues, float]]:
         """The step, cut where signals bend: for each piece the values and its length [s]. No pulse falls between two steps."""
         corners = {
-            time
-            for wall in self.conditions
-            if wall.kind != "insulated"
-            for time in wall.signal.corners(self.start, self.start + dt)
+            time for wall in self.conditions if wall.kind in PRESCRIBED for time in wall.signal.corners(self.start, self.start + dt)
         }
         if not corners:
             return [(self, dt)]
@@ -60,5 +64,5 @@ class WallValues:
         return [(WallValues(self.conditions, a), b - a) for a, b in itertools.pairwise(edges) if b > a]
 
     def __call__(self, t: float) -> Floats:
-        """Values ``t`` seconds after the start of the step; 0 for insulated walls, shape ``(w,)``."""
-        return np.array([0.0 if c.kind == "insulated" else c.signal.value(self.start + t) for c in self.conditions])
+        """Values ``t`` seconds after the start of the step; 0 where nothing is prescribed, shape ``(w,)``."""
+        return np.array([c.signal.value(self.start + t) if c.kind in PRESCRIBED else 0.0 for c in self.conditions])
