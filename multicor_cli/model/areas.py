@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from abc import ABC, abstractmethod
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -61,7 +61,7 @@ class Rectangle(Area):
         """Distance to the nearest side, or to the nearest corner of points beyond one."""
         beyond = np.maximum(np.array(self.low) - points, points - np.array(self.high))
         outside = np.maximum(beyond, 0.0)
-        return -(_length(outside[:, 0], outside[:, 1]) + np.minimum(beyond.max(axis=1), 0.0))
+        return np.asarray(-(_length(outside[:, 0], outside[:, 1]) + np.minimum(beyond.max(axis=1), 0.0)))
 
 
 @dataclass(frozen=True)
@@ -79,7 +79,7 @@ class Annulus(Area):
 
     def corners(self) -> Floats:
         """Around the outer circle."""
-        return np.array(self.center) + np.array([[-self.outer], [self.outer]])
+        return np.asarray(np.array(self.center) + np.array([[-self.outer], [self.outer]]))
 
     def depth(self, points: Floats) -> Floats:
         """Distance to the nearer circle."""
@@ -106,7 +106,7 @@ class Discs(Area):
         return np.array([(center - radius).min(axis=0), (center + radius).max(axis=0)])
 
     def depth(self, points: Floats) -> Floats:
-        """Distance to the nearest circle from outside; inside, the depth in the disc that covers most: where discs overlap, less."""
+        """Distance to the nearest circle from outside; inside, the depth in one of the discs."""
         depth = np.full(len(points), -np.inf)
         for x, y, radius in self.discs.tolist():
             np.maximum(depth, radius - _length(points[:, 0] - x, points[:, 1] - y), out=depth)
@@ -133,7 +133,8 @@ class Polygon(Area):
     def centroid(self) -> Floats:
         """Its center of area [m], shape ``(2,)``."""
         here, after, product = self._products()
-        return self.points[0] + column_totals((here + after) * product[:, np.newaxis]) / (6.0 * self.signed_size)
+        moment = column_totals((here + after) * product[:, np.newaxis])
+        return np.asarray(self.points[0] + moment / (6.0 * self.signed_size))
 
     @property
     def polar_moment(self) -> float:
@@ -172,13 +173,65 @@ class Polygon(Area):
         # A side that spans the height of the point lies to the right of it if the point is on its left, or right for a falling one.
         spans = (py >= 0.0) != (py >= way[:, 1])
         crossed = spans & ((way[:, 0] * py - way[:, 1] * px > 0.0) == (way[:, 1] > 0.0))
-        return np.where(np.count_nonzero(crossed, axis=1) % 2 == 1, distance, -distance)
+        return np.asarray(np.where(np.count_nonzero(crossed, axis=1) % 2 == 1, distance, -distance))
 
     def _products(self) -> tuple[Floats, Floats, Floats]:
         """Corners from the first one, the corners after them, and the cross product of both [m²]."""
         here = self.points - self.points[0]
         after = np.roll(here, -1, axis=0)
         return here, after, here[:, 0] * after[:, 1] - here[:, 1] * after[:, 0]
+
+
+@dataclass(frozen=True)
+class Room:
+    """Where grains may be: inside all of some areas, and outside all of others.
+
+    Attributes:
+        inside: Areas that grains must not leave.
+        outside: Areas that grains must not enter.
+        period: Period in x [m] or 0; with one, an area stands for its images too.
+    """
+
+    inside: tuple[Area, ...] = ()
+    outside: tuple[Area, ...] = ()
+    period: float = 0.0
+
+    @property
+    def is_open(self) -> bool:
+        """Whether nothing bounds it."""
+        return not (self.inside or self.outside)
+
+    def within(self, *areas: Area) -> Room:
+        """What of it lies inside further areas."""
+        return replace(self, inside=(*self.inside, *areas))
+
+    def without(self, *areas: Area) -> Room:
+        """What of it lies outside further areas."""
+        return replace(self, outside=(*self.outside, *areas))
+
+    def clearance(self, points: Floats) -> Floats:
+        """Distance of points, shape ``(n, 2)``, to what bounds the room [m]: negative outside of it, shape ``(n,)``.
+
+        A disc lies wholly in the room exactly if the clearance of its center is at least its radius.
+        """
+        nearest = np.full(len(points), np.inf)
+        for area in self.inside:
+            np.minimum(nearest, self._depth(area, points), out=nearest)
+        for area in self.outside:
+            np.minimum(nearest, -self._depth(area, points), out=nearest)
+        return nearest
+
+    def _depth(self, area: Area, points: Floats) -> Floats:
+        """Depth in an area or that of its images in which it is largest."""
+        if self.period <= 0.0:
+            return area.depth(points)
+        low, high = area.corners()[:, 0]
+        moved = points.copy()
+        moved[:, 0] -= self.period * np.floor((points[:, 0] - 0.5 * (low + high)) / self.period + 0.5)
+        depth = area.depth(moved)
+        for shift in (-self.period, self.period):
+            np.maximum(depth, area.depth(moved + np.array([shift, 0.0])), out=depth)
+        return depth
 
 
 def fault_of_polygon(points: Floats) -> tuple[int, str] | None:
@@ -219,4 +272,4 @@ def _cross(a: Floats, b: Floats) -> Floats:
 
 
 def _length(x: Floats, y: Floats) -> Floats:
-    return np.sqrt(x * x + y * y)
+    return np.asarray(np.sqrt(x * x + y * y))

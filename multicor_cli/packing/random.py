@@ -8,10 +8,12 @@ little more are reached (frictionless discs jam near 0.84; in narrow regions, wh
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
 from multicor_cli.arithmetic.sums import mean, total
+from multicor_cli.model.areas import Room
 from multicor_cli.model.columns import X, Y
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import IS_THIN
@@ -67,7 +69,8 @@ def random_packing(
     if shrink == 1.0 and is_complete and not is_periodic_in_y:
         return position
     relaxed = relax(position, enlarged, region, solid, is_periodic_in_y=is_periodic_in_y)
-    if relaxed.overlap > _ACCEPTED_OVERLAP or not _is_inside(relaxed.position, region, is_periodic_in_y):
+    is_inside = _is_inside(relaxed.position, region, is_periodic_in_y) and _is_clear(relaxed.position, solid.room)
+    if relaxed.overlap > _ACCEPTED_OVERLAP or not is_inside:
         left = f"an overlap of {relaxed.overlap:.1e} of the smaller radius is left after {relaxed.iterations} relaxation steps"
         raise _refusal(radius.size, fraction, left)
     return relaxed.position
@@ -83,6 +86,8 @@ def _insert(radius: Floats, region: PackingRegion, obstacles: Obstacles, attempt
     done, tried = 0, 0
     while done < radius.size:
         uniform = rng.random((max(_BATCH, 2 * (radius.size - done)), 2))
+        if not obstacles.room.is_open:  # only centers that are not in solid matter count as attempts
+            uniform = uniform[obstacles.room.clearance(uniform * box[2:] + box[:2]) > 0.0]
         done, tried = insert_at_random(field, fixed, done, tried, attempts, uniform, box, blocked)
     position = np.empty((radius.size, 2))
     position[order] = field.disc[fixed:, :2]
@@ -103,6 +108,11 @@ def _is_inside(position: Floats, region: PackingRegion, is_periodic_in_y: bool) 
     return across and (is_periodic_in_y or bool(np.all((y >= region.bottom) & (y <= region.top))))
 
 
+def _is_clear(position: Floats, room: Room) -> bool:
+    """Whether no center was pushed into solid matter."""
+    return room.is_open or bool((room.clearance(position) > 0.0).all())
+
+
 def _fraction(radius: Floats, region: PackingRegion, obstacles: Obstacles) -> float:
     """Area of the grains over the area of the region that no obstacle covers (estimated on a grid of points)."""
     x = region.left + (np.arange(_PROBES) + 0.5) / _PROBES * region.width
@@ -113,10 +123,12 @@ def _fraction(radius: Floats, region: PackingRegion, obstacles: Obstacles) -> fl
     covered = np.zeros(len(points), bool)
     owner = np.repeat(np.arange(len(points)), np.diff(pairs.row))
     covered[owner[pairs.partner >= len(points)]] = True
+    if not obstacles.room.is_open:
+        covered |= obstacles.room.clearance(points) <= 0.0
     free = region.area * (1.0 - np.count_nonzero(covered) / covered.size)
     return np.pi * total(radius * radius) / free if free > 0.0 else math.inf
 
 
 def _solid(obstacles: Obstacles) -> Obstacles:
     keep = ~IS_THIN[obstacles.kind]
-    return Obstacles(obstacles.kind[keep], obstacles.world[keep])
+    return replace(obstacles, kind=obstacles.kind[keep], world=obstacles.world[keep])

@@ -56,7 +56,7 @@ def _check_group(path: KeyPath, group: ParticleGroup, domain: Domain) -> Iterato
         what = f"reaches from x = {region.left:g} to {region.right:g}, beyond the period from 0 to {domain.size[0]:g}"
         yield Finding((*path, "region"), what, "keep it inside [domain] size")
     if isinstance(group.packing, CompactedPacking | TilePacking) and not isinstance(region, RectangleRegion):
-        what = f'packing kind = "{group.packing.kind}" fills rectangles only, not a {region}'
+        what = f'packing kind = "{group.packing.kind}" fills rectangles only, not the {region}'
         yield Finding((*path, "region"), what, 'use region = { min, max }, or packing kind = "lattice", "random" or "deposited"')
     if isinstance(group.packing, DepositedPacking) and domain.gravity[1] >= 0.0:
         yield _no_weight((*path, "packing"), domain)
@@ -73,7 +73,7 @@ def _check_sizes(path: KeyPath, group: ParticleGroup, region: Region, domain: Do
     room = min(region.room, *tile)
     if diameter > room * (1.0 + _SLACK):
         is_plain = isinstance(region, RectangleRegion)
-        place = f"{min(region.width, tile[0]):g} × {min(region.height, tile[1]):g} m" if is_plain else f"a {region}"
+        place = f"{min(region.width, tile[0]):g} × {min(region.height, tile[1]):g} m" if is_plain else f"the {region}"
         what = f"grains of diameter {diameter:g} m do not fit into {place}"
         yield Finding((*path, "sizes"), what, "give radii and lengths in meters")
     elif domain.periodic and domain.size[0] < LEAST_DIAMETERS * diameter:
