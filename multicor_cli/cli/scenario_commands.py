@@ -133,7 +133,7 @@ class _PushedWall(NamedTuple):
     def text(self) -> str:
         """For people."""
         inertia = "" if self.inertia is None else f", {self.inertia:.4g} kg m²"
-        mass = "" if self.mass is None else f" {self.mass:.4g} kg ({'given' if self.is_given else 'of its material'})"
+        mass = "" if self.mass is None else f" {self.mass:.4g} kg ({'given' if self.is_given else 'default'})"
         return f"'{self.name}'{mass}{inertia}"
 
 

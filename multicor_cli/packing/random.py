@@ -33,6 +33,7 @@ _DENSEST_FRACTION = math.pi / math.sqrt(12.0)
 _ACCEPTED_OVERLAP = 5e-4
 _PROBES = 96
 _BATCH = 1024
+_MOST_MISSES = 200  # batches without a single point outside solid matter
 
 
 def random_packing(
@@ -65,7 +66,10 @@ def random_packing(
     if fraction > _DENSEST_FRACTION:
         raise _refusal(radius.size, fraction, "more than any packing can reach")
     shrink = min(1.0, math.sqrt(_EASY_FRACTION / fraction))
-    position, is_complete = _insert(shrink * enlarged, region, solid, attempts, rng)
+    inserted = _insert(shrink * enlarged, region, solid, attempts, rng)
+    if inserted is None:
+        raise _refusal(radius.size, fraction, "and hardly any of its points is free")
+    position, is_complete = inserted
     if shrink == 1.0 and is_complete and not is_periodic_in_y:
         return position
     relaxed = relax(position, enlarged, region, solid, is_periodic_in_y=is_periodic_in_y)
@@ -76,18 +80,24 @@ def random_packing(
     return relaxed.position
 
 
-def _insert(radius: Floats, region: PackingRegion, obstacles: Obstacles, attempts: int, rng: Stream) -> tuple[Floats, bool]:
-    """Random sequential addition, largest first: centers [m], and whether every grain found a free place."""
+def _insert(radius: Floats, region: PackingRegion, obstacles: Obstacles, attempts: int, rng: Stream) -> tuple[Floats, bool] | None:
+    """Random sequential addition, largest first: centers [m], and whether every grain found a free place.
+
+    None if almost all of the region is solid matter or lies beyond its boundary.
+    """
     order = np.argsort(-radius, kind="stable")
     field, fixed = make_field(radius[order], region, obstacles)
     left = 0.0 if region.is_periodic else region.left
     box = (left, region.bottom, region.width, region.height)
     blocked = np.zeros(radius.size, np.int32)
-    done, tried = 0, 0
+    done, tried, misses = 0, 0, 0
     while done < radius.size:
         uniform = rng.random((max(_BATCH, 2 * (radius.size - done)), 2))
         if not obstacles.room.is_open:  # only centers that are not in solid matter count as attempts
             uniform = uniform[obstacles.room.clearance(uniform * box[2:] + box[:2]) > 0.0]
+            misses = 0 if len(uniform) else misses + 1
+            if misses > _MOST_MISSES:
+                return None
         done, tried = insert_at_random(field, fixed, done, tried, attempts, uniform, box, blocked)
     position = np.empty((radius.size, 2))
     position[order] = field.disc[fixed:, :2]

@@ -227,6 +227,14 @@ def test_a_full_region_is_refused():
         build(scenario(group("lattice", tiny)))
 
 
+def test_a_needle_is_refused_and_not_searched_for_ever():
+    """The probes for the free area lie on its diagonal, random points hardly ever in it."""
+    needle = ',region={kind="polygon",points=[[0.0,0.0],[0.06,0.05999999999],[0.06,0.06],[0.0,0.00000000001]]}'
+    one = group("random", needle).replace("count=300", "fill=0.5")
+    with pytest.raises(ScenarioError, match="do not fit"):
+        build(scenario(one))
+
+
 def test_deposited_grains_pile_up_on_a_disc():
     """Only those whose center is in solid matter are dropped again: the pile touches the disc."""
     disc = wall("d", 'kind = "disc", center = [0.03, 0.03], radius = 0.02')
