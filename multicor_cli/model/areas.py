@@ -140,7 +140,7 @@ class Polygon(Area):
     def polar_moment(self) -> float:
         """Polar second moment of area about the centroid, ∫ r² dA [m⁴] (by Green's theorem)."""
         here, after, product = self._products()
-        square = (here * here + here * after + after * after).sum(axis=1)
+        square = _dot(here, here) + _dot(here, after) + _dot(after, after)
         about_first = total(product * square) / 12.0
         away = self.centroid - self.points[0]
         return abs(about_first) - self.size * float(away[0] * away[0] + away[1] * away[1])
@@ -168,7 +168,7 @@ class Polygon(Area):
         start = self.points
         way = np.roll(start, -1, axis=0) - start
         px, py = points[:, :1] - start[:, 0], points[:, 1:2] - start[:, 1]
-        foot = np.clip((px * way[:, 0] + py * way[:, 1]) / (way * way).sum(axis=1), 0.0, 1.0)
+        foot = np.clip((px * way[:, 0] + py * way[:, 1]) / _dot(way, way), 0.0, 1.0)
         distance = _length(px - foot * way[:, 0], py - foot * way[:, 1]).min(axis=1)
         # A side that spans the height of the point lies to the right of it if the point is on its left, or right for a falling one.
         spans = (py >= 0.0) != (py >= way[:, 1])
@@ -242,7 +242,7 @@ def fault_of_polygon(points: Floats) -> tuple[int, str] | None:
         k = int(again[0])
         return k, f"the point {points[k].tolist()} is given twice"
     before, after = points - np.roll(points, 1, axis=0), np.roll(points, -1, axis=0) - points
-    cross, along = _cross(before, after), (before * after).sum(axis=1)
+    cross, along = _cross(before, after), _dot(before, after)
     back = np.flatnonzero((cross == 0.0) & (along < 0.0))
     if back.size:
         k = int(back[0])
@@ -269,6 +269,10 @@ def _first_crossed(points: Floats, k: int) -> int | None:
 
 def _cross(a: Floats, b: Floats) -> Floats:
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
+
+
+def _dot(a: Floats, b: Floats) -> Floats:
+    return np.asarray(a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1])
 
 
 def _length(x: Floats, y: Floats) -> Floats:

@@ -65,7 +65,7 @@ def _deposit_in_room(radius: Floats, region: PackingRegion, obstacles: Obstacles
     """As `deposit`, with dummies where grains must not be."""
     # Dummies cover less than the region; large grains, which fit in fewer places, are more often among them than small ones.
     spare = math.ceil(_SPARE * region.area / (math.pi * mean(radius * radius)))
-    field, fixed = make_field(np.resize(radius, radius.size + spare), region, obstacles)
+    field, fixed = make_field(radius[np.arange(radius.size + spare) % radius.size], region, obstacles)
     level = field.grids.level[fixed : fixed + radius.size].copy()
     kept: list[int] = []
     for d in range(fixed, len(field.disc)):

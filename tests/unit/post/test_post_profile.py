@@ -176,7 +176,7 @@ def test_a_solid_disc_below_most_grains_is_no_floor() -> None:
     for frame in source.frames:
         frame.wall_position[:] = [[0.0, -0.05, 0.0], [0.0, 0.05, 0.0]]
     table = profile(
-        _with_shapes(source, [ShapeKind.SEGMENT, ShapeKind.DISC], [[3, 0, 4, 0], [1, 0, 0.05, 0]]), selection=Selection(start=0.0)
+        _with_shapes(source, [ShapeKind.SEGMENT, ShapeKind.DISC], [[3, 0, 4, 0], [1, 0, 0.15, 0]]), selection=Selection(start=0.0)
     )
     assert table.walls == ("bottom", "")
     assert table.height == pytest.approx(0.55)
