@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
@@ -94,6 +95,10 @@ def _summary(run: Prepared) -> dict[str, Any]:
         "seed": scenario.seed,
         "grain_count": model.grain_count,
         "wall_count": model.wall_count,
+        "wall_masses": {
+            wall.name: {"mass": wall.mass, "inertia": wall.inertia, "given": wall.is_given}
+            for wall in _pushed_walls(scenario, plan, model)
+        },
         "stages": [
             {
                 "name": stage.name,
@@ -117,6 +122,30 @@ def _summary(run: Prepared) -> dict[str, Any]:
     }
 
 
+class _PushedWall(NamedTuple):
+    """A wall that a force drives in some stage: its mass [kg], moment of inertia [kg m²], and whether the file gives the mass."""
+
+    name: str
+    mass: float | None
+    inertia: float | None
+    is_given: bool
+
+    def text(self) -> str:
+        """For people."""
+        inertia = "" if self.inertia is None else f", {self.inertia:.4g} kg m²"
+        mass = "" if self.mass is None else f" {self.mass:.4g} kg ({'given' if self.is_given else 'default'})"
+        return f"'{self.name}'{mass}{inertia}"
+
+
+def _pushed_walls(scenario: Scenario, plan: RunPlan, model: Model) -> list[_PushedWall]:
+    drives = [stage.drives.started([0.0] * (k + 1)) for k, stage in enumerate(plan.stages)]
+    numbers = [w for w in range(model.wall_count) if any(dof.force is not None for stage in drives for dof in stage[w].dofs())]
+    values = [
+        [None if math.isnan(value) else value for value in array.tolist()] for array in (model.walls.mass, model.walls.inertia)
+    ]
+    return [_PushedWall(model.walls.names[w], values[0][w], values[1][w], scenario.walls[w].mass is not None) for w in numbers]
+
+
 def _time_steps(plan: RunPlan, reviews: Sequence[StepReview | None]) -> str:
     """Each different time step, with what it resolves and the stages that have it."""
     names: dict[str, list[str]] = {}
@@ -136,6 +165,7 @@ def _lines(run: Prepared) -> list[tuple[str, str]]:
         ("scenario", f"{scenario.path} is valid"),
         ("grains", f"{model.grain_count}, mean diameter {model.mean_diameter:.4g} m"),
         ("walls", f"{model.wall_count} of {model.shape_count} shapes"),
+        *[("wall mass", wall.text()) for wall in _pushed_walls(scenario, plan, model)],
         ("time step", _time_steps(plan, run.reviews)),
         ("steps", steps),
         ("frames", frames),

@@ -26,6 +26,7 @@ class ShapeKind(IntEnum):
     SEGMENT = 2
     VERTEX = 3
     CIRCLE = 4
+    SIDE = 5
 
 
 class Tail(IntEnum):
@@ -46,12 +47,14 @@ class Outline:
         radius: Radii of circles [m], shape ``(k,)``.
         normal: Unit normals of endless lines, shape ``(k, 2)``.
         is_grain: Whether the circles are grains.
+        is_solid: Whether what lies on the left of the lines is solid.
     """
 
     points: Floats
     radius: Floats | None = None
     normal: Floats | None = None
     is_grain: bool = False
+    is_solid: bool = False
 
     def corners(self) -> Floats:
         """Lower left and upper right corner around each shape [m], shape ``(2, k, 2)``; of an endless line its point."""
@@ -81,7 +84,7 @@ class ShapeType(NamedTuple):
 
 SHAPES = {
     ShapeKind.DISC: ShapeType(
-        "disc", "a glued grain", "x, y, radius, –", Tail.NUMBERS,
+        "disc", "a glued grain, or a solid disc", "x, y, radius, –", Tail.NUMBERS,
         lambda g: Outline(g[:, np.newaxis, :2], radius=g[:, RADIUS], is_grain=True),
     ),
     ShapeKind.PLANE: ShapeType(
@@ -93,12 +96,16 @@ SHAPES = {
         lambda g: Outline(g.reshape(-1, 2, 2)), is_thin=True,
     ),
     ShapeKind.VERTEX: ShapeType(
-        "vertex", "an end of segments", "x, y; numbers of the segments that end and begin here (−1: none)", Tail.SHAPES,
+        "vertex", "an end of segments or sides", "x, y; numbers of those that end and begin here (−1: none)", Tail.SHAPES,
         lambda g: Outline(g[:, np.newaxis, :2]), is_thin=True,
     ),
     ShapeKind.CIRCLE: ShapeType(
         "circle (inside)", "the inside of a circle", "x, y, radius, –", Tail.NUMBERS,
         lambda g: Outline(g[:, np.newaxis, :2], radius=g[:, RADIUS]),
+    ),
+    ShapeKind.SIDE: ShapeType(
+        "side", "a side of a polygon, solid on its left, without its ends", "x, y of one end; x, y of the other", Tail.POINT,
+        lambda g: Outline(g.reshape(-1, 2, 2), is_solid=True), is_thin=True,
     ),
 }  # fmt: skip
 """All kinds, in the order of their numbers."""
@@ -157,5 +164,5 @@ class WallBody:
 
     @property
     def glued(self) -> Floats:
-        """x, y and radius of the glued grains [m], shape ``(g, 3)``."""
+        """x, y and radius of the glued grains and solid discs [m], shape ``(g, 3)``."""
         return self.geometry[self.kind == ShapeKind.DISC, :3]

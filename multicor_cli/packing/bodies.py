@@ -1,4 +1,4 @@
-"""Masses and moments of inertia of grains."""
+"""Masses and moments of inertia of grains and solid polygons."""
 
 from __future__ import annotations
 
@@ -7,6 +7,7 @@ from typing import Literal
 
 import numpy as np
 
+from multicor_cli.model.areas import Polygon
 from multicor_cli.model.model import SHAPE_FACTOR, Floats
 
 Shape = Literal["disc", "sphere"]
@@ -32,3 +33,8 @@ def masses(radius: Floats, density: float, shape: Shape, thickness: float | None
 def inertias(radius: Floats, mass: Floats, shape: Shape) -> Floats:
     """Moment of inertia of each grain about its center [kg m²]: ½ m a² of a disc, 2/5 m a² of a sphere."""
     return np.asarray(mass * (radius * radius) / SHAPE_FACTOR[shape])
+
+
+def prism_inertia(polygon: Polygon, density: float, height: float) -> tuple[float, float]:
+    """Mass ρ h A [kg] and moment of inertia about the centroid ρ h ∫ r² dA [kg m²] of a polygon of thickness h [m]."""
+    return density * height * polygon.size, density * height * polygon.polar_moment

@@ -16,7 +16,7 @@ from multicor_cli.packing.groups import make_group
 from multicor_cli.packing.initial_grains import InitialGrains
 from multicor_cli.packing.laws import contact_laws, touching_pairs
 from multicor_cli.packing.obstacles import Obstacles
-from multicor_cli.packing.overlap import behind_problem, overlap_problems
+from multicor_cli.packing.overlap import behind_problem, overlap_problems, solid_problem
 from multicor_cli.packing.pairs import wrap
 from multicor_cli.packing.thermal import group_thermal, joined, sizes_problems
 from multicor_cli.packing.wall_tables import BuiltWalls, build_walls
@@ -152,9 +152,13 @@ def _state(model: Model, walls: BuiltWalls, groups: list[InitialGrains]) -> Stat
 
 
 def _check(model: Model, state: State, walls: BuiltWalls, solid: Obstacles) -> list[PackingError]:
-    """Overlaps of all bodies, and grains on the wrong side of rough walls."""
+    """Overlaps of all bodies, grains in solid matter, and grains on the wrong side of rough walls."""
     radius, names = model.grains.radius, model.walls.names
-    problems = overlap_problems(state.position, radius, model.grains.group, solid, model.shapes.wall, names, model.period)
+    within = [solid_problem(state.position, room, names[w], w) for w, room in enumerate(walls.rooms)]
+    problems = [problem for problem in within if problem is not None]
+    told = {problem.key for problem in problems}
+    cut = overlap_problems(state.position, radius, model.grains.group, solid, model.shapes.wall, names, model.period)
+    problems += [problem for problem in cut if problem.key not in told]
     for w, front in enumerate(walls.fronts):
         if front is not None:
             found = behind_problem(state.position, front, names[w], w, model.period)

@@ -4,15 +4,21 @@ The classical drop-and-roll construction of Visscher & Bolsterli (Nature 239, 50
 random place, rolls around the first disc it meets, over the next if that lies under its rear, falls on where it passes the
 widest point of a disc, and stops between two supports. Forces play no role: grains touch to rounding and the fill comes out at
 about 0.8, but not every heap made so is stable under every friction. It always builds along −y on the bottom of the region,
-between its sides unless it is periodic. Grains of earlier groups and glued grains of walls are piled upon; other walls are not
+between its sides unless it is periodic. Grains of earlier groups, glued grains and solid discs are piled upon; other walls are not
 seen, so the region has to keep clear of them.
+
+Solid polygons and regions that are no rectangles are not seen either. Where a grain comes to rest in solid matter or beyond the
+boundary, a dummy of its size stays as a support for the others, and the grain is dropped again; dummies are then taken away.
 """
 
 from __future__ import annotations
 
+import math
+
 import numpy as np
 
-from multicor_cli.arithmetic.sums import total
+from multicor_cli.arithmetic.sums import mean, total
+from multicor_cli.model.columns import RADIUS
 from multicor_cli.model.model import Floats
 from multicor_cli.packing.errors import PackingError
 from multicor_cli.packing.obstacles import Obstacles
@@ -21,6 +27,8 @@ from multicor_cli.packing.region import PackingRegion
 from multicor_cli.packing.streams import Stream
 
 _ATTEMPTS = 200
+_SPARE = 2.0  # room for dummies, over the number of mean grains that cover the region
+_SLACK = 1e-9
 _BATCH = 4096
 
 
@@ -39,15 +47,40 @@ def deposit(radius: Floats, region: PackingRegion, obstacles: Obstacles, rng: St
     if not region.is_periodic and 2.0 * radius.max() > region.width:
         text = f"the largest diameter, {2.0 * radius.max():g} m, exceeds the width of the region, {region.width:g} m"
         raise PackingError(text, "widen the region")
-    field, fixed = make_field(radius, region, obstacles)
     left = 0.0 if region.is_periodic else region.left
     sides = np.array([left, region.bottom, left + region.width, region.top])
+    if not obstacles.room.is_open:
+        return _deposit_in_room(radius, region, obstacles, rng, sides)
+    field, fixed = make_field(radius, region, obstacles)
     done, tried = 0, 0
     while done < radius.size:
         uniform = rng.random(max(_BATCH, radius.size - done))
         done, tried = drop_and_roll(field, fixed, done, tried, _ATTEMPTS, uniform, sides)
         if tried >= _ATTEMPTS:
-            fill = np.pi * total(radius[:done] * radius[:done]) / region.area
-            text = f"{radius.size} grains do not fit: the region is full with {done} of them (area fraction {fill:.3f})"
-            raise PackingError(text, "enlarge the region or ask for fewer grains")
+            raise _refusal(radius, done, f" (area fraction {np.pi * total(radius[:done] * radius[:done]) / region.area:.3f})")
     return field.disc[fixed:, :2].copy()
+
+
+def _deposit_in_room(radius: Floats, region: PackingRegion, obstacles: Obstacles, rng: Stream, sides: Floats) -> Floats:
+    """As `deposit`, with dummies where grains must not be."""
+    # Dummies cover less than the region; large grains, which fit in fewer places, are more often among them than small ones.
+    spare = math.ceil(_SPARE * region.area / (math.pi * mean(radius * radius)))
+    field, fixed = make_field(radius[np.arange(radius.size + spare) % radius.size], region, obstacles)
+    level = field.grids.level[fixed : fixed + radius.size].copy()
+    kept: list[int] = []
+    for d in range(fixed, len(field.disc)):
+        i = len(kept)
+        field.disc[d, RADIUS], field.grids.level[d] = radius[i], level[i]
+        so_far = field._replace(disc=field.disc[: d + 1])  # one grain at a time
+        if drop_and_roll(so_far, fixed, d - fixed, 0, _ATTEMPTS, rng.random(_ATTEMPTS), sides)[0] == d - fixed:
+            break
+        if obstacles.room.clearance(field.disc[d : d + 1, :2])[0] >= radius[i] * (1.0 - _SLACK):
+            kept.append(d)
+        if len(kept) == radius.size:
+            return field.disc[kept, :2].copy()
+    raise _refusal(radius, len(kept), "")
+
+
+def _refusal(radius: Floats, done: int, more: str) -> PackingError:
+    text = f"{radius.size} grains do not fit: the region is full with {done} of them{more}"
+    return PackingError(text, "enlarge the region or ask for fewer grains")

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from multicor_cli.model.areas import Area
 from multicor_cli.model.columns import SPIN, X, Y
 from multicor_cli.model.model import Floats
 from multicor_cli.packing.bodies import Shape
@@ -32,6 +33,7 @@ from multicor_cli.scenario.models import (
     LatticePacking,
     ParticleGroup,
     RandomPacking,
+    RectangleRegion,
     RunPacking,
     TilePacking,
 )
@@ -47,7 +49,8 @@ class _Task:
         sizes: Distribution of the radii.
         count: Number of grains, or None.
         fill: Area fraction of the region, or None.
-        region: Where the grains go.
+        region: Where the grains go, or the rectangle around it.
+        area: Where the grains go, if that is no rectangle.
         obstacles: What to keep clear of.
         random: Gives the stream for a purpose at its beginning.
         is_periodic_in_y: Whether bottom and top of the region are one and the same.
@@ -60,6 +63,7 @@ class _Task:
     obstacles: Obstacles
     random: Callable[[Purpose], Stream]
     is_periodic_in_y: bool = False
+    area: Area | None = None
 
     def radii(self) -> Floats:
         """The radii of all grains [m]."""
@@ -68,7 +72,7 @@ class _Task:
         if self.fill is None:
             message = "neither a count nor a fill"
             raise ValueError(message)
-        area = self.fill * self.region.area
+        area = self.fill * (self.region.area if self.area is None else self.area.size)
         return draw_to_total(self.sizes, disc_area, area, lambda: self.random(Purpose.SIZES))
 
 
@@ -95,8 +99,11 @@ def make_group(scenario: Scenario, index: int, obstacles: Obstacles) -> InitialG
 
 
 def region_of_group(scenario: Scenario, group: ParticleGroup) -> PackingRegion:
-    """The rectangle of a group; periodic if the domain is and the rectangle spans it."""
+    """The rectangle of a group, or around its region; periodic if the domain is and the rectangle spans it."""
     table, domain = scenario.region(group), scenario.domain
+    if not isinstance(table, RectangleRegion):
+        (left, bottom), (right, top) = table.area().corners().tolist()
+        return PackingRegion(left, bottom, right, top)
     if domain.is_spanned(table.min[0], table.max[0]):  # exactly, so that nothing is lost between the two ends
         return PackingRegion(table.min[0], table.min[1], table.min[0] + domain.period, table.max[1], True)
     return PackingRegion(*table.min, *table.max)
@@ -116,8 +123,11 @@ def _place(scenario: Scenario, group: ParticleGroup, index: int, region: Packing
     sizes = sizes_of(group.sizes, group.shape)
     if isinstance(packing, TilePacking):
         return _tile(scenario, group, packing, sizes, region, random)
-    task = _Task(sizes, group.count, group.fill, region, obstacles.around(region, scenario.domain.period), random)
-    return _make(scenario, group, packing, task)
+    table, solid = scenario.region(group), obstacles.around(region, scenario.domain.period)
+    area = None if isinstance(table, RectangleRegion) else table.area()
+    if area is not None:
+        solid = solid.with_boundary(area)
+    return _make(scenario, group, packing, _Task(sizes, group.count, group.fill, region, solid, random, area=area))
 
 
 def _tile(
@@ -164,12 +174,12 @@ def _make(scenario: Scenario, group: ParticleGroup, packing: Source, task: _Task
 
 
 def _lattice(packing: LatticePacking, task: _Task) -> InitialGrains:
-    layout = (task.sizes.largest, task.region, packing.lattice, packing.spacing, packing.jitter)
+    layout, room = (task.sizes.largest, task.region, packing.lattice, packing.spacing, packing.jitter), task.obstacles.room
     if task.count is None and task.fill is None:
-        radius = task.sizes.draw(lattice_capacity(*layout), task.random(Purpose.SIZES))
+        radius = task.sizes.draw(lattice_capacity(*layout, room), task.random(Purpose.SIZES))
     else:
         radius = task.radii()
-    return InitialGrains.at_rest(radius, lattice(radius.size, *layout, task.random(Purpose.JITTER)))
+    return InitialGrains.at_rest(radius, lattice(radius.size, *layout, task.random(Purpose.JITTER), room))
 
 
 def _compacted(

@@ -14,8 +14,10 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from multicor_cli.engine.jit import elementwise
+from multicor_cli.model.areas import Room
 from multicor_cli.model.model import Floats
 from multicor_cli.packing.errors import PackingError
+from multicor_cli.packing.obstacles import OPEN
 from multicor_cli.packing.region import PackingRegion
 from multicor_cli.packing.streams import Stream
 
@@ -32,6 +34,7 @@ def lattice(
     spacing: float | None,
     jitter: float,
     rng: Stream,
+    room: Room = OPEN,
 ) -> Floats:
     """Centers of the first ``count`` sites of a lattice [m], shape ``(count, 2)``.
 
@@ -43,32 +46,36 @@ def lattice(
         spacing: Distance between neighboring centers [m]; default: the largest diameter, so that equal grains touch.
         jitter: Each center is moved to a random point of a disc around its site whose radius is this share of the spacing.
         rng: Source of the jitter.
+        room: What solid bodies and regions that are no rectangles leave; other sites are left out.
 
     Raises:
         PackingError: The region holds fewer sites, or jittered neighbors could overlap.
     """
     layout = _lay_out(largest, region, kind, spacing, jitter)
-    if count > layout.capacity:
+    capacity = layout.capacity if room.is_open else len(_free_sites(layout, region, room))
+    if count > capacity:
         text = f"{count} grains on a {kind} lattice of spacing {layout.step:g} m do not fit into the region of {_extent(region)}"
-        raise PackingError(f"{text}: it holds {layout.capacity}", "enlarge the region or ask for fewer grains")
-    sites = _sites(count, layout)
-    sites += (region.left, region.bottom + layout.margin)
+        raise PackingError(f"{text}: it holds {capacity}", "enlarge the region or ask for fewer grains")
+    sites = _sites(count, layout, region) if room.is_open else _free_sites(layout, region, room)[:count]
     if jitter > 0.0:
         sites += _jitter(count, jitter * layout.step, rng)
     return sites
 
 
-def lattice_capacity(largest: float, region: PackingRegion, kind: LatticeKind, spacing: float | None, jitter: float) -> int:
+def lattice_capacity(
+    largest: float, region: PackingRegion, kind: LatticeKind, spacing: float | None, jitter: float, room: Room = OPEN
+) -> int:
     """Number of sites that the region holds; arguments as `lattice`.
 
     Raises:
         PackingError: It holds none, or jittered neighbors could overlap.
     """
     layout = _lay_out(largest, region, kind, spacing, jitter)
-    if layout.capacity == 0:
+    capacity = layout.capacity if room.is_open else len(_free_sites(layout, region, room))
+    if capacity == 0:
         text = f"the region of {_extent(region)} holds no site of a {kind} lattice for grains of radius {largest:g} m"
         raise PackingError(text, "enlarge the region")
-    return layout.capacity
+    return capacity
 
 
 class _Row(NamedTuple):
@@ -158,14 +165,22 @@ def _rows(kind: LatticeKind, region: PackingRegion, margin: float, pitch: float)
     return _Row(first, even), _Row(first + offset, odd)
 
 
-def _sites(count: int, layout: _Layout) -> Floats:
-    """The first ``count`` sites; y is 0 in the bottom row."""
+def _sites(count: int, layout: _Layout, region: PackingRegion) -> Floats:
+    """The first ``count`` sites [m]."""
     even, odd = layout.even, layout.odd
     pair, place = np.divmod(np.arange(count), max(even.sites + odd.sites, 1))
     is_odd = place >= even.sites
     column = np.where(is_odd, place - even.sites, place)
     x = np.where(is_odd, odd.first, even.first) + column * layout.pitch
-    return np.column_stack([x, (2 * pair + is_odd) * layout.rise])
+    sites = np.column_stack([x, (2 * pair + is_odd) * layout.rise])
+    sites += (region.left, region.bottom + layout.margin)
+    return sites
+
+
+def _free_sites(layout: _Layout, region: PackingRegion, room: Room) -> Floats:
+    """The sites whose grains lie wholly in a room [m]."""
+    sites = _sites(layout.capacity, layout, region)
+    return sites[room.clearance(sites) >= layout.margin * (1.0 - _SLACK)]
 
 
 def _jitter(count: int, reach: float, rng: Stream) -> Floats:

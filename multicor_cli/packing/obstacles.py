@@ -1,15 +1,19 @@
-"""What a packing must stay clear of: wall shapes, the sides of its region, and the grains of earlier groups."""
+"""What a packing must stay clear of: wall shapes, solid matter, the boundary of its region, and the grains of earlier groups."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from multicor_cli.model.areas import Annulus, Area, Polygon, Room
 from multicor_cli.model.columns import RADIUS, X
 from multicor_cli.model.model import Floats, Ints
 from multicor_cli.model.shapes import ShapeKind
 from multicor_cli.packing.region import PackingRegion
+
+OPEN = Room()
+"""All of the plane."""
 
 
 @dataclass(frozen=True)
@@ -19,10 +23,12 @@ class Obstacles:
     Attributes:
         kind: `ShapeKind` of each shape, shape ``(m,)``.
         world: Geometry [m], as in `multicor_cli.model.WallShapes` but in the world, shape ``(m, 4)``.
+        room: What solid bodies leave to the grains, and the region: outlines do not tell on which side of them to be.
     """
 
     kind: Ints
     world: Floats
+    room: Room = OPEN
 
     @classmethod
     def none(cls) -> Obstacles:
@@ -55,6 +61,19 @@ class Obstacles:
             planes.append((region.left, region.top, 0.0, -1.0))
         return self._append(ShapeKind.PLANE, np.array(planes).reshape(-1, 4))
 
+    def with_boundary(self, area: Area) -> Obstacles:
+        """Append the outline of an area that is not a rectangle, inside which grains are to be."""
+        added = replace(self, room=self.room.within(area))
+        if isinstance(area, Annulus):
+            added = added._append(ShapeKind.CIRCLE, np.array([[*area.center, area.outer, 0.0]]))
+            return added.with_discs(np.array([[*area.center, area.inner]])) if area.inner > 0.0 else added
+        if isinstance(area, Polygon):
+            first, number = len(self.kind), np.arange(len(area.points))
+            added = added._append(ShapeKind.SIDE, np.column_stack([area.points, np.roll(area.points, -1, axis=0)]))
+            return added._append(ShapeKind.VERTEX, np.column_stack([area.points, first + np.roll(number, 1), first + number]))
+        message = f"no outline of a {type(area).__name__}"
+        raise TypeError(message)
+
     def around(self, region: PackingRegion, period: float) -> Obstacles:
         """Make the obstacles of a periodic domain fit for ``region``, which may cover only a part of the period.
 
@@ -73,4 +92,4 @@ class Obstacles:
 
     def _append(self, kind: ShapeKind, rows: Floats) -> Obstacles:
         added = np.full(len(rows), int(kind), np.int32)
-        return Obstacles(np.concatenate([self.kind, added]), np.concatenate([self.world, rows]))
+        return replace(self, kind=np.concatenate([self.kind, added]), world=np.concatenate([self.world, rows]))

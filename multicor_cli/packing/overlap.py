@@ -1,4 +1,4 @@
-"""Refusing initial states in which bodies overlap, or grains lie behind a row of glued grains."""
+"""Refusing initial states in which bodies overlap, or grains lie in solid matter or behind a row of glued grains."""
 
 from __future__ import annotations
 
@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 from multicor_cli.engine.geometry.gaps import gap_to_shape
 from multicor_cli.engine.geometry.grids import classify
 from multicor_cli.engine.jit.compile import kernel
+from multicor_cli.model.areas import Room
 from multicor_cli.model.columns import RADIUS, X, Y
 from multicor_cli.model.model import Floats, Ints
 from multicor_cli.model.shapes import ShapeKind
@@ -173,6 +174,24 @@ def behind_problem(position: Floats, front: Front, name: str, w: int, period: fl
     items = [f"grain {g} by {-across[g]:.3g} m" for g in found[:NAMED]]
     text = f"grains lie behind the rough wall '{name}', whose flow side is the other: {_listing(items, found.size, 'grains')}"
     return PackingError(text, "choose the other side, or keep the grains' region clear of the wall", ("walls", w))
+
+
+def solid_problem(position: Floats, room: Room, name: str, w: int) -> PackingError | None:
+    """The problem of grains whose center is in solid matter, even if they do not touch its outline; None if there are none.
+
+    Args:
+        position: Centers [m], shape ``(n, 2)`` or more columns.
+        room: What the wall leaves to the grains.
+        name: Name of the wall.
+        w: Its index.
+    """
+    found = np.flatnonzero(room.clearance(position[:, :2]) < 0.0) if not room.is_open else np.zeros(0, np.int64)
+    if not found.size:
+        return None
+    items = [f"grain {g} at ({position[g, X]:g}, {position[g, Y]:g}) m" for g in found[:NAMED]]
+    text = f"grains lie in the solid matter of the wall '{name}': {_listing(items, found.size, 'grains')}"
+    remedy = "move the wall, or give the grains a packing or a region that keeps clear of it"
+    return PackingError(text, remedy, ("walls", w))
 
 
 def _along(offset: Floats, direction: Floats) -> Floats:

@@ -8,10 +8,12 @@ little more are reached (frictionless discs jam near 0.84; in narrow regions, wh
 from __future__ import annotations
 
 import math
+from dataclasses import replace
 
 import numpy as np
 
 from multicor_cli.arithmetic.sums import mean, total
+from multicor_cli.model.areas import Room
 from multicor_cli.model.columns import X, Y
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import IS_THIN
@@ -31,6 +33,7 @@ _DENSEST_FRACTION = math.pi / math.sqrt(12.0)
 _ACCEPTED_OVERLAP = 5e-4
 _PROBES = 96
 _BATCH = 1024
+_MOST_MISSES = 200  # batches without a single point outside solid matter
 
 
 def random_packing(
@@ -63,26 +66,38 @@ def random_packing(
     if fraction > _DENSEST_FRACTION:
         raise _refusal(radius.size, fraction, "more than any packing can reach")
     shrink = min(1.0, math.sqrt(_EASY_FRACTION / fraction))
-    position, is_complete = _insert(shrink * enlarged, region, solid, attempts, rng)
+    inserted = _insert(shrink * enlarged, region, solid, attempts, rng)
+    if inserted is None:
+        raise _refusal(radius.size, fraction, "and hardly any of its points is free")
+    position, is_complete = inserted
     if shrink == 1.0 and is_complete and not is_periodic_in_y:
         return position
     relaxed = relax(position, enlarged, region, solid, is_periodic_in_y=is_periodic_in_y)
-    if relaxed.overlap > _ACCEPTED_OVERLAP or not _is_inside(relaxed.position, region, is_periodic_in_y):
+    is_inside = _is_inside(relaxed.position, region, is_periodic_in_y) and _is_clear(relaxed.position, solid.room)
+    if relaxed.overlap > _ACCEPTED_OVERLAP or not is_inside:
         left = f"an overlap of {relaxed.overlap:.1e} of the smaller radius is left after {relaxed.iterations} relaxation steps"
         raise _refusal(radius.size, fraction, left)
     return relaxed.position
 
 
-def _insert(radius: Floats, region: PackingRegion, obstacles: Obstacles, attempts: int, rng: Stream) -> tuple[Floats, bool]:
-    """Random sequential addition, largest first: centers [m], and whether every grain found a free place."""
+def _insert(radius: Floats, region: PackingRegion, obstacles: Obstacles, attempts: int, rng: Stream) -> tuple[Floats, bool] | None:
+    """Random sequential addition, largest first: centers [m], and whether every grain found a free place.
+
+    None if almost all of the region is solid matter or lies beyond its boundary.
+    """
     order = np.argsort(-radius, kind="stable")
     field, fixed = make_field(radius[order], region, obstacles)
     left = 0.0 if region.is_periodic else region.left
     box = (left, region.bottom, region.width, region.height)
     blocked = np.zeros(radius.size, np.int32)
-    done, tried = 0, 0
+    done, tried, misses = 0, 0, 0
     while done < radius.size:
         uniform = rng.random((max(_BATCH, 2 * (radius.size - done)), 2))
+        if not obstacles.room.is_open:  # only centers that are not in solid matter count as attempts
+            uniform = uniform[obstacles.room.clearance(uniform * box[2:] + box[:2]) > 0.0]
+            misses = 0 if len(uniform) else misses + 1
+            if misses > _MOST_MISSES:
+                return None
         done, tried = insert_at_random(field, fixed, done, tried, attempts, uniform, box, blocked)
     position = np.empty((radius.size, 2))
     position[order] = field.disc[fixed:, :2]
@@ -103,6 +118,11 @@ def _is_inside(position: Floats, region: PackingRegion, is_periodic_in_y: bool) 
     return across and (is_periodic_in_y or bool(np.all((y >= region.bottom) & (y <= region.top))))
 
 
+def _is_clear(position: Floats, room: Room) -> bool:
+    """Whether no center was pushed into solid matter."""
+    return room.is_open or bool((room.clearance(position) > 0.0).all())
+
+
 def _fraction(radius: Floats, region: PackingRegion, obstacles: Obstacles) -> float:
     """Area of the grains over the area of the region that no obstacle covers (estimated on a grid of points)."""
     x = region.left + (np.arange(_PROBES) + 0.5) / _PROBES * region.width
@@ -113,10 +133,12 @@ def _fraction(radius: Floats, region: PackingRegion, obstacles: Obstacles) -> fl
     covered = np.zeros(len(points), bool)
     owner = np.repeat(np.arange(len(points)), np.diff(pairs.row))
     covered[owner[pairs.partner >= len(points)]] = True
+    if not obstacles.room.is_open:
+        covered |= obstacles.room.clearance(points) <= 0.0
     free = region.area * (1.0 - np.count_nonzero(covered) / covered.size)
     return np.pi * total(radius * radius) / free if free > 0.0 else math.inf
 
 
 def _solid(obstacles: Obstacles) -> Obstacles:
     keep = ~IS_THIN[obstacles.kind]
-    return Obstacles(obstacles.kind[keep], obstacles.world[keep])
+    return replace(obstacles, kind=obstacles.kind[keep], world=obstacles.world[keep])

@@ -47,7 +47,7 @@ class Stream:
         return values[np.argsort(self._raw.random_raw(values.size), kind="stable")]
 
 
-def stream(seed: int, table: TableKind, index: int, purpose: Purpose) -> Stream:
-    """The counter-based stream of table number ``index`` of its kind, at its beginning."""
-    key = np.random.SeedSequence(entropy=seed, spawn_key=(int(table), index, int(purpose)))
+def stream(seed: int, table: TableKind, index: int, purpose: Purpose, *part: int) -> Stream:
+    """The counter-based stream of table number ``index`` of its kind, or of a part of it, at its beginning."""
+    key = np.random.SeedSequence(entropy=seed, spawn_key=(int(table), index, int(purpose), *part))
     return Stream(np.random.Philox(key))

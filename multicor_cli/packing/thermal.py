@@ -105,8 +105,7 @@ def _gradient(table: GradientTemperature, center: Floats) -> Floats:
 def _regions(table: RegionsTemperature, center: Floats) -> Floats:
     temperature = np.full(len(center), table.value)
     for region in table.regions:
-        is_inside = ((center >= region.min) & (center <= region.max)).all(axis=1)
-        temperature[is_inside] = region.value
+        temperature[region.area().contains(center)] = region.value
     return temperature
 
 

@@ -2,22 +2,27 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import replace
+from functools import partial
 from typing import NamedTuple
 
 import numpy as np
 
 from multicor_cli.engine.geometry.scene import place_shapes
 from multicor_cli.model import WallBody
+from multicor_cli.model.areas import Room
 from multicor_cli.model.model import Floats, Walls, WallShapes
-from multicor_cli.packing.bodies import Shape
-from multicor_cli.packing.chain import chain_in_circle, chain_on_line
+from multicor_cli.packing.bodies import Shape, prism_inertia
+from multicor_cli.packing.chain import chain_on_circle, chain_on_line
 from multicor_cli.packing.errors import PackingError
 from multicor_cli.packing.obstacles import Obstacles
 from multicor_cli.packing.size_tables import sizes_of
 from multicor_cli.packing.streams import Purpose, Stream, TableKind, stream
-from multicor_cli.packing.walls import Front, glued_inertia, join_shapes, join_walls, with_glued
+from multicor_cli.packing.walls import Front, about_center_of_mass, glued_inertia, join_shapes, join_walls, with_glued
 from multicor_cli.scenario import Scenario
-from multicor_cli.scenario.gluing import Glued, Ring
+from multicor_cli.scenario.bodies import ClusterGeometry, PolygonGeometry, prism_height
+from multicor_cli.scenario.gluing import Glued, Ring, Sides
 from multicor_cli.scenario.models import ParticleGroup, Wall
 
 
@@ -30,6 +35,7 @@ class BuiltWalls(NamedTuple):
         walls: Their inertia.
         shapes: Their shapes.
         position: Their reference points in the world [m] and angles, which are 0, shape ``(w, 3)``.
+        rooms: What each leaves to the grains that packings place.
     """
 
     bodies: list[WallBody]
@@ -37,12 +43,18 @@ class BuiltWalls(NamedTuple):
     walls: Walls
     shapes: WallShapes
     position: Floats
+    rooms: list[Room]
 
     def obstacles(self) -> Obstacles:
-        """The shapes in the world."""
+        """The shapes in the world, and what is left for grains."""
         world = np.empty(self.shapes.geometry.shape)
         place_shapes(self.shapes.kind, self.shapes.wall, self.shapes.geometry, self.position, world)
-        return Obstacles(self.shapes.kind, world)
+        room = Room(
+            tuple(area for room in self.rooms for area in room.inside),
+            tuple(area for room in self.rooms for area in room.outside),
+            max((room.period for room in self.rooms), default=0.0),
+        )
+        return Obstacles(self.shapes.kind, world, room)
 
 
 def build_walls(scenario: Scenario) -> BuiltWalls:
@@ -62,11 +74,19 @@ def build_walls(scenario: Scenario) -> BuiltWalls:
         join_walls(names, bodies, inertia, [wall.gravity for wall in scenario.walls]),
         join_shapes(bodies, [materials.index(wall.material) for wall in scenario.walls]),
         np.array([[*body.origin, 0.0] for body in bodies]).reshape(-1, 3),
+        [_room(scenario, wall, body) for wall, body in zip(scenario.walls, bodies, strict=True)],
     )
+
+
+def _room(scenario: Scenario, wall: Wall, body: WallBody) -> Room:
+    room = wall.geometry.room(body.glued + np.append(body.origin, 0.0))
+    return replace(room, period=scenario.domain.period)
 
 
 def _make(scenario: Scenario, index: int, wall: Wall) -> tuple[WallBody, Front | None]:
     body, glued = wall.geometry.body(scenario.domain), wall.geometry.glued(scenario.domain)
+    if isinstance(wall.geometry, ClusterGeometry):
+        body = about_center_of_mass(body, _shape(scenario))
     if glued is None:
         return body, None
     try:
@@ -80,11 +100,16 @@ def _glue(scenario: Scenario, index: int, wall: Wall, body: WallBody, glued: Glu
     assert table is not None  # the scenario has been checked
     sizes, place = sizes_of(table, _shape(scenario)), glued.place
 
-    def restart() -> Stream:
-        return stream(scenario.seed, TableKind.WALLS, index, Purpose.SIZES)
+    def restart(*side: int) -> Stream:
+        return stream(scenario.seed, TableKind.WALLS, index, Purpose.SIZES, *side)
 
     if isinstance(place, Ring):
-        return with_glued(body, chain_in_circle(place.radius, sizes, restart)), None
+        return with_glued(body, chain_on_circle(place.radius, sizes, restart, is_outside=place.is_outside)), None
+    if isinstance(place, Sides):
+        corners = place.polygon.points - body.origin
+        ends = zip(corners, np.roll(corners, -1, axis=0), strict=True)
+        sides = [chain_on_line(start, end, sizes, partial(restart, k)) for k, (start, end) in enumerate(ends)]
+        return with_glued(body, np.concatenate(sides)), None
     chain = chain_on_line(np.array(place.start), np.array(place.end), sizes, restart)
     return with_glued(body, chain - np.append(body.origin, 0.0)), Front.of(place, chain)
 
@@ -95,16 +120,25 @@ def _shape(scenario: Scenario) -> Shape:
 
 
 def _inertia(scenario: Scenario, wall: Wall, body: WallBody) -> tuple[float, float]:
-    """Mass [kg] and moment of inertia [kg m²]: as given, else those of the glued grains, else nan.
+    """Mass [kg] and moment of inertia [kg m²]: as given, else those of its discs or of its material, else nan.
 
-    Where only the mass is given, the inertia of the glued grains is scaled with it: the same distribution of mass.
+    Where only the mass is given, the inertia that follows from the geometry is scaled with it: the same distribution of mass.
     """
-    density = scenario.materials[wall.material].density
-    mass, inertia = glued_inertia(body, density, _shape(scenario), _model_group(scenario, wall).thickness)
+    mass, inertia = _default_inertia(scenario, wall, body)
     if wall.mass is not None:
         inertia *= wall.mass / mass
         mass = wall.mass
     return mass, inertia if wall.inertia is None else wall.inertia
+
+
+def _default_inertia(scenario: Scenario, wall: Wall, body: WallBody) -> tuple[float, float]:
+    density, geometry = scenario.materials[wall.material].density, wall.geometry
+    if geometry.substance is None:
+        return math.nan, math.nan
+    if isinstance(geometry, PolygonGeometry) and geometry.substance == "prism":
+        height = prism_height(scenario.particles[0])
+        return prism_inertia(geometry.area(), density, math.nan if height is None else height)
+    return glued_inertia(body, density, _shape(scenario), _model_group(scenario, wall).thickness)
 
 
 def _model_group(scenario: Scenario, wall: Wall) -> ParticleGroup:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from multicor_cli.arithmetic.sums import mean, total
+from multicor_cli.arithmetic.sums import column_totals, mean, total
 from multicor_cli.model import ShapeKind, WallBody
 from multicor_cli.model.columns import RADIUS, X, Y
 from multicor_cli.model.model import Floats, Walls, WallShapes
@@ -48,8 +48,18 @@ def with_glued(body: WallBody, glued: Floats) -> WallBody:
     return body.with_shapes(ShapeKind.DISC, np.column_stack([glued, np.zeros(len(glued))]))
 
 
+def about_center_of_mass(body: WallBody, shape: Shape) -> WallBody:
+    """A wall of discs with the center of their masses as its reference point, about which it turns freely."""
+    discs = body.glued
+    mass = masses(discs[:, RADIUS], 1.0, shape, 1.0)
+    center = column_totals(discs[:, :2] * mass[:, np.newaxis]) / total(mass)
+    geometry = body.geometry.copy()
+    geometry[:, :2] -= center
+    return WallBody(body.origin + center, body.kind, geometry, body.length)
+
+
 def glued_inertia(body: WallBody, density: float, shape: Shape, thickness: float | None) -> tuple[float, float]:
-    """Mass [kg] and moment of inertia about the reference point [kg m²] of the glued grains of a wall; nan if it has none."""
+    """Mass [kg] and moment of inertia about the reference point [kg m²] of the discs of a wall; nan if it has none."""
     glued = body.glued
     if not len(glued):
         return math.nan, math.nan

@@ -6,6 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
+from multicor_cli.model.areas import Polygon
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import Outline
 from multicor_cli.plots.style import COLUMN, PAGE
@@ -14,12 +15,16 @@ from multicor_cli.post.scene import GrainScene, images
 WALL = "0.35"
 """Color of walls."""
 
+SOLID = "0.7"
+"""Color of glued grains and solid bodies."""
+
 _MANY = 1500  # grains above which a figure takes the width of a page
 _FEW = 600  # grains up to which each has an outline
 _TALLEST, _NARROWEST = 8.0, 2.0  # height and width of a figure [inch]
 _LEFT, _RIGHT, _BOTTOM, _TOP = 0.6, 0.15, 0.45, 0.12  # room beside the axes for their labels [inch]
 _BAR, _BAR_GAP = 0.12, 0.1  # thickness of the color bar, and what lies between it and the axes [inch]
 _BESIDE, _BELOW = 0.85, 0.62  # room for the color bar with its labels, beside or below the axes [inch]
+_JOINED = 1e-9  # ends of sides that differ by less than this share of the coordinates are one corner
 _TICK_X, _TICK_Y = 0.5, 0.3  # room that the label of a tick takes [inch]
 
 
@@ -112,8 +117,10 @@ def _add_discs(axes: Any, center: Floats, radius: Floats, **style: Any) -> Any:
 
 
 def _draw_outline(axes: Any, scene: GrainScene, outline: Outline) -> None:
-    from matplotlib.collections import LineCollection
+    from matplotlib.collections import LineCollection, PolyCollection
 
+    if outline.is_solid:
+        axes.add_collection(PolyCollection(solid_polygons(outline.points), facecolors=SOLID, edgecolors="none", zorder=1.9))
     if outline.radius is None:
         lines = outline.points if outline.normal is None else _visible_part(outline.points[:, 0], outline.normal, scene.box)
         axes.add_collection(LineCollection(list(lines), colors=WALL, linewidths=1.0, zorder=2))
@@ -121,9 +128,20 @@ def _draw_outline(axes: Any, scene: GrainScene, outline: Outline) -> None:
         center = outline.points[:, 0]
         which, shift = images(center[:, 0], outline.radius, scene.period)
         center = center[which] + np.column_stack([shift, np.zeros_like(shift)])
-        _add_discs(axes, center, outline.radius[which], facecolors="0.7", edgecolors=WALL, linewidths=0.3, zorder=2)
+        _add_discs(axes, center, outline.radius[which], facecolors=SOLID, edgecolors=WALL, linewidths=0.3, zorder=2)
     else:
         _add_discs(axes, outline.points[:, 0], outline.radius, facecolors="none", edgecolors=WALL, linewidths=1.0, zorder=2)
+
+
+def solid_polygons(sides: Floats) -> list[Floats]:
+    """Corners of the polygons whose inside is solid, given the ends of sides that are solid on the left, shape ``(k, 2, 2)``.
+
+    Each side begins where the one before ends, unless it begins another polygon.
+    """
+    jump = np.abs(sides[1:, 0] - sides[:-1, 1]).max(axis=1)
+    first = np.flatnonzero(jump > _JOINED * np.abs(sides).max()) + 1
+    polygons = np.split(sides[:, 0], first)
+    return [corners for corners in polygons if Polygon(corners).signed_size > 0.0]
 
 
 def _visible_part(point: Floats, normal: Floats, box: Floats) -> Floats:

@@ -7,7 +7,8 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.model import Model
+from multicor_cli.model import Model, ShapeKind
+from multicor_cli.model.columns import RADIUS
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import outlines
 from multicor_cli.post.source import FrameSource, GrainFrame
@@ -23,7 +24,8 @@ class Extent:
     Heights count from the lower wall where there is one, wherever it has moved to: from the line through the centers of its
     glued grains (between the lowest and the highest of them), or from its surface if it is smooth. Otherwise they count from the
     lowest point that a grain reaches. A wall is below the grains if it lies below the middle of them and the centers of nine grains
-    in ten lie above its line, in the first frame and in the last; and it must be wider than it is high.
+    in ten lie above its line, in the first frame and in the last; and it must be wider than it is high. A solid disc
+    is no such wall, nor with grains glued to it.
 
     Attributes:
         lower: Index of the wall below the grains, or None.
@@ -97,7 +99,7 @@ def _largest(values: Floats, candidate: NDArray[np.bool_]) -> int | None:
 def wall_spans(model: Model) -> tuple[Floats, Floats]:
     """Lowest and highest reference point of each wall in its frame [m]; infinite where a wall is upright.
 
-    Upright are planes more than 45° from the level, and other walls that are higher than wide.
+    Upright are planes more than 45° from the level, other walls that are higher than wide, and bodies around a solid disc.
     """
     low, high = np.full((model.wall_count, 2), np.inf), np.full((model.wall_count, 2), -np.inf)
     is_upright = np.zeros(model.wall_count, np.bool_)
@@ -110,5 +112,14 @@ def wall_spans(model: Model) -> tuple[Floats, Floats]:
             np.logical_or.at(is_upright, shapes.wall[which], np.abs(outline.normal[:, 1]) < _LEVEL)
     # Walls without shapes keep their infinities: they bound no grains.
     size = np.where(np.isfinite(low), high, 0.0) - np.where(np.isfinite(low), low, 0.0)
-    is_upright |= size[:, 1] > size[:, 0]
+    is_upright |= (size[:, 1] > size[:, 0]) | _are_round(model)
     return np.where(is_upright, -np.inf, low[:, 1]), np.where(is_upright, np.inf, high[:, 1])
+
+
+def _are_round(model: Model) -> NDArray[np.bool_]:
+    """Which walls consist of one disc that is larger than every grain, and of what is glued to it."""
+    shapes, radius = model.shapes, model.shapes.geometry[:, RADIUS]
+    is_disc = shapes.kind == ShapeKind.DISC
+    large = np.bincount(shapes.wall[is_disc & (radius > model.grains.radius.max())], minlength=model.wall_count)
+    others = np.bincount(shapes.wall[~is_disc], minlength=model.wall_count)
+    return np.asarray((large == 1) & (others == 0))

@@ -1,4 +1,4 @@
-"""Where grains are glued to walls: in a row on a line, or in a ring on the inside of a circle."""
+"""Where grains are glued to walls: in a row on a line, in a ring inside or around a circle, or along the sides of a polygon."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ from typing import Annotated, NamedTuple
 from pydantic import Discriminator, Tag
 
 from multicor_cli.arithmetic import hypot
+from multicor_cli.model.areas import Polygon
 from multicor_cli.scenario.base import Name, tag_table
 from multicor_cli.scenario.sizes import Sizes
 
@@ -51,15 +52,17 @@ class Row(NamedTuple):
 
 
 class Ring(NamedTuple):
-    """Touching grains that touch a circle from inside.
+    """Touching grains that touch a circle from inside or outside.
 
     Attributes:
         center: Center of the circle [m], the reference point of the wall.
         radius: Its radius [m].
+        is_outside: Whether they lie around it.
     """
 
     center: Pair
     radius: float
+    is_outside: bool = False
 
     @property
     def length(self) -> float:
@@ -69,11 +72,31 @@ class Ring(NamedTuple):
     @property
     def least(self) -> float:
         """Smallest circumference, over the diameter of the largest grain."""
-        return 4.0 * math.pi
+        return 2.0 * math.pi if self.is_outside else 4.0 * math.pi
 
     def __str__(self) -> str:
         """What it is, for messages."""
         return f"the circle has a radius of {self.radius:g} m"
+
+
+class Sides(NamedTuple):
+    """Touching grains along each side of a polygon, with their centers on it."""
+
+    polygon: Polygon
+
+    @property
+    def length(self) -> float:
+        """Length of all sides [m]."""
+        return self.polygon.perimeter
+
+    @property
+    def least(self) -> float:
+        """Smallest length of all sides, over the diameter of the largest grain: the shortest side takes one."""
+        return self.length / float(self.polygon.side_lengths().min())
+
+    def __str__(self) -> str:
+        """What it is, for messages."""
+        return f"the shortest side is {float(self.polygon.side_lengths().min()):g} m long"
 
 
 class Glued(NamedTuple):
@@ -85,6 +108,6 @@ class Glued(NamedTuple):
         key: Under which key of the geometry it says so.
     """
 
-    place: Row | Ring
+    place: Row | Ring | Sides
     sizes: SizesOrGroup | None
     key: str

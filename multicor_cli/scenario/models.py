@@ -25,7 +25,7 @@ from multicor_cli.scenario.packings import (
     TilePacking,
 )
 from multicor_cli.scenario.particles import ParticleGroup
-from multicor_cli.scenario.region import Region
+from multicor_cli.scenario.region import RectangleRegion, Region
 from multicor_cli.scenario.settings import Domain, Header, Output, Solver, StageSolver
 from multicor_cli.scenario.signals import RampSignal, SineSignal, SineWave, TableSignal
 from multicor_cli.scenario.sizes import AnySizes, ListSizes, LognormalSizes, NormalSizes, PowerSizes, TableSizes, UniformSizes
@@ -34,7 +34,6 @@ from multicor_cli.scenario.temperatures import (
     FileTemperature,
     GradientTemperature,
     RegionsTemperature,
-    TemperatureRegion,
     ValuesTemperature,
 )
 from multicor_cli.scenario.until import (
@@ -112,6 +111,7 @@ __all__ = [
     "PowerSizes",
     "RampSignal",
     "RandomPacking",
+    "RectangleRegion",
     "Region",
     "RegionsTemperature",
     "RunPacking",
@@ -127,7 +127,6 @@ __all__ = [
     "TableSignal",
     "TableSizes",
     "TemperatureCondition",
-    "TemperatureRegion",
     "TilePacking",
     "TiltedGravityTable",
     "UniformSizes",

@@ -8,7 +8,7 @@ from pydantic import Field, model_validator
 
 from multicor_cli.scenario.base import GrainCount, Length, Name, Number, Table, Vector, refuse
 from multicor_cli.scenario.packings import AreaFraction, FilePacking, LatticePacking, Packing, RunPacking, TilePacking
-from multicor_cli.scenario.region import Region
+from multicor_cli.scenario.region import AnyRegion
 from multicor_cli.scenario.sizes import Sizes
 from multicor_cli.scenario.temperatures import Temperature
 
@@ -28,7 +28,11 @@ class ParticleGroup(Table):
     sizes: Sizes | None = Field(None, description='distribution of the radii, as { kind = "uniform", min = 0.4e-3, max = 0.6e-3 }')
     count: GrainCount | None = Field(None, description="number of grains (or give fill)")
     fill: AreaFraction | None = Field(None, description="area of the grains over the area of the region (or give count)")
-    region: Region | None = Field(None, description="where the grains are placed; default: the whole domain")
+    region: AnyRegion | None = Field(
+        None,
+        description="where the grains are placed: a rectangle { min, max }, or with a kind a circle { center, radius }, an annulus "
+        "{ center, inner, outer } or a polygon { points }; default: the whole domain",
+    )
     packing: Packing = Field(description='how the grains are placed, as { kind = "random" }')
     velocity: Vector = Field((0.0, 0.0), description="initial velocity [m/s], added to any velocity that comes with the packing")
     spin: Number = Field(0.0, description="initial spin [rad/s], added to any spin that comes with the packing")

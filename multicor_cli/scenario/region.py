@@ -1,10 +1,18 @@
-"""Rectangles."""
+"""Regions: rectangles, circles, annuli and polygons."""
 
 from __future__ import annotations
 
-from pydantic import Field, ValidationInfo, field_validator
+from abc import abstractmethod
+from typing import Annotated, Any, Literal
 
-from multicor_cli.scenario.base import Point, Table, refuse
+import numpy as np
+from pydantic import BaseModel, Discriminator, Field, Strict, Tag, ValidationInfo, field_validator
+
+from multicor_cli.model.areas import Annulus, Area, Polygon, Rectangle, fault_of_polygon
+from multicor_cli.scenario.base import Length, Point, Table, refuse
+
+MAX_CORNERS = 2000
+"""Most corners of a polygon."""
 
 
 def above_min(corner: tuple[float, float], info: ValidationInfo) -> tuple[float, float]:
@@ -15,20 +23,144 @@ def above_min(corner: tuple[float, float], info: ValidationInfo) -> tuple[float,
     return corner
 
 
+def simple_polygon(points: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
+    """The corners of a polygon whose sides meet only at its corners."""
+    fault = fault_of_polygon(np.array(points))
+    if fault is not None:
+        remedy = "give each corner once, in their order along the outline; the last is joined to the first by itself"
+        raise refuse(fault[1], remedy, fault[0])
+    return points
+
+
+Corners = Annotated[tuple[Point, ...], Strict(False), Field(min_length=3, max_length=MAX_CORNERS)]
+
+
 class Region(Table):
+    """A part of the plane."""
+
+    @abstractmethod
+    def area(self) -> Area:
+        """What it is to other packages."""
+
+    @property
+    def left(self) -> float:
+        """Smallest x [m]."""
+        return float(self.area().corners()[0, 0])
+
+    @property
+    def right(self) -> float:
+        """Largest x [m]."""
+        return float(self.area().corners()[1, 0])
+
+    @property
+    def width(self) -> float:
+        """Extent in x [m]."""
+        return self.right - self.left
+
+    @property
+    def height(self) -> float:
+        """Extent in y [m]."""
+        low, high = self.area().corners()[:, 1].tolist()
+        return float(high - low)
+
+    @property
+    def room(self) -> float:
+        """Diameter of the largest grain that may fit into it [m]; of polygons a bound."""
+        return min(self.width, self.height)
+
+    def __str__(self) -> str:
+        """What it is, for messages."""
+        return f"region of {self.width:g} × {self.height:g} m"
+
+
+class RectangleRegion(Region):
     """A rectangle."""
 
+    kind: Literal["rectangle"] = "rectangle"
     min: Point = Field(description="lower left corner [m]")
     max: Point = Field(description="upper right corner [m]")
 
     _above_min = field_validator("max")(above_min)
 
-    @property
-    def width(self) -> float:
-        """Extent in x [m]."""
-        return self.max[0] - self.min[0]
+    def area(self) -> Rectangle:
+        """The rectangle."""
+        return Rectangle(self.min, self.max)
+
+
+class CircleRegion(Region):
+    """The inside of a circle."""
+
+    kind: Literal["circle"]
+    center: Point = Field(description="center [m]")
+    radius: Length = Field(description="radius [m]")
+
+    def area(self) -> Annulus:
+        """The disc."""
+        return Annulus(self.center, self.radius)
+
+    def __str__(self) -> str:
+        """What it is, for messages."""
+        return f"circle of radius {self.radius:g} m"
+
+
+class AnnulusRegion(Region):
+    """What lies between two circles around one center."""
+
+    kind: Literal["annulus"]
+    center: Point = Field(description="center [m]")
+    inner: Length = Field(description="radius of the inner circle [m]")
+    outer: Length = Field(description="radius of the outer circle [m]")
+
+    @field_validator("outer")
+    @classmethod
+    def _above_inner(cls, outer: float, info: ValidationInfo) -> float:
+        inner = info.data.get("inner")
+        if inner is not None and outer <= inner:
+            raise refuse(f"outer = {outer:g} is not larger than inner = {inner:g}", "swap the two radii")
+        return outer
+
+    def area(self) -> Annulus:
+        """The annulus."""
+        return Annulus(self.center, self.outer, self.inner)
 
     @property
-    def height(self) -> float:
-        """Extent in y [m]."""
-        return self.max[1] - self.min[1]
+    def room(self) -> float:
+        """Its width [m]."""
+        return self.outer - self.inner
+
+    def __str__(self) -> str:
+        """What it is, for messages."""
+        return f"annulus from radius {self.inner:g} to {self.outer:g} m"
+
+
+class PolygonRegion(Region):
+    """A simple polygon."""
+
+    kind: Literal["polygon"]
+    points: Corners = Field(description="corners [m] in their order along the outline, as [[0, 0], [1, 0], [0, 1]]")
+
+    _simple = field_validator("points")(simple_polygon)
+
+    def area(self) -> Polygon:
+        """The polygon."""
+        return Polygon(np.array(self.points))
+
+    def __str__(self) -> str:
+        """What it is, for messages."""
+        return f"polygon of {len(self.points)} corners, {self.width:g} × {self.height:g} m"
+
+
+def tag_kind(value: Any) -> str | None:
+    """Discriminator of a union of regions: their ``kind``, "rectangle" if there is none."""
+    if isinstance(value, BaseModel):
+        return str(getattr(value, "kind", ""))
+    return str(value.get("kind", "rectangle")) if isinstance(value, dict) else None
+
+
+AnyRegion = Annotated[
+    Annotated[RectangleRegion, Tag("rectangle")]
+    | Annotated[CircleRegion, Tag("circle")]
+    | Annotated[AnnulusRegion, Tag("annulus")]
+    | Annotated[PolygonRegion, Tag("polygon")],
+    Discriminator(tag_kind),
+]

@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import Field, Strict, Tag
+from pydantic import Discriminator, Field, Strict, Tag
 
 from multicor_cli.scenario.base import Kelvin, Number, Point, Table, one_of
 from multicor_cli.scenario.packings import FilePath
-from multicor_cli.scenario.region import Region
+from multicor_cli.scenario.region import AnnulusRegion, CircleRegion, PolygonRegion, RectangleRegion, tag_kind
 
 MAX_VALUES = 100_000
 """Most temperatures in the scenario file itself; more go into a file of their own."""
@@ -22,18 +22,44 @@ class GradientTemperature(Table):
     at: Point = Field((0.0, 0.0), description="point at which the temperature is value [m]")
 
 
-class TemperatureRegion(Region):
-    """A rectangle with a temperature."""
-
+class _Warm(Table):
     value: Kelvin = Field(description="temperature of the grains with their center in it [K]")
 
 
+class TemperatureRectangle(RectangleRegion, _Warm):
+    """A rectangle with a temperature."""
+
+
+class TemperatureCircle(CircleRegion, _Warm):
+    """The inside of a circle with a temperature."""
+
+
+class TemperatureAnnulus(AnnulusRegion, _Warm):
+    """An annulus with a temperature."""
+
+
+class TemperaturePolygon(PolygonRegion, _Warm):
+    """A polygon with a temperature."""
+
+
+TemperatureRegion = Annotated[
+    Annotated[TemperatureRectangle, Tag("rectangle")]
+    | Annotated[TemperatureCircle, Tag("circle")]
+    | Annotated[TemperatureAnnulus, Tag("annulus")]
+    | Annotated[TemperaturePolygon, Tag("polygon")],
+    Discriminator(tag_kind),
+]
+
+
 class RegionsTemperature(Table):
-    """One temperature, and others in rectangles; where they overlap, the later one holds."""
+    """One temperature, and others in regions; where they overlap, the later one holds."""
 
     value: Kelvin = Field(description="temperature outside all regions [K]")
     regions: Annotated[tuple[TemperatureRegion, ...], Strict(False)] = Field(
-        min_length=1, max_length=1000, description="rectangles, as [{ min = [0, 0], max = [1, 1], value = 400.0 }]; later ones win"
+        min_length=1,
+        max_length=1000,
+        description="rectangles, circles, annuli or polygons, as [{ min = [0, 0], max = [1, 1], value = 400.0 }, "
+        '{ kind = "circle", center = [0, 0], radius = 1, value = 350.0 }]; later ones win',
     )
 
 

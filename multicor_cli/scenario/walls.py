@@ -1,14 +1,13 @@
 """Walls: their geometry and their inertia.
 
 Each geometry says of what shapes it consists. They lie in a frame whose origin is the reference point of the wall: the center of
-a circle or box, the mean of the points of a polyline, the middle of a row of glued grains, the given point of a plane. Torques and
-spins refer to it.
+a circle, disc or box, the mean of the points of a polyline, the middle of a row of glued grains, the given point of a plane, the
+center of mass of a cluster or polygon. Torques and spins refer to it.
 """
 
 from __future__ import annotations
 
 import math
-from abc import abstractmethod
 from collections.abc import Iterator
 from typing import Annotated, Literal, Self
 
@@ -19,40 +18,16 @@ from multicor_cli.arithmetic import hypot
 from multicor_cli.arithmetic.sums import column_totals, total
 from multicor_cli.model import ShapeKind, WallBody
 from multicor_cli.scenario.base import Length, Name, Point, Table, Vector, refuse
+from multicor_cli.scenario.bodies import ClusterGeometry, DiscGeometry, PolygonGeometry
 from multicor_cli.scenario.gluing import Glued, Ring, Row, SizesOrGroup
 from multicor_cli.scenario.problems import Finding
 from multicor_cli.scenario.region import above_min
 from multicor_cli.scenario.settings import Domain
+from multicor_cli.scenario.wall_geometry import WallGeometry
 from multicor_cli.scenario.wall_heat import WallCondition
 
 Side = Literal["left", "right", "bottom", "top"]
 _LEVEL = 1e-9  # slope that counts as none
-
-
-class WallGeometry(Table):
-    """What the rest of the program asks of every geometry."""
-
-    @abstractmethod
-    def body(self, domain: Domain) -> WallBody:
-        """Its shapes without glued grains."""
-
-    def glued(self, domain: Domain | None = None) -> Glued | None:
-        """Its glued grains; None if it has none. Without a domain, nothing is fitted to the period."""
-        return None
-
-    def misfits(self, domain: Domain) -> Iterator[Finding]:
-        """What does not fit to the domain; keys count from the table of the geometry."""
-        yield from ()
-
-    @property
-    def spans_period(self) -> bool:
-        """Whether it reaches from one period of a periodic domain to the next, so that it cannot turn."""
-        return False
-
-    @property
-    def height(self) -> float | None:
-        """Height y at which it bounds a layer [m]; None if it has no definite one."""
-        return None
 
 
 class PlaneGeometry(WallGeometry):
@@ -258,7 +233,14 @@ class PolylineGeometry(WallGeometry):
 
 
 Geometry = Annotated[
-    PlaneGeometry | RoughGeometry | BoxGeometry | CircleGeometry | PolylineGeometry,
+    PlaneGeometry
+    | RoughGeometry
+    | BoxGeometry
+    | CircleGeometry
+    | PolylineGeometry
+    | DiscGeometry
+    | PolygonGeometry
+    | ClusterGeometry,
     Field(discriminator="kind"),
 ]
 
@@ -270,11 +252,13 @@ class Wall(Table):
     material: Name = Field(description="name of a [materials.NAME] table")
     geometry: Geometry = Field(description='shape of the wall, as { kind = "plane", point = [0, 0], normal = [0, 1] }')
     mass: Annotated[float, Field(ge=1e-18, le=1e15)] | None = Field(
-        None, description="mass [kg]; default: that of its glued grains; required for other walls that a force drives"
+        None,
+        description="mass [kg]; default: that of its glued grains, of a solid disc, cluster or polygon that of its material; "
+        "required for other walls that a force drives",
     )
     inertia: Annotated[float, Field(ge=1e-27, le=1e18)] | None = Field(
         None,
-        description="moment of inertia [kg m²]; default: that of its glued grains; required for others that a torque drives",
+        description="moment of inertia [kg m²]; default: as for the mass; required for other walls that a torque drives",
     )
     gravity: bool = Field(False, description="whether gravity acts on the degrees of freedom that a force drives")
 

@@ -62,6 +62,30 @@ def test_validate_says_what_a_run_will_cost(tmp_path: Path) -> None:
     assert [entry.name for entry in tmp_path.iterdir()] == ["small.toml"]
 
 
+def test_validate_says_what_walls_weigh_that_forces_push(tmp_path: Path) -> None:
+    """Mass π r² h ρ of a solid disc, a given one, and none of walls that only move as prescribed."""
+    body = (
+        '\n[[walls]]\nname = "body"\nmaterial = "glass"\n'
+        'geometry = { kind = "disc", center = [0.01, 0.005], radius = 1e-3 }\n\n[[loading]]\nname = "settle"'
+    )
+    text = changed(
+        SMALL,
+        ('\n[[loading]]\nname = "settle"', body),
+        ("drives.top = { y = { force", "drives.body = { spin = { force = 0.0 }, y = { force = 0.0 } }\ndrives.top = { y = { force"),
+        ('side = "right" }', 'side = "right" }\nmass = 0.25'),
+    )
+    (tmp_path / "body.toml").write_text(text)
+    data = json.loads(runner.invoke(app, ["validate", str(tmp_path / "body.toml"), "--json"]).stdout)
+    assert list(data["wall_masses"]) == ["top", "body"]
+    assert data["wall_masses"]["top"]["mass"] == 0.25
+    assert data["wall_masses"]["top"]["given"]
+    assert data["wall_masses"]["body"]["mass"] == pytest.approx(2500.0 * 3.141592653589793e-6 * 1e-3)
+    assert not data["wall_masses"]["body"]["given"]
+    shown = runner.invoke(app, ["validate", str(tmp_path / "body.toml")]).stdout
+    assert "'body' 7.854e-06 kg (default), 3.927e-12 kg m²" in shown
+    assert "'top' 0.25 kg (given)" in shown
+
+
 def test_validate_applies_overrides(tmp_path: Path) -> None:
     path = write_small(tmp_path)
     done = runner.invoke(

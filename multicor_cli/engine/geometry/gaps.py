@@ -15,6 +15,7 @@ _PLANE = int(ShapeKind.PLANE)
 _SEGMENT = int(ShapeKind.SEGMENT)
 _VERTEX = int(ShapeKind.VERTEX)
 _CIRCLE = int(ShapeKind.CIRCLE)
+_SIDE = int(ShapeKind.SIDE)
 
 
 @formula
@@ -92,7 +93,7 @@ def gap_to_shape(
     if what == _CIRCLE:
         return disc_circle(dx, dy, g2, radius)
     px, py = g0 + dx, g1 + dy
-    if what == _SEGMENT:
+    if what != _VERTEX:  # a segment or a side
         foot = segment_parameter(px, py, g0, g1, g2, g3)
         if foot <= 0.0 or foot >= 1.0:
             return inf, 0.0, 1.0
@@ -111,12 +112,12 @@ def is_near_shape(x: float, y: float, radius: float, shape: int, kind: Ints, wor
     `gap_to_shape` returns infinity where another shape of the wall is closer, so it cannot be used to build the neighbor list.
     """
     what = kind[shape]
-    if what != _SEGMENT and what != _VERTEX:
+    if what != _SEGMENT and what != _SIDE and what != _VERTEX:
         return gap_to_shape(x, y, radius, shape, kind, world, period)[0] < cutoff
     g0, g1, g2, g3 = world[shape, X], world[shape, Y], world[shape, TAIL_X], world[shape, TAIL_Y]
     dx = nearest_image(x - g0, period)
     dy = y - g1
-    if what == _SEGMENT:
+    if what != _VERTEX:
         foot = min(max(segment_parameter(g0 + dx, y, g0, g1, g2, g3), 0.0), 1.0)
         dx -= foot * (g2 - g0)
         dy -= foot * (g3 - g1)

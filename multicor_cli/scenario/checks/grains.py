@@ -7,10 +7,10 @@ from collections.abc import Iterator, Sequence
 
 from multicor_cli.model.model import LEAST_DIAMETERS
 from multicor_cli.scenario.checks.draft import Draft
-from multicor_cli.scenario.packings import DepositedPacking, TilePacking
+from multicor_cli.scenario.packings import CompactedPacking, DepositedPacking, TilePacking
 from multicor_cli.scenario.particles import ParticleGroup
 from multicor_cli.scenario.problems import Finding, KeyPath, show
-from multicor_cli.scenario.region import Region
+from multicor_cli.scenario.region import RectangleRegion, Region
 from multicor_cli.scenario.settings import Domain
 
 MAX_GRAINS = 50_000_000
@@ -47,14 +47,17 @@ def _unlike_shapes(draft: Draft) -> Iterator[Finding]:
 
 def region_of(group: ParticleGroup, domain: Domain) -> Region:
     """Where a group is placed: its region, or the whole domain."""
-    return group.region or Region(min=(0.0, 0.0), max=domain.size)
+    return group.region or RectangleRegion(min=(0.0, 0.0), max=domain.size)
 
 
 def _check_group(path: KeyPath, group: ParticleGroup, domain: Domain) -> Iterator[Finding]:
     region = region_of(group, domain)
-    if domain.periodic and not (region.min[0] >= 0.0 and region.max[0] <= domain.size[0]):
-        what = f"reaches from x = {region.min[0]:g} to {region.max[0]:g}, beyond the period from 0 to {domain.size[0]:g}"
+    if domain.periodic and not (region.left >= 0.0 and region.right <= domain.size[0]):
+        what = f"reaches from x = {region.left:g} to {region.right:g}, beyond the period from 0 to {domain.size[0]:g}"
         yield Finding((*path, "region"), what, "keep it inside [domain] size")
+    if isinstance(group.packing, CompactedPacking | TilePacking) and not isinstance(region, RectangleRegion):
+        what = f'packing kind = "{group.packing.kind}" fills rectangles only, not the {region}'
+        yield Finding((*path, "region"), what, 'use region = { min, max }, or packing kind = "lattice", "random" or "deposited"')
     if isinstance(group.packing, DepositedPacking) and domain.gravity[1] >= 0.0:
         yield _no_weight((*path, "packing"), domain)
     if group.sizes is not None:
@@ -67,16 +70,17 @@ def _check_sizes(path: KeyPath, group: ParticleGroup, region: Region, domain: Do
     assert group.sizes is not None
     diameter = 2.0 * group.sizes.largest
     tile = group.packing.tile if isinstance(group.packing, TilePacking) else (math.inf, math.inf)
-    room = min(region.width, region.height, *tile)
+    room = min(region.room, *tile)
     if diameter > room * (1.0 + _SLACK):
-        place = f"{min(region.width, tile[0]):g} × {min(region.height, tile[1]):g} m"
+        is_plain = isinstance(region, RectangleRegion)
+        place = f"{min(region.width, tile[0]):g} × {min(region.height, tile[1]):g} m" if is_plain else f"the {region}"
         what = f"grains of diameter {diameter:g} m do not fit into {place}"
         yield Finding((*path, "sizes"), what, "give radii and lengths in meters")
     elif domain.periodic and domain.size[0] < LEAST_DIAMETERS * diameter:
         what = f"the period {domain.size[0]:g} m is less than four of the largest diameters, {diameter:g} m"
         yield Finding((*path, "sizes"), what, "widen the domain or use smaller grains")
-    elif group.count is not None and _least_area(group, group.count) > region.width * region.height:
-        what = f"{group.count} grains cover more than the region of {region.width:g} × {region.height:g} m"
+    elif group.count is not None and _least_area(group, group.count) > region.area().size:
+        what = f"{group.count} grains cover more than the {region}"
         yield Finding((*path, "count"), what, "lower count, or enlarge region")
 
 
@@ -89,7 +93,7 @@ def _check_tile(path: KeyPath, packing: TilePacking, region: Region, domain: Dom
     width, height = (packing.tile[axis] * packing.repeat[axis] for axis in (0, 1))
     if width > region.width * (1.0 + _SLACK) or height > region.height * (1.0 + _SLACK):
         covered = f"{packing.repeat[0]} × {packing.repeat[1]} tiles cover {width:g} × {height:g} m"
-        what = f"{covered}, more than the region of {region.width:g} × {region.height:g} m"
+        what = f"{covered}, more than the {region}"
         yield Finding((*path, "packing", "repeat"), what, "use fewer tiles")
     if isinstance(packing.source, DepositedPacking) and domain.gravity[1] >= 0.0:
         yield _no_weight((*path, "packing", "source"), domain)
@@ -122,4 +126,4 @@ def _least_count(group: ParticleGroup, domain: Domain) -> float:
         one = packing.tile_count or (packing.tile_fill or 0.0) * packing.tile[0] * packing.tile[1] / largest_area
         return one * packing.repeat[0] * packing.repeat[1]
     region = region_of(group, domain)
-    return group.count or (group.fill or 0.0) * region.width * region.height / largest_area
+    return group.count or (group.fill or 0.0) * region.area().size / largest_area

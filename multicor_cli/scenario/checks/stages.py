@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from multicor_cli.scenario.bodies import prism_height
 from multicor_cli.scenario.checks.draft import Draft
 from multicor_cli.scenario.checks.grains import double_names
 from multicor_cli.scenario.drives import DOF_NAMES, moves
@@ -68,19 +69,27 @@ def _check_turning(wall: Wall, draft: Draft) -> Iterator[Finding]:
 def _check_inertia(path: KeyPath, wall: Wall, draft: Draft) -> Iterator[Finding]:
     """A wall that forces drive has a mass; gravity acts only on such walls."""
     driven: dict[str, int] = {}
-    has_glued_grains = wall.geometry.glued() is not None
+    weighs = _weighs(wall, draft)
     for k, stage in _stages(draft):
         drives = stage.drives.get(wall.name)
         for dof in DOF_NAMES:
             if drives is not None and isinstance(getattr(drives, dof), ForceDof):
                 driven.setdefault(dof, k)
     moved = [dof for dof in ("x", "y") if dof in driven]
-    if moved and wall.mass is None and not has_glued_grains:
+    if moved and wall.mass is None and not weighs:
         what = f"the wall '{wall.name}' has no mass, but a force drives its {moved[0]} in loading.{driven[moved[0]]}"
         yield Finding((*path, "mass"), what, "add mass [kg]")
-    if "spin" in driven and wall.inertia is None and not has_glued_grains:
+    if "spin" in driven and wall.inertia is None and not weighs:
         what = f"the wall '{wall.name}' has no moment of inertia, but a torque drives its spin in loading.{driven['spin']}"
         yield Finding((*path, "inertia"), what, "add inertia [kg m²]")
     if wall.gravity and not moved and None not in draft.loading:
         what = f"no force drives the wall '{wall.name}' in any stage, so that gravity cannot act on it"
         yield Finding((*path, "gravity"), what, "remove gravity = true, or drive x or y by a force (which may be 0)")
+
+
+def _weighs(wall: Wall, draft: Draft) -> bool:
+    """Whether mass and inertia of a wall follow from its geometry and material."""
+    if wall.geometry.substance == "prism":
+        first = draft.particles[0] if draft.particles else None
+        return first is None or prism_height(first) is not None
+    return wall.geometry.substance is not None

@@ -82,6 +82,20 @@ def test_later_regions_win():
     assert len(set(model.thermal.start)) == 3
 
 
+def test_regions_of_any_kind_have_temperatures():
+    ring = '{kind="annulus", center=[0.03, 0.04], inner=0.01, outer=0.03, value=400}'
+    roof = '{kind="polygon", points=[[0.0, 0.06], [0.06, 0.06], [0.03, 0.08]], value=450}'
+    spot = '{kind="circle", center=[0.03, 0.04], radius=0.01, value=500}'
+    model, state = built(f"particles.0.temperature={{value=300, regions=[{ring}, {roof}, {spot}]}}", "particles.0.count=150")
+    x, y = state.position[:, 0] - 0.03, state.position[:, 1] - 0.04
+    away = np.hypot(x, y)
+    expected = np.where(away <= 0.03, 400.0, 300.0)
+    expected[(y >= 0.02) & (np.abs(x) <= 1.5 * (0.04 - y))] = 450.0
+    expected[away <= 0.01] = 500.0
+    np.testing.assert_array_equal(model.thermal.start, expected)
+    assert len(set(expected)) == 4
+
+
 def test_one_value_per_grain():
     values = [300.0 + k for k in range(50)]
     model, _ = built(f"particles.0.temperature={{values={values}}}")

@@ -7,7 +7,7 @@ import pytest
 from packing_support import generator, scenario, wall
 
 from multicor_cli.model import ShapeKind, WallBody
-from multicor_cli.packing.chain import chain_in_circle, chain_on_line
+from multicor_cli.packing.chain import chain_on_circle, chain_on_line
 from multicor_cli.packing.errors import PackingError
 from multicor_cli.packing.sizes import list_sizes, uniform_sizes
 from multicor_cli.packing.wall_tables import build_walls
@@ -46,7 +46,7 @@ def test_chain_over_the_period_closes():
 
 @pytest.mark.parametrize("sizes", SIZES)
 def test_chain_in_a_circle_touches_the_circle_and_closes(sizes):
-    chain = chain_in_circle(0.02, SIZES[sizes], generator)
+    chain = chain_on_circle(0.02, SIZES[sizes], generator)
     np.testing.assert_allclose(np.hypot(chain[:, 0], chain[:, 1]) + chain[:, 2], 0.02, rtol=1e-13)
     after = np.roll(chain, -1, axis=0)
     gap = np.hypot(*(after[:, :2] - chain[:, :2]).T) - chain[:, 2] - after[:, 2]

@@ -12,7 +12,7 @@ from heat_run import GRAINS, write_heated_run
 from multicor_cli.plots import PlotError, draw_forces, draw_map, draw_theta_eta, plot
 from multicor_cli.plots.forces import line_widths, segments
 from multicor_cli.plots.grain_map import color_scale
-from multicor_cli.plots.scene import place_scene
+from multicor_cli.plots.scene import place_scene, solid_polygons
 from multicor_cli.plots.style import COLORS, house_style
 from multicor_cli.post import MAPPED, GrainMap, force_network, grain_map, theta_eta
 from multicor_cli.store import Run, open_run
@@ -63,6 +63,14 @@ def test_grains_at_the_ends_of_the_period_are_drawn_twice(run: Run) -> None:
     assert len(offsets) == GRAINS + 1
     assert offsets[-1] == pytest.approx([4.01, table.scene.center[3, 1]])
     assert panel.collections[0].get_array()[-1] == table.value[3]
+
+
+def test_solid_polygons_are_filled_and_containers_are_not() -> None:
+    triangle, square = np.array([[0.0, 0.0], [2.0, 0.0], [0.0, 1.0]]), np.array([[5.0, 5.0], [9.0, 5.0], [9.0, 9.0], [5.0, 9.0]])
+    inner = square[::-1] * 3.0
+    sides = np.concatenate([np.stack([corners, np.roll(corners, -1, axis=0)], axis=1) for corners in (triangle, inner, square)])
+    found = solid_polygons(sides)
+    assert [corners.tolist() for corners in found] == [triangle.tolist(), square.tolist()]
 
 
 def test_color_scales(run: Run) -> None:

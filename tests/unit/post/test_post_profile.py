@@ -165,7 +165,18 @@ def test_floor_without_lid_measures_from_the_floor() -> None:
     for frame in source.frames:
         frame.wall_position[:] = [[0.0, -0.05, 0.0], [0.0, 0.0, 0.0]]
     table = profile(
-        _with_shapes(source, [ShapeKind.DISC, ShapeKind.PLANE], [[3, 0, 0.05, 0], [0, 0, 1, 0]]), selection=Selection(start=0.0)
+        _with_shapes(source, [ShapeKind.SEGMENT, ShapeKind.PLANE], [[3, 0, 4, 0], [0, 0, 1, 0]]), selection=Selection(start=0.0)
+    )
+    assert table.walls == ("bottom", "")
+    assert table.height == pytest.approx(0.55)
+
+
+def test_a_solid_disc_below_most_grains_is_no_floor() -> None:
+    source = make_source(np.array([[0.1, 0.3], [0.1, 0.4]]), np.full(2, 0.1), np.ones((2, 2)))
+    for frame in source.frames:
+        frame.wall_position[:] = [[0.0, -0.05, 0.0], [0.0, 0.05, 0.0]]
+    table = profile(
+        _with_shapes(source, [ShapeKind.SEGMENT, ShapeKind.DISC], [[3, 0, 4, 0], [1, 0, 0.15, 0]]), selection=Selection(start=0.0)
     )
     assert table.walls == ("bottom", "")
     assert table.height == pytest.approx(0.55)

@@ -7,6 +7,9 @@ from scenes import SHEAR, changed
 STRAIN = 'strain = { walls = ["bottom", "top"], value = 1.0 }'
 WAIT = "duration = 1.0\nuntil = { kinetic_energy_ratio = 1e-4 }"
 
+REGION = "region = { min = [0, 0.001], max = [0.03, 0.049] }"
+PADDLE = 'kind = "polyline", points = [[0.01, 0.02], [0.02, 0.02]]'
+
 # change, key, where the problem points (text at that place), words that the message must have
 MISTAKES = {
     "unknown key": (("density = 2500", "densty = 2500"), "materials.glass.densty", "densty", "unknown key", "'density'"),
@@ -75,6 +78,117 @@ MISTAKES = {
         "meters",
     ),
     "region outside": (("max = [0.03, 0.049]", "max = [0.04, 0.049]"), "particles.0.region", "region", "0.04", "period"),
+    "unknown kind of region": (
+        (REGION, 'region = { kind = "cirle", center = [0, 0], radius = 1 }'),
+        "particles.0.region.kind",
+        'kind = "cirle"',
+        "'circle'",
+    ),
+    "annulus inside out": (
+        (REGION, 'region = { kind = "annulus", center = [0.015, 0.02], inner = 0.01, outer = 0.005 }'),
+        "particles.0.region.outer",
+        "outer = 0.005",
+        "0.005",
+        "not larger than inner = 0.01",
+    ),
+    "polygon that crosses itself": (
+        (REGION, 'region = { kind = "polygon", points = [[0, 0], [0.03, 0.04], [0.03, 0], [0, 0.04]] }'),
+        "particles.0.region.points.0",
+        "[0, 0], [0.03, 0.04]",
+        "crosses",
+        "in their order along the outline",
+    ),
+    "circle outside": (
+        (REGION, 'region = { kind = "circle", center = [0.015, 0.02], radius = 0.016 }'),
+        "particles.0.region",
+        "region = {",
+        "beyond the period",
+    ),
+    "narrow annulus": (
+        (REGION, 'region = { kind = "annulus", center = [0.015, 0.02], inner = 0.008, outer = 0.009 }'),
+        "particles.0.sizes",
+        "sizes = { kind",
+        "0.0012",
+        "annulus from radius 0.008 to 0.009 m",
+    ),
+    "too many for a circle": (
+        (REGION, 'region = { kind = "circle", center = [0.015, 0.02], radius = 0.003 }'),
+        "particles.0.count",
+        "count = 100",
+        "circle of radius 0.003 m",
+    ),
+    "compacted in a circle": (
+        (
+            f'{REGION}\npacking = {{ kind = "random", separation = 0.1 }}',
+            'region = { kind = "circle", center = [0.015, 0.02], radius = 0.01 }\npacking = { kind = "compacted", pressure = 1 }',
+        ),
+        "particles.0.region",
+        "region = {",
+        'kind = "compacted" fills rectangles only',
+        'kind = "lattice"',
+    ),
+    "two corners": (
+        (PADDLE, 'kind = "polygon", grains = "outside", points = [[0, 0], [1, 0]]'),
+        "walls.2.geometry.points",
+        "points = [[0, 0], [1, 0]]",
+        "at least 3",
+    ),
+    "corner given twice": (
+        (PADDLE, 'kind = "polygon", grains = "outside", points = [[0, 0], [1, 0], [1, 1], [1, 0]]'),
+        "walls.2.geometry.points.3",
+        "[1, 0]] }",
+        "given twice",
+    ),
+    "polygon that runs back": (
+        (PADDLE, 'kind = "polygon", grains = "outside", points = [[0, 0], [2, 0], [1, 0], [1, 1]]'),
+        "walls.2.geometry.points.1",
+        "[2, 0]",
+        "runs back on itself",
+    ),
+    "grains neither in nor out": (
+        (PADDLE, 'kind = "polygon", grains = "out", points = [[0, 0], [0.01, 0], [0.01, 0.01]]'),
+        "walls.2.geometry.grains",
+        'grains = "out"',
+        "'outside', 'inside'",
+    ),
+    "polygon with long sides": (
+        (PADDLE, 'kind = "polygon", grains = "outside", points = [[0, 0.02], [0.02, 0.02], [0.01, 0.022]]'),
+        "walls.2.geometry.points",
+        "points = [[0, 0.02]",
+        "sides up to 0.02 m",
+        "periodic = false",
+    ),
+    "side shorter than a glued grain": (
+        (PADDLE, 'kind = "polygon", grains = "outside", rough = "grains", points = [[0.01, 0.02], [0.0105, 0.02], [0.01, 0.03]]'),
+        "walls.2.geometry.rough",
+        'rough = "grains"',
+        "the shortest side is 0.0005 m long",
+    ),
+    "wide disc": (
+        (PADDLE, 'kind = "disc", center = [0.015, 0.02], radius = 0.016'),
+        "walls.2.geometry.radius",
+        "radius = 0.016",
+        "0.03 m",
+        "periodic = false",
+    ),
+    "small rough disc": (
+        (PADDLE, 'kind = "disc", center = [0.015, 0.02], radius = 1e-3, rough = "grains"'),
+        "walls.2.geometry.rough",
+        'rough = "grains"',
+        "radius of 0.001 m",
+    ),
+    "wide cluster": (
+        (PADDLE, 'kind = "cluster", discs = [[0, 0.02, 1e-3], [0.029, 0.02, 1e-3]]'),
+        "walls.2.geometry.discs",
+        "discs = [[0",
+        "0.031 m wide",
+    ),
+    "two grains in one place": (
+        (PADDLE, 'kind = "cluster", discs = [[0.01, 0.02, 1e-3], [0.01, 0.02, 2e-3]]'),
+        "walls.2.geometry.discs.1",
+        "[0.01, 0.02, 2e-3]",
+        "[0.01, 0.02]",
+    ),
     "wall named twice": (
         ('name = "top"', 'name = "bottom"'),
         "walls.1.name",
@@ -287,6 +401,23 @@ def test_a_wall_that_a_force_drives_needs_a_mass():
     assert problem.key == "walls.2.mass"
     assert (problem.line, problem.column) == place_of(text, '[[walls]]\nname = "paddle"')
     assert "its x in loading.0" in problem.message
+
+
+@pytest.mark.parametrize(
+    "body", ['kind = "disc", center = [0.015, 0.02], radius = 2e-3', 'kind = "cluster", discs = [[0.015, 0.02, 2e-3]]']
+)
+def test_solid_bodies_need_no_mass(body):
+    text = changed(SHEAR, ("x = { fixed = true }", "x = { force = 1.0 }"), ("mass = 1e-3\ninertia = 1e-8\n", ""), (PADDLE, body))
+    assert problems_of(text) == []
+
+
+def test_a_container_needs_a_mass():
+    corners = "[[0.005, 0.02], [0.015, 0.02], [0.01, 0.03]]"
+    text = changed(
+        SHEAR, ("mass = 1e-3\ninertia = 1e-8\n", ""), (PADDLE, f'kind = "polygon", points = {corners}, grains = "inside"')
+    )
+    (problem,) = problems_of(text)
+    assert problem.key == "walls.2.inertia"
 
 
 def test_all_problems_are_told_at_once_in_the_order_of_the_file():

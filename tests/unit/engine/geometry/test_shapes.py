@@ -15,6 +15,7 @@ EXAMPLES = {
     ShapeKind.SEGMENT: (-0.5, 0.2, 1.0, 0.6),
     ShapeKind.VERTEX: (0.4, 0.3, -1.0, -1.0),
     ShapeKind.CIRCLE: (0.2, 0.1, 2.5, 0.0),
+    ShapeKind.SIDE: (0.4, -0.9, -0.6, 0.7),
 }
 """Four numbers of a shape of each kind; all grains lie within a square of side 3 around the origin."""
 
