@@ -20,8 +20,10 @@ from multicor_cli.text import format_bytes
 
 if TYPE_CHECKING:
     from multicor_cli.checks import Prepared
+    from multicor_cli.model import Model
     from multicor_cli.running.plan import RunPlan
     from multicor_cli.running.time_step import StepReview
+    from multicor_cli.scenario.scenario import Scenario
 
 NAME_HELP = "Name of the scenario; the file is NAME.toml."
 TEMPLATE_HELP = "What to start from: {templates}."
@@ -97,7 +99,7 @@ def _summary(run: Prepared) -> dict[str, Any]:
         "wall_count": model.wall_count,
         "wall_masses": {
             wall.name: {"mass": wall.mass, "inertia": wall.inertia, "given": wall.is_given}
-            for wall in _pushed_walls(scenario, plan, model)
+            for wall in _pushed_walls(run.scenario, plan, model)
         },
         "stages": [
             {

@@ -14,6 +14,7 @@ from multicor_cli.model.shapes import outlines
 from multicor_cli.post.source import FrameSource, GrainFrame
 
 _LEVEL = 0.7  # a plane bounds the grains in y if its normal points within 45 degrees up or down
+_WIDE = 0.5  # a wall bounds a layer if it is at least this part as wide as nearly all grains
 _STRAY = 0.1  # a wall still bounds the grains if no more than this part of them has got through it
 
 
@@ -24,8 +25,9 @@ class Extent:
     Heights count from the lower wall where there is one, wherever it has moved to: from the line through the centers of its
     glued grains (between the lowest and the highest of them), or from its surface if it is smooth. Otherwise they count from the
     lowest point that a grain reaches. A wall is below the grains if it lies below the middle of them and the centers of nine grains
-    in ten lie above its line, in the first frame and in the last; and it must be wider than it is high. A solid disc
-    is no such wall, nor with grains glued to it.
+    in ten lie above its line, in the first frame and in the last; and it must be wider than it is high, and half
+    as wide as the grains spread: a gate that closed an opening bounds nothing. A solid disc is no such wall, nor with grains glued
+    to it.
 
     Attributes:
         lower: Index of the wall below the grains, or None.
@@ -61,7 +63,7 @@ def find_extent(source: FrameSource, indices: NDArray[np.int64]) -> Extent:
     spans = wall_spans(model)
     line = 0.5 * np.where(np.isfinite(spans), spans, 0.0).sum(axis=0)
     ends = [source.frames[int(indices[k])] for k in (0, -1)]
-    lower, upper = _bounding_walls(ends, spans, line)
+    lower, upper = _bounding_walls(ends, spans, line, _widths(model))
     floor, ceiling, gap = np.inf, -np.inf, 0.0
     for k in indices:
         frame = source.frames[int(k)]
@@ -78,10 +80,15 @@ def find_extent(source: FrameSource, indices: NDArray[np.int64]) -> Extent:
     return Extent(lower, upper, line, floor, gap or ceiling - floor)
 
 
-def _bounding_walls(frames: list[GrainFrame], spans: tuple[Floats, Floats], line: Floats) -> tuple[int | None, int | None]:
+def _bounding_walls(
+    frames: list[GrainFrame], spans: tuple[Floats, Floats], line: Floats, width: Floats
+) -> tuple[int | None, int | None]:
     """The highest of the walls that are below the grains in all of some frames, and the lowest of those above them."""
     is_below, is_above = np.ones(line.size, np.bool_), np.ones(line.size, np.bool_)
     for frame in frames:
+        first, last = np.quantile(np.asarray(frame.position)[:, 0], (_STRAY, 1.0 - _STRAY))
+        is_wide = width >= _WIDE * (last - first)
+        is_below, is_above = is_below & is_wide, is_above & is_wide
         low, middle, high = np.quantile(np.asarray(frame.position)[:, 1], (_STRAY, 0.5, 1.0 - _STRAY))
         wall_y = np.asarray(frame.wall_position)[:, 1]
         is_below &= (spans[1] + wall_y < middle) & (line + wall_y <= low)
@@ -94,6 +101,17 @@ def _largest(values: Floats, candidate: NDArray[np.bool_]) -> int | None:
     """Index of the largest value among candidates; None without one."""
     values = np.where(candidate, values, -np.inf)
     return int(values.argmax()) if values.size and np.isfinite(values.max()) else None
+
+
+def _widths(model: Model) -> Floats:
+    """Extent of each wall in x in its frame [m]; that of planes is infinite."""
+    low, high = np.full(model.wall_count, np.inf), np.full(model.wall_count, -np.inf)
+    shapes = model.shapes
+    for which, outline in outlines(shapes.kind, shapes.geometry):
+        ends = np.full((2, which.size), [[-np.inf], [np.inf]]) if outline.normal is not None else outline.corners()[:, :, 0]
+        np.minimum.at(low, shapes.wall[which], ends[0])
+        np.maximum.at(high, shapes.wall[which], ends[1])
+    return np.asarray(high - low)
 
 
 def wall_spans(model: Model) -> tuple[Floats, Floats]:

@@ -182,6 +182,19 @@ def test_a_solid_disc_below_most_grains_is_no_floor() -> None:
     assert table.height == pytest.approx(0.55)
 
 
+@pytest.mark.parametrize(("width", "walls"), [(0.3, ("", "")), (0.7, ("bottom", ""))])
+def test_a_gate_that_was_dropped_is_no_floor(width: float, walls: tuple[str, str]) -> None:
+    """Heights count from the lowest point of the grains, not from where the gate of an opening lies now."""
+    source = make_source(np.array([[0.1, 0.3], [0.1, 0.4]]), np.full(2, 0.1), np.ones((2, 2)))
+    for frame in source.frames:
+        frame.wall_position[:] = [[0.4, -5.0, 0.0], [0.0, 9.0, 0.0]]
+        frame.position[:, 0] = [0.0, 1.0]
+    shapes = [[0, 0, width, 0], [0, 0, 0.1, 0]]
+    table = profile(_with_shapes(source, [ShapeKind.SEGMENT, ShapeKind.SEGMENT], shapes), selection=Selection(start=0.0))
+    assert table.walls == walls
+    assert table.height == pytest.approx(5.5 if walls[0] else 0.5)
+
+
 def test_heights_follow_the_lower_wall() -> None:
     """Grains that move with the floor stay in their bins, and the height is that between the walls."""
     rise = np.array([0.0, 0.4, 0.8])

@@ -142,7 +142,7 @@ def test_margin_is_eight_diameters_or_a_quarter_of_the_height() -> None:
     big = replace(source.model, grains=replace(source.model.grains, radius=np.full(N, 0.02)))
     thin = SimpleNamespace(model=big, frames=source.frames, series=source.series)
     assert rheology(thin, Selection(start=0.0)).margin == pytest.approx(0.25)
-    glued = make_shapes([(ShapeKind.DISC, wall, (x, float(wall), 0.03, 0.0)) for wall in (0, 1) for x in (0.0, 0.06)])
+    glued = make_shapes([(ShapeKind.DISC, wall, (x, float(wall), 0.03, 0.0)) for wall in (0, 1) for x in (0.0, 0.9 * PERIOD)])
     rough = SimpleNamespace(model=replace(source.model, shapes=glued), frames=source.frames, series=source.series)
     table = rheology(rough, Selection(start=0.0), margin=5.0)
     y = source.frames[0].position[:, 1]

@@ -203,7 +203,7 @@ MISTAKES = {
         "263.15",
     ),
     "value in celsius": ((GRAINS, "temperature = { values = [300, 0] }"), "particles.0.temperature.values.1", "0] }", "273.15"),
-    "wall condition": ((FLOOR, "thermal = 1"), "walls.0.thermal", "thermal = 1", "exactly one of temperature, flow, capacity, insulated"),
+    "wall condition": ((FLOOR, "thermal = 1"), "walls.0.thermal", "thermal = 1", "exactly one of temperature, flow, capacity"),
     "two wall conditions": ((FLOOR, "thermal = { temperature = 300, flow = 1 }"), "walls.0.thermal", "thermal", "exactly one of"),
     "not insulated": (
         (FLOOR, "thermal = { insulated = false }"),
