@@ -101,8 +101,9 @@ def _summary(
                 "dt_review": None if review is None else asdict(review),
                 "step_limit": stage.step_limit,
                 "frame_every": stage.frame_every,
+                "friction": [entry.model_dump(exclude_none=True) for entry in table.contacts],
             }
-            for stage, review in zip(plan.stages, reviews, strict=True)
+            for stage, table, review in zip(plan.stages, scenario.loading, reviews, strict=True)
         ],
         "estimate": {
             "steps": cost.steps,
@@ -128,6 +129,18 @@ def _time_steps(plan: RunPlan, reviews: Sequence[StepReview | None]) -> str:
     return "; ".join(f"{text} ({', '.join(stages)})" for text, stages in names.items())
 
 
+def _frictions(scenario: Scenario, plan: RunPlan) -> list[str]:
+    """What stages change about friction."""
+    from multicor_cli.scenario.problems import show
+
+    texts = []
+    for stage, table in zip(plan.stages, scenario.loading, strict=True):
+        changes = [f"{' – '.join(entry.pair)}: {show(entry.model_dump(exclude_none=True)['friction'])}" for entry in table.contacts]
+        if changes:
+            texts.append(f"from stage {stage.name} on, {', '.join(changes)}")
+    return texts
+
+
 def _lines(
     scenario: Scenario, plan: RunPlan, model: Model, cost: Estimate, reviews: Sequence[StepReview | None]
 ) -> list[tuple[str, str]]:
@@ -138,6 +151,7 @@ def _lines(
         ("grains", f"{model.grain_count}, mean diameter {model.mean_diameter:.4g} m"),
         ("walls", f"{model.wall_count} of {model.shape_count} shapes"),
         ("time step", _time_steps(plan, reviews)),
+        *[("friction", text) for text in _frictions(scenario, plan)],
         ("steps", steps),
         ("frames", frames),
         ("memory", f"about {format_bytes(cost.memory)}"),

@@ -53,6 +53,7 @@ class Engine:
         model: What does not change.
         state: What does; updated in place by `step`, untouched by a step that is interrupted.
         settings: Choices of the contact solver; may be replaced between steps.
+        laws: Contact laws, those of the model at first; others of their friction may take their place between steps.
         timers: Seconds spent in each phase of the time step since the start.
         shape_temperature: Temperatures of all shapes [K], for friction that depends on them; nan where a wall has none.
     """
@@ -72,6 +73,7 @@ class Engine:
         self.model = model
         self.state = state
         self.settings = settings or Settings()
+        self.laws = model.laws
         self.timers = dict.fromkeys(PHASES, 0.0)
         available = int(numba.config.NUMBA_NUM_THREADS)  # type: ignore[attr-defined]
         wanted = min(threads, available) if threads > 0 else available
@@ -217,11 +219,11 @@ class Engine:
         fall = dt * np.abs(self._pull)  # between the velocities at the start and the free ones
         drift = replace(drift, rest=drift.rest + hypot(*fall.tolist()), largest=drift.largest + fall)
         reach = self._motion.closing(drift, scene, before, walls).reach(dt, self._list.largest)
-        return scene, max(reach, closing_distance(model.laws, model.grains, dt))
+        return scene, max(reach, closing_distance(self.laws, model.grains, dt))
 
     def _margin(self, scene: Scene, reach: float, dt: float) -> float:
         """Largest gap of the contacts of the step, as far as velocities before the solve tell [m]; measures the listed pairs."""
-        return max(dt * self._measure_pairs(scene, reach), closing_distance(self.model.laws, self.model.grains, dt))
+        return max(dt * self._measure_pairs(scene, reach), closing_distance(self.laws, self.model.grains, dt))
 
     def _measure_pairs(self, scene: Scene, reach: float) -> float:
         """Gaps of the listed pairs into the list; returns the largest approach speed of a pair nearer than ``reach`` [m/s]."""
@@ -257,7 +259,7 @@ class Engine:
         row = warm_rows(model.grain_count, state.contact_i)
         warm = WarmStart(row, state.contact_j, state.contact_impulse, state.contact_couple)
         ratio = dt / state.last_dt if state.last_dt > 0.0 else 0.0
-        contacts, speeds = gather_contacts(scene, lists, margin, model.laws, self._start, dt, warm, ratio)
+        contacts, speeds = gather_contacts(scene, lists, margin, self.laws, self._start, dt, warm, ratio)
         scale = self._scale(dt, float(contacts.attraction.max(initial=0.0)), *speeds)
         if scale.velocity == 0.0:
             # Nothing closes and nothing pushes: the impulses of the step before must not act once more.

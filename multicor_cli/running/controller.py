@@ -160,11 +160,12 @@ class Controller:
     def _first_step(self, stage: StagePlan) -> StepReport | None:
         """The first step of a stage. If it is interrupted the state is what it was before the stage began."""
         state = self._engine.state
-        books = state.books.copy()
+        books, origin = state.books.copy(), state.wall_origin
         begin_stage(self._engine, stage, self._starts)
         report = self._step(stage)
         if report is None:
             state.books[:] = books
+            state.wall_origin = origin
             state.stage_peak = 0.0
             state.stage_notes = np.empty(0)
         return report

@@ -32,8 +32,8 @@ class WallMotion:
         damping: Damping coefficients of driven degrees of freedom, shape ``(w, 3)``.
         stiffness: Stiffness of their springs, shape ``(w, 3)``.
         before: V⁻, shape ``(w, 3)``; set by `predict`.
-        load: Forces and torques at mid-step, gravity left out, springs as they are at the start of the step, shape ``(w, 3)``; set by
-            `predict`.
+        load: Forces and torques at mid-step, gravity left out, but those of springs at the start of the step, shape ``(w, 3)``; set
+            by `predict`.
         weight: Weights of the driven degrees of freedom, shape ``(w, 3)``; set by `predict`.
         mobility: Inverse masses, 0 where not driven, shape ``(w, 3)``.
         inverse: Inverse effective masses of the step, 0 where not driven, shape ``(w, 3)``; set by `predict`.
