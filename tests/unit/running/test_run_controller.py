@@ -13,6 +13,7 @@ from scene_parts import between_planes
 
 from multicor_cli.engine.contact.report import PhysicsError
 from multicor_cli.engine.contact.solve import Settings
+from multicor_cli.engine.motion.spacing import Spacing, wall_places
 from multicor_cli.model import BOOK_NAMES, State
 from multicor_cli.running.conditions import RestReached, StrainReached, update_peak
 from multicor_cli.running.controller import Controller
