@@ -130,6 +130,9 @@ class Controller:
             self._write_frame()
             self._checkpoint()
         state = self._engine.state
+        if 0 < state.stage < len(self._plan.stages) and state.stage_step == 0:
+            # Left between two stages: books of walls go from the drives of the one to those of the other.
+            self._engine.resume_drives(self._plan.stages[state.stage - 1].drives.started(self._starts[:-1]))
         while state.stage < len(self._plan.stages):
             reason = self._run_stage(self._plan.stages[state.stage])
             if reason is not None:
