@@ -44,9 +44,11 @@ def _pulls(run: Prepared) -> Iterator[Measured]:
         times = [length * (k + 0.5) / _SAMPLES for k in range(_SAMPLES)]
         for w, drive in enumerate(drives):
             for axis, dof in enumerate((drive.x, drive.y)):
-                if dof.force is None or outward[w, axis] == 0.0:
+                load = dof.stress if dof.force is None else dof.force
+                if load is None or dof.spring is not None or outward[w, axis] == 0.0:
                     continue
-                force = math.fsum(map(dof.force.value, times)) / _SAMPLES
+                force = math.fsum(map(load.value, times)) / _SAMPLES
+                force *= float(walls.length[w]) if dof.force is None else 1.0  # `between` two walls is a length like this one
                 force += float(walls.mass[w] * gravity[axis]) if walls.has_gravity[w] else 0.0
                 yield Measured(max(0.0, force * float(outward[w, axis])), f"wall {walls.names[w]} in stage {stage.name}")
 

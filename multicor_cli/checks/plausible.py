@@ -29,11 +29,12 @@ def _diameters(run: Prepared) -> Iterator[Measured]:
 
 
 def _friction(run: Prepared) -> Iterator[Measured]:
-    laws = run.model.laws
-    values = np.concatenate([laws.friction.ravel(), laws.table_friction])
-    values = values[np.isfinite(values)]
-    if values.size:
-        yield Measured(float(values.max()))
+    named = [("", run.model.laws), *((f"stage {stage.name}", stage.laws) for stage in run.plan.stages if stage.laws is not None)]
+    for name, laws in named:
+        values = np.concatenate([laws.friction.ravel(), laws.table_friction])
+        values = values[np.isfinite(values)]
+        if values.size:
+            yield Measured(float(values.max()), name)
 
 
 def _temperatures(run: Prepared) -> Iterator[Measured]:

@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from multicor_cli.model.model import Floats
+from multicor_cli.model.model import ContactLaws, Floats
 from multicor_cli.running.plan import RunPlan
 from multicor_cli.running.planning import make_plan
 from multicor_cli.running.time_step import StepReview, largest_gravity, review_steps
@@ -63,6 +63,11 @@ class Recorded:
         model = self.run.model
         stages = [] if self.planned is None else self.planned[1].stages
         return max((largest_gravity(stage, model)[2] for stage in stages), default=math.hypot(*model.gravity.tolist()))
+
+    def laws(self, stage: int) -> ContactLaws:
+        """Contact laws of a stage; those of the model where the plan is not known."""
+        laws = None if self.planned is None else self.planned[1].stages[stage].laws
+        return self.run.model.laws if laws is None else laws
 
     @property
     def has_steps(self) -> bool:

@@ -42,7 +42,7 @@ def _needed(run: Recorded) -> Iterator[Measured]:
     γ̇ that would dissipate as much.
     """
     model, steps = run.run.model, np.asarray(run.run.frames.column("steps/dt"))
-    mass, friction = total(model.grains.mass) / model.grain_count, largest_friction(model)
+    mass = total(model.grains.mass) / model.grain_count
     area = math.pi * total(model.grains.radius * model.grains.radius) / _SOLID_FRACTION
     for stage, name in enumerate(run.run.stages):
         rows = run.rows(stage)
@@ -56,6 +56,7 @@ def _needed(run: Recorded) -> Iterator[Measured]:
         work = float(sliding[rows[-1]] - sliding[max(0, rows[0] - 1)]) / total(weight)
         if trace <= 0.0:
             continue
+        friction = largest_friction(model, run.laws(stage))
         rate = work / (0.5 * trace * friction) if friction > 0.0 else 0.0
         scales = Scales(math.sqrt(mass * area / (0.5 * trace)), 1.0 / rate if rate > 0.0 else math.inf, math.inf, friction)
         yield Measured(float(used.max()) / scales.limit, f"{used.max():.3g} s in stage {name}")

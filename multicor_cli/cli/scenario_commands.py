@@ -108,8 +108,9 @@ def _summary(run: Prepared) -> dict[str, Any]:
                 "dt_review": None if review is None else asdict(review),
                 "step_limit": stage.step_limit,
                 "frame_every": stage.frame_every,
+                "friction": [entry.model_dump(exclude_none=True) for entry in table.contacts],
             }
-            for stage, review in zip(plan.stages, run.reviews, strict=True)
+            for stage, table, review in zip(plan.stages, scenario.loading, run.reviews, strict=True)
         ],
         "estimate": {
             "steps": cost.steps,
@@ -141,7 +142,7 @@ class _PushedWall(NamedTuple):
 
 def _pushed_walls(scenario: Scenario, plan: RunPlan, model: Model) -> list[_PushedWall]:
     drives = [stage.drives.started([0.0] * (k + 1)) for k, stage in enumerate(plan.stages)]
-    numbers = [w for w in range(model.wall_count) if any(dof.force is not None for stage in drives for dof in stage[w].dofs())]
+    numbers = [w for w in range(model.wall_count) if any(dof.is_driven for stage in drives for dof in stage[w].dofs())]
     values = [
         [None if math.isnan(value) else value for value in array.tolist()] for array in (model.walls.mass, model.walls.inertia)
     ]
@@ -159,6 +160,18 @@ def _time_steps(plan: RunPlan, reviews: Sequence[StepReview | None]) -> str:
     return "; ".join(f"{text} ({', '.join(stages)})" for text, stages in names.items())
 
 
+def _frictions(scenario: Scenario, plan: RunPlan) -> list[str]:
+    """What stages change about friction."""
+    from multicor_cli.scenario.problems import show
+
+    texts = []
+    for stage, table in zip(plan.stages, scenario.loading, strict=True):
+        changes = [f"{' – '.join(entry.pair)}: {show(entry.model_dump(exclude_none=True)['friction'])}" for entry in table.contacts]
+        if changes:
+            texts.append(f"from stage {stage.name} on, {', '.join(changes)}")
+    return texts
+
+
 def _lines(run: Prepared) -> list[tuple[str, str]]:
     scenario, plan, model, cost = run.scenario, run.plan, run.model, run.cost
     steps = "not known in advance" if cost.steps is None else f"{cost.steps} at most, in {count_noun(len(plan.stages), 'stage')}"
@@ -169,6 +182,7 @@ def _lines(run: Prepared) -> list[tuple[str, str]]:
         ("walls", f"{model.wall_count} of {model.shape_count} shapes"),
         *[("wall mass", wall.text()) for wall in _pushed_walls(scenario, plan, model)],
         ("time step", _time_steps(plan, run.reviews)),
+        *[("friction", text) for text in _frictions(scenario, plan)],
         ("steps", steps),
         ("frames", frames),
         ("memory", f"about {format_bytes(cost.memory)}"),

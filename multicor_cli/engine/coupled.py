@@ -19,7 +19,7 @@ from multicor_cli.engine.motion.drives import WallDrive
 from multicor_cli.engine.motion.gravity import AnyGravity
 from multicor_cli.engine.step import Engine
 from multicor_cli.model.contacts import ContactTable
-from multicor_cli.model.model import Floats
+from multicor_cli.model.model import ContactLaws, Floats
 from multicor_cli.model.state import State
 
 
@@ -50,6 +50,10 @@ class CoupledEngine:
     @settings.setter
     def settings(self, settings: Settings) -> None:
         self.mechanics.settings = settings
+
+    def set_laws(self, laws: ContactLaws) -> None:
+        """Choose the contact laws, at the start of a stage or in its middle: those of the model, but for friction."""
+        self.mechanics.laws = laws
 
     @property
     def timers(self) -> dict[str, float]:
@@ -110,7 +114,7 @@ class CoupledEngine:
 
     def _soften(self, t: float) -> None:
         """Tell the mechanics the temperatures at the start of a step, where friction depends on them."""
-        if self.heat is not None and self.mechanics.model.laws.depends_on_temperature:
+        if self.heat is not None and self.mechanics.laws.depends_on_temperature:
             self.mechanics.shape_temperature = self.heat.shape_temperatures(t)
 
     def contacts(self) -> ContactTable:
@@ -142,7 +146,7 @@ class CoupledEngine:
         resting_contacts(scene, i, j, gap, normal)
         none = np.zeros(i.size)
         impulse, couple = np.zeros((i.size, 2)), none
-        laws = self.mechanics.model.laws
+        laws = self.mechanics.laws
         if state.last_dt > 0.0:
             impulse = net_impulses(state.contact_impulse, resting_attraction(laws, scene.material, i, j, state.last_dt))
             couple = state.contact_couple

@@ -53,6 +53,7 @@ class Engine:
         model: What does not change.
         state: What does; updated in place by `step`, untouched by a step that is interrupted.
         settings: Choices of the contact solver; may be replaced between steps.
+        laws: Contact laws, those of the model at first; others of their friction may take their place between steps.
         timers: Seconds spent in each phase of the time step since the start.
         shape_temperature: Temperatures of all shapes [K], for friction that depends on them; nan where a wall has none.
     """
@@ -72,6 +73,7 @@ class Engine:
         self.model = model
         self.state = state
         self.settings = settings or Settings()
+        self.laws = model.laws
         self.timers = dict.fromkeys(PHASES, 0.0)
         available = int(numba.config.NUMBA_NUM_THREADS)  # type: ignore[attr-defined]
         wanted = min(threads, available) if threads > 0 else available
@@ -101,6 +103,7 @@ class Engine:
         """Choose what the walls do from now on, one `WallDrive` per wall (at the start of a stage, and after a resume)."""
         before = self._motion.kinetic(self.state.wall_velocity)
         self._motion = WallMotion(self.model, drives)
+        self.state.wall_origin = self._motion.origins(self.state)
         if self.state.step > 0:
             switch_wall_kinetic(self.state, self._motion.kinetic(self.state.wall_velocity) - before)
 
@@ -204,22 +207,23 @@ class Engine:
             state.position, state.velocity, model.grains.radius, model.grains.mass, self._pull, dt,
             self._middle, self._start, self._free, speeds,
         )  # fmt: skip
-        walls = self._motion.predict(state.wall_velocity, self._pull, t, dt)
-        self._start[n:, :3] = state.wall_velocity
+        walls = self._motion.predict(state, self._pull, t, dt)
+        before = self._motion.before
+        self._start[n:, :3] = before
         self._free[n:, :3] = walls
-        of_walls = np.concatenate([walls, state.wall_velocity, state.wall_position])
+        of_walls = np.concatenate([walls, before, state.wall_position])
         if not np.isfinite(speeds).all() or not (np.abs(of_walls) <= LARGEST).all():
             raise PhysicsError(state.step, _name_absurd(state, model))
-        scene = scene_of(model, self._middle, state.wall_position + 0.5 * dt * state.wall_velocity, self.shape_temperature)
+        scene = scene_of(model, self._middle, state.wall_position + 0.5 * dt * before, self.shape_temperature)
         drift = fit_drift(self._free, self._middle, model.period)
         fall = dt * np.abs(self._pull)  # between the velocities at the start and the free ones
         drift = replace(drift, rest=drift.rest + hypot(*fall.tolist()), largest=drift.largest + fall)
-        reach = self._motion.closing(drift, scene, state.wall_velocity, walls).reach(dt, self._list.largest)
-        return scene, max(reach, closing_distance(model.laws, model.grains, dt))
+        reach = self._motion.closing(drift, scene, before, walls).reach(dt, self._list.largest)
+        return scene, max(reach, closing_distance(self.laws, model.grains, dt))
 
     def _margin(self, scene: Scene, reach: float, dt: float) -> float:
         """Largest gap of the contacts of the step, as far as velocities before the solve tell [m]; measures the listed pairs."""
-        return max(dt * self._measure_pairs(scene, reach), closing_distance(self.model.laws, self.model.grains, dt))
+        return max(dt * self._measure_pairs(scene, reach), closing_distance(self.laws, self.model.grains, dt))
 
     def _measure_pairs(self, scene: Scene, reach: float) -> float:
         """Gaps of the listed pairs into the list; returns the largest approach speed of a pair nearer than ``reach`` [m/s]."""
@@ -255,7 +259,7 @@ class Engine:
         row = warm_rows(model.grain_count, state.contact_i)
         warm = WarmStart(row, state.contact_j, state.contact_impulse, state.contact_couple)
         ratio = dt / state.last_dt if state.last_dt > 0.0 else 0.0
-        contacts, speeds = gather_contacts(scene, lists, margin, model.laws, self._start, dt, warm, ratio)
+        contacts, speeds = gather_contacts(scene, lists, margin, self.laws, self._start, dt, warm, ratio)
         scale = self._scale(dt, float(contacts.attraction.max(initial=0.0)), *speeds)
         if scale.velocity == 0.0:
             # Nothing closes and nothing pushes: the impulses of the step before must not act once more.
@@ -300,7 +304,6 @@ class Engine:
             kinetic, gravity_work = column_totals(grain_sums).tolist()
             if not np.isfinite(kinetic):
                 raise PhysicsError(state.step, _name_absurd(state, model))
-            wall_before = state.wall_velocity
             state.wall_velocity = wall_after
             state.wall_position = scene.wall_position + 0.5 * dt * wall_after
         with self._timed("correct"):
@@ -310,7 +313,7 @@ class Engine:
             if model.period > 0.0:
                 wrap(state.position, state.image, model.period)
         with self._timed("account"):
-            book_step(state, self._motion, sums, kinetic, gravity_work, wall_before, correction, outcome, dt)
+            book_step(state, self._motion, sums, kinetic, gravity_work, correction, outcome, dt)
             state.contact_i, state.contact_j, state.contact_impulse, state.contact_couple = account.warm_start_of(contacts)
             state.last_dt = dt
             state.step += 1

@@ -14,7 +14,7 @@ from multicor_cli.export.selection import choose_frame
 from multicor_cli.export.target import check_output
 from multicor_cli.model import Model, State
 from multicor_cli.model.model import Floats
-from multicor_cli.running.plan import RunPlan
+from multicor_cli.running.plan import RunPlan, StagePlan
 from multicor_cli.running.planning import make_plan
 from multicor_cli.running.session import make_engine
 from multicor_cli.running.stage import resume_stage
@@ -122,6 +122,7 @@ def frame_problem(run: Run, number: int = -1) -> FrameProblem:
         message = f"{run.path}: nothing moves in stage '{stage.name}' after frame {frame.index}, so there is no contact problem"
         raise ExportError(message)
     state = _restore(frame, model, moment)
+    state.wall_origin = _wall_origin(run, frame, stage, moment)
     problem, start = _next_problem(scenario, plan, model, state, moment)
     return FrameProblem(problem, start, frame.index, frame.time, stage.name, stage.dt, moment.is_beyond)
 
@@ -162,6 +163,17 @@ def _ends_stage(run: Run, frame: Frame, plan: RunPlan, stage_step: int) -> bool:
         return bool(run.frames.stage[frame.index + 1] != frame.stage)
     stage = plan.stages[frame.stage]
     return run.status == "finished" or stage_step == stage.step_limit or stage_step % stage.frame_every != 0
+
+
+def _wall_origin(run: Run, frame: Frame, stage: StagePlan, moment: _Moment) -> Floats:
+    """Where displacements of the walls count from: where they were when their drives were named."""
+    first = [run.frames[int(np.flatnonzero(run.frames.stage == k)[-1]) if k >= 0 else 0] for k in range(-1, moment.stage)]
+    origin = frame.wall_position.astype(np.float64)
+    for w, named_by in enumerate(stage.drives.named_by):
+        for d, number in enumerate(named_by):
+            if number >= 0:
+                origin[w, d] = first[number].wall_position[w, d]
+    return origin
 
 
 def _restore(frame: Frame, model: Model, moment: _Moment) -> State:

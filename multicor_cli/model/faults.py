@@ -30,7 +30,7 @@ def _fields(dtype: str, *dims: str) -> tuple[str, ...]:
 
 
 _NOTES = _fields("f8", "stage_note")
-_OF_GRAINS, _OF_WALLS = _fields("f8", "heat_grain", "grain"), _fields("f8", "wall", "heat_wall")
+_OF_GRAINS, _OF_WALLS = _fields("f8", "heat_grain", "grain"), _fields("f8", "wall", "heat_wall", "origin_row")
 _NUMBERS, _COUNTS = _fields("f8", "one"), _fields("i8", "one")
 
 
@@ -58,6 +58,8 @@ def find_misfit(state: State, model: Model) -> str | None:
     for name, shape in state_shapes(model).items():
         if getattr(state, name).shape != shape:
             return f"{name} has shape {getattr(state, name).shape} instead of {shape}"
+    if state.wall_origin.shape not in ((0, 3), state.wall_position.shape):
+        return f"wall_origin has shape {state.wall_origin.shape} instead of {state.wall_position.shape}"
     for name, (i, j) in _CONTACTS.items():
         first, second = getattr(state, i), getattr(state, j)
         rows = first.size if name != "contact_couple" or model.laws.rolling.size else 0

@@ -88,6 +88,12 @@ class State:
     stage_notes: Floats = _array(
         ("stage_note",), "mixed", "what the condition that ends this stage remembers; empty if it needs nothing", since=(1, 1)
     )
+    wall_origin: Floats = _array(
+        ("origin_row", 3),
+        "m, m, rad",
+        "where displacements of each wall count from, for prescribed positions and springs; empty without them",
+        since=(1, 2),
+    )
 
     @classmethod
     def at_rest(cls, model: Model, position: Floats) -> State:

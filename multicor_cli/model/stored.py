@@ -26,6 +26,7 @@ Dim = Literal[
     "heat_book",
     "mean_row",
     "stage_note",
+    "origin_row",
     "book",
     "tally",
     "window",

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 
-from multicor_cli.model.model import ContactLaws, Floats
+from multicor_cli.model.model import ContactLaws, Floats, Model
+from multicor_cli.scenario import Scenario
 from multicor_cli.scenario.materials import ContactPair, FrictionTable, Softening
 
 _UNSOFTENED = Softening(softening=0.0)
@@ -14,6 +16,9 @@ _UNSOFTENED = Softening(softening=0.0)
 
 _SOFTENING = {"softening_rate": "softening", "softening_start": "reference", "softening_lowest": "min", "softening_highest": "max"}
 """Arrays of the laws about softening, and the keys that they are made of."""
+
+_FRICTION = ("friction", "table", "table_start", "table_speed", "table_friction")
+"""The other arrays of the laws about friction."""
 
 
 def touching_pairs(grains: Iterable[int], walls: Iterable[int]) -> list[tuple[int, int]]:
@@ -57,6 +62,19 @@ def contact_laws(
         **_of_pairs(k, "adhesion", {pair: law.adhesion for pair, law in given.items()}),
         **_of_pairs(k, "rolling", {pair: law.rolling_friction for pair, law in given.items()}),
     )
+
+
+def stage_laws(scenario: Scenario, model: Model) -> list[ContactLaws | None]:
+    """The laws of each stage; None as long as they are those of the model: until a stage names friction."""
+    touching = touching_pairs(model.grains.material.tolist(), model.shapes.material.tolist())
+    found: list[ContactLaws | None] = []
+    for number, stage in enumerate(scenario.loading):
+        laws = found[-1] if found else None
+        if stage.contacts:
+            named = contact_laws(model.materials, touching, functools.partial(scenario.law, stage=number))
+            laws = model.laws._replace(**{key: getattr(named, key) for key in (*_FRICTION, *_SOFTENING)})
+        found.append(laws)
+    return found
 
 
 def _of_pairs(k: int, name: str, values: Mapping[tuple[int, int], float | None]) -> dict[str, Floats]:

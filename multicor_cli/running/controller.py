@@ -130,6 +130,9 @@ class Controller:
             self._write_frame()
             self._checkpoint()
         state = self._engine.state
+        if 0 < state.stage < len(self._plan.stages) and state.stage_step == 0:
+            # Left between two stages: books of walls go from the drives of the one to those of the other.
+            self._engine.resume_drives(self._plan.stages[state.stage - 1].drives.started(self._starts[:-1]))
         while state.stage < len(self._plan.stages):
             reason = self._run_stage(self._plan.stages[state.stage])
             if reason is not None:
@@ -160,11 +163,12 @@ class Controller:
     def _first_step(self, stage: StagePlan) -> StepReport | None:
         """The first step of a stage. If it is interrupted the state is what it was before the stage began."""
         state = self._engine.state
-        books = state.books.copy()
+        books, origin = state.books.copy(), state.wall_origin
         begin_stage(self._engine, stage, self._starts)
         report = self._step(stage)
         if report is None:
             state.books[:] = books
+            state.wall_origin = origin
             state.stage_peak = 0.0
             state.stage_notes = np.empty(0)
         return report

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from multicor_cli.engine.heat.hertz import largest_deflection
-from multicor_cli.engine.motion.drives import Constant, Signal, WallDrive
+from multicor_cli.engine.motion.drives import WallDrive
 from multicor_cli.engine.step import PARALLEL_GRAINS
 from multicor_cli.model import Model, State
 from multicor_cli.running.conditions import StrainReached
@@ -143,13 +143,12 @@ def estimate_steps(plan: RunPlan, model: Model, state: State) -> list[int | None
 
 
 def _steps_to_strain(stage: StagePlan, starts: Sequence[float], state: State) -> int | None:
-    """Steps until two walls with prescribed velocities have reached the strain of the stage."""
+    """Steps until two walls whose motion is prescribed have reached the strain of the stage."""
     assert isinstance(stage.until, StrainReached)
     spacing = stage.until.gauge.height
     walls = spacing.lower, spacing.upper
     drives = stage.drives.started(starts)
-    signals = [_velocity(drives[w]) for w in walls]
-    if any(drives[w].x.force is not None for w in walls):
+    if any(drives[w].x.is_driven for w in walls):
         return None
     height = spacing.of(state)
     if not height:
@@ -157,8 +156,8 @@ def _steps_to_strain(stage: StagePlan, starts: Sequence[float], state: State) ->
     t, interval, left = 0.0, stage.dt, stage.until.goal
     for _ in range(_DOUBLINGS):
         for _ in range(_SHORTEST_MARCH):
-            middle = t + 0.5 * interval
-            rate = abs((signals[1].value(middle) - signals[0].value(middle)) / height)
+            lower, upper = (_velocity(drives[w], t, interval) for w in walls)
+            rate = abs((upper - lower) / height)
             if rate * interval >= left:
                 return max(1, round((t + left / rate) / stage.dt))
             left -= rate * interval
@@ -167,8 +166,11 @@ def _steps_to_strain(stage: StagePlan, starts: Sequence[float], state: State) ->
     return None
 
 
-def _velocity(drive: WallDrive) -> Signal:
-    return drive.x.velocity if drive.x.velocity is not None else Constant(0.0)
+def _velocity(drive: WallDrive, t: float, interval: float) -> float:
+    """Prescribed velocity in x between ``t`` and ``t + interval`` [m/s]."""
+    if drive.x.position is not None:
+        return (drive.x.position.value(t + interval) - drive.x.position.value(t)) / interval
+    return drive.x.velocity.value(t + 0.5 * interval) if drive.x.velocity is not None else 0.0
 
 
 def _frame_bytes(model: Model, output: Output) -> float:

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 
 from multicor_cli.engine.contact.solve import Settings
-from multicor_cli.model import State
+from multicor_cli.model import ContactLaws, State
 from multicor_cli.running.conditions import Condition
 from multicor_cli.running.gravity_plan import StageGravity
 from multicor_cli.running.heat_plan import StageWallHeat
@@ -46,6 +46,7 @@ class StagePlan:
         drives: What happens to the walls.
         heat: What heat does, or None if the run has none.
         gravity: Gravity, or None: that of the model.
+        laws: Contact laws, or None: those of the model.
         stops_late: Whether the run ends if ``step_limit`` comes before ``until`` holds.
     """
 
@@ -59,6 +60,7 @@ class StagePlan:
     drives: StageDrives
     heat: StageHeat | None = None
     gravity: StageGravity | None = None
+    laws: ContactLaws | None = None
     stops_late: bool = False
 
     @property

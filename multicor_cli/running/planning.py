@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from multicor_cli.engine.contact.solve import Settings
 from multicor_cli.engine.motion.drives import Shifted, Sine
-from multicor_cli.model import Model
+from multicor_cli.model import ContactLaws, Model
 from multicor_cli.model.state import State
+from multicor_cli.packing.laws import stage_laws
 from multicor_cli.running.gravity_plan import StageGravity, stage_gravity
 from multicor_cli.running.heat_plan import wall_heat
 from multicor_cli.running.plan import RunPlan, StageHeat, StagePlan, count_steps
@@ -35,12 +36,14 @@ def make_plan(scenario: Scenario, model: Model, state: State | None = None) -> R
         ValueError: If the strain of a stage is not defined; loading a scenario excludes it.
     """
     drives = scenario.drives(model.walls.names)
-    heat, gravity = _stage_heat(scenario, model), stage_gravity(scenario)
+    heat, gravity, laws = _stage_heat(scenario, model), stage_gravity(scenario), stage_laws(scenario, model)
     output = scenario.output
     stages = []
     for number, stage in enumerate(scenario.loading):
         solver = scenario.stage_solver(number)
-        dt = _automatic_step(scenario, model, number, drives[number], gravity[number]) if solver.dt == "auto" else solver.dt
+        dt = solver.dt
+        if dt == "auto":
+            dt = _automatic_step(scenario, model, number, drives[number], gravity[number], laws[number])
         if solver.dt == "auto" and state is not None and state.stage == number and state.stage_step > 0:
             dt = state.last_dt
         _refuse_fast_heat(scenario, model, number, heat[number], dt)
@@ -56,16 +59,19 @@ def make_plan(scenario: Scenario, model: Model, state: State | None = None) -> R
                 drives=drives[number],
                 heat=heat[number],
                 gravity=gravity[number],
+                laws=laws[number],
                 stops_late=stage.on_timeout == "stop",
             )
         )
     return RunPlan(scenario.name, tuple(stages), output)
 
 
-def _automatic_step(scenario: Scenario, model: Model, number: int, drives: StageDrives, gravity: StageGravity) -> float:
+def _automatic_step(
+    scenario: Scenario, model: Model, number: int, drives: StageDrives, gravity: StageGravity, laws: ContactLaws | None
+) -> float:
     stage = scenario.loading[number]
     path = ("loading", number, "dt") if stage.dt is not None else ("solver", "dt")
-    scales = find_scales(scenario, model, drives.started([0.0] * (number + 1)), gravity.gravity.largest())
+    scales = find_scales(scenario, model, drives.started([0.0] * (number + 1)), gravity.gravity.largest(), laws)
     dt = automatic_step(scales, scenario.output)
     if dt is None:
         what = f"cannot choose a time step for stage {number}: there is no gravity, no load and no moving wall"

@@ -12,7 +12,7 @@ from multicor_cli.engine.contact.solve import Settings
 from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.engine.motion.drives import WallDrive
 from multicor_cli.engine.motion.gravity import AnyGravity
-from multicor_cli.model import State
+from multicor_cli.model import ContactLaws, State
 from multicor_cli.running.conditions import KINETIC
 from multicor_cli.running.plan import StagePlan
 
@@ -31,6 +31,9 @@ class Staged(Protocol):
 
     def resume_drives(self, drives: list[WallDrive]) -> None:
         """Choose what the walls do, in the middle of a stage."""
+
+    def set_laws(self, laws: ContactLaws) -> None:
+        """Choose the contact laws, at the start of a stage or in its middle."""
 
     def set_gravity(self, gravity: AnyGravity) -> None:
         """Choose gravity, at the start of a stage or in its middle."""
@@ -68,6 +71,8 @@ def resume_stage(engine: Staged, stage: StagePlan, starts: Sequence[float]) -> N
 
 def _choose(engine: Staged, stage: StagePlan, starts: Sequence[float]) -> None:
     engine.settings = stage.settings
+    if stage.laws is not None:
+        engine.set_laws(stage.laws)
     if stage.gravity is not None:
         engine.set_gravity(stage.gravity.started(starts))
     if stage.heat is not None:

@@ -15,9 +15,9 @@ from decimal import ROUND_DOWN, Decimal
 
 from multicor_cli.arithmetic import hypot
 from multicor_cli.arithmetic.sums import total
-from multicor_cli.engine.motion.drives import DofDrive, WallDrive
+from multicor_cli.engine.motion.drives import DofDrive, Shifted, Sine, WallDrive
 from multicor_cli.engine.motion.gravity import Gravity
-from multicor_cli.model import Model
+from multicor_cli.model import ContactLaws, Model
 from multicor_cli.running.plan import RunPlan, StagePlan
 from multicor_cli.scenario.scenario import Scenario
 from multicor_cli.scenario.settings import Output
@@ -30,6 +30,9 @@ STRAIN = 0.01
 
 HIGH_FRICTION = 0.5
 """Coefficient of friction from which on these two are smaller: in proportion to its power -3 and -1."""
+
+PERIOD = 0.02
+"""Largest Δt over the period of a prescribed displacement, or of the mass of a wall on its spring."""
 
 FALL = 0.3
 """Largest distance in a step over d̄, at the larger of the speed of a free fall and that between groups of grains."""
@@ -51,21 +54,30 @@ class Scales:
         fall: d̄ over the larger of the speed of a free fall through the domain and the largest initial speed of one group of grains
             relative to another.
         friction: Largest coefficient of friction between grains.
+        period: Shortest period of a prescribed displacement, or of a wall on its spring.
     """
 
     pressure: float
     strain: float
     fall: float
     friction: float = 0.0
+    period: float = math.inf
 
     @property
     def limit(self) -> float:
         """The largest time step that all of them allow [s]."""
         excess = max(1.0, self.friction / HIGH_FRICTION)
-        return min(PRESSURE / (excess * excess * excess) * self.pressure, STRAIN / excess * self.strain, FALL * self.fall)
+        flow = min(PRESSURE / (excess * excess * excess) * self.pressure, STRAIN / excess * self.strain, FALL * self.fall)
+        return min(flow, PERIOD * self.period)
 
 
-def find_scales(scenario: Scenario, model: Model, drives: Sequence[WallDrive], gravity: LargestGravity | None = None) -> Scales:
+def find_scales(
+    scenario: Scenario,
+    model: Model,
+    drives: Sequence[WallDrive],
+    gravity: LargestGravity | None = None,
+    laws: ContactLaws | None = None,
+) -> Scales:
     """The scales of a stage.
 
     Args:
@@ -73,6 +85,7 @@ def find_scales(scenario: Scenario, model: Model, drives: Sequence[WallDrive], g
         model: Its grains and walls.
         drives: What the walls do in the stage, one per wall.
         gravity: Largest gravity of the stage; default: that of the model.
+        laws: Contact laws of the stage; default: those of the model.
     """
     gravity = gravity or Gravity.constant(model.gravity).largest()
     mean_mass = total(model.grains.mass) / model.grain_count
@@ -83,7 +96,8 @@ def find_scales(scenario: Scenario, model: Model, drives: Sequence[WallDrive], g
         math.sqrt(mean_mass / pressure) if pressure > 0.0 else math.inf,
         1.0 / rate if rate > 0.0 else math.inf,
         model.mean_diameter / speed if speed > 0.0 else math.inf,
-        largest_friction(model),
+        largest_friction(model, model.laws if laws is None else laws),
+        _shortest_period(model, drives),
     )
 
 
@@ -92,7 +106,7 @@ def largest_pressure(scenario: Scenario, model: Model, drives: Sequence[WallDriv
     across = scenario.domain.size[0] if gravity[1] >= gravity[0] else scenario.domain.size[1]
     weight = total(model.grains.mass) * gravity[2] / across
     loads = [
-        max(_largest_force(drive.x), _largest_force(drive.y)) / float(length)
+        max(_largest_load(drive.x, float(length)), _largest_load(drive.y, float(length)))
         for drive, length in zip(drives, model.walls.length, strict=True)
     ]
     return max([weight, *loads])
@@ -103,9 +117,9 @@ def largest_gravity(stage: StagePlan, model: Model) -> LargestGravity:
     return (Gravity.constant(model.gravity) if stage.gravity is None else stage.gravity.gravity).largest()
 
 
-def largest_friction(model: Model) -> float:
+def largest_friction(model: Model, laws: ContactLaws) -> float:
     """Largest coefficient of friction between two grains at any speed of sliding, at the reference temperature."""
-    laws, materials = model.laws, sorted(set(model.grains.material.tolist()))
+    materials = sorted(set(model.grains.material.tolist()))
     pairs = [(a, b) for a in materials for b in materials]
     starts = laws.table_start
     tables = {int(laws.table[pair]) for pair in pairs} - {-1}
@@ -114,12 +128,34 @@ def largest_friction(model: Model) -> float:
     return max(values)
 
 
-def _largest_force(dof: DofDrive) -> float:
-    return dof.force.largest() if dof.force is not None else 0.0
+def _largest_load(dof: DofDrive, length: float) -> float:
+    """Largest load per length [N/m]; what a spring exerts depends on the motion."""
+    if dof.stress is not None:
+        return dof.stress.largest()
+    return dof.force.largest() / length if dof.force is not None else 0.0
 
 
 def _largest_velocity(dof: DofDrive) -> float:
-    return dof.velocity.largest() if dof.velocity is not None else 0.0
+    """Largest speed that is prescribed, or with which a spring is pulled."""
+    if dof.velocity is not None:
+        return dof.velocity.largest()
+    if dof.position is not None:
+        return dof.position.steepest()
+    return dof.spring.anchor.steepest() if dof.spring is not None else 0.0
+
+
+def _shortest_period(model: Model, drives: Sequence[WallDrive]) -> float:
+    """Shortest period of a prescribed displacement, or of a wall on its spring, 2π √(M/k) [s]; infinite without any."""
+    periods = [math.inf]
+    for w, drive in enumerate(drives):
+        masses = (model.walls.mass[w], model.walls.mass[w], model.walls.inertia[w])
+        for dof, mass in zip(drive.dofs(), masses, strict=True):
+            if dof.spring is not None:
+                periods.append(2.0 * math.pi * math.sqrt(float(mass) / dof.spring.stiffness))
+            signal = dof.position.signal if isinstance(dof.position, Shifted) else dof.position
+            if isinstance(signal, Sine):
+                periods.append(signal.period)
+    return min(periods)
 
 
 def _largest_rate(scenario: Scenario, drives: Sequence[WallDrive]) -> float:
@@ -153,7 +189,7 @@ def automatic_step(scales: Scales, output: Output) -> float | None:
     Rounded down to two digits, so that it is the same on every machine, and then so that a whole number of steps makes up the
     interval between frames, or between rows if one was asked for.
     """
-    if scales.pressure == math.inf and scales.strain == math.inf:
+    if min(scales.pressure, scales.strain, scales.period) == math.inf:
         return None
     interval = output.frame_interval if output.has_default_series else min(output.frame_interval, output.series_interval)
     step = min(_round_down(scales.limit), interval)
@@ -169,6 +205,7 @@ class StepReview:
         of_pressure: Δt over √(m̄/P).
         strain: Strain in a step, γ̇ Δt: the sliding distance over the diameter, and the angle by which contacts turn.
         fall: Distance in a step over d̄, at the speed in `Scales.fall`.
+        of_period: Δt over the shortest period of a prescribed displacement or a spring.
         automatic: What the automatic time step would be [s].
     """
 
@@ -176,6 +213,7 @@ class StepReview:
     of_pressure: float | None
     strain: float | None
     fall: float | None
+    of_period: float | None
     automatic: float | None
 
     def text(self) -> str:
@@ -186,6 +224,7 @@ class StepReview:
                 (self.of_pressure, "{:.2g} √(m̄/P)"),
                 (self.strain, "{:.2g} of strain"),
                 (self.fall, "at most {:.2g} diameters per step in free fall"),
+                (self.of_period, "{:.2g} of a period"),
             )
             if share is not None
         ]
@@ -199,13 +238,14 @@ def review_steps(scenario: Scenario, model: Model, plan: RunPlan) -> list[StepRe
     zeros = [0.0] * len(plan.stages)
     reviews: list[StepReview | None] = []
     for number, stage in enumerate(plan.stages):
-        scales = find_scales(scenario, model, stage.drives.started(zeros), largest_gravity(stage, model))
+        scales = find_scales(scenario, model, stage.drives.started(zeros), largest_gravity(stage, model), stage.laws)
         is_automatic = scenario.stage_solver(number).dt == "auto"
         review = StepReview(
             is_automatic,
             _ratio(stage.dt, scales.pressure),
             _ratio(stage.dt, scales.strain),
             _ratio(stage.dt, scales.fall),
+            _ratio(stage.dt, scales.period),
             automatic_step(scales, scenario.output),
         )
         reviews.append(None if stage.is_frozen else review)

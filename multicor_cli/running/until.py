@@ -5,11 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import Any
 
+from multicor_cli.engine.motion.spacing import Spacing
 from multicor_cli.model import Model
 from multicor_cli.model.columns import SPIN, X, Y
 from multicor_cli.running.conditions import Aim, Condition, RestReached, StrainReached
-from multicor_cli.running.gauges import ShearGauge, Spacing
+from multicor_cli.running.gauges import ShearGauge
 from multicor_cli.running.plan import count_steps
+from multicor_cli.running.steady import BLOCKS, Steady
 from multicor_cli.running.wall_conditions import DisplacementReached, DistanceReached, ForceReached
 from multicor_cli.scenario.loading import Stage
 from multicor_cli.scenario.until import (
@@ -18,6 +20,7 @@ from multicor_cli.scenario.until import (
     UntilDisplacement,
     UntilForce,
     UntilRest,
+    UntilSteady,
     UntilStrain,
     UntilStress,
 )
@@ -75,6 +78,22 @@ def _stress(until: UntilStress, model: Model, dt: float) -> Condition:
     return ForceReached(sought, wall, _COLUMN[end.axis], count_steps(end.window, dt), float(model.walls.length[wall]))
 
 
+def _steady(until: UntilSteady, model: Model, dt: float) -> Condition:
+    end = until.steady
+    wall = None if end.wall is None else _wall(model, end.wall)
+    axis = X if end.axis is None else _COLUMN[end.axis]
+    across = (Y if axis == X else X) if end.of == "friction" else None
+    what = {
+        "kinetic_energy": "the kinetic energy",
+        "friction": f"the ratio of the force in {end.axis} to that across on {end.wall}",
+    }
+    if end.axis is not None:
+        component = "torque" if end.axis == "spin" else f"{end.of} in {end.axis}"
+        what |= dict.fromkeys(("force", "stress"), f"the {component} on {end.wall}")
+    sought = Aim(f"the drift of {what[end.of]}", "1", "at most", end.tolerance)
+    return Steady(sought, wall, axis, across, count_steps(end.window / BLOCKS, dt), round(end.after / dt))
+
+
 def _aim(quantity: str, unit: str, end: BoundEnd) -> Aim:
     return Aim(quantity, unit, end.relation, end.goal)
 
@@ -90,4 +109,5 @@ _MAKERS: dict[type, Callable[[Any, Model, float], Condition]] = {
     UntilDisplacement: _displacement,
     UntilForce: _force,
     UntilStress: _stress,
+    UntilSteady: _steady,
 }

@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from multicor_cli.engine.motion.spacing import Spacing
 from multicor_cli.model import State
 from multicor_cli.model.model import Floats
 from multicor_cli.running.conditions import Aim, Condition, StepDone
-from multicor_cli.running.gauges import Spacing
 
 SUM, STEPS, WINDOWS, LAST, BEFORE = range(5)
 """Notes of means over windows: sum and steps of the window under way, number of those that are over, means of the last two."""

@@ -62,6 +62,7 @@ GrainCount = Count
 Point = Annotated[tuple[Coordinate, Coordinate], Strict(False)]
 Vector = Annotated[tuple[Number, Number], Strict(False)]
 LengthPair = Annotated[tuple[Length, Length], Strict(False)]
+TwoWalls = Annotated[tuple[Name, Name], Strict(False)]
 
 
 def refuse(what: str, remedy: str, key: str | int | None = None) -> PydanticCustomError:

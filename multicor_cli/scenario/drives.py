@@ -11,10 +11,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple, TypeVar
 
-from multicor_cli.engine.motion.drives import Constant, DofDrive, Interpolated, Ramp, Shifted, Sine, WallDrive
+from multicor_cli.engine.motion.drives import Constant, DofDrive, Interpolated, Ramp, Shifted, Sine, Spring, WallDrive
 from multicor_cli.engine.motion.drives import Signal as EngineSignal
-from multicor_cli.scenario.loading import AnyDof, FixedDof, ForceDof, Stage, VelocityDof
-from multicor_cli.scenario.signals import AnySignal, RampSignal, SineSignal, TableSignal, levels
+from multicor_cli.scenario.dofs import AnyDof, FixedDof, LoadDof, PositionDof
+from multicor_cli.scenario.loading import Stage
+from multicor_cli.scenario.signals import AnySignal, RampSignal, SineSignal, TableSignal
 
 DOF_NAMES = ("x", "y", "spin")
 NEVER = -1
@@ -77,8 +78,18 @@ class StageDrives:
         ]
 
     def _since(self, dof: DofDrive, named_by: int, starts: Sequence[float]) -> DofDrive:
-        velocity, force = (kept_signal(signal, named_by, self.stage, starts) for signal in (dof.velocity, dof.force))
-        return replace(dof, velocity=velocity, force=force)
+        def kept(signal: Kept) -> Kept | Shifted:
+            return kept_signal(signal, named_by, self.stage, starts)
+
+        return replace(
+            dof,
+            velocity=kept(dof.velocity),
+            position=kept(dof.position),
+            force=kept(dof.force),
+            stress=kept(dof.stress),
+            spring=None if dof.spring is None else replace(dof.spring, anchor=kept(dof.spring.anchor)),
+            is_kept=dof.has_origin and named_by != self.stage,
+        )
 
 
 def stage_drives(loading: Sequence[Stage], wall_names: Sequence[str]) -> list[StageDrives]:
@@ -102,24 +113,17 @@ def stage_drives(loading: Sequence[Stage], wall_names: Sequence[str]) -> list[St
 def _engine_dof(dof: AnyDof) -> DofDrive:
     if isinstance(dof, FixedDof):
         return DofDrive()
-    if isinstance(dof, ForceDof):
-        return DofDrive(force=engine_signal(dof.force), damping=dof.damping)
+    if isinstance(dof, PositionDof):
+        return DofDrive(position=engine_signal(dof.position))
+    if isinstance(dof, LoadDof):
+        return DofDrive(
+            force=None if dof.force is None else engine_signal(dof.force),
+            stress=None if dof.stress is None else engine_signal(dof.stress),
+            between=dof.between,
+            spring=None if dof.spring is None else Spring(dof.spring.stiffness, engine_signal(dof.spring.anchor)),
+            damping=dof.damping,
+        )
     return DofDrive(velocity=engine_signal(dof.velocity))
-
-
-def moves(dof: AnyDof) -> bool:
-    """Whether a degree of freedom may move at all."""
-    if isinstance(dof, VelocityDof):
-        return any(value != 0.0 for value in levels(dof.velocity))
-    return isinstance(dof, ForceDof)
-
-
-def keeps_moving(dof: AnyDof) -> bool:
-    """Whether a degree of freedom moves for as long as one waits."""
-    if isinstance(dof, VelocityDof):
-        values = levels(dof.velocity)
-        return any(values) if isinstance(dof.velocity, SineSignal) else values[-1] != 0.0
-    return isinstance(dof, ForceDof)
 
 
 def engine_signal(signal: AnySignal) -> EngineSignal:

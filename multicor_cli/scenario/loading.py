@@ -5,56 +5,15 @@ from __future__ import annotations
 import math
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, Tag, model_validator
+from pydantic import Field, Strict, model_validator
 
-from multicor_cli.scenario.base import FREE, Name, Table, Time, one_of, refuse, true_only
+from multicor_cli.scenario.base import FREE, Name, Table, Time, refuse
+from multicor_cli.scenario.dofs import WallDrives
 from multicor_cli.scenario.gravity import StageGravityTable
+from multicor_cli.scenario.materials import PairFriction
 from multicor_cli.scenario.settings import Output, StageSolver, TimeStep
-from multicor_cli.scenario.signals import Signal
 from multicor_cli.scenario.until import Until, UntilStrain, window_of
 from multicor_cli.scenario.wall_heat import WallCondition
-
-
-class VelocityDof(Table):
-    """A prescribed velocity."""
-
-    velocity: Signal = Field(description="velocity [m/s], spin [rad/s]: a number, or a table with ramp, sine or times")
-
-
-class ForceDof(Table):
-    """A degree of freedom that moves under a load and the grains' push."""
-
-    force: Signal = Field(description="force [N], torque [N m] for the spin: a number, or a table with ramp, sine or times")
-    damping: float = Field(0.0, ge=0.0, le=1e12, description="viscous damping [N s/m], [N m s] for the spin")
-
-
-class FixedDof(Table):
-    """A degree of freedom that does not move."""
-
-    fixed: Annotated[bool, true_only("fixed", "give velocity or force instead")] = Field(
-        description="true: does not move", json_schema_extra={"const": True}
-    )
-
-
-Dof = Annotated[
-    Annotated[VelocityDof, Tag("<velocity>")] | Annotated[ForceDof, Tag("<force>")] | Annotated[FixedDof, Tag("<fixed>")],
-    one_of("a degree of freedom is a table with", "velocity", "force", "fixed"),
-]
-AnyDof = VelocityDof | ForceDof | FixedDof
-
-
-class WallDrives(Table):
-    """``drives.NAME``: what a stage does to the wall NAME; a degree of freedom left out keeps its drive."""
-
-    x: Dof | None = Field(None, description="horizontal motion, as { velocity = 0.1 }, { force = -5.0 } or { fixed = true }")
-    y: Dof | None = Field(None, description="vertical motion, as { velocity = 0.1 }, { force = -5.0 } or { fixed = true }")
-    spin: Dof | None = Field(None, description="rotation about the wall's reference point, counter-clockwise")
-
-    @model_validator(mode="after")
-    def _not_empty(self) -> Self:
-        if self.x is None and self.y is None and self.spin is None:
-            raise refuse("the table is empty", "name x, y or spin, or remove it: a wall that is not named keeps its drive")
-        return self
 
 
 class Stage(Table):
@@ -63,7 +22,9 @@ class Stage(Table):
     name: Name | None = Field(None, description="name of the stage")
     duration: Time | None = Field(None, description="length of the stage [s]; with until: its upper bound")
     until: Until | None = Field(
-        None, description="condition that ends the stage: strain, kinetic_energy_ratio, axial_strain, displacement, force or stress"
+        None,
+        description="condition that ends the stage: strain, kinetic_energy_ratio, axial_strain, displacement, force, stress or "
+        "steady",
     )
     on_timeout: Annotated[Literal["go on", "stop"], FREE] = Field(
         "go on",
@@ -79,7 +40,12 @@ class Stage(Table):
     drives: dict[Name, WallDrives] = Field(
         default_factory=dict, max_length=1000, description="drives.NAME = { x = ..., y = ..., spin = ... } for the wall NAME"
     )
-
+    contacts: Annotated[tuple[PairFriction, ...], Strict(False)] = Field(
+        (),
+        max_length=1000,
+        description='friction from this stage on, as [{ pair = ["glass", "*"], friction = 0.0 }]; pairs that are not covered keep '
+        "theirs, and so do restitution, adhesion and rolling_friction",
+    )
     gravity: StageGravityTable | None = Field(
         None,
         description="gravity from this stage on: [gx, gy] [m/s²], each a number or a table with ramp, sine or times, or "
@@ -126,7 +92,7 @@ class Stage(Table):
             )
         if self.heat is False:
             raise refuse("nothing happens in a stage with frozen = true and heat = false", "remove one of the two", "heat")
-        for key in ("until", "drives", "gravity", "solver"):
+        for key in ("until", "drives", "contacts", "gravity", "solver"):
             if getattr(self, key):
                 raise refuse(f"{key} has no meaning with frozen = true: nothing moves", f"remove {key} or frozen", key)
         return self

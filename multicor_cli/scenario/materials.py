@@ -212,8 +212,8 @@ AnyFriction = Annotated[
 MaterialOrAny = Annotated[str, Field(pattern=r"^([A-Za-z0-9_-]+|\*)$", max_length=64)]
 
 
-class ContactPair(Table):
-    """One entry of ``[[contacts]]``: the law between two materials; ``"*"`` stands for any material."""
+class PairFriction(Table):
+    """Friction between two materials; ``"*"`` stands for any material."""
 
     pair: Annotated[tuple[MaterialOrAny, MaterialOrAny], Strict(False)] = Field(
         description='the two materials, as ["glass", "steel"]; "*" stands for any; the more specific pair wins'
@@ -221,19 +221,6 @@ class ContactPair(Table):
     friction: AnyFriction = Field(
         description="coefficient of friction (0 to 10), or a table: { speed = [...], values = [...] } of the sliding speed [m/s], "
         "{ value = 0.5, softening = 1e-3 } of the temperature, or both: speed, values and softening"
-    )
-    restitution: Fraction = Field(0.0, description="coefficient of normal restitution, 0 to 1")
-    adhesion: Annotated[float, Field(ge=0.0, le=1e12)] | None = Field(
-        None,
-        description="tension that a contact bears F_a [N]; adhesion has no range, it acts while two bodies touch; default: none",
-    )
-    rolling_friction: Friction | None = Field(
-        None,
-        description="coefficient of rolling resistance (0 to 10): the couple of a contact is at most rolling_friction a* times its "
-        "normal force, with a* = a_i a_j/(a_i + a_j), a_i at a smooth wall; default: none",
-    )
-    wear: Annotated[float, Field(ge=1e-15, le=1.0)] | None = Field(
-        None, description="Archard's coefficient of wear K: volume = K force distance/hardness; needs [heat]; default: no wear"
     )
 
     @property
@@ -255,14 +242,6 @@ class ContactPair(Table):
         """Keys that mean something only with heat."""
         if self.softening is not None:
             yield "friction", "softening"
-        if self.wear is not None:
-            yield ("wear",)
-
-    @property
-    def needs(self) -> Iterator[Need]:
-        """What needs properties of the two materials, and which."""
-        if self.wear is not None:
-            yield "wear", ("hardness",)
 
     @property
     def specificity(self) -> int:
@@ -273,3 +252,34 @@ class ContactPair(Table):
         """Whether this entry speaks of contacts between the materials ``a`` and ``b`` (in either order)."""
         (p, q) = self.pair
         return (p in ("*", a) and q in ("*", b)) or (p in ("*", b) and q in ("*", a))
+
+
+class ContactPair(PairFriction):
+    """One entry of ``[[contacts]]``: the law between two materials; ``"*"`` stands for any material."""
+
+    restitution: Fraction = Field(0.0, description="coefficient of normal restitution, 0 to 1")
+    adhesion: Annotated[float, Field(ge=0.0, le=1e12)] | None = Field(
+        None,
+        description="tension that a contact bears F_a [N]; adhesion has no range, it acts while two bodies touch; default: none",
+    )
+    rolling_friction: Friction | None = Field(
+        None,
+        description="coefficient of rolling resistance (0 to 10): the couple of a contact is at most rolling_friction a* times its "
+        "normal force, with a* = a_i a_j/(a_i + a_j), a_i at a smooth wall; default: none",
+    )
+    wear: Annotated[float, Field(ge=1e-15, le=1.0)] | None = Field(
+        None, description="Archard's coefficient of wear K: volume = K force distance/hardness; needs [heat]; default: no wear"
+    )
+
+    @property
+    def thermal_keys(self) -> Iterator[tuple[str, ...]]:
+        """Keys that mean something only with heat."""
+        yield from super().thermal_keys
+        if self.wear is not None:
+            yield ("wear",)
+
+    @property
+    def needs(self) -> Iterator[Need]:
+        """What needs properties of the two materials, and which."""
+        if self.wear is not None:
+            yield "wear", ("hardness",)

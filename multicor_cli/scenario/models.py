@@ -10,11 +10,19 @@ from typing import Annotated
 from pydantic import Field, Strict
 
 from multicor_cli.scenario.base import FREE, Name, Table
+from multicor_cli.scenario.dofs import FixedDof, LoadDof, PositionDof, Spring, VelocityDof, WallDrives
 from multicor_cli.scenario.functions import Variable, VariableName
 from multicor_cli.scenario.gravity import TiltedGravityTable
 from multicor_cli.scenario.heat import Heat
-from multicor_cli.scenario.loading import FixedDof, ForceDof, Stage, VelocityDof, WallDrives
-from multicor_cli.scenario.materials import MAX_MATERIALS, ContactPair, FrictionTable, Material, SofteningFriction
+from multicor_cli.scenario.loading import Stage
+from multicor_cli.scenario.materials import (
+    MAX_MATERIALS,
+    ContactPair,
+    FrictionTable,
+    Material,
+    PairFriction,
+    SofteningFriction,
+)
 from multicor_cli.scenario.packings import (
     CompactedPacking,
     DepositedPacking,
@@ -40,12 +48,14 @@ from multicor_cli.scenario.until import (
     AxialStrainEnd,
     DisplacementEnd,
     ForceEnd,
+    SteadyEnd,
     StrainEnd,
     StressEnd,
     UntilAxialStrain,
     UntilDisplacement,
     UntilForce,
     UntilRest,
+    UntilSteady,
     UntilStrain,
     UntilStress,
 )
@@ -94,7 +104,6 @@ __all__ = [
     "FileTemperature",
     "FixedDof",
     "FlowCondition",
-    "ForceDof",
     "ForceEnd",
     "FrictionTable",
     "GradientTemperature",
@@ -103,11 +112,14 @@ __all__ = [
     "InsulatedCondition",
     "LatticePacking",
     "ListSizes",
+    "LoadDof",
     "LognormalSizes",
     "Material",
     "NormalSizes",
     "Output",
+    "PairFriction",
     "ParticleGroup",
+    "PositionDof",
     "PowerSizes",
     "RampSignal",
     "RandomPacking",
@@ -120,8 +132,10 @@ __all__ = [
     "SineWave",
     "SofteningFriction",
     "Solver",
+    "Spring",
     "Stage",
     "StageSolver",
+    "SteadyEnd",
     "StrainEnd",
     "StressEnd",
     "TableSignal",
@@ -134,6 +148,7 @@ __all__ = [
     "UntilDisplacement",
     "UntilForce",
     "UntilRest",
+    "UntilSteady",
     "UntilStrain",
     "UntilStress",
     "ValuesTemperature",

@@ -117,8 +117,10 @@ class Scenario:
         """``[output]``."""
         return self.model.output
 
-    def law(self, a: str, b: str) -> ContactPair:
+    def law(self, a: str, b: str, stage: int | None = None) -> ContactPair:
         """The contact law of the materials ``a`` and ``b``: of the entries that cover the pair the most specific.
+
+        With the index of a ``stage`` its friction is what the last stage up to this one says that covers the pair.
 
         Raises:
             KeyError: No entry covers the pair (only pairs that can touch need one).
@@ -126,7 +128,12 @@ class Scenario:
         covering = [entry for entry in self.contacts if entry.covers(a, b)]
         if not covering:
             raise KeyError(f"no contact law for '{a}' and '{b}'")
-        return max(covering, key=lambda entry: entry.specificity)
+        law = max(covering, key=lambda entry: entry.specificity)
+        for earlier in self.loading[: 0 if stage is None else stage + 1]:
+            changes = [entry for entry in earlier.contacts if entry.covers(a, b)]
+            if changes:
+                law = law.model_copy(update={"friction": max(changes, key=lambda entry: entry.specificity).friction})
+        return law
 
     def region(self, group: ParticleGroup) -> Region:
         """Where a group is placed: its region, or the whole domain."""

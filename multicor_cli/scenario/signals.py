@@ -6,6 +6,7 @@ from typing import Annotated, Any, Self
 
 from pydantic import Field, Strict, Tag, ValidationInfo, field_validator, model_validator
 
+from multicor_cli.arithmetic import sin
 from multicor_cli.scenario.base import Number, Table, Time, Vector, one_of, refuse, require_ascending
 from multicor_cli.scenario.csv_columns import read_columns, refuse_both
 
@@ -86,6 +87,13 @@ Signal = Annotated[
     one_of("a signal is a number or a table with", "ramp", "sine", "times", "file", tags={"file": "times"}),
 ]
 AnySignal = float | RampSignal | SineSignal | TableSignal
+
+
+def first_level(signal: AnySignal) -> float:
+    """Value of a signal at the time 0."""
+    if isinstance(signal, SineSignal):
+        return signal.sine.mean + signal.sine.amplitude * sin(signal.sine.phase)
+    return levels(signal)[0]
 
 
 def levels(signal: AnySignal) -> tuple[float, ...]:

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 from typing import Annotated, Literal, Self
 
-from pydantic import Field, Strict, Tag, model_validator
+from pydantic import Field, Tag, model_validator
 
-from multicor_cli.scenario.base import Name, Number, Ratio, Table, Time, one_of, refuse
+from multicor_cli.scenario.base import Name, Number, Ratio, Table, Time, TwoWalls, one_of, refuse
 
 Axis = Literal["x", "y"]
 AnyAxis = Literal["x", "y", "spin"]
-TwoWalls = Annotated[tuple[Name, Name], Strict(False)]
 Relation = Literal["at least", "at most"]
 
 _WINDOW = "windows of time [s] over which means are taken, one after the other from the start of the stage"
@@ -79,6 +78,38 @@ class StressEnd(BoundEnd):
     window: Time = Field(description=_WINDOW)
 
 
+class SteadyEnd(Table):
+    """A quantity whose mean has to drift no longer for the stage to end."""
+
+    of: Literal["kinetic_energy", "force", "stress", "friction"] = Field(
+        description='what is watched: "kinetic_energy", or of a wall "force", "stress" or "friction": the force along axis over '
+        "that across it"
+    )
+    wall: Name | None = Field(None, description="the wall, for all but the kinetic energy")
+    axis: AnyAxis | None = Field(
+        None, description='component of the force: "x", "y", or for the force of a wall "spin", its torque'
+    )
+    window: Time = Field(
+        description="span of time whose two halves are compared [s]: long enough for a mean as sure as the tolerance"
+    )
+    tolerance: Ratio = Field(description="largest drift between the halves over the mean, its uncertainty included, as 0.05")
+    after: Annotated[float, Field(ge=0.0, le=1e12)] = Field(
+        0.0, description="time since the start of the stage that is left out [s]"
+    )
+
+    @model_validator(mode="after")
+    def _is_of_something(self) -> Self:
+        given = {"wall": self.wall is not None, "axis": self.axis is not None}
+        for key, is_given in given.items():
+            if self.of == "kinetic_energy" and is_given:
+                raise refuse(f"{key} has no meaning for the kinetic energy, which is that of all grains", "remove it", key)
+            if self.of != "kinetic_energy" and not is_given:
+                raise refuse(f'{key} is missing, which of = "{self.of}" needs', f"add {key}")
+        if self.axis == "spin" and self.of != "force":
+            raise refuse(f'of = "{self.of}" has no component "spin"', 'use "x" or "y", or of = "force"', "axis")
+        return self
+
+
 class UntilStrain(Table):
     """Ends at a shear strain: relative displacement of two walls in x over their distance in y."""
 
@@ -115,22 +146,31 @@ class UntilStress(Table):
     stress: StressEnd = Field(description='{ wall = "lid", axis = "y", above = 500.0, window = 0.01 }')
 
 
+class UntilSteady(Table):
+    """Ends when the mean of a quantity no longer drifts."""
+
+    steady: SteadyEnd = Field(description='{ of = "friction", wall = "top", axis = "x", window = 0.5, tolerance = 0.05 }')
+
+
 Until = Annotated[
     Annotated[UntilStrain, Tag("<strain>")]
     | Annotated[UntilRest, Tag("<kinetic_energy_ratio>")]
     | Annotated[UntilAxialStrain, Tag("<axial_strain>")]
     | Annotated[UntilDisplacement, Tag("<displacement>")]
     | Annotated[UntilForce, Tag("<force>")]
-    | Annotated[UntilStress, Tag("<stress>")],
-    one_of("until is a table with", "strain", "kinetic_energy_ratio", "axial_strain", "displacement", "force", "stress"),
+    | Annotated[UntilStress, Tag("<stress>")]
+    | Annotated[UntilSteady, Tag("<steady>")],
+    one_of("until is a table with", "strain", "kinetic_energy_ratio", "axial_strain", "displacement", "force", "stress", "steady"),
 ]
-AnyUntil = UntilStrain | UntilRest | UntilAxialStrain | UntilDisplacement | UntilForce | UntilStress
+AnyUntil = UntilStrain | UntilRest | UntilAxialStrain | UntilDisplacement | UntilForce | UntilStress | UntilSteady
 
 
 def window_of(until: AnyUntil | None) -> float | None:
-    """Length of the windows of a condition [s]; None if it has none."""
+    """Time after which the first window of a condition ends [s]; None if it has none."""
     if isinstance(until, UntilForce):
         return until.force.window
+    if isinstance(until, UntilSteady):
+        return until.steady.after + until.steady.window
     return until.stress.window if isinstance(until, UntilStress) else None
 
 
@@ -144,4 +184,6 @@ def walls_of(until: AnyUntil | None) -> dict[tuple[str | int, ...], str]:
         return {("displacement", "wall"): until.displacement.wall}
     if isinstance(until, UntilForce):
         return {("force", "wall"): until.force.wall}
+    if isinstance(until, UntilSteady):
+        return {} if until.steady.wall is None else {("steady", "wall"): until.steady.wall}
     return {("stress", "wall"): until.stress.wall} if isinstance(until, UntilStress) else {}

@@ -43,7 +43,6 @@ def book_step(
     sums: account.ContactSums,
     kinetic: float,
     gravity_work: float,
-    wall_before: Floats,
     correction: Correction,
     outcome: Outcome,
     dt: float,
@@ -56,15 +55,14 @@ def book_step(
         sums: Losses, virial and wall impulses of the contacts.
         kinetic: Kinetic energy of the grains after the step [J].
         gravity_work: Work of gravity on the grains, correction left out [J].
-        wall_before: Wall velocities before the step, shape ``(w, 3)``.
         correction: What the position correction did.
         outcome: What the solver did.
         dt: Time step [s].
     """
-    mean = 0.5 * (wall_before + state.wall_velocity)
+    mean = 0.5 * (motion.before + state.wall_velocity)
     driven = motion.driven
     wall_work = -total(np.where(driven, 0.0, sums.wall_impulse * mean))
-    load_work = dt * total(motion.load * mean) + correction.load_work
+    load_work = motion.load_work(mean, dt) + correction.load_work
     damping = dt * total(motion.damping * mean * mean)
     gravity = gravity_work + dt * total(motion.weight * mean) + correction.gravity_work
     moved = correction.gravity_work + correction.load_work

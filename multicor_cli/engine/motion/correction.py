@@ -100,7 +100,7 @@ def correct_positions(
     gravity_work = total(model.grains.mass * (moved[:, X] * gravity[X] + moved[:, Y] * gravity[Y]))
     shift = scene.wall_position - wall_before
     gravity_work += total(motion.weight * shift)
-    return Correction(overlap, gravity_work, total(motion.load * shift), rounds)
+    return Correction(overlap, gravity_work, motion.shift_work(wall_before, shift), rounds)
 
 
 def _correct_once(

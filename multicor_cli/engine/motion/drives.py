@@ -1,8 +1,9 @@
-"""Prescribed velocities and loads as functions of the time since the start of their stage."""
+"""Prescribed motion and loads as functions of the time since the start of their stage."""
 
 from __future__ import annotations
 
 import bisect
+import itertools
 import math
 from dataclasses import dataclass
 
@@ -22,6 +23,10 @@ class Constant:
     def largest(self) -> float:
         """Largest magnitude at any time."""
         return abs(self.level)
+
+    def steepest(self) -> float:
+        """Largest magnitude of its rate of change [1/s]."""
+        return 0.0
 
     def corners(self, start: float, end: float) -> list[float]:
         """Times between ``start`` and ``end`` at which an integrator should begin a new step [s]."""
@@ -46,6 +51,10 @@ class Ramp:
         """Largest magnitude at any time."""
         return max(abs(self.start), abs(self.end))
 
+    def steepest(self) -> float:
+        """Largest magnitude of its rate of change [1/s]."""
+        return abs(self.end - self.start) / self.duration
+
     def corners(self, start: float, end: float) -> list[float]:
         """Times between ``start`` and ``end`` at which an integrator should begin a new step [s]."""
         return [self.duration] if start < self.duration < end else []
@@ -67,6 +76,10 @@ class Sine:
     def largest(self) -> float:
         """Largest magnitude at any time."""
         return abs(self.mean) + abs(self.amplitude)
+
+    def steepest(self) -> float:
+        """Largest magnitude of its rate of change [1/s]."""
+        return 2.0 * math.pi * abs(self.amplitude) / self.period
 
     def corners(self, start: float, end: float) -> list[float]:
         """Times between ``start`` and ``end`` at which an integrator should begin a new step [s]: 16 in a period."""
@@ -96,6 +109,11 @@ class Interpolated:
         """Largest magnitude at any time."""
         return max(abs(value) for value in self.values)
 
+    def steepest(self) -> float:
+        """Largest magnitude of its rate of change [1/s]."""
+        rows = list(zip(self.times, self.values, strict=True))
+        return max((abs((v1 - v0) / (t1 - t0)) for (t0, v0), (t1, v1) in itertools.pairwise(rows)), default=0.0)
+
     def corners(self, start: float, end: float) -> list[float]:
         """Times between ``start`` and ``end`` at which an integrator should begin a new step [s]."""
         return list(self.times[bisect.bisect_right(self.times, start) : bisect.bisect_left(self.times, end)])
@@ -116,6 +134,10 @@ class Shifted:
         """Largest magnitude at any time, the past included."""
         return self.signal.largest()
 
+    def steepest(self) -> float:
+        """Largest magnitude of its rate of change [1/s], the past included."""
+        return self.signal.steepest()
+
     def corners(self, start: float, end: float) -> list[float]:
         """Times between ``start`` and ``end`` at which an integrator should begin a new step [s]."""
         return [t - self.offset for t in self.signal.corners(self.offset + start, self.offset + end)]
@@ -125,16 +147,54 @@ Signal = Constant | Ramp | Sine | Interpolated | Shifted
 
 
 @dataclass(frozen=True)
+class Spring:
+    """A linear spring between a degree of freedom of a wall and an anchor: force −k (u − u₀).
+
+    Attributes:
+        stiffness: k [N/m], or [N m/rad] for the spin.
+        anchor: u₀, the displacement at which it exerts no force [m], or [rad].
+    """
+
+    stiffness: float
+    anchor: Signal
+
+
+@dataclass(frozen=True)
 class DofDrive:
     """What happens to one degree of freedom of a wall during a stage.
 
-    Exactly one of ``velocity`` (prescribed) and ``force`` (driven: force [N], or torque [N m] for the spin) is given; neither
-    means held fixed. ``damping`` [N s/m, N m s for the spin] acts on a driven degree of freedom at the mid-step velocity.
+    Its motion is prescribed by ``velocity`` or ``position``, or it is driven by any of ``force``, ``stress`` and ``spring``, which
+    add up; nothing means held fixed.
+
+    Attributes:
+        velocity: Prescribed velocity [m/s], or spin [rad/s].
+        position: Prescribed displacement [m], or angle [rad], since the drive was named; 0 at that time.
+        force: Force [N], or torque [N m].
+        stress: Force per length [N/m], of x or y.
+        between: Names of the two walls whose distance across the axis is that length; None: the length of the wall itself.
+        spring: A spring.
+        damping: Damping of a driven degree of freedom [N s/m], or [N m s]; it acts at the mid-step velocity.
+        is_kept: Whether displacements count from where they did in the stage before: the drive was named earlier.
     """
 
     velocity: Signal | None = None
+    position: Signal | None = None
     force: Signal | None = None
+    stress: Signal | None = None
+    between: tuple[str, str] | None = None
+    spring: Spring | None = None
     damping: float = 0.0
+    is_kept: bool = False
+
+    @property
+    def is_driven(self) -> bool:
+        """Whether it moves as loads and grains push it."""
+        return self.force is not None or self.stress is not None or self.spring is not None
+
+    @property
+    def has_origin(self) -> bool:
+        """Whether it has to know the displacement since the drive was named."""
+        return self.position is not None or self.spring is not None
 
 
 @dataclass(frozen=True)

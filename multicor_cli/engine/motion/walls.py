@@ -1,4 +1,4 @@
-"""Motion of the walls in a step: prescribed velocities, and degrees of freedom driven by a force."""
+"""Motion of the walls in a step: prescribed velocities and positions, and degrees of freedom driven by loads and springs."""
 
 from __future__ import annotations
 
@@ -10,24 +10,30 @@ from multicor_cli.arithmetic.sums import total
 from multicor_cli.engine.geometry.affine import shape_velocities
 from multicor_cli.engine.geometry.drift import Closing, Drift, bound_closing
 from multicor_cli.engine.geometry.scene import Scene
-from multicor_cli.engine.motion.drives import WallDrive
-from multicor_cli.model.columns import RADIUS, SPIN
+from multicor_cli.engine.motion.drives import DofDrive, Signal, WallDrive
+from multicor_cli.engine.motion.spacing import Spacing
+from multicor_cli.model.columns import RADIUS, SPIN, X, Y
 from multicor_cli.model.model import Floats, Model
 from multicor_cli.model.shapes import TAIL, ShapeKind, Tail
+from multicor_cli.model.state import State
 
 
 class WallMotion:
     """The drives of one stage, evaluated step by step.
 
-    Conventions (theory §2): V⁻ is the wall's velocity at the end of the previous step, V⁺ = V(t + Δt); loads act at
-    t + ½Δt; damping acts at the mid-step velocity, so that the effective mass is M + ½cΔt.
+    Conventions (theory §2): V⁻ is the wall's velocity at the end of the previous step, V⁺ = V(t + Δt); where the position is
+    prescribed, both follow from it. Loads act at t + ½Δt, damping and springs at the mean velocity and displacement of the step,
+    so that the effective mass is M + ½cΔt + ¼kΔt².
 
     Attributes:
-        driven: Which degrees of freedom a force drives, shape ``(w, 3)``.
+        driven: Which degrees of freedom loads or springs drive, shape ``(w, 3)``.
         is_free: Which walls have at least one such degree of freedom, shape ``(w,)``.
         mass: Mass or inertia of the driven degrees of freedom, 0 elsewhere, shape ``(w, 3)``.
         damping: Damping coefficients of driven degrees of freedom, shape ``(w, 3)``.
-        load: Applied forces and torques at mid-step, gravity left out, shape ``(w, 3)``; set by `predict`.
+        stiffness: Stiffness of their springs, shape ``(w, 3)``.
+        before: V⁻, shape ``(w, 3)``; set by `predict`.
+        load: Forces and torques at mid-step, gravity left out, but those of springs at the start of the step, shape ``(w, 3)``; set
+            by `predict`.
         weight: Weights of the driven degrees of freedom, shape ``(w, 3)``; set by `predict`.
         mobility: Inverse masses, 0 where not driven, shape ``(w, 3)``.
         inverse: Inverse effective masses of the step, 0 where not driven, shape ``(w, 3)``; set by `predict`.
@@ -40,7 +46,7 @@ class WallMotion:
         w = model.wall_count
         dofs = [drive.dofs() for drive in drives]
         self._drives = [(wall, d, drive) for wall, of_wall in enumerate(dofs) for d, drive in enumerate(of_wall)]
-        self.driven: NDArray[np.bool_] = np.array([drive.force is not None for _, _, drive in self._drives], bool).reshape(w, 3)
+        self.driven: NDArray[np.bool_] = np.array([drive.is_driven for _, _, drive in self._drives], bool).reshape(w, 3)
         self.is_free: NDArray[np.bool_] = np.asarray(self.driven.any(axis=1))
         masses = np.column_stack([model.walls.mass, model.walls.mass, model.walls.inertia]).reshape(w, 3)
         if np.isnan(masses[self.driven]).any():
@@ -48,45 +54,82 @@ class WallMotion:
             raise ValueError(message)
         self.mass: Floats = np.where(self.driven, masses, 0.0)
         self.damping: Floats = np.array([drive.damping for _, _, drive in self._drives]).reshape(w, 3)
+        springs = [0.0 if drive.spring is None else drive.spring.stiffness for _, _, drive in self._drives]
+        self.stiffness: Floats = np.array(springs).reshape(w, 3)
         self.weight: Floats = np.zeros((w, 3))
         self._is_heavy: NDArray[np.bool_] = self.driven & model.walls.has_gravity[:, None]
         self._pushed = np.argwhere(self.driven).tolist()
         self.mobility: Floats = _inverse_where(self.driven, self.mass)
+        self.before: Floats = np.zeros((w, 3))
         self.load: Floats = np.zeros((w, 3))
         self.inverse: Floats = np.zeros((w, 3))
-        self._length = model.walls.length
+        self._start: Floats = np.zeros((w, 3))
+        self._length: Floats = np.repeat(model.walls.length[:, None], 3, axis=1)
+        self._spacings = _spacings(model, self._drives)
         self._extent = _extents(model)
 
-    def predict(self, velocity: Floats, gravity: Floats, t: float, dt: float) -> Floats:
+    def origins(self, state: State) -> Floats:
+        """What `State.wall_origin` is from the start of the stage on: a drive that is kept counts from where it did."""
+        if not any(drive.has_origin for _, _, drive in self._drives):
+            return np.empty((0, 3))
+        origin = state.wall_position.copy()
+        for w, d, drive in self._drives:
+            if drive.is_kept:
+                origin[w, d] = state.wall_origin[w, d]
+        return origin
+
+    def predict(self, state: State, gravity: Floats, t: float, dt: float) -> Floats:
         """Velocities V⁺ of the prescribed degrees of freedom and free velocities of the driven ones, shape ``(w, 3)``.
 
         Args:
-            velocity: V⁻, shape ``(w, 3)``.
+            state: The state before the step.
             gravity: Acceleration of gravity at mid-step [m/s²], shape ``(2,)``.
             t: Time since the start of the stage at the beginning of the step [s].
             dt: Time step [s].
         """
-        after = np.zeros_like(velocity)
+        self.before, after = state.wall_velocity.copy(), np.zeros_like(state.wall_velocity)
         self.load[:] = 0.0
+        for (w, d), spacing in self._spacings.items():
+            self._length[w, d] = abs(spacing.of(state))
         for w, d, drive in self._drives:
-            if drive.force is not None:
-                self.load[w, d] = drive.force.value(t + 0.5 * dt)
+            u = float(state.wall_position[w, d] - state.wall_origin[w, d]) if drive.has_origin else 0.0
+            if drive.is_driven:
+                self.load[w, d] = _load(drive, float(self._length[w, d]), u, t + 0.5 * dt)
+            elif drive.position is not None:
+                self.before[w, d], after[w, d] = follow(drive.position, u, t, dt)
             elif drive.velocity is not None:
                 after[w, d] = drive.velocity.value(t + dt)
-        driven = self.driven
-        if not self._pushed:
-            return after
-        self.weight = np.where(self._is_heavy, self.mass * np.append(gravity, 0.0), 0.0)
-        half = 0.5 * dt * self.damping
-        self.inverse = _inverse_where(driven, self.mass + half)
-        free = ((self.mass - half) * velocity + dt * (self.load + self.weight)) * self.inverse
-        after[driven] = free[driven]
+        if self._pushed:
+            self._set_free(after, gravity, dt)
+            self._start = state.wall_position
         return after
+
+    def _set_free(self, after: Floats, gravity: Floats, dt: float) -> None:
+        """Free velocities of the driven degrees of freedom: (M + h) V⁺ = (M − h) V⁻ + Δt F with h = ½cΔt + ¼kΔt²."""
+        driven = self.driven
+        self.weight = np.where(self._is_heavy, self.mass * np.append(gravity, 0.0), 0.0)
+        half = 0.5 * dt * self.damping + 0.25 * dt * dt * self.stiffness
+        self.inverse = _inverse_where(driven, self.mass + half)
+        free = ((self.mass - half) * self.before + dt * (self.load + self.weight)) * self.inverse
+        after[driven] = free[driven]
 
     def pressure(self) -> float:
         """Largest load per length of a wall [N/m]."""
-        forces = (abs(self.load[w, d] + self.weight[w, d]) / self._length[w] for w, d in self._pushed if d < SPIN)
-        return float(max(forces, default=0.0))
+        loads = ((abs(self.load[w, d] + self.weight[w, d]), self._length[w, d]) for w, d in self._pushed if d < SPIN)
+        return float(max((force / length for force, length in loads if length > 0.0), default=0.0))
+
+    def load_work(self, mean: Floats, dt: float) -> float:
+        """Work of the loads and springs on walls that move with ``mean`` = ½(V⁻ + V⁺), shape ``(w, 3)``, in a step [J]."""
+        return dt * total((self.load - 0.5 * dt * self.stiffness * mean) * mean)
+
+    def shift_work(self, end: Floats, shift: Floats) -> float:
+        """Work of the loads and springs on a displacement after a step [J].
+
+        Args:
+            end: Positions of the walls at the end of the step [m, m, rad], shape ``(w, 3)``.
+            shift: By how much they are then displaced, shape ``(w, 3)``.
+        """
+        return total((self.load - self.stiffness * (end - self._start + 0.5 * shift)) * shift)
 
     def kinetic(self, velocity: Floats) -> float:
         """Kinetic energy of the driven degrees of freedom [J]."""
@@ -100,6 +143,37 @@ class WallMotion:
             shape_velocities(scene.kind, scene.wall, scene.world, scene.wall_position, velocity, self._extent, vectors, turn)
             closing = closing.or_faster(bound_closing(scene.kind, drift, scene.world, vectors, turn))
         return closing
+
+
+def follow(position: Signal, u: float, t: float, dt: float) -> tuple[float, float]:
+    """Velocities V⁻ and V⁺ of a step whose displacement ½Δt (V⁻ + V⁺) leads to where the signal s is after it (derived; theory §2).
+
+    V⁺ = [s(t + 2Δt) − s(t)]/2Δt, the velocity at t + Δt to second order, depends on the signal alone, so that no oscillation can
+    build up, and adds up to the displacement over many steps. V⁻ makes good what is left.
+
+    Args:
+        position: Displacement since the drive was named [m], or angle [rad].
+        u: Displacement now.
+        t: Time since the start of the stage [s].
+        dt: Time step [s].
+    """
+    after = (position.value(t + 2.0 * dt) - position.value(t)) / (2.0 * dt)
+    return 2.0 * (position.value(t + dt) - u) / dt - after, after
+
+
+def _load(drive: DofDrive, length: float, u: float, t: float) -> float:
+    """Force or torque on a driven degree of freedom with the displacement ``u``, at the time ``t``."""
+    load = 0.0 if drive.force is None else drive.force.value(t)
+    if drive.stress is not None:
+        load += drive.stress.value(t) * length
+    if drive.spring is not None:
+        load -= drive.spring.stiffness * (u - drive.spring.anchor.value(t))
+    return load
+
+
+def _spacings(model: Model, drives: list[tuple[int, int, DofDrive]]) -> dict[tuple[int, int], Spacing]:
+    """What measures the length for a stress, where that is the distance of two walls across the axis."""
+    return {(w, d): Spacing.between(model, *drive.between, Y if d == X else X) for w, d, drive in drives if drive.between}
 
 
 def _inverse_where(chosen: NDArray[np.bool_], values: Floats) -> Floats:

@@ -5,8 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from multicor_cli.scenario.checks.draft import Draft
-from multicor_cli.scenario.drives import DOF_NAMES, WallDofs, keeps_moving, moves, resolve_dofs
-from multicor_cli.scenario.loading import Stage, VelocityDof
+from multicor_cli.scenario.dofs import is_prescribed, keeps_moving, moves
+from multicor_cli.scenario.drives import DOF_NAMES, WallDofs, resolve_dofs
+from multicor_cli.scenario.loading import Stage
 from multicor_cli.scenario.problems import Finding, KeyPath
 from multicor_cli.scenario.until import UntilAxialStrain, UntilDisplacement, UntilStrain, walls_of
 from multicor_cli.scenario.walls import Wall
@@ -60,6 +61,6 @@ def _check_pair(
         what = f"'{lower}' and '{upper}' both lie at y = {heights[0]:g}: there is no strain between them"
         yield Finding((*path, "walls"), what, "name two walls at different heights")
     drives = [dofs[name][DOF_NAMES.index(moved)].dof for name in pair]
-    if not any(map(moves, drives)) or (drives[0] == drives[1] and isinstance(drives[0], VelocityDof)):
+    if not any(map(moves, drives)) or (drives[0] == drives[1] and is_prescribed(drives[0])):
         what = f"neither '{lower}' nor '{upper}' moves in {moved} relative to the other in this stage"
         yield Finding(path, what, f"drive one of them, as drives.{upper}.{moved} = {{ velocity = 0.1 }}")

@@ -37,6 +37,9 @@ def _thermal_keys(draft: Draft) -> Iterator[KeyPath]:
     for k, stage in enumerate(draft.loading):
         if stage is None:
             continue
+        for e, softer in enumerate(stage.contacts):
+            for keys in softer.thermal_keys:
+                yield ("loading", k, "contacts", e, *keys)
         given = {"thermal": bool(stage.thermal), "frozen": stage.frozen, "heat": stage.heat is not None}
         yield from (("loading", k, key) for key, is_given in given.items() if is_given)
 

@@ -7,13 +7,16 @@ from collections.abc import Iterator
 from multicor_cli.scenario.bodies import prism_height
 from multicor_cli.scenario.checks.draft import Draft
 from multicor_cli.scenario.checks.grains import double_names
-from multicor_cli.scenario.drives import DOF_NAMES, moves
+from multicor_cli.scenario.dofs import LoadDof, moves
+from multicor_cli.scenario.drives import DOF_NAMES
 from multicor_cli.scenario.gravity import TiltedGravityTable
-from multicor_cli.scenario.loading import ForceDof, Stage
+from multicor_cli.scenario.loading import Stage
 from multicor_cli.scenario.problems import Finding, KeyPath, name_list, show
 from multicor_cli.scenario.translate import did_you_mean
 from multicor_cli.scenario.until import walls_of
 from multicor_cli.scenario.walls import Wall
+
+_LEVEL = 1e-9  # distance over the size of the domain that counts as none
 
 
 def check(draft: Draft) -> Iterator[Finding]:
@@ -29,6 +32,7 @@ def check(draft: Draft) -> Iterator[Finding]:
             if wall is not None:
                 yield from _check_inertia(("walls", index), wall, draft)
                 yield from _check_turning(wall, draft)
+                yield from _check_lengths(wall, draft)
 
 
 def _stages(draft: Draft) -> Iterator[tuple[int, Stage]]:
@@ -40,10 +44,41 @@ def _unknown_walls(path: KeyPath, stage: Stage, draft: Draft) -> Iterator[Findin
     used: list[tuple[KeyPath, str]] = [((*path, "drives", name), name) for name in stage.drives]
     used += [((*path, "thermal", name), name) for name in stage.thermal]
     used += [((*path, "until", *keys), name) for keys, name in walls_of(stage.until).items()]
+    for wall, dof, table in _loads(stage):
+        used += [((*path, "drives", wall, dof, "between", e), name) for e, name in enumerate(table.between or ())]
     for place, name in used:
         if name not in known:
             remedy = did_you_mean(name, known) or f"the walls are {name_list(known) or 'none'}"
             yield Finding(place, f"there is no wall {show(name)}", remedy)
+
+
+def _loads(stage: Stage) -> Iterator[tuple[str, str, LoadDof]]:
+    """Walls and degrees of freedom that loads drive, with what they say."""
+    for name, drives in stage.drives.items():
+        for dof in DOF_NAMES:
+            table = getattr(drives, dof)
+            if isinstance(table, LoadDof):
+                yield name, dof, table
+
+
+def _check_lengths(wall: Wall, draft: Draft) -> Iterator[Finding]:
+    """A stress acts between two other walls that lie apart across its axis."""
+    if draft.domain is None:
+        return
+    origins = {other.name: other.geometry.body(draft.domain).origin for other in draft.walls if other}
+    for k, stage in _stages(draft):
+        for name, dof, load in _loads(stage):
+            if name != wall.name or load.between is None or not set(load.between) <= origins.keys():
+                continue
+            path, across = ("loading", k, "drives", name, dof, "between"), "y" if dof == "x" else "x"
+            first, second = (float(origins[other]["xy".index(across)]) for other in load.between)
+            if name in load.between:
+                yield Finding(
+                    path, f"the stress on '{name}' cannot act between '{name}' and another wall", "name its two neighbors"
+                )
+            elif abs(first - second) <= _LEVEL * max(draft.domain.size):
+                what = f"there is no length between '{load.between[0]}' and '{load.between[1]}': both lie at {across} = {first:g}"
+                yield Finding(path, what, f"name two walls apart in {across}, or remove it: the length is then that of '{name}'")
 
 
 def _nothing_to_tilt(draft: Draft) -> Iterator[Finding]:
@@ -73,7 +108,7 @@ def _check_inertia(path: KeyPath, wall: Wall, draft: Draft) -> Iterator[Finding]
     for k, stage in _stages(draft):
         drives = stage.drives.get(wall.name)
         for dof in DOF_NAMES:
-            if drives is not None and isinstance(getattr(drives, dof), ForceDof):
+            if drives is not None and isinstance(getattr(drives, dof), LoadDof):
                 driven.setdefault(dof, k)
     moved = [dof for dof in ("x", "y") if dof in driven]
     if moved and wall.mass is None and not weighs:

@@ -122,7 +122,9 @@ def test_step_that_a_known_pressure_and_rate_of_shear_need(pressure: float, rate
     }
     frames = SimpleNamespace(stage=np.zeros(3, int), column=lambda path: np.full(3, dt))
     run = SimpleNamespace(model=model, series=columns, frames=frames, stages=("only",))
-    (measured,) = resolution._needed(Recorded(run, {}))  # type: ignore[arg-type]
+    made_up = Recorded(run, {})  # type: ignore[arg-type]
+    made_up.__dict__["planned"] = None
+    (measured,) = resolution._needed(made_up)
     limit = min(0.2 * math.sqrt(float(model.grains.mass.mean()) / pressure), 0.01 / rate)
     assert measured.value == pytest.approx(dt / limit)
 

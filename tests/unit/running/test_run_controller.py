@@ -13,10 +13,11 @@ from scene_parts import between_planes
 
 from multicor_cli.engine.contact.report import PhysicsError
 from multicor_cli.engine.contact.solve import Settings
+from multicor_cli.engine.motion.spacing import Spacing, wall_places
 from multicor_cli.model import BOOK_NAMES, State
 from multicor_cli.running.conditions import RestReached, StrainReached, update_peak
 from multicor_cli.running.controller import Controller
-from multicor_cli.running.gauges import ShearGauge, Spacing, wall_places
+from multicor_cli.running.gauges import ShearGauge
 from multicor_cli.running.observer import SilentObserver, Status
 from multicor_cli.running.outcome import StopReason
 from multicor_cli.running.pace import WARM_UP_STEPS, Pace

@@ -10,56 +10,12 @@ from typing import Any
 
 import pytest
 from command_line import call, read_info
+from scenes import ONE
 
 from multicor_cli import run as run_scenario
 from multicor_cli.running import session as session_module
 from multicor_cli.running.outcome import RunOutcome, StageTimeout
 from multicor_cli.store import run_info
-
-ONE = """\
-[scenario]
-name = "one"
-seed = 1
-[domain]
-size = [0.1, 0.1]
-[materials.glass]
-density = 2500.0
-[[contacts]]
-pair = ["*", "*"]
-friction = 0.3
-[[particles]]
-name = "grain"
-material = "glass"
-shape = "disc"
-thickness = 1e-3
-sizes = { kind = "uniform", min = 1e-2, max = 1e-2 }
-count = 1
-packing = { kind = "deposited" }
-[[walls]]
-name = "floor"
-material = "glass"
-geometry = { kind = "plane", point = [0.0, 0.0], normal = [0.0, 1.0] }
-[[walls]]
-name = "lid"
-material = "glass"
-geometry = { kind = "plane", point = [0.0, 0.1], normal = [0.0, -1.0] }
-[[walls]]
-name = "side"
-material = "glass"
-geometry = { kind = "plane", point = [0.0, 0.0], normal = [1.0, 0.0] }
-[[loading]]
-name = "first"
-duration = 0.5
-STAGE
-[[loading]]
-name = "second"
-duration = 0.01
-[solver]
-dt = 1e-3
-[output]
-frame_interval = 0.1
-"""
-"""A disc of 10 mm that lies on the floor; walls move as a stage says."""
 
 MASS = 2500.0 * math.pi * 1e-4 * 1e-3
 HEAVIER = "gravity = [0.0, { ramp = [0.0, -10.0], duration = 1.0 }]"

@@ -2,7 +2,7 @@
 
 import pytest
 from scenario_problems import place_of, problems_of
-from scenes import SHEAR, changed
+from scenes import HEATED, SHEAR, changed
 
 STRAIN = 'strain = { walls = ["bottom", "top"], value = 1.0 }'
 WAIT = "duration = 1.0\nuntil = { kinetic_energy_ratio = 1e-4 }"
@@ -320,6 +320,162 @@ MISTAKES = {
         "y = { force",
         "exactly one of",
     ),
+    "displacement that jumps": (
+        ("{ force = -0.015, damping = 0.02 }", "{ position = { ramp = [0.01, 0.02], duration = 1.0 } }"),
+        "loading.0.drives.top.y.position",
+        "position = { ramp",
+        "begins with 0.01",
+        "subtract 0.01",
+    ),
+    "vibration that jumps": (
+        (
+            "{ force = -0.015, damping = 0.02 }",
+            "{ position = { sine = { amplitude = 2e-3, frequency = 5, phase = 1.5707963267948966 } } }",
+        ),
+        "loading.0.drives.top.y.position",
+        "position = { sine",
+        "begins with 0.002",
+        "mean = -0.002",
+    ),
+    "force and stress": (
+        ("force = -0.015", "force = -0.015, stress = 1.0"),
+        "loading.0.drives.top.y.stress",
+        "stress = 1.0",
+        "both force and stress",
+    ),
+    "length without stress": (
+        ("force = -0.015", 'force = -0.015, between = ["top", "bottom"]'),
+        "loading.0.drives.top.y.between",
+        "between",
+        "without stress",
+    ),
+    "stress between one wall": (
+        ("force = -0.015", 'stress = -0.5, between = ["bottom", "bottom"]'),
+        "loading.0.drives.top.y.between",
+        "between",
+        "'bottom' is named twice",
+    ),
+    "stress between no wall": (
+        ("force = -0.015", 'stress = -0.5, between = ["botom", "paddle"]'),
+        "loading.0.drives.top.y.between.0",
+        '"botom"',
+        "there is no wall",
+        "'bottom'",
+    ),
+    "stress on a neighbor": (
+        ("force = -0.015", 'stress = -0.5, between = ["top", "paddle"]'),
+        "loading.0.drives.top.y.between",
+        "between",
+        "neighbors",
+    ),
+    "stress without length": (
+        ("force = -0.015", 'stress = -0.5, between = ["bottom", "paddle"]'),
+        "loading.0.drives.top.y.between",
+        "between",
+        "both lie at x = 0.015",
+        "apart in x",
+    ),
+    "stress that turns": (
+        ("spin = { force = { sine", "spin = { stress = { sine"),
+        "loading.0.drives.paddle.spin",
+        "spin = { stress",
+        "not on the spin",
+        "torque",
+    ),
+    "spring without stiffness": (
+        ("force = -0.015", "spring = { anchor = 0.1 }"),
+        "loading.0.drives.top.y.spring.stiffness",
+        "spring",
+        "missing",
+    ),
+    "spring that pushes": (
+        ("force = -0.015", "spring = { stiffness = -1 }"),
+        "loading.0.drives.top.y.spring.stiffness",
+        "stiffness = -1",
+        "greater than 0",
+        "[N/m]",
+    ),
+    "spring and velocity": (
+        ("force = -0.015", "spring = { stiffness = 1.0 }, velocity = 1"),
+        "loading.0.drives.top.y",
+        "y = { spring",
+        "exactly one of",
+        "spring",
+    ),
+    "friction of no material": (
+        ("duration = 0.5\n", 'duration = 0.5\ncontacts = [{ pair = ["glas", "*"], friction = 0.1 }]\n'),
+        "loading.2.contacts.0.pair.0",
+        '"glas"',
+        "no material",
+        "'glass'",
+    ),
+    "friction twice": (
+        (
+            "duration = 0.5\n",
+            'duration = 0.5\ncontacts = [{ pair = ["*", "*"], friction = 0.1 }, { pair = ["*", "*"], friction = 0.2 }]\n',
+        ),
+        "loading.2.contacts.1.pair",
+        'pair = ["*", "*"], friction = 0.2',
+        "given twice, first in loading.2.contacts.0",
+    ),
+    "friction of two general entries": (
+        (
+            "duration = 0.5\n",
+            'duration = 0.5\ncontacts = [{ pair = ["*", "steel"], friction = 0.1 }, { pair = ["glass", "*"], friction = 0 }]\n',
+        ),
+        "loading.2.contacts.1.pair",
+        'pair = ["glass", "*"], friction = 0 ',
+        "both apply",
+        "add an entry",
+    ),
+    "restitution by stage": (
+        ("duration = 0.5\n", 'duration = 0.5\ncontacts = [{ pair = ["*", "*"], friction = 0.1, restitution = 0.2 }]\n'),
+        "loading.2.contacts.0.restitution",
+        "restitution = 0.2",
+        "unknown key",
+    ),
+    "softening by stage without heat": (
+        ("duration = 0.5\n", 'duration = 0.5\ncontacts = [{ pair = ["*", "*"], friction = { value = 0.1, softening = 1e-3 } }]\n'),
+        "loading.2.contacts.0.friction.softening",
+        "softening = 1e-3",
+        "no heat",
+        "[heat]",
+    ),
+    "steadiness of nothing": (
+        (WAIT, 'duration = 1.0\nuntil = { steady = { of = "force", wall = "top", window = 0.1, tolerance = 0.1 } }'),
+        "loading.0.until.steady",
+        "steady",
+        "axis is missing",
+    ),
+    "steadiness of a wall's motion": (
+        (WAIT, 'duration = 1.0\nuntil = { steady = { of = "kinetic_energy", wall = "top", window = 0.1, tolerance = 0.1 } }'),
+        "loading.0.until.steady.wall",
+        'wall = "top"',
+        "no meaning",
+        "remove",
+    ),
+    "steadiness of a turned stress": (
+        (
+            WAIT,
+            'duration = 1.0\nuntil = { steady = { of = "friction", wall = "top", axis = "spin", window = 0.1, tolerance = 0.1 } }',
+        ),
+        "loading.0.until.steady.axis",
+        'axis = "spin"',
+        "no component",
+    ),
+    "steadiness of no wall": (
+        (WAIT, 'duration = 1.0\nuntil = { steady = { of = "force", wall = "tpo", axis = "y", window = 0.1, tolerance = 0.1 } }'),
+        "loading.0.until.steady.wall",
+        'wall = "tpo"',
+        "'top'",
+    ),
+    "steadiness that comes too late": (
+        (WAIT, 'duration = 1.0\nuntil = { steady = { of = "kinetic_energy", window = 0.6, after = 0.5, tolerance = 0.1 } }'),
+        "loading.0.until",
+        "until = { steady",
+        "1.1 s",
+        "shorter windows",
+    ),
     "unknown signal": (
         ("ramp = [0.0, 0.1]", "rmp = [0.0, 0.1]"),
         "loading.1.drives.top.x.velocity",
@@ -418,6 +574,20 @@ def test_a_container_needs_a_mass():
     )
     (problem,) = problems_of(text)
     assert problem.key == "walls.2.inertia"
+
+
+def test_a_wall_under_a_stress_or_on_a_spring_needs_a_mass():
+    for load in ("stress = { ramp = [0, 1], duration = 1 }", "spring = { stiffness = 1e3, anchor = 0.1 }"):
+        (problem,) = problems_of(changed(SHEAR, ("mass = 1e-3\n", ""), ("x = { fixed = true }", f"x = {{ {load} }}")))
+        assert problem.key == "walls.2.mass"
+        assert "add mass [kg]" in problem.remedy
+
+
+def test_frozen_stages_have_no_friction_of_their_own():
+    more = 'frozen = true\ncontacts = [{ pair = ["*", "*"], friction = 0.1 }]'
+    (problem,) = problems_of(changed(HEATED, ("frozen = true", more)))
+    assert problem.key == "loading.1.contacts"
+    assert "nothing moves" in problem.message
 
 
 def test_all_problems_are_told_at_once_in_the_order_of_the_file():

@@ -1,0 +1,214 @@
+"""Runs whose walls follow positions, hang on springs or bear stresses, and whose friction changes from stage to stage."""
+
+import math
+
+import pytest
+from command_line import call
+from run_fakes import StopAt
+from scenes import ONE, WARM, changed
+
+import multicor_cli as multicor
+from multicor_cli.engine.motion.drives import Constant, DofDrive, Ramp, Shifted, Sine, Spring
+from multicor_cli.export.fclib_problem import frame_problem
+from multicor_cli.packing import build
+from multicor_cli.packing.laws import stage_laws
+from multicor_cli.running.estimate import estimate_steps
+from multicor_cli.running.planning import make_plan
+from multicor_cli.running.time_step import find_scales
+from multicor_cli.scenario import parse_scenario
+from multicor_cli.store import run_info
+
+MASSES = changed(ONE, ('name = "lid"\n', 'name = "lid"\nmass = 0.1\n'), ('name = "side"\n', 'name = "side"\nmass = 0.2\n'))
+
+MOVING = """\
+drives.floor = { y = { position = { sine = { amplitude = 1e-3, frequency = 7.0 } } } }
+drives.lid = { y = { spring = { stiffness = 40.0, anchor = { ramp = [0.0, -0.02], duration = 0.7 } }, damping = 0.1 } }
+drives.side = { x = { stress = { sine = { amplitude = 0.05, period = 0.3 } }, between = ["floor", "lid"] } }
+"""
+"""Drives that go on in the second stage."""
+
+
+def moving(text=MASSES):
+    return changed(text, ("duration = 0.5\nSTAGE", f"duration = 0.3\n{MOVING}"), ("duration = 0.01\n", "duration = 0.2\n"))
+
+
+def drives_of(text, stage):
+    return parse_scenario(text, "one.toml").drives()[stage]
+
+
+def test_tables_become_drives():
+    floor, lid, side = drives_of(moving(), 0).walls
+    assert floor.y == DofDrive(position=Sine(0.0, 1e-3, 1.0 / 7.0))
+    assert lid.y == DofDrive(spring=Spring(40.0, Ramp(0.0, -0.02, 0.7)), damping=0.1)
+    assert side.x == DofDrive(stress=Sine(0.0, 0.05, 0.3), between=("floor", "lid"))
+
+
+def test_what_is_kept_counts_from_where_it_did():
+    floor, lid, side = drives_of(moving(), 1).started([0.0, 0.3])
+    assert floor.y == DofDrive(position=Shifted(Sine(0.0, 1e-3, 1.0 / 7.0), 0.3), is_kept=True)
+    assert lid.y == DofDrive(spring=Spring(40.0, Shifted(Ramp(0.0, -0.02, 0.7), 0.3)), damping=0.1, is_kept=True)
+    assert side.x == DofDrive(stress=Shifted(Sine(0.0, 0.05, 0.3), 0.3), between=("floor", "lid"))
+
+
+@pytest.fixture(scope="module")
+def reference(tmp_path_factory):
+    path = tmp_path_factory.mktemp("moving") / "one.toml"
+    path.write_text(moving())
+    return multicor.run(path, path.parent / "whole", threads=1).directory
+
+
+def test_positions_go_on_over_stages(reference):
+    info = run_info(reference)
+    assert info["energy_closure"] < 1e-12
+    with multicor.open_run(reference) as run:
+        assert len(run.frames) == 6
+        for frame in run.frames:
+            assert frame.wall_position[0, 1] == pytest.approx(1e-3 * math.sin(14.0 * math.pi * frame.time), abs=1e-16)
+        assert run.frames[-1].wall_position[1, 1] < 0.099  # it follows the anchor of its spring
+
+
+@pytest.mark.parametrize("step", [130, 300, 333])  # 300: between the stages
+def test_stopped_runs_go_on_to_the_same_bits(reference, tmp_path, step):
+    path = tmp_path / "one.toml"
+    path.write_text(moving())
+    assert not multicor.run(path, tmp_path / "run", observer=StopAt(step)).is_finished
+    assert multicor.run(path, tmp_path / "run").is_finished
+    for key in ("state_digest", "data_digest"):
+        assert run_info(tmp_path / "run")[key] == run_info(reference)[key]
+
+
+def test_exported_problems_know_where_displacements_count_from(reference):
+    """Frame 4 is in the second stage: the floor goes on with the sine of the first, the lid hangs on its spring."""
+    mass, stiffness, damping, dt = 0.1, 40.0, 0.1, 1e-3
+    with multicor.open_run(reference) as run:
+        frame = run.frames[4]
+        problem = frame_problem(run, 4)
+        assert (problem.stage, problem.dt) == ("second", dt)
+        floor, lid, _ = problem.problem.velocity[run.model.grain_count :, 1]
+    t = frame.time
+    assert floor == pytest.approx(14e-3 * math.pi * math.cos(14.0 * math.pi * (t + dt)), rel=1e-3)
+    half = 0.5 * damping * dt + 0.25 * stiffness * dt * dt
+    stretch = frame.wall_position[1, 1] - 0.1 + 0.02 * (t + 0.5 * dt) / 0.7
+    free = ((mass - half) * frame.wall_velocity[1, 1] - dt * stiffness * stretch) / (mass + half)
+    assert lid == pytest.approx(free, rel=1e-12)
+
+
+SLIDING = changed(
+    ONE,
+    ('packing = { kind = "deposited" }', 'packing = { kind = "deposited" }\nvelocity = [0.1, 0.0]'),
+    ("duration = 0.5\nSTAGE", 'duration = 0.1\ncontacts = [{ pair = ["*", "*"], friction = 0.0 }]'),
+    ("duration = 0.01\n", 'duration = 0.2\ncontacts = [{ pair = ["glass", "*"], friction = 0.2 }]\n[[loading]]\nduration = 0.1\n'),
+)
+"""A disc slides without friction, and then until it rolls: v falls to 2/3 in v/(3 μ g) = 17 ms."""
+
+
+def test_friction_changes_from_a_stage_on(tmp_path):
+    path = tmp_path / "one.toml"
+    path.write_text(SLIDING)
+    multicor.run(path, tmp_path / "run")
+    with multicor.open_run(tmp_path / "run") as run:
+        first, *_, last = run.frames[1:]
+        assert first.velocity[0, 0] == 0.1
+        assert first.spin[0] == 0.0
+        assert last.velocity[0, 0] == pytest.approx(0.2 / 3.0, rel=1e-6)
+        assert last.spin[0] == pytest.approx(-0.2 / 3.0 / 1e-2, rel=1e-6)
+        assert run.model.laws.friction[0, 0] == 0.3  # that of [[contacts]]
+        lost = float(run.series["friction_loss"][-1])
+        assert lost == pytest.approx(0.5 * run.model.grains.mass[0] * 0.1**2 / 3.0, rel=1e-6)
+        assert run.series["friction_loss"][run.series["time"] <= 0.1].max() == 0.0
+    assert not multicor.run(path, tmp_path / "other", observer=StopAt(110)).is_finished  # while it slides
+    assert multicor.run(path, tmp_path / "other").is_finished
+    assert run_info(tmp_path / "other")["state_digest"] == run_info(tmp_path / "run")["state_digest"]
+
+
+LAWS = """\
+contacts = [{ pair = ["*", "*"], friction = 0.1 }, { pair = ["wood", "glass"], friction = 0.0 }]
+[[loading]]
+duration = 1.0
+[[loading]]
+duration = 1.0
+contacts = [{ pair = ["wood", "*"], friction = { speed = [0, 1], values = [0.5, 0.2] } }]
+"""
+
+
+def test_laws_of_stages_differ_from_the_model_in_friction_alone():
+    text = changed(
+        ONE,
+        ("friction = 0.3", "friction = 0.3\nrestitution = 0.4\nadhesion = 1e-3"),
+        ("[[contacts]]", "[materials.wood]\ndensity = 700.0\n[[contacts]]"),
+        ('name = "floor"\nmaterial = "glass"', 'name = "floor"\nmaterial = "wood"'),
+        ("STAGE", ""),
+        ("duration = 0.01\n", f"duration = 0.01\n{LAWS}"),
+    )
+    scenario = parse_scenario(text, "one.toml")
+    model = build(scenario)[0]
+    laws = stage_laws(scenario, model)
+    assert laws[0] is None
+    assert laws[1] is laws[2]
+    glass, wood = model.materials.index("glass"), model.materials.index("wood")
+    assert (laws[1].friction[glass, glass], laws[1].friction[glass, wood], laws[1].friction[wood, glass]) == (0.1, 0.0, 0.0)
+    assert (laws[1].restitution[glass, wood], laws[1].adhesion[glass, wood]) == (0.4, 1e-3)
+    assert laws[3].table[glass, wood] == laws[3].table[wood, glass] == 0
+    assert laws[3].table_friction.tolist() == [0.5, 0.2]
+    assert (laws[3].table[glass, glass], laws[3].friction[glass, glass]) == (-1, 0.1)
+    plan = make_plan(scenario, model)
+    assert [stage.laws is None for stage in plan.stages] == [True, False, False, False]
+
+
+def test_heat_of_friction_is_that_of_the_stage(tmp_path):
+    """Softening friction gives way to a number, and back to another softening; what is lost is heat all the time."""
+    path = tmp_path / "warm.toml"
+    again = 'contacts = [{ pair = ["steel", "*"], friction = { value = 0.6, softening = 2e-3, min = 0.2 } }]'
+    path.write_text(
+        changed(
+            WARM,
+            ("duration = 0.01\n", 'duration = 0.01\ncontacts = [{ pair = ["*", "*"], friction = 0.0 }]\n'),
+            ("duration = 0.005\n", f"duration = 0.005\n{again}\n"),
+            ("\nheat = false", ""),
+        )
+    )
+    multicor.run(path, tmp_path / "run")
+    with multicor.open_run(tmp_path / "run") as run:
+        heat, loss, time = (run.series[name][:] for name in ("heat_friction", "friction_loss", "time"))
+        assert abs(loss[time <= 0.01]).max() == 0.0
+        assert heat[-1] == pytest.approx(loss[-1], rel=1e-12)
+        assert heat[-1] > 0.0
+    assert run_info(tmp_path / "run")["energy_closure"] < 1e-12
+    assert run_info(tmp_path / "run")["heat_closure"] < 1e-12
+
+
+def test_validate_shows_the_friction_of_stages(tmp_path):
+    (tmp_path / "one.toml").write_text(SLIDING)
+    done = call("validate", "one.toml", cwd=tmp_path)
+    assert done.returncode == 0
+    assert "from stage first on, * – *: 0.0" in done.stdout
+    assert "from stage second on, glass – *: 0.2" in done.stdout
+
+
+def test_the_time_step_resolves_vibrations_and_springs():
+    text = changed(moving(), ("dt = 1e-3", 'dt = "auto"'))
+    scenario = parse_scenario(text, "one.toml")
+    model = build(scenario)[0]
+    drives = scenario.drives(model.walls.names)[0].started([0.0])
+    scales = find_scales(scenario, model, drives)
+    assert scales.period == pytest.approx(1.0 / 7.0)
+    assert 1.0 / scales.strain == pytest.approx((14.0 * math.pi * 1e-3 + 0.02 / 0.7) / 0.1)
+    stiff = [drives[0], drives[1].__class__(y=DofDrive(spring=Spring(4e4, Constant(0.0)))), drives[2]]
+    assert find_scales(scenario, model, stiff).period == pytest.approx(2.0 * math.pi * math.sqrt(0.1 / 4e4))
+    assert make_plan(scenario, model).stages[0].dt <= 0.02 / 7.0
+
+
+def test_the_time_step_knows_the_friction_of_a_stage():
+    text = changed(SLIDING, ("dt = 1e-3", 'dt = "auto"'), ('"*"], friction = 0.0', '"*"], friction = 1.0'))
+    scenario = parse_scenario(text, "one.toml")
+    rough, plain, _ = make_plan(scenario, build(scenario)[0]).stages
+    assert rough.dt < plain.dt
+
+
+def test_steps_to_a_strain_of_a_prescribed_position():
+    """0.05 m over 0.1 m, by a ramp of 0.1 m/s: 0.5 s."""
+    stage = """until = { strain = { walls = ["floor", "lid"], value = 0.5 } }
+drives.lid = { x = { position = { ramp = [0.0, 0.1], duration = 1.0 } } }"""
+    scenario = parse_scenario(changed(ONE, ("duration = 0.5\nSTAGE", f"duration = 2.0\n{stage}")), "one.toml")
+    model, state = build(scenario)
+    assert estimate_steps(make_plan(scenario, model), model, state)[0] == 500
