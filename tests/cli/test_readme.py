@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from command_line import environment
 from places import ROOT
-from scenes import SMALL, changed
+from scenes import ONE, SMALL, changed
 
 from multicor_cli.cli.post_commands import COMMANDS
 from multicor_cli.scenario import parse_scenario
@@ -30,10 +30,23 @@ def test_python_example_runs(tmp_path: Path) -> None:
 
 
 def test_example_of_variables_is_right() -> None:
-    (text,) = re.findall(r"```toml\n(.*?)```", README, re.DOTALL)
+    text, _ = re.findall(r"```toml\n(.*?)```", README, re.DOTALL)
     scenario = parse_scenario(changed(SMALL, ("[domain]\nsize = [0.02, 0.02]\nperiodic = true\n", text)), "README.md")
     assert scenario.domain.size == pytest.approx((0.06, 0.06))
     assert scenario.domain.gravity == pytest.approx((3.990, -8.962), abs=1e-3)
+
+
+def test_example_of_stages_is_right() -> None:
+    _, stages = re.findall(r"```toml\n(.*?)```", README, re.DOTALL)
+    before, after = ONE.split("[[loading]]", 1)[0], ONE[ONE.index("[solver]") :]
+    walls = before.replace('"floor"', '"bottom"').replace('"lid"', '"top"').replace("[[walls]]", "[[walls]]\nmass = 1.0")
+    slider = '[[walls]]\nname = "slider"\nmass = 1.0\nmaterial = "glass"\n'
+    slider += 'geometry = { kind = "plane", point = [0, -1], normal = [0, 1] }\n'
+    scenario = parse_scenario(walls + slider + stages + after, "README.md")
+    assert [stage.name for stage in scenario.loading] == ["compact", "shake"]
+    shake = scenario.drives()[1].walls
+    assert shake[3].x.spring is not None
+    assert shake[2].x.between == ("bottom", "top")
 
 
 def test_what_it_names_exists() -> None:

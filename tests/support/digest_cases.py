@@ -111,6 +111,8 @@ material = "glass"
 geometry = { kind = "plane", point = [0.0, 0.0], normal = [0.0, 1.0] }
 """
 
+_LID = _FLOOR.replace("floor", "lid").replace("[0.0, 0.0]", "[0.0, 0.05]").replace("[0.0, 1.0]", "[0.0, -1.0]")
+
 _UNIFORM = '{ kind = "uniform", min = 0.4e-3, max = 0.6e-3 }'
 _DISC = 'shape = "disc"\nthickness = 1e-3'
 _SPHERE = 'shape = "sphere"'
@@ -201,6 +203,12 @@ _SHAKE = (
     "spin = { force = { sine = { amplitude = 1e-5, period = 0.01 } } } }"
 )
 
+_PULL = (
+    "drives.shaker = { x = { position = { sine = { amplitude = 2e-4, period = 0.007 } } } }\n"
+    'drives.paddle = { x = { stress = 1.0, between = ["shaker", "lid"] }, y = { force = -0.02, spring = { stiffness = 20.0 } }, '
+    "spin = { spring = { stiffness = 1e-3, anchor = { ramp = [0.0, 0.5], duration = 0.01 } } } }"
+)
+
 _WARM_FLOOR = _FLOOR + "thermal = { temperature = { sine = { mean = 350.0, amplitude = 20.0, period = 0.01 } } }\n"
 
 _HEAT = """
@@ -276,6 +284,13 @@ _LAWS = {
         "region": "region = { min = [0.003, 0.003], max = [0.027, 0.029] }",
         "wear": "adhesion = 1e-4\nrolling_friction = 0.1",
         "drives": _SHAKE,
+    },
+    "positions-springs-stages": {
+        "walls": _MOVING + _LID,
+        "periodic": "false",
+        "region": "region = { min = [0.003, 0.003], max = [0.027, 0.029] }",
+        "drives": _PULL,
+        "second": 'duration = 0.005\ncontacts = [{ pair = ["*", "*"], friction = 0.1 }]',
     },
     "friction-of-speed": {"friction": _SPEEDS, "packing": '{ kind = "deposited" }', "region": _region(0.03)},
     "friction-of-temperature": {**_BED, "friction": _SOFT, "heat": _HEAT},
