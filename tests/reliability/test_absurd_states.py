@@ -20,8 +20,11 @@ from multicor_cli.model import State
 
 WORKER = SUPPORT / "poison_worker.py"
 VALUES = ("nan", "inf", "-inf", "1e308", "-1e308")
-FLOATS = tuple(f.name for f in fields(State) if "Ints" not in str(f.type) and "int" not in str(f.type) and f.name != "stage_notes")
-"""Fields of a state that hold numbers with a fraction; the conditions of these stages have nothing to note."""
+EMPTY = ("stage_notes", "wall_origin")
+"""The conditions of these stages have nothing to note, and no wall has to know where it was."""
+
+FLOATS = tuple(f.name for f in fields(State) if "Ints" not in str(f.type) and "int" not in str(f.type) and f.name not in EMPTY)
+"""Fields of a state that hold numbers with a fraction."""
 
 REPLACED = {
     "time": "follows from the start of the stage",

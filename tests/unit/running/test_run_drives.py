@@ -2,6 +2,7 @@
 
 import math
 
+import numpy as np
 import pytest
 from command_line import call
 from run_fakes import StopAt
@@ -10,6 +11,7 @@ from scenes import ONE, WARM, changed
 import multicor_cli as multicor
 from multicor_cli.engine.motion.drives import Constant, DofDrive, Ramp, Shifted, Sine, Spring
 from multicor_cli.export.fclib_problem import frame_problem
+from multicor_cli.model.faults import find_misfit
 from multicor_cli.packing import build
 from multicor_cli.packing.laws import stage_laws
 from multicor_cli.running.estimate import estimate_steps
@@ -212,3 +214,12 @@ drives.lid = { x = { position = { ramp = [0.0, 0.1], duration = 1.0 } } }"""
     scenario = parse_scenario(changed(ONE, ("duration = 0.5\nSTAGE", f"duration = 2.0\n{stage}")), "one.toml")
     model, state = build(scenario)
     assert estimate_steps(make_plan(scenario, model), model, state)[0] == 500
+
+
+@pytest.mark.parametrize(("rows", "said"), [(2, "wall_origin has shape"), (3, "wall origin of wall lid is not finite")])
+def test_origins_that_do_not_fit_are_found(rows, said):
+    scenario = parse_scenario(moving(), "one.toml")
+    model, state = build(scenario)
+    state.wall_origin = np.zeros((rows, 3))
+    state.wall_origin[1, 1] = np.nan
+    assert said in find_misfit(state, model)
