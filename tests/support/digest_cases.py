@@ -41,6 +41,10 @@ SHIPPED = {
         "loading.0.duration=0.3",
         "loading.1.duration=0.02",
     ),
+    "chute": ("loading.0.duration=0.02",),
+    "dense-packing": ("loading.0.duration=0.01", "loading.1.until.strain.value=0.01", "variables.height=10"),
+    "vibrated-bed": ("variables.cycles=1", "variables.layers=2"),
+    "intruder": ("particles.0.count=400", "variables.depth=13", "loading.0.duration=0.02", "loading.1.duration=0.02"),
     "million": ("particles.0.count=20_000", "domain.size=[1.2,0.14]"),
 }
 """What makes each shipped scenario short."""

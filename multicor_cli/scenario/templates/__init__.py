@@ -5,7 +5,10 @@ from __future__ import annotations
 import re
 from importlib.resources import files
 
-TEMPLATES = ("shear", "column", "hopper", "drum")
+COOKBOOK = ("chute", "dense-packing", "vibrated-bed", "intruder")
+"""Templates that are shipped as scenarios, too (docs/cookbook.md)."""
+
+TEMPLATES = ("shear", "column", "hopper", "drum", *COOKBOOK)
 """Names of the templates."""
 
 _NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,99}")
@@ -27,4 +30,4 @@ def new_scenario(name: str, template: str = "shear") -> str:
     if not _NAME.fullmatch(name):
         raise ValueError(f"'{name}' cannot name a scenario: use letters, digits and . _ - (a letter or digit first)")
     text = files(__package__).joinpath(f"{template}.toml").read_text(encoding="utf-8")
-    return text.replace(f'name = "{_PLACE}"', f'name = "{name}"', 1)
+    return text.replace(_PLACE, name)

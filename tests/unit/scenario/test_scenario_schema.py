@@ -8,6 +8,7 @@ from places import ROOT
 
 from multicor_cli.scenario import TEMPLATES, new_scenario, parse_scenario, scenario_schema, schema_text
 from multicor_cli.scenario.models import ScenarioModel
+from multicor_cli.scenario.templates import COOKBOOK
 
 SCHEMA_FILE = ROOT / "schema" / "multicor.schema.json"
 
@@ -58,10 +59,16 @@ def test_each_template_is_a_right_scenario_that_explains_itself(template):
     scenario = parse_scenario(text, "my-run.2.toml")
     assert scenario.name == "my-run.2"
     assert scenario.description
-    assert len(scenario.loading) > 1
     assert text.count("#") >= 10
     assert "NAME" not in tomllib.loads(text)["scenario"].values()
     assert parse_scenario(scenario.resolved_toml(), "resolved.toml") == scenario
+
+
+@pytest.mark.parametrize("name", COOKBOOK)
+def test_scenarios_of_the_cookbook_are_their_templates(name):
+    text = (ROOT / "configs" / f"{name}.toml").read_text(encoding="utf-8")
+    shipped = text.partition("\n")[2].replace(f"configs/{name}.toml", f"{name}.toml")  # without the line for editors
+    assert new_scenario(name, name) == shipped
 
 
 @pytest.mark.parametrize(("name", "template"), [("a", "sheer"), ("../a", "shear"), ("", "shear"), ("a b", "drum"), (".a", "drum")])
