@@ -84,6 +84,7 @@ def _describe(found: dict[str, Any]) -> list[tuple[str, str]]:
         ("status", f"{found['status']} ({reason})" if reason and reason != found["status"] else found["status"]),
         ("grains", _text(found["grain_count"])),
         ("walls", ", ".join(found["walls"]) or "none"),
+        *_describe_origin(found["origin"]),
         ("frames", f"{found['frame_count']} (and {found['series_count']} rows of the time series)"),
         ("step", _text(found["step"])),
         ("time", _text(found["time"], " s")),
@@ -102,6 +103,12 @@ def _describe(found: dict[str, Any]) -> list[tuple[str, str]]:
         lines.append(("Hertz deflection", _text(found["hertz_deflection"], " of a diameter under the largest contact force")))
     version = found["provenance"].get("multicor_version", "")
     return [*lines, ("made by", f"multicor {version}, seed {found['provenance'].get('seed')}")]
+
+
+def _describe_origin(origin: dict[str, Any] | None) -> list[tuple[str, str]]:
+    from multicor_cli.store.origin import Origin
+
+    return [] if origin is None else [("goes on from", Origin.of_document(origin).text)]
 
 
 def _describe_ends(ends: list[dict[str, Any]]) -> list[tuple[str, str]]:

@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from multicor_cli.running.plan import RunPlan
     from multicor_cli.running.time_step import StepReview
     from multicor_cli.scenario.scenario import Scenario
+    from multicor_cli.store.origin import Origin
 
 NAME_HELP = "Name of the scenario; the file is NAME.toml."
 TEMPLATE_HELP = "What to start from: {templates}."
@@ -61,19 +62,20 @@ def validate(
     loaded = load_scenario(scenario, overrides or ())
     cores = reserve_threads(threads or loaded.solver.threads)
 
-    from multicor_cli.packing import build
+    from multicor_cli.packing.build import place
     from multicor_cli.running.estimate import estimate
     from multicor_cli.running.planning import make_plan
     from multicor_cli.running.time_step import review_steps
 
-    model, state = build(loaded)
+    placed = place(loaded)
+    model, origin = placed.model, placed.origin
     plan = make_plan(loaded, model)
-    cost = estimate(loaded, plan, model, state, cores)
+    cost = estimate(loaded, plan, model, placed.state, cores)
     reviews = review_steps(loaded, model, plan)
     if is_json:
-        emit_json(_summary(loaded, plan, model, cost, reviews))
+        emit_json({**_summary(loaded, plan, model, cost, reviews), "origin": None if origin is None else origin.as_document()})
         return
-    emit_pairs(_lines(loaded, plan, model, cost, reviews))
+    emit_pairs(_lines(loaded, plan, model, cost, reviews) + _lines_of_origin(origin))
     say(f"({cost.basis})")
 
 
@@ -115,6 +117,12 @@ def _summary(
             "basis": cost.basis,
         },
     }
+
+
+def _lines_of_origin(origin: Origin | None) -> list[tuple[str, str]]:
+    if origin is None:
+        return []
+    return [("goes on from", origin.text), *(("  walls", text) for text in origin.wall_texts)]
 
 
 def _time_steps(plan: RunPlan, reviews: Sequence[StepReview | None]) -> str:

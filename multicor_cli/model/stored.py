@@ -26,6 +26,7 @@ Dim = Literal[
     "heat_book",
     "mean_row",
     "stage_note",
+    "before_row",
     "book",
     "tally",
     "window",

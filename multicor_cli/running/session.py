@@ -18,7 +18,7 @@ from multicor_cli.engine.heat.step import HeatEngine
 from multicor_cli.engine.heat.watch import biot_warning, undelivered_warning
 from multicor_cli.engine.jit.cache import is_compiled
 from multicor_cli.model import HEAT_BOOK_NAMES, TALLY_NAMES, Model, State
-from multicor_cli.packing import build
+from multicor_cli.packing.build import Placed, build, place
 from multicor_cli.running.controller import Controller
 from multicor_cli.running.differences import find_differences, former_defaults
 from multicor_cli.running.heat_plan import heat_settings
@@ -34,6 +34,7 @@ from multicor_cli.scenario.problems import ScenarioError
 from multicor_cli.scenario.scenario import Scenario
 from multicor_cli.store import RunDirectory, StoreError, collect_provenance, open_run
 from multicor_cli.store.layout import RESOLVED
+from multicor_cli.store.origin import Origin
 from multicor_cli.store.prepare import check_usable, read_scenario
 from multicor_cli.store.provenance import current_command
 from multicor_cli.store.run_document import read_run_document
@@ -105,8 +106,9 @@ class Session:
 
     def _begin(self) -> RunOutcome:
         check_usable(self._path, overwrite=self._overwrite)
-        model, state = self._build(self._scenario)
-        plan = make_plan(self._scenario, model)
+        _refuse_own_start(self._scenario, self._path)
+        placed = self._build(self._scenario)
+        plan = make_plan(self._scenario, placed.model)
         provenance = collect_provenance(current_command(), seed=self._scenario.seed, threads=self._threads)
         with RunDirectory.create(
             self._path,
@@ -116,13 +118,15 @@ class Session:
             stages=[stage.name for stage in plan.stages],
             precision=self._scenario.output.precision,
             overwrite=self._overwrite,
+            origin=placed.origin,
         ) as directory:
-            return self._carry_on(directory, self._scenario, model, state, is_new=True)
+            return self._carry_on(directory, self._scenario, placed.model, placed.state, is_new=True)
 
     def _continue(self) -> RunOutcome:
         document = read_run_document(self._path)
         before = read_scenario(self._path / RESOLVED, document["resolved_sha256"])
-        scenario = _with_seed_of(_with_defaults_of(self._scenario, before), int(document["provenance"]["seed"]))
+        scenario = _with_groups_of(_with_defaults_of(self._scenario, before), before)
+        scenario = _with_seed_of(scenario, int(document["provenance"]["seed"]))
         _refuse_changes(scenario, before, self._path)
         with RunDirectory.resume(self._path) as directory:
             if directory.is_finished:
@@ -139,8 +143,9 @@ class Session:
                 checkpoint = directory.load_checkpoint()
                 if checkpoint is None:
                     self._signals.farewell = functools.partial(self._leave, directory=directory)
-                    model, state = self._build(scenario)
-                    return self._carry_on(directory, scenario, model, state, is_new=True)
+                    placed = self._build(scenario)
+                    _refuse_other_origin(scenario, directory.origin, placed.origin)
+                    return self._carry_on(directory, scenario, placed.model, placed.state, is_new=True)
                 self._compare_versions(str(directory.provenance.get("multicor_version", "")))
                 for warning in checkpoint.warnings:
                     self._observer.warning(warning)
@@ -152,10 +157,15 @@ class Session:
         if before != __version__:
             self._observer.warning(f"the run began with multicor {before}, this is {__version__}: its bits may differ from here on")
 
-    def _build(self, scenario: Scenario) -> tuple[Model, State]:
-        self._observer.message("placing the grains")
+    def _build(self, scenario: Scenario) -> Placed:
+        self._observer.message("placing the grains" if scenario.start is None else "taking the grains from another run")
         with self._signals.impatient():
-            return build(scenario)
+            placed = place(scenario)
+        if placed.origin is not None:
+            self._observer.message(f"going on from {placed.origin.text}")
+            for text in placed.origin.wall_texts:
+                self._observer.message(f"walls {text}")
+        return placed
 
     def _carry_on(self, directory: RunDirectory, scenario: Scenario, model: Model, state: State, *, is_new: bool) -> RunOutcome:
         with self._recording_failure(directory):
@@ -250,6 +260,30 @@ def _with_seed_of(scenario: Scenario, seed: int) -> Scenario:
         return scenario
     header = scenario.model.scenario.model_copy(update={"seed": seed})
     return dataclasses.replace(scenario, model=scenario.model.model_copy(update={"scenario": header}))
+
+
+def _with_groups_of(scenario: Scenario, before: str) -> Scenario:
+    """The scenario with the groups that the run took from another at its start, whatever has become of that run since."""
+    if scenario.start is None or "particles" in _given(scenario):
+        return scenario
+    groups = parse_scenario(before, scenario.path).particles
+    return dataclasses.replace(scenario, model=scenario.model.model_copy(update={"particles": groups}))
+
+
+def _refuse_own_start(scenario: Scenario, path: Path) -> None:
+    """A run cannot replace the one that it goes on from."""
+    if scenario.start is not None and scenario.resolve_path(scenario.start.run).resolve() == path.resolve():
+        what = f"the run '{path}' is the one that this run would replace"
+        remedy = "choose another directory with -o; to add stages to that run itself, use its own scenario and --extend"
+        raise ScenarioError([scenario.problem(("start", "run"), what, remedy)])
+
+
+def _refuse_other_origin(scenario: Scenario, before: Origin | None, now: Origin | None) -> None:
+    """A run that was stopped before its first checkpoint begins once more from the same moment."""
+    if before is not None and now is not None and before.digest != now.digest:
+        what = f"this run began from digest {before.digest} (step {before.step}), the other run has digest {now.digest} there now"
+        remedy = f"start anew with --overwrite, or go on from a frame at step {before.step}"
+        raise ScenarioError([scenario.problem(("start", "run"), what, remedy)])
 
 
 def _given(scenario: Scenario) -> dict[str, Any]:

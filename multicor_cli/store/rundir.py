@@ -20,6 +20,7 @@ from multicor_cli.store.hdf5 import Precision
 from multicor_cli.store.lock import RunLock
 from multicor_cli.store.manifest import keep_segments
 from multicor_cli.store.model_file import load_model, model_digest, write_model
+from multicor_cli.store.origin import Origin
 from multicor_cli.store.prepare import check_usable, is_run, lay_out, read_scenario, remove_temporaries
 from multicor_cli.store.results import Texts, write_results
 from multicor_cli.store.run_document import new_document, new_session, now, read_run_document
@@ -66,6 +67,7 @@ class RunDirectory:
         precision: Precision = "double",
         overwrite: bool = False,
         force_unlock: bool = False,
+        origin: Origin | None = None,
     ) -> RunDirectory:
         """Begin a run in a new or empty directory, and lock it.
 
@@ -78,6 +80,7 @@ class RunDirectory:
             precision: How datasets of type ``float`` are stored.
             overwrite: Remove the run that is there.
             force_unlock: Ignore a lock held on another host.
+            origin: The moment of another run from which it goes on.
 
         Raises:
             DirectoryRefused: If there is something that is not a run, foreign files in a run, or a run and no ``overwrite``.
@@ -91,7 +94,7 @@ class RunDirectory:
         try:
             check_usable(path, overwrite=overwrite)
             source = source_text.encode() if isinstance(source_text, str) else source_text
-            document = new_document(source, resolved_text, provenance, stages, precision)
+            document = new_document(source, resolved_text, provenance, stages, precision, origin)
             lay_out(path, document, source, resolved_text.encode())
         except BaseException:
             lock.release()
@@ -167,6 +170,12 @@ class RunDirectory:
     def stage_ends(self) -> tuple[StageEnd, ...]:
         """How the loading stages ended so far; of runs that an earlier version began those since then."""
         return tuple(map(StageEnd.of_document, self._document.get("stage_ends", [])))
+
+    @property
+    def origin(self) -> Origin | None:
+        """The moment of another run from which the run goes on; None if there is none."""
+        found = self._document.get("origin")
+        return None if found is None else Origin.of_document(found)
 
     @property
     def provenance(self) -> dict[str, Any]:
@@ -352,6 +361,7 @@ class RunDirectory:
             attributes={
                 **{name: self._document[name] for name in names},
                 "stage_ends": self._document.get("stage_ends", []),
+                **({"origin": self._document["origin"]} if self._document.get("origin") else {}),
                 "status": "finished",
                 "finished": now(),
             },
