@@ -11,6 +11,8 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from multicor_cli import __version__
 from multicor_cli.engine import Engine
 from multicor_cli.engine.coupled import CoupledEngine
@@ -25,6 +27,7 @@ from multicor_cli.running.heat_plan import heat_settings
 from multicor_cli.running.memory import keep_freed_memory
 from multicor_cli.running.observer import Observer, SilentObserver
 from multicor_cli.running.outcome import ExitCode, RunOutcome, StopReason, exit_code_of
+from multicor_cli.running.plan import RunPlan
 from multicor_cli.running.planning import make_plan
 from multicor_cli.running.recorder import DirectoryRecorder
 from multicor_cli.running.signals import Switchboard
@@ -170,7 +173,8 @@ class Session:
     def _carry_on(self, directory: RunDirectory, scenario: Scenario, model: Model, state: State, *, is_new: bool) -> RunOutcome:
         with self._recording_failure(directory):
             plan = make_plan(scenario, model, state)
-            starts = [0.0] if state.stage == 0 else stage_starts(self._path, state)
+            first = 0.0 if directory.origin is None else directory.origin.time
+            starts = [first] if state.stage == 0 else stage_starts(self._path, state, plan, first)
             writer = directory.writer(model)
             engine = make_engine(scenario, model, state, self._threads)
             self._announce(model, engine)
@@ -236,11 +240,24 @@ def make_engine(scenario: Scenario, model: Model, state: State, threads: int) ->
     return CoupledEngine(mechanics, None if settings is None else HeatEngine(model, state, settings))
 
 
-def stage_starts(path: Path, state: State) -> list[float]:
-    """Times at which the stages up to that of ``state`` have begun [s]: each stage but the last has left a frame of its end."""
+def stage_starts(path: Path, state: State, plan: RunPlan, first: float = 0.0) -> list[float]:
+    """Times at which the stages up to that of ``state`` have begun [s]: each stage but the last has left a frame of its end.
+
+    Args:
+        path: The run directory.
+        state: Where the run stands.
+        plan: Its plan.
+        first: Time at which the first stage began: not 0 on the clock of a run from which this one goes on.
+    """
     with open_run(path) as run:
-        stages, times = run.frames.stage, run.frames.time
-    return [0.0, *(float(times[stages == k][-1]) for k in range(state.stage - 1)), state.stage_start]
+        stages, steps, lengths = run.frames.stage, run.frames.step, run.frames.column("steps/dt")
+    ends = [int(np.flatnonzero(stages == k)[-1]) for k in range(state.stage)]
+    starts, done = [first], 0
+    for stage, end in zip(plan.stages, ends, strict=False):
+        dt = stage.dt if stage.is_frozen else float(lengths[end])  # a frozen stage takes no step of the mechanics
+        starts.append(starts[-1] + (int(steps[end]) - done) * dt)
+        done = int(steps[end])
+    return starts
 
 
 def _describe(error: Exception) -> str:

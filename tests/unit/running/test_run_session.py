@@ -18,6 +18,7 @@ from multicor_cli.model import Model, State
 from multicor_cli.packing import build
 from multicor_cli.running import session as session_module
 from multicor_cli.running.observer import SilentObserver, Status
+from multicor_cli.running.planning import make_plan
 from multicor_cli.running.outcome import ExitCode, RunOutcome, StopReason, exit_code_of
 from multicor_cli.running.session import stage_starts
 from multicor_cli.scenario.load import load_scenario, parse_scenario
@@ -113,13 +114,16 @@ def test_signals_kept_from_an_earlier_stage_survive_a_resume(
     assert digest(directory) == digest(reference.directory)
 
 
-def test_stage_starts_are_read_from_the_frames(reference: RunOutcome) -> None:
+def test_stage_starts_are_read_from_the_frames(scenario_path: Path, reference: RunOutcome) -> None:
     with open_run(reference.directory) as run:
         state = run.state()
         assert state is not None
         stages, times = run.frames.stage, run.frames.time
-    starts = stage_starts(reference.directory, state)
-    assert starts == [0.0, *(float(times[stages == k].max()) for k in (0, 1, 2)), state.stage_start]
+    scenario = load_scenario(scenario_path)
+    plan = make_plan(scenario, build(scenario)[0])
+    starts = stage_starts(reference.directory, state, plan)
+    assert starts == [0.0, *(float(times[stages == k].max()) for k in range(state.stage))]
+    assert starts[-1] == state.stage_start
 
 
 def test_finished_run_is_left_alone(scenario_path: Path, reference: RunOutcome) -> None:
