@@ -89,6 +89,7 @@ def _describe(found: dict[str, Any]) -> list[tuple[str, str]]:
         ("step", _text(found["step"])),
         ("time", _text(found["time"], " s")),
         ("stages", ", ".join(found["stages"])),
+        *_describe_extensions(found["extensions"]),
         *_describe_ends(found["stage_ends"]),
         ("wall time", "–" if found["duration"] is None else format_seconds(found["duration"])),
         ("state digest", _text(found["state_digest"])),
@@ -103,6 +104,11 @@ def _describe(found: dict[str, Any]) -> list[tuple[str, str]]:
         lines.append(("Hertz deflection", _text(found["hertz_deflection"], " of a diameter under the largest contact force")))
     version = found["provenance"].get("multicor_version", "")
     return [*lines, ("made by", f"multicor {version}, seed {found['provenance'].get('seed')}")]
+
+
+def _describe_extensions(extensions: list[dict[str, Any]]) -> list[tuple[str, str]]:
+    texts = [f"from {e['stages_before']} to {e['stages']} stages at {e['started']}, at step {_text(e['step'])}" for e in extensions]
+    return [("  extended", text) for text in texts]
 
 
 def _describe_origin(origin: dict[str, Any] | None) -> list[tuple[str, str]]:

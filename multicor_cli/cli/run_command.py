@@ -44,6 +44,9 @@ def run(
     threads: Threads = 0,
     max_hours: MaxHours = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Remove the run that is in the directory.")] = False,
+    extend: Annotated[
+        bool, typer.Option("--extend", help="Add the stages that the scenario has more at its end to the run in the directory.")
+    ] = False,
     is_dry: Annotated[bool, typer.Option("--dry-run", help="Place the grains and do one step; write nothing.")] = False,
     is_quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show warnings and errors only.")] = False,
 ) -> None:
@@ -53,6 +56,8 @@ def run(
     """
     from multicor_cli.running.signals import Switchboard
 
+    if overwrite and extend:
+        raise typer.BadParameter("a run is either extended or overwritten", param_hint="--extend")
     with Switchboard(may_exit=True).installed() as switchboard:
         with switchboard.impatient():
             job = _prepare(scenario, overrides or [], threads)
@@ -60,7 +65,7 @@ def run(
             with switchboard.impatient():
                 _dry_run(job)
             return
-        outcome = _run(job, output, max_hours, switchboard, overwrite=overwrite, is_quiet=is_quiet)
+        outcome = _run(job, output, max_hours, switchboard, overwrite=overwrite, extend=extend, is_quiet=is_quiet)
     _conclude(outcome, is_quiet=is_quiet)
     raise typer.Exit(outcome.reason.exit_code)
 
@@ -82,7 +87,14 @@ def _prepare(path: Path, overrides: Sequence[str], threads: int) -> _Job:
 
 
 def _run(
-    job: _Job, output: Path | None, max_hours: float | None, switchboard: Switchboard, *, overwrite: bool, is_quiet: bool
+    job: _Job,
+    output: Path | None,
+    max_hours: float | None,
+    switchboard: Switchboard,
+    *,
+    overwrite: bool,
+    extend: bool,
+    is_quiet: bool,
 ) -> RunOutcome:
     from multicor_cli.cli.progress import make_observer
     from multicor_cli.running.session import Session
@@ -95,6 +107,7 @@ def _run(
         threads=job.threads,
         max_seconds=None if max_hours is None else 3600.0 * max_hours,
         overwrite=overwrite,
+        extend=extend,
         observer=make_observer(is_quiet=is_quiet),
         switchboard=switchboard,
     )

@@ -131,6 +131,9 @@ class Controller:
             self._write_frame()
             self._checkpoint()
         state = self._engine.state
+        if not is_new and 0 < state.stage < len(self._plan.stages) and state.stage_step == 0:
+            # The books know the kinetic energy of the walls as the stage that is over drove them.
+            self._engine.resume_drives(self._plan.stages[state.stage - 1].drives.started(self._starts))
         while state.stage < len(self._plan.stages):
             reason = self._run_stage(self._plan.stages[state.stage])
             if reason is not None:

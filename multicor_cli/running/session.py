@@ -22,20 +22,21 @@ from multicor_cli.engine.jit.cache import is_compiled
 from multicor_cli.model import HEAT_BOOK_NAMES, TALLY_NAMES, Model, State
 from multicor_cli.packing.build import Placed, build, place
 from multicor_cli.running.controller import Controller
-from multicor_cli.running.differences import find_differences, former_defaults
+from multicor_cli.running.differences import added_stages, find_differences, former_defaults
 from multicor_cli.running.heat_plan import heat_settings
 from multicor_cli.running.memory import keep_freed_memory
 from multicor_cli.running.observer import Observer, SilentObserver
 from multicor_cli.running.outcome import ExitCode, RunOutcome, StopReason, exit_code_of
 from multicor_cli.running.plan import RunPlan
-from multicor_cli.running.planning import make_plan
+from multicor_cli.running.planning import make_plan, stage_name
 from multicor_cli.running.recorder import DirectoryRecorder
 from multicor_cli.running.signals import Switchboard
 from multicor_cli.scenario.load import parse_scenario
 from multicor_cli.scenario.overrides import apply_overrides
 from multicor_cli.scenario.problems import ScenarioError
 from multicor_cli.scenario.scenario import Scenario
-from multicor_cli.store import RunDirectory, StoreError, collect_provenance, open_run
+from multicor_cli.store import DirectoryRefused, RunDirectory, StoreError, collect_provenance, open_run
+from multicor_cli.store.extension import Extension
 from multicor_cli.store.layout import RESOLVED
 from multicor_cli.store.origin import Origin
 from multicor_cli.store.prepare import check_usable, read_scenario
@@ -56,6 +57,7 @@ class Session:
         threads: int,
         max_seconds: float | None = None,
         overwrite: bool = False,
+        extend: bool = False,
         observer: Observer | None = None,
         switchboard: Switchboard | None = None,
     ) -> None:
@@ -67,6 +69,7 @@ class Session:
             threads: Number of threads of the solver.
             max_seconds: Wall-clock time from now at which to stop with a checkpoint.
             overwrite: Whether a run that is there may be removed.
+            extend: Whether stages that the scenario has more than the run at its end are added to the run.
             observer: Who is told.
             switchboard: Where signals arrive, if the caller has installed one already.
         """
@@ -74,6 +77,7 @@ class Session:
         self._path = path
         self._threads = threads
         self._overwrite = overwrite
+        self._extend = extend
         self._observer = observer or SilentObserver()
         self._signals = switchboard or Switchboard()
         self._started = time.monotonic()
@@ -93,6 +97,8 @@ class Session:
             try:
                 if RunDirectory.is_run(self._path) and not self._overwrite:
                     return self._continue()
+                if self._extend:
+                    raise DirectoryRefused(f"{self._path}: holds no run that could be extended; leave --extend out to begin one")
                 return self._begin()
             finally:
                 self._observer.closed()
@@ -130,8 +136,8 @@ class Session:
         before = read_scenario(self._path / RESOLVED, document["resolved_sha256"])
         scenario = _with_groups_of(_with_defaults_of(self._scenario, before), before)
         scenario = _with_seed_of(scenario, int(document["provenance"]["seed"]))
-        _refuse_changes(scenario, before, self._path)
-        with RunDirectory.resume(self._path) as directory:
+        extension = self._find_extension(scenario, before)
+        with RunDirectory.resume(self._path, extension=extension) as directory:
             if directory.is_finished:
                 summary = document["summary"]
                 return RunOutcome(
@@ -155,6 +161,27 @@ class Session:
                 model = directory.load_model() or build(scenario)[0]
                 self._observer.message(f"continuing from step {checkpoint.state.step} (t = {checkpoint.state.time:g} s)")
                 return self._carry_on(directory, scenario, model, checkpoint.state, is_new=False)
+
+    def _find_extension(self, scenario: Scenario, before: str) -> Extension | None:
+        """The scenario as one that goes on where that of the run ends; None if they are the same. Raises as `_refuse_changes`."""
+        with contextlib.suppress(ScenarioError):  # an earlier version may have written what is no longer valid: compared as it is
+            before = parse_scenario(before, scenario.path).resolved_toml()
+        resolved = scenario.resolved_toml()
+        added = added_stages(before, resolved)
+        if added <= 0:
+            _refuse_changes(scenario, before, self._path)
+            return None
+        stages = "1 stage" if added == 1 else f"{added} stages"
+        if not self._extend:
+            what = f"{stages} more than when the run in {self._path} began"
+            remedy = "give --extend to add them to that run, choose another directory with -o, or start anew with --overwrite"
+            raise ScenarioError([scenario.problem(("loading", len(scenario.loading) - added), what, remedy)])
+        with open_run(self._path) as run:  # what cannot be carried out is refused before it becomes the run's own scenario
+            if run.info["summary"] is not None:
+                make_plan(scenario, run.model)
+        self._observer.message(f"adding {stages} to the run")
+        names = [stage_name(stage, number) for number, stage in enumerate(scenario.loading)]
+        return Extension(scenario.source, resolved, names)
 
     def _compare_versions(self, before: str) -> None:
         if before != __version__:
@@ -312,8 +339,6 @@ def _given(scenario: Scenario) -> dict[str, Any]:
 
 def _refuse_changes(scenario: Scenario, before: str, path: Path) -> None:
     """A run is continued only with the scenario with which it began; keys that came later have their defaults."""
-    with contextlib.suppress(ScenarioError):  # an earlier version may have written what is no longer valid: compared as it is
-        before = parse_scenario(before, scenario.path).resolved_toml()
     changes = find_differences(before, scenario.resolved_toml())
     remedy = "undo the change to continue the run, choose another directory with -o, or start anew with --overwrite"
     if changes:

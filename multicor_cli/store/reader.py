@@ -175,11 +175,10 @@ class Run:
         directory = self.path / layout.CHECKPOINTS
         if not directory.is_dir():
             return None
-        identity = Identity(self.run_id, str(self.info["resolved_sha256"]), len(self.stages))
         model = None
         with contextlib.suppress(DamagedRun):  # what belongs to the state is whole all the same
             model = self.model
-        found = load_newest(directory, identity, None, model)
+        found = load_newest(directory, Identity.of(self.info), None, model)
         return found.state if found else None
 
     def _scenario(self, kind: str, name: str) -> str:

@@ -16,6 +16,7 @@ from multicor_cli.store.atomic import file_digest, kill_point, make_directory, s
 from multicor_cli.store.checkpoint import Checkpoint, Identity, load_newest, prune, write_checkpoint
 from multicor_cli.store.documents import Document, plain, write_document
 from multicor_cli.store.errors import DamagedRun, DirectoryRefused, StoreError
+from multicor_cli.store.extension import Extension, extend
 from multicor_cli.store.hdf5 import Precision
 from multicor_cli.store.lock import RunLock
 from multicor_cli.store.manifest import keep_segments
@@ -104,8 +105,13 @@ class RunDirectory:
         return run
 
     @classmethod
-    def resume(cls, path: Path, *, force_unlock: bool = False) -> RunDirectory:
+    def resume(cls, path: Path, *, force_unlock: bool = False, extension: Extension | None = None) -> RunDirectory:
         """Lock an existing run to continue it, or to find that it is finished.
+
+        Args:
+            path: The directory.
+            force_unlock: Ignore a lock held on another host.
+            extension: A scenario with more stages, with which it goes on from now on.
 
         Raises:
             DirectoryRefused: If there is no run.
@@ -118,7 +124,10 @@ class RunDirectory:
             raise DirectoryRefused(f"{path}: holds no run")
         lock = RunLock(path / layout.LOCK, force=force_unlock)
         try:
-            run = cls(path, lock, read_run_document(path))
+            document = read_run_document(path)
+            if extension is not None:
+                extend(path, document, extension)
+            run = cls(path, lock, document)
             run._begin_session()
         except BaseException:
             lock.release()
@@ -373,7 +382,7 @@ class RunDirectory:
         return path
 
     def _identity(self) -> Identity:
-        return Identity(self.run_id, str(self._document["resolved_sha256"]), len(self.stages))
+        return Identity.of(self._document)
 
     def _save(self) -> None:
         self._document["updated"] = now()

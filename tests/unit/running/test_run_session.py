@@ -18,8 +18,8 @@ from multicor_cli.model import Model, State
 from multicor_cli.packing import build
 from multicor_cli.running import session as session_module
 from multicor_cli.running.observer import SilentObserver, Status
-from multicor_cli.running.planning import make_plan
 from multicor_cli.running.outcome import ExitCode, RunOutcome, StopReason, exit_code_of
+from multicor_cli.running.planning import make_plan
 from multicor_cli.running.session import stage_starts
 from multicor_cli.scenario.load import load_scenario, parse_scenario
 from multicor_cli.scenario.problems import ScenarioError
