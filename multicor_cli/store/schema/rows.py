@@ -172,4 +172,5 @@ _DIM_SYMBOL: dict[str, str] = {
     "heat_book": "b*",
     "mean_row": "A",
     "stage_note": "N",
+    "before_row": "B",
 }
