@@ -81,8 +81,8 @@ frame_interval = 0.005
 """Two groups of spheres fall into a box with a side that moves; nothing is periodic."""
 
 TAKEN = (
-    "position", "image", "velocity", "wall_position", "wall_velocity", "contact_i", "contact_j", "contact_impulse", "contact_couple",
-    "last_dt", "heat", "heat_dt", "wall_temperature", "mean_i", "mean_j", "mean_force", "mean_age",
+    "position", "image", "velocity", "wall_position", "wall_velocity", "contact_i", "contact_j", "contact_impulse",
+    "contact_couple", "last_dt", "heat", "heat_dt", "wall_temperature", "mean_i", "mean_j", "mean_force", "mean_age",
 )  # fmt: skip
 """Fields of a state that depend on nothing but what the next step depends on."""
 
