@@ -57,8 +57,8 @@ def misfits(scenario: Scenario, source: Source) -> list[PackingError]:
 
 def _outside(scenario: Scenario, source: Source) -> list[PackingError]:
     """Grains beyond a domain that is not that of the run; what has left the domain in which it began may stay outside."""
-    size, before = scenario.domain.size, source.tables.get("domain", {}).get("size")
-    if before is None or tuple(before) == size:
+    size, before = scenario.domain.size, source.size
+    if before is None or before == size:
         return []
     center = source.state.position[:, :2]
     is_outside = (center < 0.0) | (center > np.array(size))
@@ -67,7 +67,7 @@ def _outside(scenario: Scenario, source: Source) -> list[PackingError]:
     count = int(is_outside.any(axis=1).sum())
     if not count:
         return []
-    text = f"{count} grains of the run '{source.path}' lie outside {size[0]:g} × {size[1]:g} m; its domain has {list(before)} m"
+    text = f"{count} grains of the run '{source.path}' lie outside {size[0]:g} × {size[1]:g} m (there: {before[0]:g} × {before[1]:g} m)"
     return [PackingError(text, "enlarge the domain, or use that of the run", ("domain", "size"))]
 
 
@@ -88,7 +88,7 @@ def known_bodies(scenario: Scenario, source: Source) -> dict[str, WallBody]:
     """Walls that are in the run with the same geometry: rough ones keep the grains glued to them, whatever the seed is now."""
     tables = tomllib.loads(scenario.resolved_toml()).get("walls", [])
     names = source.model.walls.names
-    same = [t["name"] for t in tables if t["name"] in names and t["geometry"] == source.wall_table(t["name"]).get("geometry")]
+    same = [t["name"] for t in tables if t["name"] in names and t["geometry"] == source.geometries.get(t["name"])]
     return {name: _body(source, names.index(name)) for name in same}
 
 

@@ -35,7 +35,8 @@ class Source:
         model: Model of the run. Of a frame with heat, the temperatures at its start are those of the frame.
         state: State at the moment. Of a frame: what frames hold of it, and nothing of the running averages of heat.
         digest: Digest of what was read.
-        tables: The scenario of the run, resolved.
+        size: Width and height of its domain [m]; None if its scenario does not tell.
+        geometries: Tables ``geometry`` of its walls, by their names.
     """
 
     path: Path
@@ -44,16 +45,13 @@ class Source:
     model: Model
     state: State
     digest: str
-    tables: dict[str, Any]
+    size: tuple[float, float] | None
+    geometries: dict[str, Any]
 
     @property
     def temperature(self) -> Floats | None:
         """Temperatures of the grains [K], shape ``(n,)``; None if the run has no heat."""
         return None if self.model.thermal is None else self.state.temperature(self.model.thermal)
-
-    def wall_table(self, name: str) -> dict[str, Any]:
-        """The table ``[[walls]]`` of a wall in the scenario of the run; empty if it has none."""
-        return next((table for table in self.tables.get("walls", []) if table.get("name") == name), {})
 
 
 def read_source(scenario: Scenario) -> Source:
@@ -69,15 +67,15 @@ def read_source(scenario: Scenario) -> Source:
         raise PackingError(f"'{path}' is not a run directory", "give the directory of a run, relative to the scenario file", _RUN)
     try:
         with open_run(path) as run:
-            model, tables = run.model, tomllib.loads(run.scenario_resolved)
+            model, told = run.model, _told(run.scenario_resolved)
             if start.frame is None:
-                return Source(path, run.run_id, None, model, *_end(run, path), tables)
+                return Source(path, run.run_id, None, model, *_end(run, path), *told)
             frame = run.frames[start.frame]
             model, state, digest = _of_frame(frame, model)
-            source = Source(path, run.run_id, frame.index, model, state, digest, tables)
+            source = Source(path, run.run_id, frame.index, model, state, digest, *told)
     except NoFrame as error:
         raise PackingError(f"cannot go on from the run '{path}': {error}", "choose another frame", _FRAME) from None
-    except (StoreError, ValueError) as error:
+    except (StoreError, ValueError, RecursionError) as error:
         remedy = "check it with multicor verify, and whether it ever began"
         raise PackingError(f"cannot go on from the run '{path}': {error}", remedy, _RUN) from None
     misfit = find_misfit(source.state, source.model)
@@ -85,6 +83,17 @@ def read_source(scenario: Scenario) -> Source:
         what = f"frame {source.frame} of the run '{path}': {misfit}"
         raise PackingError(what, "check the run with multicor verify, or go on from another frame", _FRAME)
     return source
+
+
+def _told(resolved: str) -> tuple[tuple[float, float] | None, dict[str, Any]]:
+    """Size of the domain and geometries of the walls in a scenario that may come from anywhere; raises `ValueError`."""
+    tables = tomllib.loads(resolved)
+    try:
+        walls = {str(wall["name"]): wall["geometry"] for wall in tables.get("walls", [])}
+        width, height = tables["domain"]["size"]
+        return (float(width), float(height)), walls
+    except (LookupError, TypeError, AttributeError):
+        return None, {}
 
 
 def _end(run: Run, path: Path) -> tuple[State, str]:
