@@ -67,7 +67,8 @@ def _outside(scenario: Scenario, source: Source) -> list[PackingError]:
     count = int(is_outside.any(axis=1).sum())
     if not count:
         return []
-    text = f"{count} grains of the run '{source.path}' lie outside {size[0]:g} × {size[1]:g} m (there: {before[0]:g} × {before[1]:g} m)"
+    room = f"{size[0]:g} × {size[1]:g} m (there: {before[0]:g} × {before[1]:g} m)"
+    text = f"{count} grains of the run '{source.path}' lie outside {room}"
     return [PackingError(text, "enlarge the domain, or use that of the run", ("domain", "size"))]
 
 
