@@ -64,7 +64,7 @@ def _outside(scenario: Scenario, source: Source) -> list[PackingError]:
     is_outside = (center < 0.0) | (center > np.array(size))
     if source.model.period > 0.0:
         is_outside = is_outside[:, Y:]
-    count = int(is_outside.any(axis=1).sum())
+    count = int(np.count_nonzero(is_outside.any(axis=1)))
     if not count:
         return []
     room = f"{size[0]:g} × {size[1]:g} m (there: {before[0]:g} × {before[1]:g} m)"

@@ -20,7 +20,7 @@ from multicor_cli.engine.heat.step import HeatEngine
 from multicor_cli.engine.heat.watch import biot_warning, undelivered_warning
 from multicor_cli.engine.jit.cache import is_compiled
 from multicor_cli.model import HEAT_BOOK_NAMES, TALLY_NAMES, Model, State
-from multicor_cli.packing.build import Placed, build, place
+from multicor_cli.packing.build import Placed, place
 from multicor_cli.running.controller import Controller
 from multicor_cli.running.differences import added_stages, find_differences, former_defaults
 from multicor_cli.running.heat_plan import heat_settings
@@ -158,7 +158,7 @@ class Session:
                 self._compare_versions(str(directory.provenance.get("multicor_version", "")))
                 for warning in checkpoint.warnings:
                     self._observer.warning(warning)
-                model = directory.load_model() or build(scenario)[0]
+                model = directory.load_model() or place(scenario).model
                 self._observer.message(f"continuing from step {checkpoint.state.step} (t = {checkpoint.state.time:g} s)")
                 return self._carry_on(directory, scenario, model, checkpoint.state, is_new=False)
 

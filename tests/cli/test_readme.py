@@ -14,6 +14,7 @@ from scenes import SMALL, changed
 
 from multicor_cli.cli.post_commands import COMMANDS
 from multicor_cli.scenario import parse_scenario
+from multicor_cli.scenario.start import Start
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
 
@@ -29,8 +30,21 @@ def test_python_example_runs(tmp_path: Path) -> None:
     assert (tmp_path / "runs" / "short-shear" / "results.h5").exists()
 
 
+def _toml_examples() -> list[str]:
+    found: list[str] = re.findall(r"```toml\n(.*?)```", README, re.DOTALL)
+    return found
+
+
+def test_example_of_a_run_that_goes_on_is_right() -> None:
+    _, text = _toml_examples()
+    begin, end = SMALL.index("[[particles]]"), SMALL.index("[[walls]]")
+    scenario = parse_scenario(SMALL[:begin] + text + SMALL[end:], "README.md")
+    assert scenario.start == Start(run="runs/bed", at="end")
+    assert parse_scenario(SMALL[:begin] + text.replace('at = "end"', "frame = 40") + SMALL[end:], "README.md").start is not None
+
+
 def test_example_of_variables_is_right() -> None:
-    (text,) = re.findall(r"```toml\n(.*?)```", README, re.DOTALL)
+    text, _ = _toml_examples()
     scenario = parse_scenario(changed(SMALL, ("[domain]\nsize = [0.02, 0.02]\nperiodic = true\n", text)), "README.md")
     assert scenario.domain.size == pytest.approx((0.06, 0.06))
     assert scenario.domain.gravity == pytest.approx((3.990, -8.962), abs=1e-3)

@@ -14,8 +14,8 @@ from scenes import SMALL, changed, write_small
 
 from multicor_cli import run as run_scenario
 from multicor_cli.engine import PhysicsError
-from multicor_cli.model import Model, State
 from multicor_cli.packing import build
+from multicor_cli.packing.build import Placed, place
 from multicor_cli.running import session as session_module
 from multicor_cli.running.observer import SilentObserver, Status
 from multicor_cli.running.outcome import ExitCode, RunOutcome, StopReason, exit_code_of
@@ -229,11 +229,11 @@ def test_signal_while_the_grains_are_placed_waits_for_them(
 ) -> None:
     """Of Python users, whose process is not ours to end."""
 
-    def build_interrupted(scenario: Scenario) -> tuple[Model, State]:
+    def place_interrupted(scenario: Scenario) -> Placed:
         signal.raise_signal(signal.SIGINT)
-        return build(scenario)
+        return place(scenario)
 
-    monkeypatch.setattr(session_module, "build", build_interrupted)
+    monkeypatch.setattr(session_module, "place", place_interrupted)
     outcome = run_scenario(scenario_path, tmp_path / "run")
     assert (outcome.reason, outcome.step) == (StopReason.INTERRUPTED, 0)
     monkeypatch.undo()
