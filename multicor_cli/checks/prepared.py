@@ -15,6 +15,7 @@ from multicor_cli.running.estimate import Estimate, estimate
 from multicor_cli.running.plan import RunPlan
 from multicor_cli.running.time_step import StepReview, review_steps
 from multicor_cli.scenario.scenario import Scenario
+from multicor_cli.store.origin import Origin
 
 
 @dataclass(frozen=True)
@@ -28,6 +29,7 @@ class Prepared:
         state: Where they are.
         threads: Number of threads that will do it.
         directory: Where results will go.
+        origin: The moment of another run from which it goes on.
     """
 
     scenario: Scenario
@@ -36,6 +38,7 @@ class Prepared:
     state: State
     threads: int = 1
     directory: Path = Path("runs")
+    origin: Origin | None = None
 
     @cached_property
     def cost(self) -> Estimate:

@@ -86,10 +86,12 @@ def _describe(found: dict[str, Any]) -> list[tuple[str, str]]:
         ("status", f"{found['status']} ({reason})" if reason and reason != found["status"] else found["status"]),
         ("grains", _text(found["grain_count"])),
         ("walls", ", ".join(found["walls"]) or "none"),
+        *_describe_origin(found["origin"]),
         ("frames", f"{found['frame_count']} (and {found['series_count']} rows of the time series)"),
         ("step", _text(found["step"])),
         ("time", _text(found["time"], " s")),
         ("stages", ", ".join(found["stages"])),
+        *_describe_extensions(found["extensions"]),
         *_describe_ends(found["stage_ends"]),
         ("wall time", "–" if found["duration"] is None else format_seconds(found["duration"])),
         ("state digest", _text(found["state_digest"])),
@@ -99,6 +101,17 @@ def _describe(found: dict[str, Any]) -> list[tuple[str, str]]:
     ]
     version = found["provenance"].get("multicor_version", "")
     return [*lines, ("made by", f"multicor {version}, seed {found['provenance'].get('seed')}")]
+
+
+def _describe_extensions(extensions: list[dict[str, Any]]) -> list[tuple[str, str]]:
+    texts = [f"from {e['stages_before']} to {e['stages']} stages at {e['started']}, at step {_text(e['step'])}" for e in extensions]
+    return [("  extended", text) for text in texts]
+
+
+def _describe_origin(origin: dict[str, Any] | None) -> list[tuple[str, str]]:
+    from multicor_cli.store.origin import Origin
+
+    return [] if origin is None else [("goes on from", Origin.of_document(origin).text)]
 
 
 def _describe_ends(ends: list[dict[str, Any]]) -> list[tuple[str, str]]:

@@ -47,6 +47,9 @@ def run(
     threads: Threads = 0,
     max_hours: MaxHours = None,
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Remove the run that is in the directory.")] = False,
+    extend: Annotated[
+        bool, typer.Option("--extend", help="Add the stages that the scenario has more at its end to the run in the directory.")
+    ] = False,
     is_strict: Strict = False,
     is_dry: Annotated[bool, typer.Option("--dry-run", help="Place the grains and do one step; write nothing.")] = False,
     is_quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show warnings and errors only.")] = False,
@@ -57,6 +60,8 @@ def run(
     """
     from multicor_cli.running.signals import Switchboard
 
+    if overwrite and extend:
+        raise typer.BadParameter("a run is either extended or overwritten", param_hint="--extend")
     with Switchboard(may_exit=True).installed() as switchboard:
         with switchboard.impatient():
             job = _prepare(scenario, overrides or [], threads)
@@ -64,7 +69,9 @@ def run(
             with switchboard.impatient():
                 _dry_run(job)
             return
-        outcome = _run(job, output, max_hours, switchboard, overwrite=overwrite, is_quiet=is_quiet, is_strict=is_strict)
+        outcome = _run(
+            job, output, max_hours, switchboard, overwrite=overwrite, extend=extend, is_quiet=is_quiet, is_strict=is_strict
+        )
     _conclude(outcome, is_quiet=is_quiet, is_strict=is_strict)
     raise typer.Exit(outcome.reason.exit_code)
 
@@ -92,6 +99,7 @@ def _run(
     switchboard: Switchboard,
     *,
     overwrite: bool,
+    extend: bool,
     is_quiet: bool,
     is_strict: bool,
 ) -> RunOutcome:
@@ -114,6 +122,7 @@ def _run(
         threads=job.threads,
         max_seconds=None if max_hours is None else 3600.0 * max_hours,
         overwrite=overwrite,
+        extend=extend,
         observer=observer,
         switchboard=switchboard,
         review=review,

@@ -24,6 +24,7 @@ if TYPE_CHECKING:
     from multicor_cli.running.plan import RunPlan
     from multicor_cli.running.time_step import StepReview
     from multicor_cli.scenario.scenario import Scenario
+    from multicor_cli.store.origin import Origin
 
 NAME_HELP = "Name of the scenario; the file is NAME.toml."
 TEMPLATE_HELP = "What to start from: {templates}."
@@ -65,11 +66,12 @@ def validate(
     cores = reserve_threads(threads or loaded.solver.threads)
 
     from multicor_cli.checks import Prepared, check_prepared
-    from multicor_cli.packing import build
+    from multicor_cli.packing.build import place
     from multicor_cli.running.planning import make_plan
 
-    model, state = build(loaded)
-    prepared = Prepared(loaded, make_plan(loaded, model), model, state, cores)
+    placed = place(loaded)
+    plan = make_plan(loaded, placed.model)
+    prepared = Prepared(loaded, plan, placed.model, placed.state, cores, origin=placed.origin)
     checks = check_prepared(prepared)
     if is_json:
         emit_json({**_summary(prepared), **checks_as_json(checks)})
@@ -101,6 +103,7 @@ def _summary(run: Prepared) -> dict[str, Any]:
             wall.name: {"mass": wall.mass, "inertia": wall.inertia, "given": wall.is_given}
             for wall in _pushed_walls(run.scenario, plan, model)
         },
+        "origin": None if run.origin is None else run.origin.as_document(),
         "stages": [
             {
                 "name": stage.name,
@@ -149,6 +152,12 @@ def _pushed_walls(scenario: Scenario, plan: RunPlan, model: Model) -> list[_Push
     return [_PushedWall(model.walls.names[w], values[0][w], values[1][w], scenario.walls[w].mass is not None) for w in numbers]
 
 
+def _lines_of_origin(origin: Origin | None) -> list[tuple[str, str]]:
+    if origin is None:
+        return []
+    return [("goes on from", origin.text), *(("  walls", text) for text in origin.wall_texts)]
+
+
 def _time_steps(plan: RunPlan, reviews: Sequence[StepReview | None]) -> str:
     """Each different time step, with what it resolves and the stages that have it."""
     names: dict[str, list[str]] = {}
@@ -178,6 +187,7 @@ def _lines(run: Prepared) -> list[tuple[str, str]]:
     frames = "not known in advance" if cost.frames is None else f"{cost.frames} of {format_bytes(cost.frame_bytes)}"
     lines = [
         ("scenario", f"{scenario.path} is valid"),
+        *_lines_of_origin(run.origin),
         ("grains", f"{model.grain_count}, mean diameter {model.mean_diameter:.4g} m"),
         ("walls", f"{model.wall_count} of {model.shape_count} shapes"),
         *[("wall mass", wall.text()) for wall in _pushed_walls(scenario, plan, model)],

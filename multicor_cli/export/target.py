@@ -26,7 +26,7 @@ def refuse_files_of_runs(path: Path) -> None:
     with storage_errors(path):
         whole = path.parent.resolve() / path.name  # a link at the place itself would be replaced, not followed
         for directory, name in ((whole.parent, whole.name), (whole.parent.parent, whole.parent.name)):
-            if (directory / layout.RUN).is_file() and name.removesuffix(".tmp") in layout.file_names():
+            if (directory / layout.RUN).is_file() and layout.is_file_name(name.removesuffix(".tmp")):
                 raise ExportRefused(f"{path}: is the name of a file of the run; choose another with -o")
 
 

@@ -29,7 +29,7 @@ def _fields(dtype: str, *dims: str) -> tuple[str, ...]:
     return tuple(name for dim in dims for name, about in found.items() if about.dims[0] == dim and about.dtype == dtype)
 
 
-_NOTES = _fields("f8", "stage_note")
+_NOTES = _fields("f8", "stage_note", "before_row")
 _OF_GRAINS, _OF_WALLS = _fields("f8", "heat_grain", "grain"), _fields("f8", "wall", "heat_wall", "origin_row")
 _NUMBERS, _COUNTS = _fields("f8", "one"), _fields("i8", "one")
 

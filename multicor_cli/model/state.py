@@ -67,7 +67,9 @@ class State:
     time: float = _number("s", "time since the start of the run")
     last_dt: float = _number("s", "length of the last step")
     # What follows is empty without heat.
-    heat: Floats = _array(("heat_grain",), "J", "heat content of the grains since the start")
+    heat: Floats = _array(
+        ("heat_grain",), "J", "heat content of the grains since the start, or that of the run from which this one goes on"
+    )
     generated: Floats = _array(("heat_grain",), "J", "heat of friction and impacts received since the start")
     wear: Floats = _array(("heat_grain",), "m3", "volume worn off since the start")
     wall_heat: Floats = _array(
@@ -85,6 +87,9 @@ class State:
     mean_force: Floats = _array(("mean_row",), "N", "running average of the normal force")
     mean_age: float = _number("s", "time since the start of the running averages")
     heat_dt: float = _number("s", "sub-step that the heat integrator tries first; 0: the whole step")
+    heat_before: Floats = _array(
+        ("before_row",), "J", "heat content of all grains at the start, if the run goes on from another with heat", since=(1, 2)
+    )
     stage_notes: Floats = _array(
         ("stage_note",), "mixed", "what the condition that ends this stage remembers; empty if it needs nothing", since=(1, 1)
     )

@@ -27,6 +27,7 @@ Dim = Literal[
     "mean_row",
     "stage_note",
     "origin_row",
+    "before_row",
     "book",
     "tally",
     "window",

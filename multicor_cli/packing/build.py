@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -12,26 +12,53 @@ from multicor_cli.model.model import LEAST_DIAMETERS, SHAPE_FACTOR, Floats, Ints
 from multicor_cli.model.nudge import nudge, nudge_seed
 from multicor_cli.packing.bodies import Shape, inertias, masses
 from multicor_cli.packing.errors import PackingError
+from multicor_cli.packing.going_on import carried_over, grains_of, known_bodies, misfits, origin_of, placed_walls
 from multicor_cli.packing.groups import make_group
 from multicor_cli.packing.initial_grains import InitialGrains
 from multicor_cli.packing.laws import contact_laws, touching_pairs
 from multicor_cli.packing.obstacles import Obstacles
 from multicor_cli.packing.overlap import behind_problem, overlap_problems, solid_problem
 from multicor_cli.packing.pairs import wrap
+from multicor_cli.packing.source import Source, read_source
 from multicor_cli.packing.thermal import group_thermal, joined, sizes_problems
 from multicor_cli.packing.wall_tables import BuiltWalls, build_walls
 from multicor_cli.scenario import Scenario, ScenarioError
+from multicor_cli.store.origin import Origin
+
+
+@dataclass(frozen=True)
+class Placed:
+    """What a run begins with.
+
+    Attributes:
+        model: What does not change.
+        state: What does, at time zero.
+        origin: The moment of another run from which this one goes on; None: grains and walls start anew.
+    """
+
+    model: Model
+    state: State
+    origin: Origin | None = None
 
 
 def build(scenario: Scenario) -> tuple[Model, State]:
-    """Make the walls and grains of a scenario as they are at time zero.
+    """The model and the initial state of a scenario; arguments and errors as `place`."""
+    placed = place(scenario)
+    return placed.model, placed.state
+
+
+def place(scenario: Scenario) -> Placed:
+    """Make the walls and grains of a scenario as they are at time zero, or take them from the run that it goes on from.
 
     Groups are placed in the order of the file; later ones keep clear of earlier ones or are piled upon them where their packing
     can. The same scenario gives the same bits.
 
     Raises:
-        ScenarioError: A packing or a wall cannot be made, or bodies overlap by more than 10⁻³ of the smaller radius.
+        ScenarioError: A packing or a wall cannot be made, or bodies overlap by more than 10⁻³ of the smaller radius; there is no
+            run to go on from, or it does not fit.
     """
+    if scenario.start is not None:
+        return _go_on(scenario)
     try:
         walls = build_walls(scenario)
     except PackingError as error:
@@ -40,13 +67,40 @@ def build(scenario: Scenario) -> tuple[Model, State]:
     groups = _make_groups(scenario, solid)
     model = replace(_model(scenario, walls, groups), thermal=_thermal(scenario, groups))
     state = _state(model, walls, groups)
-    problems = _check(model, state, walls, solid)
-    if problems:
-        raise _refusal(scenario, problems)
+    _refuse_overlaps(scenario, model, state, walls)
     seed = nudge_seed()
     if seed is not None:
         state.position = nudge(state.position, model.period, seed)
-    return model, state
+    return Placed(model, state)
+
+
+def _go_on(scenario: Scenario) -> Placed:
+    """Bodies from another run. Nothing is nudged: whatever moved them by an ulp did so when that run began."""
+    try:
+        source = read_source(scenario)
+        problems = misfits(scenario, source)
+        if problems:
+            raise _refusal(scenario, problems)
+        walls = placed_walls(build_walls(scenario, known_bodies(scenario, source)), source)
+    except PackingError as error:
+        raise _refusal(scenario, [error]) from error
+    groups = grains_of(scenario, source)
+    model = replace(_model(scenario, walls, groups), thermal=_thermal(scenario, groups))
+    state = _state(model, walls, groups)
+    _refuse_overlaps(scenario, model, state, walls)
+    model, state = carried_over(scenario, source, model, state)
+    _refuse_unknown_forces(scenario, source, state)
+    return Placed(model, state, origin_of(source, model))
+
+
+def _refuse_unknown_forces(scenario: Scenario, source: Source, state: State) -> None:
+    """Contact spots of a frozen stage need forces; a run at its start has none, nor has a frame without contacts."""
+    heat = scenario.heat
+    if heat is None or not scenario.loading[0].frozen or state.contact_i.size or not heat.needs_forces:
+        return
+    text = f"the forces of the contacts are not known, and conduction needs them: the run '{source.path}' holds none here"
+    remedy = "go on from its end, or from a frame with contacts that carry something; or add a stage of at least one step before it"
+    raise _refusal(scenario, [PackingError(text, remedy, ("loading", 0, "frozen"))])
 
 
 def _refusal(scenario: Scenario, errors: list[PackingError]) -> ScenarioError:
@@ -151,16 +205,18 @@ def _state(model: Model, walls: BuiltWalls, groups: list[InitialGrains]) -> Stat
     return state
 
 
-def _check(model: Model, state: State, walls: BuiltWalls, solid: Obstacles) -> list[PackingError]:
-    """Overlaps of all bodies, grains in solid matter, and grains on the wrong side of rough walls."""
+def _refuse_overlaps(scenario: Scenario, model: Model, state: State, walls: BuiltWalls) -> None:
+    """Refuse overlaps of all bodies, grains in solid matter, and grains on the wrong side of rough walls."""
     radius, names = model.grains.radius, model.walls.names
     within = [solid_problem(state.position, room, names[w], w) for w, room in enumerate(walls.rooms)]
     problems = [problem for problem in within if problem is not None]
     told = {problem.key for problem in problems}
+    solid = walls.obstacles()
     cut = overlap_problems(state.position, radius, model.grains.group, solid, model.shapes.wall, names, model.period)
     problems += [problem for problem in cut if problem.key not in told]
     for w, front in enumerate(walls.fronts):
         if front is not None:
             found = behind_problem(state.position, front, names[w], w, model.period)
             problems += [found] if found else []
-    return problems
+    if problems:
+        raise _refusal(scenario, problems)

@@ -35,6 +35,7 @@ from multicor_cli.scenario.models import (
     RandomPacking,
     RectangleRegion,
     RunPacking,
+    StartPacking,
     TilePacking,
 )
 
@@ -89,7 +90,12 @@ def make_group(scenario: Scenario, index: int, obstacles: Obstacles) -> InitialG
     """
     group = scenario.particles[index]
     region = region_of_group(scenario, group)
-    grains = _place(scenario, group, index, region, obstacles)
+    return with_motion(scenario, group, _place(scenario, group, index, region, obstacles))
+
+
+def with_motion(scenario: Scenario, group: ParticleGroup, grains: InitialGrains) -> InitialGrains:
+    """The grains of a group with the velocities that its table adds."""
+    region = region_of_group(scenario, group)
     velocity = grains.velocity + np.array([*group.velocity, group.spin])
     if group.shear_rate:
         middle = 0.5 * (region.bottom + region.top)
@@ -113,6 +119,9 @@ def _place(scenario: Scenario, group: ParticleGroup, index: int, region: Packing
     packing = group.packing
     if isinstance(packing, FilePacking):
         return read_grains(scenario.resolve_path(packing.path), packing.shift)
+    if isinstance(packing, StartPacking):
+        message = "grains of [start] are not placed here"
+        raise TypeError(message)
     if isinstance(packing, RunPacking):
         return read_frame(scenario.resolve_path(packing.path), packing.frame)
     assert group.sizes is not None  # the scenario has been checked

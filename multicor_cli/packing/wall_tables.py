@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import replace
 from functools import partial
 from typing import NamedTuple
@@ -57,14 +58,19 @@ class BuiltWalls(NamedTuple):
         return Obstacles(self.shapes.kind, world, room)
 
 
-def build_walls(scenario: Scenario) -> BuiltWalls:
+def build_walls(scenario: Scenario, known: Mapping[str, WallBody] | None = None) -> BuiltWalls:
     """The walls in the order of the file.
+
+    Args:
+        scenario: The scenario.
+        known: Walls that are there already, by their names; no front is known of them.
 
     Raises:
         PackingError: Glued grains cannot be made; its key begins at the wall.
     """
     materials = list(scenario.materials)
-    made = [_make(scenario, k, wall) for k, wall in enumerate(scenario.walls)]
+    there = known or {}
+    made = [(there[wall.name], None) if wall.name in there else _make(scenario, k, wall) for k, wall in enumerate(scenario.walls)]
     bodies = [body for body, _ in made]
     inertia = [_inertia(scenario, wall, body) for wall, body in zip(scenario.walls, bodies, strict=True)]
     names = [wall.name for wall in scenario.walls]

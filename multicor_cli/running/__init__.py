@@ -20,6 +20,7 @@ def run(
     threads: int = 0,
     max_hours: float | None = None,
     overwrite: bool = False,
+    extend: bool = False,
     observer: Observer | None = None,
 ) -> RunOutcome:
     """Run a scenario, or continue a run that was stopped: the same call does both.
@@ -33,6 +34,7 @@ def run(
         threads: Number of threads; 0 takes what the scenario says, or all cores. Results do not depend on it.
         max_hours: Wall-clock time after which to stop with a checkpoint [h].
         overwrite: Whether a run that is in the directory may be removed.
+        extend: Whether stages that the scenario has more at its end than the run in the directory are added to that run.
         observer: Is told how the run goes; default: none.
 
     Raises:
@@ -40,8 +42,10 @@ def run(
         PhysicsError: If the run cannot go on; its last checkpoint is kept.
         StageTimeout: If the condition of a stage was not reached in time, and that is to stop the run (``on_timeout = "stop"``).
         StoreError: If the directory cannot be used, or a file cannot be written or is damaged.
-        ValueError: If there cannot be so many threads, or ``overrides`` come with a loaded scenario.
+        ValueError: If there cannot be so many threads, ``overrides`` come with a loaded scenario, or ``overwrite`` with ``extend``.
     """
+    if overwrite and extend:
+        raise ValueError("a run is either extended or overwritten")
     from multicor_cli.running.threads import reserve_threads
     from multicor_cli.scenario.load import load_scenario
 
@@ -54,4 +58,5 @@ def run(
 
     path = Path(directory) if directory is not None else Path("runs") / scenario.name
     seconds = None if max_hours is None else 3600.0 * max_hours
-    return Session(scenario, path, threads=count, max_seconds=seconds, overwrite=overwrite, observer=observer).run()
+    session = Session(scenario, path, threads=count, max_seconds=seconds, overwrite=overwrite, extend=extend, observer=observer)
+    return session.run()

@@ -96,7 +96,8 @@ class Controller:
             observer: Who is told.
             switchboard: Where signals arrive.
             deadline: Reading of ``clock`` at which to stop.
-            stage_starts: Times at which the stages up to that of the state have begun [s].
+            stage_starts: Times at which the stages up to that of the state have begun [s]; for a run that goes on from another on
+                the clock of that one, so that what signals are kept from stage to stage by has the same bits.
             clock: Monotonic clock [s].
         """
         self._plan = plan
@@ -216,10 +217,10 @@ class Controller:
             self._checkpoint()
             raise StageTimeout(end)
         self._has_moved_on = True
+        self._starts.append(self._starts[-1] + state.stage_step * stage.dt)
         state.stage += 1
         state.stage_step = 0
         state.stage_start = state.time
-        self._starts.append(state.time)
         state.stage_peak = state.stage_strain = 0.0
         state.stage_notes = np.empty(0)
 

@@ -29,8 +29,19 @@ def find_differences(before: str, after: str) -> list[Difference]:
         before: TOML of the scenario with which the run began.
         after: TOML of the scenario with which it would continue.
     """
-    found = _compare((), tomllib.loads(before), tomllib.loads(after))
-    return [difference for difference in found if not _is_free(difference.path)]
+    return _find(tomllib.loads(before), tomllib.loads(after))
+
+
+def added_stages(before: str, after: str) -> int:
+    """Number of loading stages that a resolved scenario has more at its end, if that is all; else 0. Arguments as above."""
+    old, new = tomllib.loads(before), tomllib.loads(after)
+    count = len(old["loading"])
+    shortened = {**new, "loading": new["loading"][:count]}
+    return 0 if _find(old, shortened) else len(new["loading"]) - count
+
+
+def _find(before: dict[str, Any], after: dict[str, Any]) -> list[Difference]:
+    return [difference for difference in _compare((), before, after) if not _is_free(difference.path)]
 
 
 def former_defaults(before: str, after: str, given: dict[str, Any]) -> list[str]:

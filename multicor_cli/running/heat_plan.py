@@ -17,7 +17,7 @@ from multicor_cli.model import Model
 from multicor_cli.scenario.drives import engine_signal, kept_signal
 from multicor_cli.scenario.heat import AverageForce, Heat
 from multicor_cli.scenario.scenario import Scenario
-from multicor_cli.scenario.wall_heat import AnyCondition, CapacityCondition, FlowCondition, KeptCondition, TemperatureCondition
+from multicor_cli.scenario.wall_heat import AnyCondition, CapacityCondition, FlowCondition, TemperatureCondition
 
 
 def heat_settings(scenario: Scenario, model: Model) -> HeatSettings | None:
@@ -100,28 +100,18 @@ def wall_heat(scenario: Scenario, wall_names: Sequence[str]) -> list[StageWallHe
         scenario: What to do.
         wall_names: Names of the walls, in the order of the engine.
     """
-    found, before = [], None
+    fallback = math.nan if scenario.heat is None else scenario.heat.temperature
+    found = []
     for number, walls in enumerate(scenario.wall_conditions(tuple(wall_names))):
-        conditions = (_engine_condition(kept.condition, _initial(scenario, w, kept, before)) for w, kept in enumerate(walls))
+        conditions = (_engine_condition(kept.condition, fallback) for kept in walls)
         found.append(StageWallHeat(number, tuple(conditions), tuple(kept.stage for kept in walls)))
-        before = walls
     return found
 
 
-def _initial(scenario: Scenario, wall: int, kept: KeptCondition, before: list[KeptCondition] | None) -> float:
-    """Temperature with which a wall of some heat capacity begins [K]; nan: the one that it has."""
-    condition = kept.condition
-    if scenario.heat is None or not isinstance(condition, CapacityCondition):
-        return math.nan
-    if condition.initial is not None:
-        return condition.initial
-    had_one = before is not None and isinstance(before[wall].condition, TemperatureCondition | CapacityCondition)
-    return math.nan if had_one else scenario.heat.temperature
-
-
-def _engine_condition(condition: AnyCondition, initial: float) -> WallHeat:
+def _engine_condition(condition: AnyCondition, fallback: float) -> WallHeat:
     if isinstance(condition, CapacityCondition):
-        return WallHeat("capacity", capacity=condition.capacity, initial=initial)
+        initial = math.nan if condition.initial is None else condition.initial
+        return WallHeat("capacity", capacity=condition.capacity, initial=initial, fallback=fallback)
     if isinstance(condition, TemperatureCondition):
         return WallHeat("temperature", engine_signal(condition.temperature))
     if isinstance(condition, FlowCondition):

@@ -11,29 +11,33 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from multicor_cli import __version__
 from multicor_cli.engine import Engine
 from multicor_cli.engine.coupled import CoupledEngine
 from multicor_cli.engine.heat.step import HeatEngine
 from multicor_cli.engine.jit.cache import is_compiled
 from multicor_cli.model import TALLY_NAMES, Model, State
-from multicor_cli.packing import build
+from multicor_cli.packing.build import Placed, place
 from multicor_cli.running.controller import Controller
-from multicor_cli.running.differences import find_differences, former_defaults
+from multicor_cli.running.differences import added_stages, find_differences, former_defaults
 from multicor_cli.running.heat_plan import heat_settings
 from multicor_cli.running.memory import keep_freed_memory
 from multicor_cli.running.observer import Observer, SilentObserver
 from multicor_cli.running.outcome import ExitCode, RunOutcome, StopReason, exit_code_of
 from multicor_cli.running.plan import RunPlan
-from multicor_cli.running.planning import make_plan
+from multicor_cli.running.planning import make_plan, stage_name
 from multicor_cli.running.recorder import DirectoryRecorder
 from multicor_cli.running.signals import Switchboard
 from multicor_cli.scenario.load import parse_scenario
 from multicor_cli.scenario.overrides import apply_overrides
 from multicor_cli.scenario.problems import ScenarioError
 from multicor_cli.scenario.scenario import Scenario
-from multicor_cli.store import RunDirectory, StoreError, collect_provenance, open_run
+from multicor_cli.store import DirectoryRefused, RunDirectory, StoreError, collect_provenance, open_run
+from multicor_cli.store.extension import Extension
 from multicor_cli.store.layout import RESOLVED
+from multicor_cli.store.origin import Origin
 from multicor_cli.store.prepare import check_usable, read_scenario
 from multicor_cli.store.provenance import current_command
 from multicor_cli.store.run_document import read_run_document
@@ -54,6 +58,7 @@ class Session:
         threads: int,
         max_seconds: float | None = None,
         overwrite: bool = False,
+        extend: bool = False,
         observer: Observer | None = None,
         switchboard: Switchboard | None = None,
         review: Review | None = None,
@@ -66,6 +71,7 @@ class Session:
             threads: Number of threads of the solver.
             max_seconds: Wall-clock time from now at which to stop with a checkpoint.
             overwrite: Whether a run that is there may be removed.
+            extend: Whether stages that the scenario has more than the run at its end are added to the run.
             observer: Who is told.
             switchboard: Where signals arrive, if the caller has installed one already.
             review: Looks at a new run before anything is written; what it raises ends the run there.
@@ -74,6 +80,7 @@ class Session:
         self._path = path
         self._threads = threads
         self._overwrite = overwrite
+        self._extend = extend
         self._observer = observer or SilentObserver()
         self._signals = switchboard or Switchboard()
         self._review = review
@@ -94,6 +101,8 @@ class Session:
             try:
                 if RunDirectory.is_run(self._path) and not self._overwrite:
                     return self._continue()
+                if self._extend:
+                    raise DirectoryRefused(f"{self._path}: holds no run that could be extended; leave --extend out to begin one")
                 return self._begin()
             finally:
                 self._observer.closed()
@@ -110,10 +119,11 @@ class Session:
 
     def _begin(self) -> RunOutcome:
         check_usable(self._path, overwrite=self._overwrite)
-        model, state = self._build(self._scenario)
-        plan = make_plan(self._scenario, model)
+        _refuse_own_start(self._scenario, self._path)
+        placed = self._build(self._scenario)
+        plan = make_plan(self._scenario, placed.model)
         if self._review is not None:
-            self._review(self._scenario, plan, model, state)
+            self._review(self._scenario, plan, placed.model, placed.state)
         provenance = collect_provenance(current_command(), seed=self._scenario.seed, threads=self._threads)
         with RunDirectory.create(
             self._path,
@@ -123,15 +133,17 @@ class Session:
             stages=[stage.name for stage in plan.stages],
             precision=self._scenario.output.precision,
             overwrite=self._overwrite,
+            origin=placed.origin,
         ) as directory:
-            return self._carry_on(directory, self._scenario, model, state, is_new=True)
+            return self._carry_on(directory, self._scenario, placed.model, placed.state, is_new=True)
 
     def _continue(self) -> RunOutcome:
         document = read_run_document(self._path)
         before = read_scenario(self._path / RESOLVED, document["resolved_sha256"])
-        scenario = _with_seed_of(_with_defaults_of(self._scenario, before), int(document["provenance"]["seed"]))
-        _refuse_changes(scenario, before, self._path)
-        with RunDirectory.resume(self._path) as directory:
+        scenario = _with_groups_of(_with_defaults_of(self._scenario, before), before)
+        scenario = _with_seed_of(scenario, int(document["provenance"]["seed"]))
+        extension = self._find_extension(scenario, before)
+        with RunDirectory.resume(self._path, extension=extension) as directory:
             if directory.is_finished:
                 summary = document["summary"]
                 return RunOutcome(
@@ -146,28 +158,56 @@ class Session:
                 checkpoint = directory.load_checkpoint()
                 if checkpoint is None:
                     self._signals.farewell = functools.partial(self._leave, directory=directory)
-                    model, state = self._build(scenario)
-                    return self._carry_on(directory, scenario, model, state, is_new=True)
+                    placed = self._build(scenario)
+                    _refuse_other_origin(scenario, directory.origin, placed.origin)
+                    return self._carry_on(directory, scenario, placed.model, placed.state, is_new=True)
                 self._compare_versions(str(directory.provenance.get("multicor_version", "")))
                 for warning in checkpoint.warnings:
                     self._observer.warning(warning)
-                model = directory.load_model() or build(scenario)[0]
+                model = directory.load_model() or place(scenario).model
                 self._observer.message(f"continuing from step {checkpoint.state.step} (t = {checkpoint.state.time:g} s)")
                 return self._carry_on(directory, scenario, model, checkpoint.state, is_new=False)
+
+    def _find_extension(self, scenario: Scenario, before: str) -> Extension | None:
+        """The scenario as one that goes on where that of the run ends; None if they are the same. Raises as `_refuse_changes`."""
+        with contextlib.suppress(ScenarioError):  # an earlier version may have written what is no longer valid: compared as it is
+            before = parse_scenario(before, scenario.path).resolved_toml()
+        resolved = scenario.resolved_toml()
+        added = added_stages(before, resolved)
+        if added <= 0:
+            _refuse_changes(scenario, before, self._path)
+            return None
+        stages = "1 stage" if added == 1 else f"{added} stages"
+        if not self._extend:
+            what = f"{stages} more than when the run in {self._path} began"
+            remedy = "give --extend to add them to that run, choose another directory with -o, or start anew with --overwrite"
+            raise ScenarioError([scenario.problem(("loading", len(scenario.loading) - added), what, remedy)])
+        with open_run(self._path) as run:  # what cannot be carried out is refused before it becomes the run's own scenario
+            if run.info["summary"] is not None:
+                make_plan(scenario, run.model)
+        self._observer.message(f"adding {stages} to the run")
+        names = [stage_name(stage, number) for number, stage in enumerate(scenario.loading)]
+        return Extension(scenario.source, resolved, names)
 
     def _compare_versions(self, before: str) -> None:
         if before != __version__:
             self._observer.warning(f"the run began with multicor {before}, this is {__version__}: its bits may differ from here on")
 
-    def _build(self, scenario: Scenario) -> tuple[Model, State]:
-        self._observer.message("placing the grains")
+    def _build(self, scenario: Scenario) -> Placed:
+        self._observer.message("placing the grains" if scenario.start is None else "taking the grains from another run")
         with self._signals.impatient():
-            return build(scenario)
+            placed = place(scenario)
+        if placed.origin is not None:
+            self._observer.message(f"going on from {placed.origin.text}")
+            for text in placed.origin.wall_texts:
+                self._observer.message(f"walls {text}")
+        return placed
 
     def _carry_on(self, directory: RunDirectory, scenario: Scenario, model: Model, state: State, *, is_new: bool) -> RunOutcome:
         with self._recording_failure(directory):
             plan = make_plan(scenario, model, state)
-            starts = [0.0] if state.stage == 0 else stage_starts(self._path, state)
+            first = 0.0 if directory.origin is None else directory.origin.time
+            starts = [first] if state.stage == 0 else stage_starts(self._path, state, plan, first)
             writer = directory.writer(model)
             engine = make_engine(scenario, model, state, self._threads)
             self._announce(model, engine)
@@ -224,11 +264,24 @@ def make_engine(scenario: Scenario, model: Model, state: State, threads: int) ->
     return CoupledEngine(mechanics, None if settings is None else HeatEngine(model, state, settings))
 
 
-def stage_starts(path: Path, state: State) -> list[float]:
-    """Times at which the stages up to that of ``state`` have begun [s]: each stage but the last has left a frame of its end."""
+def stage_starts(path: Path, state: State, plan: RunPlan, first: float = 0.0) -> list[float]:
+    """Times at which the stages up to that of ``state`` have begun [s]: each stage but the last has left a frame of its end.
+
+    Args:
+        path: The run directory.
+        state: Where the run stands.
+        plan: Its plan.
+        first: Time at which the first stage began: not 0 on the clock of a run from which this one goes on.
+    """
     with open_run(path) as run:
-        stages, times = run.frames.stage, run.frames.time
-    return [0.0, *(float(times[stages == k][-1]) for k in range(state.stage - 1)), state.stage_start]
+        stages, steps, lengths = run.frames.stage, run.frames.step, run.frames.column("steps/dt")
+    ends = [int(np.flatnonzero(stages == k)[-1]) for k in range(state.stage)]
+    starts, done = [first], 0
+    for stage, end in zip(plan.stages, ends, strict=False):
+        dt = stage.dt if stage.is_frozen else float(lengths[end])  # a frozen stage takes no step of the mechanics
+        starts.append(starts[-1] + (int(steps[end]) - done) * dt)
+        done = int(steps[end])
+    return starts
 
 
 def _describe(error: Exception) -> str:
@@ -250,6 +303,30 @@ def _with_seed_of(scenario: Scenario, seed: int) -> Scenario:
     return dataclasses.replace(scenario, model=scenario.model.model_copy(update={"scenario": header}))
 
 
+def _with_groups_of(scenario: Scenario, before: str) -> Scenario:
+    """The scenario with the groups that the run took from another at its start, whatever has become of that run since."""
+    if scenario.start is None or "particles" in _given(scenario):
+        return scenario
+    groups = parse_scenario(before, scenario.path).particles
+    return dataclasses.replace(scenario, model=scenario.model.model_copy(update={"particles": groups}))
+
+
+def _refuse_own_start(scenario: Scenario, path: Path) -> None:
+    """A run cannot replace the one that it goes on from."""
+    if scenario.start is not None and scenario.resolve_path(scenario.start.run).resolve() == path.resolve():
+        what = f"the run '{path}' is the one that this run would replace"
+        remedy = "choose another directory with -o; to add stages to that run itself, use its own scenario and --extend"
+        raise ScenarioError([scenario.problem(("start", "run"), what, remedy)])
+
+
+def _refuse_other_origin(scenario: Scenario, before: Origin | None, now: Origin | None) -> None:
+    """A run that was stopped before its first checkpoint begins once more from the same moment."""
+    if before is not None and now is not None and before.digest != now.digest:
+        what = f"this run began from digest {before.digest} (step {before.step}), the other run has digest {now.digest} there now"
+        remedy = f"start anew with --overwrite, or go on from a frame at step {before.step}"
+        raise ScenarioError([scenario.problem(("start", "run"), what, remedy)])
+
+
 def _given(scenario: Scenario) -> dict[str, Any]:
     """What the user has written, in the file and in overrides: no defaults."""
     data = tomllib.loads(scenario.source)
@@ -259,8 +336,6 @@ def _given(scenario: Scenario) -> dict[str, Any]:
 
 def _refuse_changes(scenario: Scenario, before: str, path: Path) -> None:
     """A run is continued only with the scenario with which it began; keys that came later have their defaults."""
-    with contextlib.suppress(ScenarioError):  # an earlier version may have written what is no longer valid: compared as it is
-        before = parse_scenario(before, scenario.path).resolved_toml()
     changes = find_differences(before, scenario.resolved_toml())
     remedy = "undo the change to continue the run, choose another directory with -o, or start anew with --overwrite"
     if changes:

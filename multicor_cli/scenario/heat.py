@@ -222,6 +222,11 @@ class Heat(Table):
         return self.conduction != "none" or self.gas is not None
 
     @property
+    def needs_forces(self) -> bool:
+        """Whether contact spots follow from the forces that contacts carry."""
+        return self.conduction != "none" and not isinstance(self.force, PrescribedForce)
+
+    @property
     def mechanisms(self) -> dict[str, MechanismTable]:
         """The mechanisms that are on, by key."""
         return {key: table for key, table in self if isinstance(table, MechanismTable)}

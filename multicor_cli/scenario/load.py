@@ -19,6 +19,7 @@ from multicor_cli.scenario.overrides import apply_overrides
 from multicor_cli.scenario.problems import Finding, KeyPath, Problem, ScenarioError, format_key
 from multicor_cli.scenario.scenario import Scenario
 from multicor_cli.scenario.sources import Sources
+from multicor_cli.scenario.start import take_groups
 from multicor_cli.scenario.translate import translate
 
 MAX_FILE_SIZE = 1_000_000
@@ -52,12 +53,22 @@ def parse_scenario(text: str, path: str | Path, overrides: Sequence[str] = ()) -
     applied, problems = apply_overrides(data, overrides)
     evaluated = evaluate_expressions(data)
     sources = Sources(str(path), text, applied, evaluated.shown)
+    has_taken = take_groups(data, path.parent)
     model, invalid = check_document(data, path.parent)
+    if has_taken:
+        invalid = [_about_start(finding) for finding in invalid]
     findings = [*evaluated.findings, *(finding for finding in invalid if not _is_within(finding.path, evaluated.failed))]
     findings = _add_new(findings, unused_overrides(data, applied, evaluated.used))
     if model is None or problems or findings:
         raise ScenarioError([*problems, *sources.problems(findings)])
     return Scenario(model, path, sources)
+
+
+def _about_start(finding: Finding) -> Finding:
+    """A problem of a group that the file does not name, where the file names the run that has it."""
+    if finding.path[0] != "particles":
+        return finding
+    return Finding(("start", "run"), f"{format_key(finding.path)} of this run: {finding.message}", finding.remedy)
 
 
 def check_document(data: dict[str, Any], directory: Path) -> tuple[ScenarioModel | None, list[Finding]]:

@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from typing import Annotated
 
-from pydantic import Field, Strict
+from pydantic import Field, Strict, ValidationInfo, field_validator
 
-from multicor_cli.scenario.base import FREE, Name, Table
+from multicor_cli.scenario.base import FREE, Name, Table, refuse
 from multicor_cli.scenario.dofs import FixedDof, LoadDof, PositionDof, Spring, VelocityDof, WallDrives
 from multicor_cli.scenario.functions import Variable, VariableName
 from multicor_cli.scenario.gravity import TiltedGravityTable
@@ -30,6 +30,7 @@ from multicor_cli.scenario.packings import (
     LatticePacking,
     RandomPacking,
     RunPacking,
+    StartPacking,
     TilePacking,
 )
 from multicor_cli.scenario.particles import ParticleGroup
@@ -37,6 +38,7 @@ from multicor_cli.scenario.region import RectangleRegion, Region
 from multicor_cli.scenario.settings import Domain, Header, Output, Solver, StageSolver
 from multicor_cli.scenario.signals import RampSignal, SineSignal, SineWave, TableSignal
 from multicor_cli.scenario.sizes import AnySizes, ListSizes, LognormalSizes, NormalSizes, PowerSizes, TableSizes, UniformSizes
+from multicor_cli.scenario.start import Start
 from multicor_cli.scenario.temperatures import (
     AnyTemperature,
     FileTemperature,
@@ -78,8 +80,9 @@ class ScenarioModel(Table):
     contacts: Annotated[tuple[ContactPair, ...], Strict(False)] = Field(
         (), max_length=1000, description="contact laws of pairs of materials"
     )
+    start: Start | None = Field(None, description="run from which this one goes on; without it grains and walls start anew")
     particles: Annotated[tuple[ParticleGroup, ...], Strict(False)] = Field(
-        min_length=1, max_length=1000, description="groups of grains"
+        max_length=1000, description="groups of grains; may be left out with [start]: those of its run"
     )
     walls: Annotated[tuple[Wall, ...], Strict(False)] = Field((), max_length=1000, description="walls")
     loading: Annotated[tuple[Stage, ...], Strict(False)] = Field(
@@ -88,6 +91,14 @@ class ScenarioModel(Table):
     heat: Heat | None = Field(None, description="heat: its presence switches temperatures on")
     solver: Solver = Field(description="time step and contact solver")
     output: Output = Field(description="what is written, and how often")
+
+    @field_validator("particles")
+    @classmethod
+    def _has_grains(cls, groups: tuple[ParticleGroup, ...], info: ValidationInfo) -> tuple[ParticleGroup, ...]:
+        """Only a run that cannot be read (yet) leaves a scenario without groups."""
+        if not groups and info.data.get("start") is None:
+            raise refuse("must have at least 1 elements, has 0", "expected: groups of grains")
+        return groups
 
 
 __all__ = [
@@ -135,6 +146,8 @@ __all__ = [
     "Spring",
     "Stage",
     "StageSolver",
+    "Start",
+    "StartPacking",
     "SteadyEnd",
     "StrainEnd",
     "StressEnd",

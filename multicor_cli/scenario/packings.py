@@ -99,7 +99,13 @@ class RunPacking(Table):
     frame: int = Field(-1, ge=-(10**9), le=10**9, description="index of the frame; -1 is the last one")
 
 
+class StartPacking(Table):
+    """The grains that the group of this name has in the run of ``[start]``."""
+
+    kind: Literal["start"]
+
+
 Packing = Annotated[
-    LatticePacking | RandomPacking | DepositedPacking | CompactedPacking | TilePacking | FilePacking | RunPacking,
+    LatticePacking | RandomPacking | DepositedPacking | CompactedPacking | TilePacking | FilePacking | RunPacking | StartPacking,
     Field(discriminator="kind"),
 ]

@@ -7,7 +7,15 @@ from typing import Literal, Self
 from pydantic import Field, model_validator
 
 from multicor_cli.scenario.base import GrainCount, Length, Name, Number, Table, Vector, refuse
-from multicor_cli.scenario.packings import AreaFraction, FilePacking, LatticePacking, Packing, RunPacking, TilePacking
+from multicor_cli.scenario.packings import (
+    AreaFraction,
+    FilePacking,
+    LatticePacking,
+    Packing,
+    RunPacking,
+    StartPacking,
+    TilePacking,
+)
 from multicor_cli.scenario.region import AnyRegion
 from multicor_cli.scenario.sizes import Sizes
 from multicor_cli.scenario.temperatures import Temperature
@@ -16,9 +24,9 @@ from multicor_cli.scenario.temperatures import Temperature
 class ParticleGroup(Table):
     """One entry of ``[[particles]]``.
 
-    Exactly one of ``count`` and ``fill`` is given, except for packings that bring their own number of grains (file, run,
+    Exactly one of ``count`` and ``fill`` is given, except for packings that bring their own number of grains (file, run, start,
     tile: neither) and for a lattice, which without them fills the whole region. Grains from a file or a run bring their radii
-    too, so that ``sizes`` and ``region`` are refused there.
+    too, so that ``sizes`` and ``region`` are refused there; of a group that goes on, ``sizes`` are those that walls may borrow.
     """
 
     name: Name = Field(description="name of the group")
@@ -50,7 +58,7 @@ class ParticleGroup(Table):
     @property
     def brings_grains(self) -> bool:
         """Whether the packing tells the number of grains and their radii (from a file or a run)."""
-        return isinstance(self.packing, FilePacking | RunPacking)
+        return isinstance(self.packing, FilePacking | RunPacking | StartPacking)
 
     @model_validator(mode="after")
     def _check_thickness(self) -> Self:
@@ -64,7 +72,7 @@ class ParticleGroup(Table):
     def _check_sizes(self) -> Self:
         if not self.brings_grains and self.sizes is None:
             raise refuse("the sizes of the grains are missing", 'add sizes, as { kind = "uniform", min = 0.4e-3, max = 0.6e-3 }')
-        for key in ("sizes", "region"):
+        for key in ("region",) if isinstance(self.packing, StartPacking) else ("sizes", "region"):
             if self.brings_grains and getattr(self, key) is not None:
                 raise refuse(f'{key} has no meaning for packing kind = "{self.packing.kind}"', f"remove {key}", key)
         return self

@@ -18,6 +18,7 @@ from multicor_cli.scenario.region import Region
 from multicor_cli.scenario.settings import Domain, Output, Solver
 from multicor_cli.scenario.sizes import AnySizes
 from multicor_cli.scenario.sources import Sources
+from multicor_cli.scenario.start import Start
 from multicor_cli.scenario.wall_heat import KeptCondition, resolve_conditions
 from multicor_cli.scenario.walls import Wall
 
@@ -86,6 +87,11 @@ class Scenario:
     def contacts(self) -> tuple[ContactPair, ...]:
         """``[[contacts]]``."""
         return self.model.contacts
+
+    @property
+    def start(self) -> Start | None:
+        """``[start]``; None if the run does not go on from another."""
+        return self.model.start
 
     @property
     def particles(self) -> tuple[ParticleGroup, ...]:

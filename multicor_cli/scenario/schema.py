@@ -14,11 +14,13 @@ def scenario_schema() -> dict[str, Any]:
     """The JSON Schema of scenario files; what the tables must have in common is left to `load_scenario`."""
     schema: dict[str, Any] = _with_expressions(_without_null(ScenarioModel.model_json_schema(by_alias=True)))
     schema.pop("description", None)
+    schema["required"].remove("particles")
     return {
         "$schema": SCHEMA_DIALECT,
         "title": "multicor scenario",
         "description": "A multicor scenario file. SI units, radians; indices count from 0.",
         **{key: value for key, value in schema.items() if key != "title"},
+        "anyOf": [{"required": ["particles"]}, {"required": ["start"]}],
     }
 
 

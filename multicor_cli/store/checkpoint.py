@@ -71,11 +71,19 @@ class Identity:
         run_id: Identity of the run.
         scenario: Digest of the resolved scenario.
         stages: Number of loading stages.
+        former: Digests of the scenario before stages were added at its end: what was saved then is as good as ever.
     """
 
     run_id: str
     scenario: str
     stages: int
+    former: tuple[str, ...] = ()
+
+    @classmethod
+    def of(cls, document: Document) -> Identity:
+        """The identity of the run that ``run.json`` describes."""
+        former = tuple(str(extension["resolved_sha256"]) for extension in document.get("extensions", []))
+        return cls(str(document["run_id"]), str(document["resolved_sha256"]), len(document["stages"]), former)
 
 
 def write_checkpoint(
@@ -291,5 +299,5 @@ def _check_document(document: Document, path: Path, identity: Identity) -> None:
     check_version(path, document.get("format_version"))
     if document.get("run_id") != identity.run_id:
         raise DamagedRun(f"{path}: belongs to another run")
-    if document.get("scenario_digest") != identity.scenario:
+    if document.get("scenario_digest") not in (identity.scenario, *identity.former):
         raise DamagedRun(f"{path}: belongs to another scenario than scenario.resolved.toml")

@@ -24,9 +24,33 @@ _IN_DIRECTORY = {
 }
 
 
-def file_names() -> frozenset[str]:
-    """Names of the files and directories of a run directory."""
-    return frozenset({*_FILES, *_IN_DIRECTORY})
+_FORMER = re.compile(r"scenario(\.resolved)?\.\d+\.toml(\.tmp)?")
+"""Scenarios of a run before stages were added to it."""
+
+
+def former_name(name: str, number: int) -> str:
+    """Under which name a scenario file (`SOURCE`, `RESOLVED`) is kept as it was before the extension of this number, from 1."""
+    return f"{name.removesuffix('.toml')}.{number}.toml"
+
+
+def former_files(path: Path) -> list[Path]:
+    """Former versions of a scenario file of a run, the newest last."""
+    found = path.parent.glob(f"{path.name.removesuffix('.toml')}.*.toml")
+    numbered = [(file.name.split(".")[-2], file) for file in found if _FORMER.fullmatch(file.name)]
+    return [file for number, file in sorted(numbered, key=lambda pair: int(pair[0])) if path.name == _name_of(file, number)]
+
+
+def _name_of(former: Path, number: str) -> str:
+    return former.name.removesuffix(f".{number}.toml") + ".toml"
+
+
+def is_file_name(name: str) -> bool:
+    """Whether a run has a file or a directory of this name in its directory."""
+    return name in _IN_DIRECTORY or _is_file(name)
+
+
+def _is_file(name: str) -> bool:
+    return name in _FILES or _FORMER.fullmatch(name) is not None
 
 
 def foreign_entries(directory: Path) -> list[str]:
@@ -36,7 +60,7 @@ def foreign_entries(directory: Path) -> list[str]:
         if entry.name in _IN_DIRECTORY and entry.is_dir() and not entry.is_symlink():
             known = _IN_DIRECTORY[entry.name]
             foreign += [f"{entry.name}/{f.name}" for f in sorted(entry.iterdir()) if not known.fullmatch(f.name)]
-        elif entry.name.removesuffix(".tmp") not in _FILES or (entry.is_dir() and not entry.is_symlink()):
+        elif not _is_file(entry.name.removesuffix(".tmp")) or (entry.is_dir() and not entry.is_symlink()):
             foreign.append(entry.name)
     return foreign
 
@@ -52,7 +76,12 @@ def own_files(directory: Path, name: str) -> list[Path]:
 def temporaries(directory: Path) -> list[Path]:
     """Files that interrupted commits of this program have left in a run directory."""
     inside = [*own_files(directory, SEGMENTS), *own_files(directory, CHECKPOINTS)]
-    return [*(directory / f"{name}.tmp" for name in sorted(_FILES)), *(file for file in inside if file.name.endswith(".tmp"))]
+    former = [file for file in sorted(directory.glob("scenario.*.tmp")) if _FORMER.fullmatch(file.name)]
+    return [
+        *(directory / f"{name}.tmp" for name in sorted(_FILES)),
+        *former,
+        *(file for file in inside if file.name.endswith(".tmp")),
+    ]
 
 
 def known_files(directory: Path) -> list[Path]:

@@ -73,13 +73,17 @@ def _require_writable(directory: Path) -> None:
 
 
 def read_scenario(path: Path, sha256: str) -> str:
-    """Text of a scenario file; raises `DamagedRun` if it was changed, `StorageError` if it cannot be read."""
-    require_regular(path)
-    with storage_errors(path):
-        data = path.read_bytes()
-    if hashlib.sha256(data).hexdigest() != sha256:
-        raise DamagedRun(f"{path}: was changed after the run had begun; put the original back, or start another run")
-    return data.decode()
+    """Text of a scenario file; raises `DamagedRun` if it was changed, `StorageError` if it cannot be read.
+
+    Where the run was being extended when its process died, it is still the run of a former scenario, kept beside the new one.
+    """
+    for file in (path, *reversed(layout.former_files(path))):
+        require_regular(file)
+        with storage_errors(file):
+            data = file.read_bytes()
+        if hashlib.sha256(data).hexdigest() == sha256:
+            return data.decode()
+    raise DamagedRun(f"{path}: was changed after the run had begun; put the original back, or start another run")
 
 
 def remove_temporaries(path: Path) -> None:

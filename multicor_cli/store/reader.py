@@ -175,11 +175,10 @@ class Run:
         directory = self.path / layout.CHECKPOINTS
         if not directory.is_dir():
             return None
-        identity = Identity(self.run_id, str(self.info["resolved_sha256"]), len(self.stages))
         model = None
         with contextlib.suppress(DamagedRun):  # what belongs to the state is whole all the same
             model = self.model
-        found = load_newest(directory, identity, None, model)
+        found = load_newest(directory, Identity.of(self.info), None, model)
         return found.state if found else None
 
     def _scenario(self, kind: str, name: str) -> str:
@@ -254,8 +253,9 @@ def _info_of_results(path: Path) -> Document:
     with CheckedFile(path, RESULTS_FILETYPE) as file:
         texts = {name: file.text(name) for name in ("run_id", "status", "stop_reason", "started", "finished", "precision")}
         documents = {name: file.json(name) for name in ("provenance", "summary")}
-        if file.has_text("stage_ends"):  # or it comes from an earlier version
-            documents["stage_ends"] = file.json("stage_ends")
+        documents |= {
+            name: file.json(name) for name in ("stage_ends", "origin") if file.has_text(name)
+        }  # earlier versions have none
         stages = file.strings(next(spec for spec in schema.SCENARIO if spec.name == "stages"))
         frames = int(file.dataset(next(spec for spec in schema.STEPS if spec.name == "step")).shape[0])
         digest = file.text("data_digest")

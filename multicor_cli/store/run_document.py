@@ -15,6 +15,7 @@ from multicor_cli.store.checked import check_version
 from multicor_cli.store.documents import Document, plain, read_document
 from multicor_cli.store.errors import DamagedRun, DirectoryRefused
 from multicor_cli.store.hdf5 import Precision
+from multicor_cli.store.origin import Origin, is_origin
 from multicor_cli.store.provenance import current_command
 from multicor_cli.store.schema import FORMAT_VERSION
 from multicor_cli.store.stage_ends import is_stage_end
@@ -55,7 +56,12 @@ def check_types(file: Path, document: Document) -> None:
 
 
 def new_document(
-    source: bytes, resolved: str, provenance: Mapping[str, Any], stages: Sequence[str], precision: Precision
+    source: bytes,
+    resolved: str,
+    provenance: Mapping[str, Any],
+    stages: Sequence[str],
+    precision: Precision,
+    origin: Origin | None = None,
 ) -> Document:
     """The document of a run that begins now; arguments as for ``RunDirectory.create``."""
     return {
@@ -73,7 +79,9 @@ def new_document(
         "stage_ends": [],
         "source_sha256": hashlib.sha256(source).hexdigest(),
         "resolved_sha256": hashlib.sha256(resolved.encode()).hexdigest(),
+        "origin": None if origin is None else origin.as_document(),
         "provenance": plain(dict(provenance)),
+        "extensions": [],
         "sessions": [new_session()],
         "timings": {},
         "summary": None,
@@ -91,7 +99,7 @@ def now() -> str:
     return datetime.now(UTC).isoformat(timespec="seconds")
 
 
-_LATER = {"stage_ends"}
+_LATER = {"stage_ends", "origin", "extensions"}
 """Keys that runs of earlier versions lack."""
 
 _KEYS = set(new_document(b"", "", {}, (), "double")) - _LATER
@@ -102,6 +110,20 @@ def _is_results(value: Any) -> bool:
         isinstance(value, dict)
         and all(isinstance(value.get(name), int) for name in ("size", "frames"))
         and all(isinstance(value.get(name), str) for name in ("data_digest", "blake2b"))
+    )
+
+
+def _is_extension(value: Any) -> bool:
+    """Whether it is what `multicor_cli.store.extension` writes."""
+    if not isinstance(value, dict):
+        return False
+    texts = [value.get(name) for name in ("started", "source_sha256", "resolved_sha256")]
+    counts = [value.get(name) for name in ("stages_before", "stages")]
+    places = [value.get(name) for name in ("step", "time")]
+    return (
+        all(isinstance(text, str) for text in texts)
+        and all(isinstance(count, int) and _is_number(count) for count in counts)
+        and all(place is None or _is_number(place) for place in places)
     )
 
 
@@ -146,6 +168,8 @@ _TYPES: dict[str, Callable[[Any], bool]] = {
     "status": lambda value: value in (CREATING, "running", "finished", "stopped", "failed"),
     "stages": lambda value: isinstance(value, list) and all(isinstance(name, str) for name in value),
     "stage_ends": lambda value: isinstance(value, list) and all(map(is_stage_end, value)),
+    "origin": lambda value: value is None or is_origin(value),
+    "extensions": lambda value: isinstance(value, list) and all(map(_is_extension, value)),
     "sessions": lambda value: isinstance(value, list) and all(isinstance(item, dict) for item in value),
     "provenance": _is_provenance,
     "timings": lambda value: isinstance(value, dict) and all(map(_is_number, value.values())),

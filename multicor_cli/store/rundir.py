@@ -16,10 +16,12 @@ from multicor_cli.store.atomic import file_digest, kill_point, make_directory, s
 from multicor_cli.store.checkpoint import Checkpoint, Identity, load_newest, prune, write_checkpoint
 from multicor_cli.store.documents import Document, plain, write_document
 from multicor_cli.store.errors import DamagedRun, DirectoryRefused, StoreError
+from multicor_cli.store.extension import Extension, extend
 from multicor_cli.store.hdf5 import Precision
 from multicor_cli.store.lock import RunLock
 from multicor_cli.store.manifest import keep_segments
 from multicor_cli.store.model_file import load_model, model_digest, write_model
+from multicor_cli.store.origin import Origin
 from multicor_cli.store.prepare import check_usable, is_run, lay_out, read_scenario, remove_temporaries
 from multicor_cli.store.results import Texts, write_results
 from multicor_cli.store.run_document import new_document, new_session, now, read_run_document
@@ -66,6 +68,7 @@ class RunDirectory:
         precision: Precision = "double",
         overwrite: bool = False,
         force_unlock: bool = False,
+        origin: Origin | None = None,
     ) -> RunDirectory:
         """Begin a run in a new or empty directory, and lock it.
 
@@ -78,6 +81,7 @@ class RunDirectory:
             precision: How datasets of type ``float`` are stored.
             overwrite: Remove the run that is there.
             force_unlock: Ignore a lock held on another host.
+            origin: The moment of another run from which it goes on.
 
         Raises:
             DirectoryRefused: If there is something that is not a run, foreign files in a run, or a run and no ``overwrite``.
@@ -91,7 +95,7 @@ class RunDirectory:
         try:
             check_usable(path, overwrite=overwrite)
             source = source_text.encode() if isinstance(source_text, str) else source_text
-            document = new_document(source, resolved_text, provenance, stages, precision)
+            document = new_document(source, resolved_text, provenance, stages, precision, origin)
             lay_out(path, document, source, resolved_text.encode())
         except BaseException:
             lock.release()
@@ -101,8 +105,13 @@ class RunDirectory:
         return run
 
     @classmethod
-    def resume(cls, path: Path, *, force_unlock: bool = False) -> RunDirectory:
+    def resume(cls, path: Path, *, force_unlock: bool = False, extension: Extension | None = None) -> RunDirectory:
         """Lock an existing run to continue it, or to find that it is finished.
+
+        Args:
+            path: The directory.
+            force_unlock: Ignore a lock held on another host.
+            extension: A scenario with more stages, with which it goes on from now on.
 
         Raises:
             DirectoryRefused: If there is no run.
@@ -115,7 +124,10 @@ class RunDirectory:
             raise DirectoryRefused(f"{path}: holds no run")
         lock = RunLock(path / layout.LOCK, force=force_unlock)
         try:
-            run = cls(path, lock, read_run_document(path))
+            document = read_run_document(path)
+            if extension is not None:
+                extend(path, document, extension)
+            run = cls(path, lock, document)
             run._begin_session()
         except BaseException:
             lock.release()
@@ -167,6 +179,12 @@ class RunDirectory:
     def stage_ends(self) -> tuple[StageEnd, ...]:
         """How the loading stages ended so far; of runs that an earlier version began those since then."""
         return tuple(map(StageEnd.of_document, self._document.get("stage_ends", [])))
+
+    @property
+    def origin(self) -> Origin | None:
+        """The moment of another run from which the run goes on; None if there is none."""
+        found = self._document.get("origin")
+        return None if found is None else Origin.of_document(found)
 
     @property
     def provenance(self) -> dict[str, Any]:
@@ -352,6 +370,7 @@ class RunDirectory:
             attributes={
                 **{name: self._document[name] for name in names},
                 "stage_ends": self._document.get("stage_ends", []),
+                **({"origin": self._document["origin"]} if self._document.get("origin") else {}),
                 "status": "finished",
                 "finished": now(),
             },
@@ -363,7 +382,7 @@ class RunDirectory:
         return path
 
     def _identity(self) -> Identity:
-        return Identity(self.run_id, str(self._document["resolved_sha256"]), len(self.stages))
+        return Identity.of(self._document)
 
     def _save(self) -> None:
         self._document["updated"] = now()

@@ -47,6 +47,8 @@ class FrameWriter:
         segments: Committed segments.
         last_frame_step: Step of the last frame, -1 if there is none.
         last_series_step: Step of the last row of the series, -1 if there is none.
+        frame_table: What is stored of a frame, its offsets apart.
+        series_table: What is stored of a row of the time series.
     """
 
     def __init__(
@@ -64,8 +66,8 @@ class FrameWriter:
         self.model = model
         self._dims = {"wall": model.wall_count, "particle_row": model.grain_count, "frame": 1, "series_row": 1}
         self._features = schema.features_of(model)
-        self._frame_rows = schema.select(_FRAME_ROWS, self._features, version)
-        self._series = schema.select(schema.SERIES, self._features, version)
+        self.frame_table = schema.select(_FRAME_ROWS, self._features, version)
+        self.series_table = schema.select(schema.SERIES, self._features, version)
         self._table = schema.select(schema.SEGMENT_TABLE, self._features, version)
         self.segments = list(committed)
         self.last_frame_step, self.last_series_step = last_steps
@@ -81,7 +83,7 @@ class FrameWriter:
     @property
     def series_count(self) -> int:
         """Rows of the time series since the start of the run, committed and pending."""
-        return sum(segment.series_rows for segment in self.segments) + len(self._rows)
+        return sum(segment.series_rows for segment in self.segments) + self._row_count
 
     def frame(self, moment: Moment) -> None:
         """Add a frame of a moment (arrays are copied).
@@ -94,9 +96,9 @@ class FrameWriter:
         step = moment.state.step
         if step <= self.last_frame_step:
             raise ValueError(f"frame at step {step} after one at step {self.last_frame_step}")
-        columns = columns_of(self._frame_rows, moment)
+        columns = columns_of(self.frame_table, moment)
         self._check_contacts(columns, step)
-        stored = self._stored(self._frame_rows, columns, f"frame at step {step}")
+        stored = self._stored(self.frame_table, columns, f"frame at step {step}")
         self.last_frame_step = step
         self._frames.append(stored)
         self._grow(stored)
@@ -109,10 +111,27 @@ class FrameWriter:
         step = moment.state.step
         if step <= self.last_series_step:
             raise ValueError(f"row of the time series at step {step} after one at step {self.last_series_step}")
-        stored = self._stored(self._series, columns_of(self._series, moment), f"time series at step {step}")
+        stored = self._stored(self.series_table, columns_of(self.series_table, moment), f"time series at step {step}")
         self.last_series_step = step
         self._rows.append(stored)
         self._grow(stored)
+
+    def copy_frame(self, columns: Columns) -> None:
+        """Add a frame as it was stored before, as arrays by path; raises `StorageFull` or `StorageError` if a segment is due."""
+        self.last_frame_step = int(columns["steps/step"][0])
+        self._frames.append(columns)
+        self._grow(columns)
+
+    def copy_series(self, columns: Columns) -> None:
+        """Add rows of the time series as they were stored before; raises as `copy_frame`."""
+        self.last_series_step = int(columns["series/step"][-1])
+        self._rows.append(columns)
+        self._grow(columns)
+
+    @property
+    def _row_count(self) -> int:
+        """Rows of the time series that are pending."""
+        return sum(len(rows["series/step"]) for rows in self._rows)
 
     def flush(self) -> None:
         """Commit what is pending; raises `StorageFull` or `StorageError`, and then keeps it pending."""
@@ -166,7 +185,7 @@ class FrameWriter:
             if spec in schema.OFFSETS:
                 writer.write(spec, self._offsets(spec))
             else:
-                self._write_pieces(writer, spec, self._rows if spec in self._series else self._frames)
+                self._write_pieces(writer, spec, self._rows if spec in self.series_table else self._frames)
 
     def _write_pieces(self, writer: Hdf5Writer, spec: Dataset, pieces: list[Columns]) -> None:
         rows = sum(len(piece[spec.path]) for piece in pieces)
@@ -191,7 +210,7 @@ class FrameWriter:
             frames=len(self._frames),
             particle_rows=sum(len(frame["particles/angle"]) for frame in self._frames),
             contact_rows=sum(len(frame["contacts/gap"]) for frame in self._frames),
-            series_rows=len(self._rows),
+            series_rows=self._row_count,
             first_step=min(steps),
             last_step=max(steps),
             size=path.stat().st_size,
@@ -201,5 +220,5 @@ class FrameWriter:
     def _pending_steps(self) -> Iterator[int]:
         for frame in self._frames:
             yield int(frame["steps/step"][0])
-        for row in self._rows:
-            yield int(row["series/step"][0])
+        for rows in self._rows:
+            yield from rows["series/step"].tolist()

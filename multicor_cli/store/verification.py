@@ -234,7 +234,7 @@ def _check_contacts(file: CheckedFile, limits: Limits) -> None:
 
 def _verify_checkpoints(path: Path, document: Document) -> list[FileFinding]:
     directory = path / layout.CHECKPOINTS
-    identity = Identity(str(document["run_id"]), str(document["resolved_sha256"]), len(document["stages"]))
+    identity = Identity.of(document)
     sidecars = newest_first(directory)
     named = document["summary"]["step"] if document["summary"] and document["status"] != "finished" else -1
     findings = _run_checks([(sidecar, _checkpoint_check(sidecar, identity)) for sidecar in sidecars])

@@ -147,7 +147,7 @@ def stop_early(process: subprocess.Popen[str]) -> None:
 
 def test_signal_while_nothing_has_to_be_saved_ends_the_process(finished: Path, tmp_path: Path) -> None:
     write_small(tmp_path)
-    stop_early(run_that_hangs(tmp_path, "build"))
+    stop_early(run_that_hangs(tmp_path, "place"))
     assert not (tmp_path / "early").exists()
     stop_early(run_that_hangs(tmp_path, "Engine.step"))
     info = read_info(tmp_path / "early")
@@ -155,7 +155,7 @@ def test_signal_while_nothing_has_to_be_saved_ends_the_process(finished: Path, t
     assert (tmp_path / "early" / "lock").read_text() == ""
     for checkpoint in (tmp_path / "early" / "checkpoints").iterdir():
         checkpoint.unlink()  # as if it had been killed before the first one: the grains are placed again
-    stop_early(run_that_hangs(tmp_path, "build"))
+    stop_early(run_that_hangs(tmp_path, "place"))
     assert call("run", "small.toml", "-o", "early", cwd=tmp_path).returncode == 0
     assert read_info(tmp_path / "early")["data_digest"] == read_info(finished)["data_digest"]
 

@@ -57,6 +57,25 @@ def test_finished_runs_are_read(kept: Path) -> None:
         assert run.series["heat_stored"][-1] != 0.0
 
 
+def test_finished_runs_are_extended_and_gone_on_from(kept: Path) -> None:
+    """Files of an earlier version become those of a longer run of that version; a new run takes its state from them."""
+    text = (kept / "kept.toml").read_text(encoding="utf-8")
+    begin, end = text.index("[[particles]]"), text.index("[[walls]]")
+    new = text[:begin] + '[start]\nrun = "finished"\n' + text[end:]
+    (kept / "new.toml").write_text(new, encoding="utf-8")
+    assert call("run", "new.toml", "-o", "new", cwd=kept).returncode == 0
+    stage = "\n[[loading]]\nduration = 0.002\n"
+    (kept / "longer.toml").write_text(text.replace("[solver]", f"{stage}[solver]"), encoding="utf-8")
+    done = call("run", "longer.toml", "-o", "finished", "--extend", cwd=kept)
+    assert done.returncode == 0, done.stderr
+    assert verify(kept / "finished") == []
+    with open_run(kept / "finished") as run, open_run(kept / "new") as second:
+        assert run.frames.step.tolist()[:4] == [0, 25, 50, 75]
+        assert len(run.frames) > 4
+        assert second.info["origin"]["step"] == 75
+        assert second.info["summary"]["heat_closure"] < 1e-12
+
+
 @pytest.mark.skipif(nudge_seed() is not None, reason=f"{VARIABLE} moves the positions whose bits are frozen")
 def test_unfinished_runs_are_continued(version: str, kept: Path) -> None:
     assert verify(kept / "unfinished") == []

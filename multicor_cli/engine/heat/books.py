@@ -53,6 +53,8 @@ def strike_balance(state: State) -> None:
     """Compare the heat content of the grains with what has come in."""
     books = state.heat_books
     stored = total(state.heat)
+    if state.heat_before.size:
+        stored -= float(state.heat_before[0])
     books[_BOOK["stored"]] = stored
     received = books[_BOOK["friction"]] + books[_BOOK["impact"]] - books[_BOOK["to_walls"]]
     from_outside = books[_BOOK["from_walls"]]

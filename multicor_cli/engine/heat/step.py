@@ -105,9 +105,11 @@ class HeatEngine:
     def begin_conditions(self, is_new: NDArray[np.bool_]) -> None:
         """Give bodies whose condition is new, shape ``(w,)``, the temperature with which they begin."""
         for w in self._bodies[is_new[self._bodies]]:
-            initial = self._conditions[w].initial
-            if np.isfinite(initial):
-                self.state.wall_temperature[w] = initial
+            condition, wall = self._conditions[w], self.state.wall_temperature
+            if np.isfinite(condition.initial):
+                wall[w] = condition.initial
+            elif not np.isfinite(wall[w]):
+                wall[w] = condition.fallback
 
     def shape_temperatures(self, t: float) -> Floats:
         """Temperatures of grains and wall shapes [K]; nan for walls that have none, shape ``(n + m,)``.

@@ -28,12 +28,14 @@ class WallHeat:
         signal: The prescribed value as a function of the time since the start of the stage.
         capacity: Heat capacity of a body [J/K].
         initial: Its temperature when the condition begins [K]; nan: the one that it has.
+        fallback: The same where it has none yet [K].
     """
 
     kind: Literal["insulated", "temperature", "flow", "capacity"] = "insulated"
     signal: Signal = _INSULATED
     capacity: float = 0.0
     initial: float = math.nan
+    fallback: float = math.nan
 
 
 @dataclass(frozen=True)

@@ -30,6 +30,7 @@ class Draft:
         material_names: Names of all materials, right or wrong.
         materials: ``[materials.NAME]`` by name.
         contacts: ``[[contacts]]``.
+        has_start: Whether there is a table ``[start]``, right or wrong.
         particles: ``[[particles]]``.
         group_names: Names of the groups; ``None`` where there is no name.
         walls: ``[[walls]]``.
@@ -45,6 +46,7 @@ class Draft:
     material_names: list[str]
     materials: dict[str, Material | None]
     contacts: list[ContactPair | None]
+    has_start: bool
     particles: list[ParticleGroup | None]
     group_names: list[str | None]
     walls: list[Wall | None]
@@ -63,6 +65,7 @@ class Draft:
             list(model.materials),
             dict(model.materials),
             list(model.contacts),
+            model.start is not None,
             list(model.particles),
             [group.name for group in model.particles],
             list(model.walls),
@@ -84,6 +87,7 @@ class Draft:
             list(raw) if isinstance(raw, dict) else [],
             {name: _table(Material, table, context) for name, table in materials.items()},
             _tables(ContactPair, data.get("contacts"), context),
+            "start" in data,
             _tables(ParticleGroup, data.get("particles"), context),
             _names(data.get("particles")),
             _tables(Wall, data.get("walls"), context),

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 
 from multicor_cli.model.model import LEAST_DIAMETERS
 from multicor_cli.scenario.checks.draft import Draft
-from multicor_cli.scenario.packings import CompactedPacking, DepositedPacking, TilePacking
+from multicor_cli.scenario.packings import CompactedPacking, DepositedPacking, StartPacking, TilePacking
 from multicor_cli.scenario.particles import ParticleGroup
 from multicor_cli.scenario.problems import Finding, KeyPath, show
 from multicor_cli.scenario.region import RectangleRegion, Region
@@ -22,6 +22,7 @@ def check(draft: Draft) -> Iterator[Finding]:
     """Findings about the groups of grains."""
     yield from double_names(draft.group_names, "particles")
     yield from _unlike_shapes(draft)
+    yield from _unlike_starts(draft)
     yield from _too_many(draft)
     for k, group in enumerate(draft.particles):
         if group and draft.domain:
@@ -43,6 +44,19 @@ def _unlike_shapes(draft: Draft) -> Iterator[Finding]:
         if group.shape != first.shape:
             what = f"{show(group.shape)}, but the group '{first.name}' has {show(first.shape)}"
             yield Finding(("particles", k, "shape"), what, "use the same shape for all groups")
+
+
+def _unlike_starts(draft: Draft) -> Iterator[Finding]:
+    """With ``[start]`` all grains come from its run, and without it none do."""
+    for k, group in enumerate(draft.particles):
+        if group is None or isinstance(group.packing, StartPacking) == draft.has_start:
+            continue
+        if draft.has_start:
+            what = f'kind = "{group.packing.kind}" beside a table [start], whose run has all the grains'
+            remedy = 'remove [[particles]], or [start]; packing = { kind = "start" } names a group of the run'
+        else:
+            what, remedy = 'kind = "start" without a table [start]', 'add [start] with run = "...", or use another packing'
+        yield Finding(("particles", k, "packing"), what, remedy)
 
 
 def region_of(group: ParticleGroup, domain: Domain) -> Region:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from multicor_cli.scenario.checks.draft import Draft
-from multicor_cli.scenario.heat import Heat, PrescribedForce
+from multicor_cli.scenario.heat import Heat
 from multicor_cli.scenario.problems import Finding, KeyPath
 from multicor_cli.scenario.wall_heat import AnyCondition, FlowCondition, TemperatureCondition
 
@@ -51,8 +51,8 @@ def _never_on(draft: Draft) -> Iterator[Finding]:
 
 
 def _check_frozen(draft: Draft, heat: Heat) -> Iterator[Finding]:
-    """Contact spots need forces, which only a step of the mechanics finds out."""
-    knows_spots = heat.conduction == "none" or isinstance(heat.force, PrescribedForce)
+    """Contact spots need forces, which only a step of the mechanics finds out, here or in the run of ``[start]``."""
+    knows_spots = draft.has_start or not heat.needs_forces
     for k, stage in enumerate(draft.loading):
         if stage is None or not stage.frozen:
             return

@@ -173,4 +173,5 @@ _DIM_SYMBOL: dict[str, str] = {
     "mean_row": "A",
     "stage_note": "N",
     "origin_row": "w°",
+    "before_row": "B",
 }

@@ -14,11 +14,12 @@ from scenes import SMALL, changed, write_small
 
 from multicor_cli import run as run_scenario
 from multicor_cli.engine import PhysicsError
-from multicor_cli.model import Model, State
 from multicor_cli.packing import build
+from multicor_cli.packing.build import Placed, place
 from multicor_cli.running import session as session_module
 from multicor_cli.running.observer import SilentObserver, Status
 from multicor_cli.running.outcome import ExitCode, RunOutcome, StopReason, exit_code_of
+from multicor_cli.running.planning import make_plan
 from multicor_cli.running.session import stage_starts
 from multicor_cli.scenario.load import load_scenario, parse_scenario
 from multicor_cli.scenario.problems import ScenarioError
@@ -113,13 +114,16 @@ def test_signals_kept_from_an_earlier_stage_survive_a_resume(
     assert digest(directory) == digest(reference.directory)
 
 
-def test_stage_starts_are_read_from_the_frames(reference: RunOutcome) -> None:
+def test_stage_starts_are_read_from_the_frames(scenario_path: Path, reference: RunOutcome) -> None:
     with open_run(reference.directory) as run:
         state = run.state()
         assert state is not None
         stages, times = run.frames.stage, run.frames.time
-    starts = stage_starts(reference.directory, state)
-    assert starts == [0.0, *(float(times[stages == k].max()) for k in (0, 1, 2)), state.stage_start]
+    scenario = load_scenario(scenario_path)
+    plan = make_plan(scenario, build(scenario)[0])
+    starts = stage_starts(reference.directory, state, plan)
+    assert starts == [0.0, *(float(times[stages == k].max()) for k in range(state.stage))]
+    assert starts[-1] == state.stage_start
 
 
 def test_finished_run_is_left_alone(scenario_path: Path, reference: RunOutcome) -> None:
@@ -225,11 +229,11 @@ def test_signal_while_the_grains_are_placed_waits_for_them(
 ) -> None:
     """Of Python users, whose process is not ours to end."""
 
-    def build_interrupted(scenario: Scenario) -> tuple[Model, State]:
+    def place_interrupted(scenario: Scenario) -> Placed:
         signal.raise_signal(signal.SIGINT)
-        return build(scenario)
+        return place(scenario)
 
-    monkeypatch.setattr(session_module, "build", build_interrupted)
+    monkeypatch.setattr(session_module, "place", place_interrupted)
     outcome = run_scenario(scenario_path, tmp_path / "run")
     assert (outcome.reason, outcome.step) == (StopReason.INTERRUPTED, 0)
     monkeypatch.undo()

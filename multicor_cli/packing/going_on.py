@@ -1,0 +1,226 @@
+"""The bodies of a run that goes on from another: grains with their contacts and heat, walls by their names.
+
+What is taken over is what the next step depends on, to the bit; clocks, counters and books begin at zero.
+"""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Mapping
+from dataclasses import replace
+
+import numpy as np
+
+from multicor_cli.arithmetic.sums import total
+from multicor_cli.engine.contact.adhesion import resting_attraction
+from multicor_cli.model import BOOK_NAMES, Model, State, Thermal, WallBody
+from multicor_cli.model.areas import Room
+from multicor_cli.model.columns import NORMAL, Y
+from multicor_cli.model.model import SHAPE_FACTOR, Floats, Grains, Ints
+from multicor_cli.model.shapes import TAIL, Tail
+from multicor_cli.packing.errors import PackingError
+from multicor_cli.packing.groups import with_motion
+from multicor_cli.packing.initial_grains import InitialGrains
+from multicor_cli.packing.source import Source
+from multicor_cli.packing.wall_tables import BuiltWalls
+from multicor_cli.scenario import Scenario
+from multicor_cli.store.origin import Origin
+
+_RUN = ("start", "run")
+_KINETIC, _KINETIC_START = BOOK_NAMES.index("kinetic"), BOOK_NAMES.index("kinetic_start")
+
+
+def misfits(scenario: Scenario, source: Source) -> list[PackingError]:
+    """What of a scenario does not fit to the run that it goes on from."""
+    what = f"the run '{source.path}'"
+    if not scenario.particles:
+        return [PackingError(f"the scenario of {what} cannot be read", "check the run with multicor verify", _RUN)]
+    found, domain = [], scenario.domain
+    groups = tuple(group.name for group in scenario.particles)
+    if groups != source.model.groups:
+        text = f"{what} has the groups {', '.join(source.model.groups)}, the scenario {', '.join(groups)}"
+        found.append(PackingError(text, "remove [[particles]], or name the groups of the run in their order", ("particles",)))
+    shape = scenario.particles[0].shape
+    if SHAPE_FACTOR[shape] != source.model.shape_factor:
+        text = f"{what} has other grains than {shape}s"
+        found.append(
+            PackingError(text, "remove [[particles]], or use the shape that they have in the run", ("particles", 0, "shape"))
+        )
+    if (np.diff(source.model.grains.group) < 0).any():
+        found.append(
+            PackingError(f"{what} has grains that are not in the order of its groups", "check it with multicor verify", _RUN)
+        )
+    if domain.period != source.model.period:
+        text = f"the period is {domain.period:g} m, that of {what} {source.model.period:g} m (0: none)"
+        found.append(PackingError(text, "use the size and periodic of that run", ("domain", "size")))
+    return found + _outside(scenario, source)
+
+
+def _outside(scenario: Scenario, source: Source) -> list[PackingError]:
+    """Grains beyond a domain that is not that of the run; what has left the domain in which it began may stay outside."""
+    size, before = scenario.domain.size, source.size
+    if before is None or before == size:
+        return []
+    center = source.state.position[:, :2]
+    is_outside = (center < 0.0) | (center > np.array(size))
+    if source.model.period > 0.0:
+        is_outside = is_outside[:, Y:]
+    count = int(np.count_nonzero(is_outside.any(axis=1)))
+    if not count:
+        return []
+    room = f"{size[0]:g} × {size[1]:g} m (there: {before[0]:g} × {before[1]:g} m)"
+    text = f"{count} grains of the run '{source.path}' lie outside {room}"
+    return [PackingError(text, "enlarge the domain, or use that of the run", ("domain", "size"))]
+
+
+def grains_of(scenario: Scenario, source: Source) -> list[InitialGrains]:
+    """The grains of each group where the run has them, moving as there and as the scenario adds."""
+    state, grains, temperature = source.state, source.model.grains, source.temperature
+    groups = []
+    for k, group in enumerate(scenario.particles):
+        mine = np.flatnonzero(grains.group == k)
+        warmth = None if temperature is None else temperature[mine]
+        found = InitialGrains(grains.radius[mine], state.position[mine], state.velocity[mine], warmth)
+        has_more = any((*group.velocity, group.spin, group.shear_rate))
+        groups.append(with_motion(scenario, group, found) if has_more else found)  # else -0 would become 0
+    return groups
+
+
+def known_bodies(scenario: Scenario, source: Source) -> dict[str, WallBody]:
+    """Walls that are in the run with the same geometry: rough ones keep the grains glued to them, whatever the seed is now."""
+    tables = tomllib.loads(scenario.resolved_toml()).get("walls", [])
+    names = source.model.walls.names
+    same = [t["name"] for t in tables if t["name"] in names and t["geometry"] == source.geometries.get(t["name"])]
+    return {name: _body(source, names.index(name)) for name in same}
+
+
+def _body(source: Source, wall: int) -> WallBody:
+    kind, geometry = _shapes_of(source.model, wall)
+    return WallBody(source.state.wall_position[wall, :2], kind, geometry, float(source.model.walls.length[wall]))
+
+
+def _shapes_of(model: Model, wall: int) -> tuple[Ints, Floats]:
+    """Kinds and geometry of the shapes of a wall, which name each other from the first of this wall on."""
+    mine = np.flatnonzero(model.shapes.wall == wall)
+    kind, geometry = model.shapes.kind[mine], model.shapes.geometry[mine].copy()
+    refers = (TAIL[kind] == Tail.SHAPES)[:, None] & (geometry[:, 2:] >= 0.0)
+    geometry[:, 2:] -= np.where(refers, mine[0] if mine.size else 0, 0)
+    return kind, geometry
+
+
+def placed_walls(walls: BuiltWalls, source: Source) -> BuiltWalls:
+    """The walls with those that are in the run where they are there; no grain is behind or in these, wherever the file has them."""
+    position, fronts, rooms = walls.position.copy(), list(walls.fronts), list(walls.rooms)
+    for new, old in _same_walls(walls.walls.names, source).items():
+        position[new] = source.state.wall_position[old]
+        fronts[new], rooms[new] = None, Room()
+    return walls._replace(position=position, fronts=fronts, rooms=rooms)
+
+
+def _same_walls(names: tuple[str, ...], source: Source) -> dict[int, int]:
+    """Index of each wall that is in the run, and its index there."""
+    before = source.model.walls.names
+    return {new: before.index(name) for new, name in enumerate(names) if name in before}
+
+
+def carried_over(scenario: Scenario, source: Source, model: Model, state: State) -> tuple[Model, State]:
+    """A model and state with all that the next step of the run would have depended on.
+
+    Args:
+        scenario: What to do.
+        source: The moment of the run.
+        model: Model of the new run.
+        state: Its state, with bodies and walls in their places. **Modified.**
+    """
+    old, same = source.state, _same_walls(model.walls.names, source)
+    state.position, state.image, state.last_dt = old.position.copy(), old.image.copy(), old.last_dt
+    for new, before in same.items():
+        state.wall_velocity[new] = old.wall_velocity[before]
+    _carry_contacts(source, model, state, same)
+    if model.thermal is not None and source.model.thermal is not None:
+        thermal = _carry_heat(scenario, source, model.thermal, state)
+        _carry_averages(source, model, state, same)
+        for new, before in same.items():
+            state.wall_temperature[new] = old.wall_temperature[before]
+        model = replace(model, thermal=thermal)
+    state.books[[_KINETIC, _KINETIC_START]] = _kinetic(model.grains, state.velocity)  # where the run begins with a frozen stage
+    return model, state
+
+
+def _kinetic(grains: Grains, velocity: Floats) -> float:
+    u, v, spin = velocity.T
+    return total(0.5 * grains.mass * (u * u + v * v) + 0.5 * grains.inertia * (spin * spin))
+
+
+def _carry_contacts(source: Source, model: Model, state: State, same: Mapping[int, int]) -> None:
+    """Impulses and couples of the last step. With another adhesion F_a, q = p + F_a Δt is that of the same p (theory §3.1)."""
+    old, before = source.state, source.model
+    kept, state.contact_i, state.contact_j = _renumbered(source, model, old.contact_i, old.contact_j, same)
+    impulse = old.contact_impulse[kept]
+    was, now = (
+        resting_attraction(m.laws, m.material, i, j, old.last_dt)
+        for m, i, j in ((before, old.contact_i[kept], old.contact_j[kept]), (model, state.contact_i, state.contact_j))
+    )
+    change = (now if now.size else 0.0) - (was if was.size else np.zeros(len(kept)))
+    impulse[:, NORMAL] = np.maximum(impulse[:, NORMAL] + change, 0.0)
+    state.contact_impulse = impulse
+    if model.laws.rolling.size:
+        state.contact_couple = old.contact_couple[kept] if old.contact_couple.size else np.zeros(len(kept))
+
+
+def _carry_averages(source: Source, model: Model, state: State, same: Mapping[int, int]) -> None:
+    """Running averages of contact forces; used only where the new run averages too."""
+    old = source.state
+    kept, state.mean_i, state.mean_j = _renumbered(source, model, old.mean_i, old.mean_j, same)
+    state.mean_force, state.mean_age = old.mean_force[kept], old.mean_age
+
+
+def _carry_heat(scenario: Scenario, source: Source, thermal: Thermal, state: State) -> Thermal:
+    """Heat contents with the temperatures from which they count, so that T = T₀ + Q/C has the same bits.
+
+    Grains whose heat capacity or temperature the scenario changes begin anew, at their temperature with Q = 0.
+    """
+    before = source.model.thermal
+    assert before is not None  # only then there is something to carry
+    is_told = np.array([group.temperature is not None for group in scenario.particles])[source.model.grains.group]
+    goes_on = ~is_told & (thermal.capacity == before.capacity)
+    state.heat = np.where(goes_on, source.state.heat, 0.0)
+    state.heat_dt = source.state.heat_dt
+    if state.heat.any():
+        state.heat_before = np.array([total(state.heat)])
+    return replace(thermal, start=np.where(goes_on, before.start, thermal.start))
+
+
+def _renumbered(source: Source, model: Model, i: Ints, j: Ints, same: Mapping[int, int]) -> tuple[Ints, Ints, Ints]:
+    """Contacts by the numbers of shapes in a new model: those of walls that are gone or have other shapes are left out.
+
+    Returns:
+        Which of the contacts, ordered as contacts are: ascending by both shapes; and these shapes.
+    """
+    n = model.grain_count
+    number = np.concatenate([np.arange(n), np.full(source.model.shape_count, -1)])
+    for new, old in same.items():
+        kind, geometry = _shapes_of(model, new)
+        kind_before, geometry_before = _shapes_of(source.model, old)
+        if np.array_equal(kind, kind_before) and np.array_equal(geometry, geometry_before):
+            number[n + np.flatnonzero(source.model.shapes.wall == old)] = n + np.flatnonzero(model.shapes.wall == new)
+    second = number[j].astype(np.int32)
+    kept = np.flatnonzero(second >= 0)
+    kept = kept[np.lexsort((second[kept], i[kept]))]
+    return kept.astype(np.int32), i[kept], second[kept]
+
+
+def origin_of(source: Source, model: Model) -> Origin:
+    """What the run keeps of where it goes on from."""
+    names, before = model.walls.names, source.model.walls.names
+    return Origin(
+        run=str(source.path.resolve()).encode(errors="backslashreplace").decode(),
+        run_id=source.run_id,
+        frame=source.frame,
+        step=source.state.step,
+        time=source.state.time,
+        digest=source.digest,
+        walls=tuple(name for name in names if name in before),
+        new_walls=tuple(name for name in names if name not in before),
+        lost_walls=tuple(name for name in before if name not in names),
+    )

@@ -1,0 +1,143 @@
+"""A moment of another run, from which a run goes on: its last checkpoint, or a frame."""
+
+from __future__ import annotations
+
+import hashlib
+import tomllib
+from dataclasses import dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from multicor_cli.engine.contact.adhesion import resting_attraction
+from multicor_cli.model import Model, State
+from multicor_cli.model.columns import NORMAL
+from multicor_cli.model.faults import find_misfit
+from multicor_cli.model.model import Floats
+from multicor_cli.packing.errors import PackingError
+from multicor_cli.scenario import Scenario
+from multicor_cli.store import Run, StoreError, layout, open_run
+from multicor_cli.store.errors import NoFrame
+from multicor_cli.store.frame_view import Frame
+
+_RUN, _FRAME = ("start", "run"), ("start", "frame")
+
+
+@dataclass(frozen=True)
+class Source:
+    """A moment of another run.
+
+    Attributes:
+        path: Directory of the run.
+        run_id: Identity of the run.
+        frame: Index of the frame, from 0; None: the last checkpoint.
+        model: Model of the run. Of a frame with heat, the temperatures at its start are those of the frame.
+        state: State at the moment. Of a frame: what frames hold of it, and nothing of the running averages of heat.
+        digest: Digest of what was read.
+        size: Width and height of its domain [m]; None if its scenario does not tell.
+        geometries: Tables ``geometry`` of its walls, by their names.
+    """
+
+    path: Path
+    run_id: str
+    frame: int | None
+    model: Model
+    state: State
+    digest: str
+    size: tuple[float, float] | None
+    geometries: dict[str, Any]
+
+    @property
+    def temperature(self) -> Floats | None:
+        """Temperatures of the grains [K], shape ``(n,)``; None if the run has no heat."""
+        return None if self.model.thermal is None else self.state.temperature(self.model.thermal)
+
+
+def read_source(scenario: Scenario) -> Source:
+    """The moment that ``[start]`` names; the run may be going on, and is not changed.
+
+    Raises:
+        PackingError: There is no such run or moment, or it is damaged; its key begins at the top of the scenario.
+    """
+    start = scenario.start
+    assert start is not None  # only then it is asked for
+    path = scenario.resolve_path(start.run)
+    if not (path / layout.RUN).is_file():
+        raise PackingError(f"'{path}' is not a run directory", "give the directory of a run, relative to the scenario file", _RUN)
+    try:
+        with open_run(path) as run:
+            model, told = run.model, _told(run.scenario_resolved)
+            if start.frame is None:
+                return Source(path, run.run_id, None, model, *_end(run, path), *told)
+            frame = run.frames[start.frame]
+            model, state, digest = _of_frame(frame, model)
+            source = Source(path, run.run_id, frame.index, model, state, digest, *told)
+    except NoFrame as error:
+        raise PackingError(f"cannot go on from the run '{path}': {error}", "choose another frame", _FRAME) from None
+    except (StoreError, ValueError, RecursionError) as error:
+        remedy = "check it with multicor verify, and whether it ever began"
+        raise PackingError(f"cannot go on from the run '{path}': {error}", remedy, _RUN) from None
+    misfit = find_misfit(source.state, source.model)
+    if misfit is not None:
+        what = f"frame {source.frame} of the run '{path}': {misfit}"
+        raise PackingError(what, "check the run with multicor verify, or go on from another frame", _FRAME)
+    return source
+
+
+def _told(resolved: str) -> tuple[tuple[float, float] | None, dict[str, Any]]:
+    """Size of the domain and geometries of the walls in a scenario that may come from anywhere; raises `ValueError`."""
+    tables = tomllib.loads(resolved)
+    try:
+        walls = {str(wall["name"]): wall["geometry"] for wall in tables.get("walls", [])}
+        width, height = tables["domain"]["size"]
+        return (float(width), float(height)), walls
+    except (LookupError, TypeError, AttributeError):
+        return None, {}
+
+
+def _end(run: Run, path: Path) -> tuple[State, str]:
+    """The state of the last checkpoint, and its digest."""
+    state = run.state()
+    if state is None:
+        what = f"the run '{path}' has no checkpoint: it stopped before its grains were placed, or its checkpoints were removed"
+        raise PackingError(what, "let it run first, or go on from a frame", _RUN)
+    return state, state.digest()
+
+
+def _of_frame(frame: Frame, model: Model) -> tuple[Model, State, str]:
+    """What a frame holds as a model with its temperatures, a state, and the digest of both.
+
+    Positions and velocities are those at the end of the step, as in the state.
+    """
+    state = State.at_rest(model, np.column_stack([frame.position, frame.angle]).astype(float))
+    state.velocity = np.column_stack([frame.velocity, frame.spin]).astype(float)
+    state.image = np.array(frame.image, np.int64)
+    state.wall_position, state.wall_velocity = np.array(frame.wall_position, float), np.array(frame.wall_velocity, float)
+    state.step, state.time, state.last_dt = frame.step, frame.time, frame.dt
+    _take_contacts(frame, model, state)
+    digest = hashlib.blake2b(state.digest().encode(), digest_size=16)
+    if model.thermal is not None and frame.temperature is not None and frame.wall_temperature is not None:
+        temperature = np.array(frame.temperature, float)
+        model = replace(model, thermal=replace(model.thermal, start=temperature))
+        state.wall_temperature = np.array(frame.wall_temperature, float)
+        digest.update(temperature.tobytes())
+    return model, state, digest.hexdigest()
+
+
+def _take_contacts(frame: Frame, model: Model, state: State) -> None:
+    """The contacts of a frame that carry an impulse, where frames hold contacts; with adhesion q = p + F_a Δt (theory §3.1)."""
+    contacts = frame.contacts
+    if not contacts.recorded or not len(contacts) or not state.last_dt:
+        return
+    i, j = np.array(contacts.i, np.int32), np.array(contacts.j, np.int32)
+    impulse = np.array(contacts.impulse, float)
+    is_loaded = impulse.any(axis=1)
+    attraction = resting_attraction(model.laws, model.material, i, j, state.last_dt)
+    if attraction.size:
+        impulse[:, NORMAL] += attraction
+    is_loaded &= impulse[:, NORMAL] > 0.0
+    state.contact_i, state.contact_j, state.contact_impulse = i[is_loaded], j[is_loaded], impulse[is_loaded]
+    if model.laws.rolling.size:
+        couple = contacts.couple
+        state.contact_couple = np.zeros(state.contact_i.size) if couple is None else np.array(couple, float)[is_loaded]

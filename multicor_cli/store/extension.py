@@ -1,0 +1,191 @@
+"""Adding loading stages to the end of a run: its files become those of a longer one that has been stopped there.
+
+The order is that of the commit protocol. Until ``run.json`` is replaced the run is what it was: its scenario is found among the
+former ones, and new segments and checkpoints beside ``results.h5`` do no harm. From then on it is the longer run.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import hashlib
+import os
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from multicor_cli.model import Model
+from multicor_cli.store import layout, schema
+from multicor_cli.store.atomic import commit_bytes, file_digest, fsync_path, kill_point, make_directory, storage_errors
+from multicor_cli.store.checked import CheckedFile
+from multicor_cli.store.checkpoint import Checkpoint, Identity, load_newest, write_checkpoint
+from multicor_cli.store.documents import Document, write_document
+from multicor_cli.store.errors import DamagedRun, DirectoryRefused
+from multicor_cli.store.manifest import Segment
+from multicor_cli.store.model_file import read_model, write_model
+from multicor_cli.store.prepare import read_scenario, remove_temporaries
+from multicor_cli.store.results import FILETYPE as RESULTS_FILETYPE
+from multicor_cli.store.results import read_offsets
+from multicor_cli.store.run_document import new_session
+from multicor_cli.store.schema import Dataset
+from multicor_cli.store.segments import FrameWriter
+
+SERIES_ROWS = 4096
+"""So many rows of the time series are copied at a time."""
+
+
+@dataclass(frozen=True)
+class Extension:
+    """A scenario that has more stages than the one with which a run began, and is the same otherwise.
+
+    Attributes:
+        source: The scenario file as given.
+        resolved: The scenario with all defaults and overrides.
+        stages: Names of all its loading stages.
+    """
+
+    source: str
+    resolved: str
+    stages: Sequence[str]
+
+
+def extend(path: Path, document: Document, extension: Extension) -> None:
+    """Make a run, which this process has locked, the one of a longer scenario.
+
+    Args:
+        path: The run directory.
+        document: Its ``run.json``. **Modified.**
+        extension: The longer scenario.
+
+    Raises:
+        StorageFull: If there is not enough space for what a finished run needs besides its results; it stays as it is.
+        StorageError: For any other error of the system.
+        DamagedRun: If ``results.h5`` is damaged, or there is no checkpoint.
+        DirectoryRefused: If a file that is not of the run has the name of one that is to be written.
+    """
+    remove_temporaries(path)
+    has_results = bool(document["results"])
+    if has_results:
+        _reopen(path, document)
+    _keep_former(path, document)
+    commit_bytes(path / layout.SOURCE, "scenario", extension.source.encode())
+    commit_bytes(path / layout.RESOLVED, "scenario", extension.resolved.encode())
+    kill_point("extension.before")
+    _describe(document, extension)
+    write_document(path / layout.RUN, "runjson", document)
+    kill_point("extension.after")
+    if has_results:
+        remove_results(path)
+
+
+def remove_results(path: Path) -> None:
+    """Remove ``results.h5`` of a run that goes on, all of which is in segments now; one that stays is replaced at the end."""
+    with contextlib.suppress(OSError):
+        for name in (layout.VTKHDF, layout.RESULTS):
+            (path / name).unlink(missing_ok=True)
+        fsync_path(path)
+
+
+def _describe(document: Document, extension: Extension) -> None:
+    summary = document["summary"] or {}
+    step = {
+        **new_session(),
+        "stages_before": len(document["stages"]),
+        "stages": len(extension.stages),
+        "step": summary.get("step"),
+        "time": summary.get("time"),
+        "source_sha256": document["source_sha256"],
+        "resolved_sha256": document["resolved_sha256"],
+    }
+    document |= {
+        "status": "stopped",
+        "stop_reason": "extended",
+        "exit_code": None,
+        "stages": list(extension.stages),
+        "source_sha256": hashlib.sha256(extension.source.encode()).hexdigest(),
+        "resolved_sha256": hashlib.sha256(extension.resolved.encode()).hexdigest(),
+        "extensions": [*document.get("extensions", []), step],
+        "results": None,
+    }
+
+
+def _keep_former(path: Path, document: Document) -> None:
+    """The scenario files as they have been so far, under names of their own."""
+    number = len(document.get("extensions", [])) + 1
+    for name, key in ((layout.SOURCE, "source_sha256"), (layout.RESOLVED, "resolved_sha256")):
+        text, former = read_scenario(path / name, str(document[key])).encode(), path / layout.former_name(name, number)
+        with storage_errors(former):
+            is_foreign = os.path.lexists(former) and former.read_bytes() != text
+        if is_foreign:
+            raise DirectoryRefused(f"{former}: is in the way of the former scenario of the run; move it away")
+        commit_bytes(former, "scenario", text)
+
+
+def _reopen(path: Path, document: Document) -> None:
+    """Model, segments and a checkpoint of a finished run, made of its ``results.h5``."""
+    results, run_id = path / layout.RESULTS, str(document["run_id"])
+    if file_digest(results) != document["results"]["blake2b"]:
+        raise DamagedRun(f"{results}: damaged (it does not match its digest in {layout.RUN}); nothing was changed")
+    for name in (layout.SEGMENTS, layout.CHECKPOINTS):
+        make_directory(path / name)
+    with storage_errors(path / layout.SEGMENTS):
+        for entry in layout.own_files(path, layout.SEGMENTS):  # of an attempt that was interrupted
+            entry.unlink()
+    identity = Identity.of(document)
+    with CheckedFile(results, RESULTS_FILETYPE, run_id=run_id) as file:
+        model = read_model(file)
+        found = load_newest(path / layout.CHECKPOINTS, identity, None, model)
+        if found is None:
+            raise DamagedRun(f"{path / layout.CHECKPOINTS}: there is no checkpoint from which the run could go on")
+        write_model(path / layout.MODEL, model, run_id)
+        segments = _write_segments(file, path / layout.SEGMENTS, run_id, model, document)
+    _write_checkpoint(path, found, model, identity, segments)
+    with storage_errors(path / layout.MODEL):
+        size = (path / layout.MODEL).stat().st_size
+    document["model"] = {"size": size, "blake2b": file_digest(path / layout.MODEL)}
+
+
+def _write_segments(file: CheckedFile, directory: Path, run_id: str, model: Model, document: Document) -> list[Segment]:
+    writer = FrameWriter(
+        directory,
+        run_id,
+        model,
+        precision="single" if document["precision"] == "single" else "double",
+        version=min(file.version, schema.FORMAT_VERSION),
+    )
+    _copy_frames(file, writer)
+    _copy_series(file, writer)
+    writer.flush()
+    return writer.segments
+
+
+def _copy_frames(file: CheckedFile, writer: FrameWriter) -> None:
+    """Frame by frame, as stored."""
+    rows = {name: int(file.dataset(_SPECS[path]).shape[0]) for name, path in _ROWS.items()}
+    ends = {name: read_offsets(file, _SPECS[f"steps/{name.removesuffix('_row')}_offset"], count) for name, count in rows.items()}
+    for k in range(int(file.dataset(_SPECS["steps/step"]).shape[0])):
+        spans = {name: offset[k : k + 2].tolist() for name, offset in ends.items()}
+        writer.copy_frame({s.path: file.read(s, *spans.get(str(s.row), (k, k + 1))) for s in writer.frame_table})
+
+
+def _copy_series(file: CheckedFile, writer: FrameWriter) -> None:
+    count = int(file.dataset(_SPECS["series/step"]).shape[0])
+    for start in range(0, count, SERIES_ROWS):
+        stop = min(start + SERIES_ROWS, count)
+        writer.copy_series({spec.path: file.read(spec, start, stop) for spec in writer.series_table})
+
+
+_SPECS: dict[str, Dataset] = {spec.path: spec for spec in schema.SEGMENT_TABLE}
+_ROWS = {"particle_row": "particles/angle", "contact_row": "contacts/gap"}
+
+
+def _write_checkpoint(path: Path, found: Checkpoint, model: Model, identity: Identity, segments: list[Segment]) -> None:
+    """The last checkpoint once more, with the segments that there are now."""
+    write_checkpoint(
+        path / layout.CHECKPOINTS,
+        found.state,
+        model,
+        identity,
+        model_digest=found.model_digest,
+        segments=segments,
+        last_steps=found.last_steps,
+    )

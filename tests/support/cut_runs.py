@@ -1,0 +1,119 @@
+"""Scenarios cut in two: the first stages, and the others as a run that goes on from these."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+from scenes import SMALL, WARM, changed
+
+from multicor_cli.model import State
+
+_SHAKE = "drives.floor = { x = { velocity = { sine = { amplitude = 0.2, period = 0.005 } } } }"
+_LID = "drives.top = { y = { force = -0.1, damping = 0.1 }, x = { velocity = { ramp = [0.0, 0.1], duration = 0.03 } } }"
+
+NAMED = changed(SMALL, ("drives.top = { x = { velocity = { ramp = [0.0, 0.1], duration = 0.03 } } }", _LID))
+"""The small scene, whose second stage names all drives: nothing is kept from the first."""
+
+STICKY = changed(NAMED, ("restitution = 0.3", "restitution = 0.3\nadhesion = 1e-3\nrolling_friction = 0.05"))
+"""The same with adhesion and rolling resistance."""
+
+HOT = changed(
+    WARM,
+    ('name = "wait"', 'name = "wait"\n'),
+    (
+        'name = "shake-again"\nduration = 0.005',
+        f'name = "shake-again"\nduration = 0.005\n{_SHAKE}\nthermal.floor = {{ temperature = 330.0 }}',
+    ),
+)
+"""The warm scene: heat of all kinds, averages, a frozen stage; its third stage names all drives."""
+
+BOX = """\
+[scenario]
+name = "box"
+seed = 11
+[domain]
+size = [0.012, 0.02]
+[materials.glass]
+density = 2500.0
+[[contacts]]
+pair = ["*", "*"]
+friction = 0.3
+restitution = 0.5
+[[particles]]
+name = "large"
+material = "glass"
+shape = "sphere"
+sizes = { kind = "uniform", min = 0.5e-3, max = 0.7e-3 }
+count = 25
+packing = { kind = "random" }
+[[particles]]
+name = "small"
+material = "glass"
+shape = "sphere"
+sizes = { kind = "uniform", min = 0.3e-3, max = 0.4e-3 }
+count = 25
+packing = { kind = "random" }
+spin = 20.0
+[[walls]]
+name = "floor"
+material = "glass"
+geometry = { kind = "plane", point = [0.0, 0.0], normal = [0.0, 1.0] }
+[[walls]]
+name = "left"
+material = "glass"
+geometry = { kind = "plane", point = [0.0, 0.0], normal = [1.0, 0.0] }
+[[walls]]
+name = "right"
+material = "glass"
+geometry = { kind = "plane", point = [0.012, 0.0], normal = [-1.0, 0.0] }
+[[loading]]
+duration = 0.03
+drives.right = { x = { velocity = -0.02 } }
+[[loading]]
+duration = 0.02
+drives.right = { x = { velocity = 0.01 } }
+[solver]
+dt = 5e-4
+[output]
+frame_interval = 0.005
+"""
+"""Two groups of spheres fall into a box with a side that moves; nothing is periodic."""
+
+TAKEN = (
+    "position", "image", "velocity", "wall_position", "wall_velocity", "contact_i", "contact_j", "contact_impulse",
+    "contact_couple", "last_dt", "heat", "heat_dt", "wall_temperature", "mean_i", "mean_j", "mean_force", "mean_age",
+)  # fmt: skip
+"""Fields of a state that depend on nothing but what the next step depends on."""
+
+
+def shortened(text: str, stages: int) -> str:
+    """A scenario with its first stages only."""
+    head, loading, tail = _parts(text)
+    return head + "".join(loading[:stages]) + tail
+
+
+def going_on(text: str, stages: int, run: str, moment: str = "") -> str:
+    """A scenario without its first stages and without grains of its own, that goes on from a run of these."""
+    head, loading, tail = _parts(text)
+    begin, end = head.index("[[particles]]"), head.index("[[walls]]")
+    return head[:begin] + f'[start]\nrun = "{run}"\n{moment}\n' + head[end:] + "".join(loading[stages:]) + tail
+
+
+def _parts(text: str) -> tuple[str, list[str], str]:
+    """What stands before the loading stages, these, and what stands after them."""
+    head, *loading = text.split("[[loading]]")
+    end = min(found for found in (loading[-1].find("\n[solver]"), loading[-1].find("\n[output]")) if found >= 0)
+    last, tail = loading[-1][:end], loading[-1][end:]
+    return head, [f"[[loading]]{stage}" for stage in [*loading[:-1], last]], tail
+
+
+def written(path: Path, text: str) -> Path:
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def unlike(a: State, b: State) -> list[str]:
+    """Fields among `TAKEN` in which two states differ."""
+    pairs = [(name, np.asarray(getattr(a, name)), np.asarray(getattr(b, name))) for name in TAKEN]
+    return [name for name, x, y in pairs if not np.array_equal(x, y, equal_nan=x.dtype.kind == "f")]
