@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from multicor_cli.arithmetic.sums import column_totals, total
+from multicor_cli.arithmetic.sums import column_totals
 from multicor_cli.engine.contact.detection import StepContacts, warm_rows
 from multicor_cli.engine.contact.report import PhysicsError
 from multicor_cli.engine.geometry.neighbor_list import NeighborList
@@ -105,7 +105,7 @@ class HeatEngine:
         Args:
             t: Time since the start of the stage [s].
         """
-        walls = self._wall_temperatures(WallValues(self._conditions, t), 0.0)
+        walls = WallValues(self._conditions, t).temperatures(0.0)
         return np.concatenate([self.state.temperature(self._thermal), walls[self.model.shapes.wall]])
 
     def step(self, moved: MovedContacts, dt: float, t: float) -> None:
@@ -149,7 +149,7 @@ class HeatEngine:
 
     def note_walls(self, dt: float, t: float) -> None:
         """Let the state know the walls' temperatures after a step in which heat is off; arguments as `step`."""
-        self.state.wall_temperature = self._wall_temperatures(WallValues(self._conditions, t), dt)
+        self.state.wall_temperature = WallValues(self._conditions, t).temperatures(dt)
 
     def resting_contacts(self) -> tuple[Ints, Ints]:
         """The contacts that conduct while nothing moves: first and second shapes, sorted."""
@@ -240,8 +240,8 @@ class HeatEngine:
         self._check(flow)
         state.heat += flow.received
         state.heat_dt = flow.next_step
-        state.wall_temperature = self._wall_temperatures(walls, dt)
-        book_flow(state, flow, self._undelivered(net.flow_wall, walls, dt))
+        state.wall_temperature = walls.temperatures(dt)
+        book_flow(state, flow, walls.undelivered(dt, net.flow_wall))
         note_contacts(state, links.biot, links.gas_ratio)
         strike_balance(state)
 
@@ -250,21 +250,11 @@ class HeatEngine:
         after = self._thermal.start + (self.state.heat + flow.received) / self._thermal.capacity
         if not np.isfinite(after).all():
             worst = int(np.argmin(np.isfinite(after)))
-            raise PhysicsError(self.state.step, f"the temperature of grain {worst} is not finite")
+            raise PhysicsError(self.state.step, f"the temperature of {self.model.name_of(worst)} is not finite")
         coldest = int(np.argmin(after))
         if after[coldest] < -1e-9 * max(1.0, float(after.max())):
-            message = f"grain {coldest} would fall below absolute zero: a wall draws more heat than there is"
+            message = f"{self.model.name_of(coldest)} would fall below absolute zero: a wall draws more heat than there is"
             raise PhysicsError(self.state.step, message)
-
-    def _wall_temperatures(self, walls: WallValues, dt: float) -> Floats:
-        known = np.array([c.kind == "temperature" for c in self._conditions], np.bool_)
-        return np.where(known, walls(dt), np.nan)
-
-    def _undelivered(self, reached: Ints, walls: WallValues, dt: float) -> float:
-        """Heat that walls of prescribed flow that touch nothing could not pass on within ``dt`` [J]."""
-        idle = np.array([c.kind == "flow" for c in self._conditions], np.bool_)
-        idle[reached] = False
-        return total(np.abs(walls(0.5 * dt)[idle])) * dt
 
     @contextmanager
     def _timed(self) -> Iterator[None]:

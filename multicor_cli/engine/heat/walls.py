@@ -9,8 +9,9 @@ from typing import Literal
 
 import numpy as np
 
+from multicor_cli.arithmetic.sums import total
 from multicor_cli.engine.motion.drives import Constant, Signal
-from multicor_cli.model.model import Floats
+from multicor_cli.model.model import Floats, Ints
 
 _INSULATED = Constant(0.0)
 
@@ -58,6 +59,17 @@ class WallValues:
             return [(self, dt)]
         edges = [self.start, *sorted(corners), self.start + dt]
         return [(WallValues(self.conditions, a), b - a) for a, b in itertools.pairwise(edges) if b > a]
+
+    def temperatures(self, t: float) -> Floats:
+        """Temperatures of the walls ``t`` seconds after the start of the step [K]; nan where none is prescribed, shape ``(w,)``."""
+        known = np.array([c.kind == "temperature" for c in self.conditions], np.bool_)
+        return np.where(known, self(t), np.nan)
+
+    def undelivered(self, dt: float, reached: Ints) -> float:
+        """Heat that walls of prescribed flow could not pass on within ``dt`` [J]: all but those ``reached`` touch nothing."""
+        idle = np.array([c.kind == "flow" for c in self.conditions], np.bool_)
+        idle[reached] = False
+        return total(np.abs(self(0.5 * dt)[idle])) * dt
 
     def __call__(self, t: float) -> Floats:
         """Values ``t`` seconds after the start of the step; 0 for insulated walls, shape ``(w,)``."""
