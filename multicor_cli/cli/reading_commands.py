@@ -28,6 +28,7 @@ AsJson = Annotated[bool, typer.Option("--json", help="Print the result as JSON."
 
 def info(directory: RunPath, is_json: AsJson = False) -> None:
     """Show what a run contains, how far it has got, and how accurate it is."""
+    from multicor_cli.engine.exchange.watch import stray_warnings
     from multicor_cli.engine.heat.watch import biot_warning, undelivered_warning
     from multicor_cli.store import run_info
 
@@ -36,6 +37,9 @@ def info(directory: RunPath, is_json: AsJson = False) -> None:
         emit_json(found)
         return
     emit_pairs(_describe(found))
+    exchange = found["exchange"] or {}
+    for warning in stray_warnings(found["fallen"] or 0, exchange.get("lost", 0), exchange.get("behind", 0)):
+        say(f"warning: {warning}")
     if found["heat"] is not None:
         emit("")
         emit_pairs(_describe_heat(found["heat"]))
@@ -83,6 +87,7 @@ def _describe(found: dict[str, Any]) -> list[tuple[str, str]]:
         ("run", found["path"]),
         ("status", f"{found['status']} ({reason})" if reason and reason != found["status"] else found["status"]),
         ("grains", _text(found["grain_count"])),
+        *_describe_exchange(found["exchange"]),
         ("walls", ", ".join(found["walls"]) or "none"),
         ("frames", f"{found['frame_count']} (and {found['series_count']} rows of the time series)"),
         ("step", _text(found["step"])),
@@ -102,6 +107,14 @@ def _describe(found: dict[str, Any]) -> list[tuple[str, str]]:
         lines.append(("Hertz deflection", _text(found["hertz_deflection"], " of a diameter under the largest contact force")))
     version = found["provenance"].get("multicor_version", "")
     return [*lines, ("made by", f"multicor {version}, seed {found['provenance'].get('seed')}")]
+
+
+def _describe_exchange(exchange: dict[str, Any] | None) -> list[tuple[str, str]]:
+    if exchange is None:
+        return []
+    counts = ", ".join(f"{exchange[name]} {name}" for name in ("present", "waiting", "released", "left", "returned", "lost"))
+    flows = [(f"  {name}", f"{flow['grains']} grains, {flow['mass']:.4g} kg left") for name, flow in exchange["outlets"].items()]
+    return [("  of these", counts), *flows]
 
 
 def _describe_ends(ends: list[dict[str, Any]]) -> list[tuple[str, str]]:

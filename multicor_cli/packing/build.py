@@ -6,7 +6,8 @@ from dataclasses import replace
 
 import numpy as np
 
-from multicor_cli.model import Grains, Model, State, Thermal
+from multicor_cli.engine.exchange.books import note_presence
+from multicor_cli.model import Grains, Model, Presence, State, Thermal
 from multicor_cli.model.columns import X
 from multicor_cli.model.model import LEAST_DIAMETERS, SHAPE_FACTOR, Floats, Ints
 from multicor_cli.model.nudge import nudge, nudge_seed
@@ -39,7 +40,7 @@ def build(scenario: Scenario) -> tuple[Model, State]:
     solid = walls.obstacles()
     groups = _make_groups(scenario, solid)
     model = replace(_model(scenario, walls, groups), thermal=_thermal(scenario, groups))
-    state = _state(model, walls, groups)
+    state = _state(scenario, model, walls, groups)
     problems = _check(model, state, walls, solid)
     if problems:
         raise _refusal(scenario, problems)
@@ -65,7 +66,8 @@ def _make_groups(scenario: Scenario, solid: Obstacles) -> list[InitialGrains]:
             errors.append(PackingError(error.message, error.remedy, ("particles", k, *error.key)))
             continue
         groups.append(group)
-        solid = solid.with_discs(np.column_stack([_wrapped(scenario, group.position), group.radius]))
+        if scenario.particles[k].packing is not None:
+            solid = solid.with_discs(np.column_stack([_wrapped(scenario, group.position), group.radius]))
     if errors:
         raise _refusal(scenario, errors)
     return groups
@@ -102,6 +104,7 @@ def _model(scenario: Scenario, walls: BuiltWalls, groups: list[InitialGrains]) -
         period=domain.period,
         gravity=np.array(domain.gravity, float),
         shape_factor=SHAPE_FACTOR[scenario.particles[0].shape],
+        outlets=tuple(outlet.name for outlet in scenario.outlets) if scenario.is_open else None,
     )
 
 
@@ -142,21 +145,27 @@ def _repeat(values: list[int], counts: list[int]) -> Ints:
     return np.repeat(np.array(values, np.int32), counts)
 
 
-def _state(model: Model, walls: BuiltWalls, groups: list[InitialGrains]) -> State:
+def _state(scenario: Scenario, model: Model, walls: BuiltWalls, groups: list[InitialGrains]) -> State:
     state = State.at_rest(model, np.concatenate([group.position for group in groups]))
     if model.period > 0.0:
         state.position[:, X] = wrap(state.position[:, X], model.period)
     state.velocity = np.concatenate([group.velocity for group in groups])
     state.wall_position[:] = walls.position
+    if state.presence.size:
+        waiting = [number for number, table in enumerate(scenario.particles) if table.packing is None]
+        state.presence[np.isin(model.grains.group, waiting)] = Presence.WAITS
+        note_presence(state, model, 0)
     return state
 
 
 def _check(model: Model, state: State, walls: BuiltWalls, solid: Obstacles) -> list[PackingError]:
     """Overlaps of all bodies, and grains on the wrong side of rough walls."""
-    radius, names = model.grains.radius, model.walls.names
-    problems = overlap_problems(state.position, radius, model.grains.group, solid, model.shapes.wall, names, model.period)
+    grains, names, here = model.grains, model.walls.names, np.arange(model.grain_count)[state.here]
+    if not here.size:
+        return []
+    problems = overlap_problems(state.position, grains.radius, grains.group, solid, model.shapes.wall, names, model.period, here)
     for w, front in enumerate(walls.fronts):
         if front is not None:
-            found = behind_problem(state.position, front, names[w], w, model.period)
+            found = behind_problem(state.position, here, front, names[w], w, model.period)
             problems += [found] if found else []
     return problems

@@ -84,6 +84,8 @@ def make_group(scenario: Scenario, index: int, obstacles: Obstacles) -> InitialG
         PackingError: The packing cannot be made; its key is relative to the group.
     """
     group = scenario.particles[index]
+    if group.packing is None:
+        return _waiting(scenario, group, index)
     region = region_of_group(scenario, group)
     grains = _place(scenario, group, index, region, obstacles)
     velocity = grains.velocity + np.array([*group.velocity, group.spin])
@@ -92,6 +94,17 @@ def make_group(scenario: Scenario, index: int, obstacles: Obstacles) -> InitialG
         velocity[:, X] += group.shear_rate * (grains.position[:, Y] - middle)
         velocity[:, SPIN] -= 0.5 * group.shear_rate
     return replace(grains, velocity=velocity)
+
+
+def _waiting(scenario: Scenario, group: ParticleGroup, index: int) -> InitialGrains:
+    """Grains that wait for their release: in the middle of its region, as far as they are anywhere."""
+    assert group.sizes is not None
+    assert group.release is not None
+    assert group.count is not None  # the scenario has been checked
+    sizes = sizes_of(group.sizes, group.shape)
+    radius = sizes.draw(group.count, stream(scenario.seed, TableKind.PARTICLES, index, Purpose.SIZES))
+    region = group.release.region
+    return InitialGrains.at_rest(radius, 0.5 * (np.array(region.min) + np.array(region.max)))
 
 
 def region_of_group(scenario: Scenario, group: ParticleGroup) -> PackingRegion:

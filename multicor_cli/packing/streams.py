@@ -29,6 +29,7 @@ class Purpose(IntEnum):
     SIZES = 0
     PLACES = 1
     JITTER = 2
+    RELEASE = 3
 
 
 class Stream:
@@ -47,7 +48,7 @@ class Stream:
         return values[np.argsort(self._raw.random_raw(values.size), kind="stable")]
 
 
-def stream(seed: int, table: TableKind, index: int, purpose: Purpose) -> Stream:
-    """The counter-based stream of table number ``index`` of its kind, at its beginning."""
-    key = np.random.SeedSequence(entropy=seed, spawn_key=(int(table), index, int(purpose)))
+def stream(seed: int, table: TableKind, index: int, purpose: Purpose, *numbers: int) -> Stream:
+    """The counter-based stream of table number ``index`` of its kind, at its beginning; of further ``numbers`` if they are given."""
+    key = np.random.SeedSequence(entropy=seed, spawn_key=(int(table), index, int(purpose), *numbers))
     return Stream(np.random.Philox(key))

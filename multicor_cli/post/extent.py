@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from multicor_cli.model import Model
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import outlines
-from multicor_cli.post.source import FrameSource, GrainFrame
+from multicor_cli.post.source import FrameSource, GrainFrame, model_of, need_grains
 
 _LEVEL = 0.7  # a plane bounds the grains in y if its normal points within 45 degrees up or down
 _STRAY = 0.1  # a wall still bounds the grains if no more than this part of them has got through it
@@ -55,10 +55,10 @@ class Extent:
 def find_extent(source: FrameSource, indices: NDArray[np.int64]) -> Extent:
     """The extent over the selected frames."""
     model = source.model
-    radius = model.grains.radius
     spans = wall_spans(model)
     line = 0.5 * np.where(np.isfinite(spans), spans, 0.0).sum(axis=0)
     ends = [source.frames[int(indices[k])] for k in (0, -1)]
+    need_grains(source, indices)
     lower, upper = _bounding_walls(ends, spans, line)
     floor, ceiling, gap = np.inf, -np.inf, 0.0
     for k in indices:
@@ -67,7 +67,7 @@ def find_extent(source: FrameSource, indices: NDArray[np.int64]) -> Extent:
         if lower is not None and upper is not None:
             gap += float(at[upper] - at[lower]) / len(indices)
             continue
-        y = np.asarray(frame.position)[:, 1]
+        y, radius = np.asarray(frame.position)[:, 1], model_of(source, frame).grains.radius
         start = float(at[lower]) if lower is not None else 0.0
         floor = min(floor, float((y - radius).min()))
         ceiling = max(ceiling, (float(at[upper]) if upper is not None else float((y + radius).max())) - start)

@@ -14,13 +14,17 @@ from typing import Any
 from multicor_cli import __version__
 from multicor_cli.engine import Engine
 from multicor_cli.engine.coupled import CoupledEngine
+from multicor_cli.engine.exchange.engine import OpenEngine
 from multicor_cli.engine.heat.step import HeatEngine
 from multicor_cli.engine.heat.watch import biot_warning, undelivered_warning
 from multicor_cli.engine.jit.cache import is_compiled
-from multicor_cli.model import HEAT_BOOK_NAMES, TALLY_NAMES, Model, State
+from multicor_cli.engine.exchange.watch import stray_warnings
+from multicor_cli.model import EXCHANGE_NAMES, HEAT_BOOK_NAMES, TALLY_NAMES, Model, State
+from multicor_cli.model.fallen import count_fallen
 from multicor_cli.packing import build
 from multicor_cli.running.controller import Controller
 from multicor_cli.running.differences import find_differences, former_defaults
+from multicor_cli.running.exchange_plan import exchange_rules
 from multicor_cli.running.heat_plan import heat_settings
 from multicor_cli.running.memory import keep_freed_memory
 from multicor_cli.running.observer import Observer, SilentObserver
@@ -39,6 +43,7 @@ from multicor_cli.store.provenance import current_command
 from multicor_cli.store.run_document import read_run_document
 
 _UNCONVERGED = TALLY_NAMES.index("unconverged_steps")
+_STRAYS = tuple(EXCHANGE_NAMES.index(name) for name in ("lost", "behind"))
 
 
 class Session:
@@ -162,7 +167,7 @@ class Session:
             plan = make_plan(scenario, model, state)
             starts = [0.0] if state.stage == 0 else stage_starts(self._path, state)
             writer = directory.writer(model)
-            engine = make_engine(scenario, model, state, self._threads)
+            engine = make_stepper(scenario, model, state, self._threads)
             self._announce(model, engine)
             self._signals.farewell = functools.partial(self._leave, directory=directory, state=state)
             controller = Controller(
@@ -176,6 +181,7 @@ class Session:
             )
             reason = controller.run(is_new=is_new)
             self._warn_of_heat(state)
+            self._warn_of_strays(state, model)
             timings = {"wall": time.monotonic() - self._started, **engine.timers}
             if reason.is_end:
                 self._observer.message("writing results.h5")
@@ -188,8 +194,8 @@ class Session:
         unconverged = round(float(state.tallies[_UNCONVERGED]))
         return RunOutcome(reason, self._path, state.step, state.time, unconverged, directory.stage_ends)
 
-    def _announce(self, model: Model, engine: CoupledEngine) -> None:
-        threads = engine.mechanics.threads
+    def _announce(self, model: Model, engine: CoupledEngine | OpenEngine) -> None:
+        threads = engine.threads
         plural = "thread" if threads == 1 else "threads"
         self._observer.message(f"{model.grain_count} grains, {model.wall_count} walls, {threads} {plural}")
         if not is_compiled():
@@ -202,6 +208,11 @@ class Session:
         for warning in (biot_warning(biot), undelivered_warning(undelivered)):
             if warning is not None:
                 self._observer.warning(warning)
+
+    def _warn_of_strays(self, state: State, model: Model) -> None:
+        lost, behind = (round(float(state.exchange[k])) if state.exchange.size else 0 for k in _STRAYS)
+        for warning in stray_warnings(count_fallen(state, model), lost, behind):
+            self._observer.warning(warning)
 
     @contextlib.contextmanager
     def _recording_failure(self, directory: RunDirectory) -> Iterator[None]:
@@ -224,6 +235,17 @@ def make_engine(scenario: Scenario, model: Model, state: State, threads: int) ->
         raise ScenarioError([scenario.problem(("domain", "size"), str(error), "widen the domain")]) from error
     settings = heat_settings(scenario, model)
     return CoupledEngine(mechanics, None if settings is None else HeatEngine(model, state, settings))
+
+
+def make_stepper(scenario: Scenario, model: Model, state: State, threads: int) -> CoupledEngine | OpenEngine:
+    """As `make_engine`; grains come and go as the scenario says."""
+    if model.outlets is None:
+        return make_engine(scenario, model, state, threads)
+
+    def make(model: Model, state: State) -> CoupledEngine:
+        return make_engine(scenario, model, state, threads)
+
+    return OpenEngine(model, state, exchange_rules(scenario, model), make)
 
 
 def stage_starts(path: Path, state: State) -> list[float]:

@@ -10,6 +10,7 @@ from typing import Annotated
 from pydantic import Field, Strict
 
 from multicor_cli.scenario.base import FREE, Name, Table
+from multicor_cli.scenario.exchange import Outlet, Release
 from multicor_cli.scenario.functions import Variable, VariableName
 from multicor_cli.scenario.gravity import TiltedGravityTable
 from multicor_cli.scenario.heat import Heat
@@ -73,6 +74,7 @@ class ScenarioModel(Table):
         min_length=1, max_length=1000, description="groups of grains"
     )
     walls: Annotated[tuple[Wall, ...], Strict(False)] = Field((), max_length=1000, description="walls")
+    outlets: Annotated[tuple[Outlet, ...], Strict(False)] = Field((), max_length=1000, description="where grains leave")
     loading: Annotated[tuple[Stage, ...], Strict(False)] = Field(
         min_length=1, max_length=1000, description="loading stages in time order"
     )
@@ -106,6 +108,7 @@ __all__ = [
     "LognormalSizes",
     "Material",
     "NormalSizes",
+    "Outlet",
     "Output",
     "ParticleGroup",
     "PowerSizes",
@@ -113,6 +116,7 @@ __all__ = [
     "RandomPacking",
     "Region",
     "RegionsTemperature",
+    "Release",
     "RunPacking",
     "ScenarioModel",
     "SineSignal",
