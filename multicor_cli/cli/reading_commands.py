@@ -38,8 +38,8 @@ def info(directory: RunPath, is_json: AsJson = False) -> None:
         return
     emit_pairs(_describe(found))
     exchange = found["exchange"] or {}
-    for warning in stray_warnings(found["fallen"] or 0, exchange.get("lost", 0), exchange.get("behind", 0)):
-        say(f"warning: {warning}")
+    for stray in stray_warnings(found["fallen"] or 0, exchange.get("lost", 0), exchange.get("behind", 0)):
+        say(f"warning: {stray}")
     if found["heat"] is not None:
         emit("")
         emit_pairs(_describe_heat(found["heat"]))

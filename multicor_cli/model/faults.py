@@ -20,7 +20,13 @@ _CONTACTS = {
     "contact_couple": ("contact_i", "contact_j"),
     "mean_force": ("mean_i", "mean_j"),
 }
-_ENTRIES = {"books": BOOK_NAMES, "tallies": TALLY_NAMES, "window": WINDOW_NAMES, "heat_books": HEAT_BOOK_NAMES, "exchange": EXCHANGE_NAMES}
+_ENTRIES = {
+    "books": BOOK_NAMES,
+    "tallies": TALLY_NAMES,
+    "window": WINDOW_NAMES,
+    "heat_books": HEAT_BOOK_NAMES,
+    "exchange": EXCHANGE_NAMES,
+}
 
 
 def _fields(dtype: str, *dims: str) -> tuple[str, ...]:

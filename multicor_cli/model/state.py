@@ -99,7 +99,7 @@ class State:
     stage_notes: Floats = _array(
         ("stage_note",), "mixed", "what the condition that ends this stage remembers; empty if it needs nothing", since=(1, 1)
     )
-    # What follows is empty where no grain comes or goes. Arrays of grains hold all of them: one that is not there keeps what it had.
+    # What follows is empty where no grain comes or goes. Arrays of grains hold all: one that is not there keeps what it had.
     presence: NDArray[np.uint8] = _array(
         ("exchange_grain",), "1", "whether a grain is there: 0 waits, 1 is there, 2 has left, 3 is lost", "u1", since=(1, 1)
     )

@@ -121,6 +121,7 @@ def _place(scenario: Scenario, group: ParticleGroup, index: int, region: Packing
         return read_grains(scenario.resolve_path(packing.path), packing.shift)
     if isinstance(packing, RunPacking):
         return read_frame(scenario.resolve_path(packing.path), packing.frame)
+    assert packing is not None
     assert group.sizes is not None  # the scenario has been checked
 
     def random(purpose: Purpose) -> Stream:

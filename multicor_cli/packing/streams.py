@@ -49,6 +49,6 @@ class Stream:
 
 
 def stream(seed: int, table: TableKind, index: int, purpose: Purpose, *numbers: int) -> Stream:
-    """The counter-based stream of table number ``index`` of its kind, at its beginning; of further ``numbers`` if they are given."""
+    """The counter-based stream of table number ``index`` of its kind, at its beginning; ``numbers`` tell further ones apart."""
     key = np.random.SeedSequence(entropy=seed, spawn_key=(int(table), index, int(purpose), *numbers))
     return Stream(np.random.Philox(key))

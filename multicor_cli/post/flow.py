@@ -72,7 +72,7 @@ def mean_flow(source: FrameSource, chosen: NDArray[np.int64], bins: Bins) -> Mea
     for k in chosen:
         frame = source.frames[int(k)]
         cell, part = _locate(frame, extent, count)
-        weight = model_of(source, frame).grains.radius**2
+        weight = model_of(source, frame).grains.radius ** 2
         for total, factor in ((below, (1.0 - part) ** 2), (above, part**2), (across, part * (1.0 - part))):
             total += np.bincount(cell, weight * factor, minlength=count)
         for axis, speed in enumerate(_velocities(frame).T):

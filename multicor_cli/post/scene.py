@@ -86,7 +86,12 @@ def _turned(vectors: Floats, angle: Floats) -> Floats:
 def _find_box(center: Floats, radius: Floats, walls: Sequence[Outline]) -> Floats:
     """Around the grains and the walls with ends that are near."""
     low, high = np.concatenate([np.zeros((2, 0, 2)), *(outline.corners() for outline in walls if outline.normal is None)], axis=1)
-    grains = np.array([(center - radius[:, np.newaxis]).min(axis=0, initial=np.inf), (center + radius[:, np.newaxis]).max(axis=0, initial=-np.inf)])
+    grains = np.array(
+        [
+            (center - radius[:, np.newaxis]).min(axis=0, initial=np.inf),
+            (center + radius[:, np.newaxis]).max(axis=0, initial=-np.inf),
+        ]
+    )
     if not radius.size:  # none is there yet, or any more
         grains = np.array([low.min(axis=0), high.max(axis=0)]) if len(low) else np.array([[0.0, 0.0], [1.0, 1.0]])
     room = _NEAR * (grains[1] - grains[0]).max()

@@ -15,10 +15,10 @@ from multicor_cli import __version__
 from multicor_cli.engine import Engine
 from multicor_cli.engine.coupled import CoupledEngine
 from multicor_cli.engine.exchange.engine import OpenEngine
+from multicor_cli.engine.exchange.watch import stray_warnings
 from multicor_cli.engine.heat.step import HeatEngine
 from multicor_cli.engine.heat.watch import biot_warning, undelivered_warning
 from multicor_cli.engine.jit.cache import is_compiled
-from multicor_cli.engine.exchange.watch import stray_warnings
 from multicor_cli.model import EXCHANGE_NAMES, HEAT_BOOK_NAMES, TALLY_NAMES, Model, State
 from multicor_cli.model.fallen import count_fallen
 from multicor_cli.packing import build

@@ -35,8 +35,8 @@ class ParticleGroup(Table):
     )
     release: Release | None = Field(
         None,
-        description="how the grains come: { rate = 100.0, region = { min = [...], max = [...] } }, with velocity, spin and temperature "
-        "of the group; with a packing, how they come again after an outlet",
+        description="how the grains come: { rate = 100.0, region = { min = [...], max = [...] } }, with velocity, spin and "
+        "temperature of the group; with a packing, how they come again after an outlet",
     )
     velocity: Vector = Field((0.0, 0.0), description="initial velocity [m/s], added to any velocity that comes with the packing")
     spin: Number = Field(0.0, description="initial spin [rad/s], added to any spin that comes with the packing")

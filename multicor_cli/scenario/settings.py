@@ -41,8 +41,8 @@ class Domain(Table):
 
     lost: Literal["ignore", "stop", "remove"] = Field(
         "ignore",
-        description="what happens to a grain whose center is more than the largest diameter outside of this rectangle (in x only if it "
-        'is not periodic): "ignore": nothing; "stop": the run ends (exit code 4); "remove": the grain is taken out, counted, and warned of',
+        description="what happens to a grain whose center is more than the largest diameter outside of this rectangle (in x only "
+        'if it is not periodic): "ignore": nothing; "stop": the run ends (exit code 4); "remove": it is taken out and counted',
     )
 
     @property

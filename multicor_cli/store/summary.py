@@ -25,7 +25,8 @@ def summarize(state: State, model: Model) -> Summary:
         ``max_overlap`` (over the smaller radius), ``max_contact_force`` [N], ``corrected_steps``,
         ``negative_loss_share``, ``solver``, ``books`` [J], and ``heat`` (null: no heat) with ``books`` [J], ``sub_steps``,
         ``max_biot``, ``solid_gas_min``, ``solid_gas_max`` (null: no gas) and ``temperature.{mean, min, max}`` [K]; ``fallen``
-        (grains below all walls); and ``exchange`` (null: no grain comes or goes) with its books and ``outlets.NAME.{grains, mass}``.
+        (grains below all walls); and ``exchange`` (null: no grain comes or goes) with its books and
+        ``outlets.NAME.{grains, mass}``.
     """
     tallies = dict(zip(TALLY_NAMES, state.tallies.tolist(), strict=True))
     books = dict(zip(BOOK_NAMES, state.books.tolist(), strict=True))
@@ -56,7 +57,10 @@ def summarize(state: State, model: Model) -> Summary:
 def _summarize_exchange(state: State, outlets: tuple[str, ...]) -> Summary:
     counts = {entry.name for entry in EXCHANGE_BOOKS if entry.dtype == "i8"}
     books = dict(zip(EXCHANGE_NAMES, state.exchange.tolist(), strict=True))
-    flows = {name: {"grains": round(grains), "mass": mass} for name, (grains, mass) in zip(outlets, state.outlet_flow.tolist(), strict=True)}
+    flows = {
+        name: {"grains": round(grains), "mass": mass}
+        for name, (grains, mass) in zip(outlets, state.outlet_flow.tolist(), strict=True)
+    }
     return {name: round(value) if name in counts else value for name, value in books.items()} | {"outlets": flows}
 
 

@@ -1,4 +1,4 @@
-"""Who comes and who goes before a step: a function of the state and its time alone, and nothing more happens if it is asked twice."""
+"""Who comes and who goes before a step: a function of the state alone, and nothing more happens if it is asked for twice."""
 
 from __future__ import annotations
 
@@ -41,13 +41,15 @@ def pass_grains(rules: ExchangeRules, model: Model, state: State) -> bool:
     _lose(rules, model, state)
     for number, outlet in enumerate(rules.outlets):
         _let_out(rules, number, outlet, model, state)
+    stayed = (before == Presence.THERE) & (state.presence == Presence.THERE)
     behind = 0
     for release in rules.releases:
         behind += _let_in(release, model, state)
     note_presence(state, model, behind)
-    is_changed = not np.array_equal(before, state.presence)
+    # A grain may leave and come back at once: it is there all the time, but elsewhere.
+    is_changed = not (np.array_equal(stayed, before == Presence.THERE) and np.array_equal(stayed, state.presence == Presence.THERE))
     if is_changed:
-        _forget_contacts(state)
+        _forget_contacts(state, stayed)
     return is_changed
 
 
@@ -115,21 +117,18 @@ def _put(grain: int, place: tuple[float, float], release: Release, model: Model,
     book_in(state, model, np.array([grain]))
 
 
-def _forget_contacts(state: State) -> None:
-    """Drop the contacts of grains that are not there."""
-    is_here = state.presence == Presence.THERE
-    kept = _among(state.contact_i, state.contact_j, is_here)
+def _forget_contacts(state: State, stayed: NDArray[np.bool_]) -> None:
+    """Drop the contacts of grains that have gone."""
+    kept = _among(state.contact_i, state.contact_j, stayed)
     if state.contact_couple.size:
         state.contact_couple = state.contact_couple[kept]
     state.contact_i, state.contact_j = state.contact_i[kept], state.contact_j[kept]
     state.contact_impulse = state.contact_impulse[kept]
-    kept = _among(state.mean_i, state.mean_j, is_here)
+    kept = _among(state.mean_i, state.mean_j, stayed)
     state.mean_i, state.mean_j, state.mean_force = state.mean_i[kept], state.mean_j[kept], state.mean_force[kept]
 
 
-def _among(
-    first: NDArray[np.int32], second: NDArray[np.int32], is_here: NDArray[np.bool_]
-) -> NDArray[np.bool_]:
-    """Which pairs are of grains that are there, or of one of them and a wall shape."""
-    last = is_here.size - 1
-    return np.asarray(is_here[first] & ((second > last) | is_here[np.minimum(second, last)]))
+def _among(first: NDArray[np.int32], second: NDArray[np.int32], chosen: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Which pairs are of chosen grains, or of one of them and a wall shape."""
+    last = chosen.size - 1
+    return np.asarray(chosen[first] & ((second > last) | chosen[np.minimum(second, last)]))

@@ -54,7 +54,9 @@ def _check_outlet(path: KeyPath, outlet: Outlet, draft: Draft) -> Iterator[Findi
         yield Finding((*path, "then"), what, 'give a group release = { rate = ..., region = ... }, or use then = "remove"')
     domain = draft.domain
     if domain is not None and domain.periodic and not (outlet.region.min[0] >= 0.0 and outlet.region.max[0] <= domain.size[0]):
-        what = f"reaches from x = {outlet.region.min[0]:g} to {outlet.region.max[0]:g}, beyond the period from 0 to {domain.size[0]:g}"
+        what = (
+            f"reaches from x = {outlet.region.min[0]:g} to {outlet.region.max[0]:g}, beyond the period from 0 to {domain.size[0]:g}"
+        )
         yield Finding((*path, "region"), what, "keep it within the period: x is counted there")
 
 

@@ -1,0 +1,271 @@
+"""Grains that come and go: closed forms, books of mass, energy and heat, conservation, and bits that depend on nothing else."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from run_fakes import StopAt
+
+from multicor_cli import post
+from multicor_cli import run as run_scenario
+from multicor_cli.engine import PhysicsError
+from multicor_cli.export.csv_files import export_csv
+from multicor_cli.model import Presence
+from multicor_cli.post import PostError
+from multicor_cli.running.session import Session
+from multicor_cli.scenario.load import parse_scenario
+from multicor_cli.store import open_run, run_info, verify
+
+G = 9.81
+
+HEAD = """
+[scenario]
+name = "flow"
+seed = 5
+[domain]
+size = [0.1, 0.2]
+{domain}
+[materials.glass]
+density = 2500.0
+young = 70e9
+poisson = 0.22
+conductivity = 1.0
+heat_capacity = 800.0
+[[contacts]]
+pair = ["*", "*"]
+friction = 0.4
+restitution = 0.2
+[solver]
+dt = {dt}
+tolerance_rms = 1e-2
+[output]
+frame_interval = 0.01
+[[loading]]
+name = "flow"
+duration = {duration}
+"""
+
+DROP = """
+[[particles]]
+name = "drop"
+material = "glass"
+shape = "sphere"
+sizes = {{ kind = "list", radii = [1e-3] }}
+count = {count}
+velocity = [0.0, -0.1]
+spin = 5.0
+release = {{ {rate}, start = 0.01, region = {{ min = [0.049, 0.149], max = [0.051, 0.151] }} }}
+[[outlets]]
+name = "floor"
+region = {{ min = [0.0, 0.0], max = [0.1, 0.02] }}
+"""
+
+SILO = """
+[heat]
+temperature = 300.0
+[[particles]]
+name = "bed"
+material = "glass"
+shape = "sphere"
+sizes = { kind = "uniform", min = 0.8e-3, max = 1.2e-3 }
+count = 60
+packing = { kind = "random" }
+region = { min = [0.032, 0.08], max = [0.068, 0.11] }
+release = { rate = 500.0, region = { min = [0.03, 0.15], max = [0.07, 0.17] } }
+[[particles]]
+name = "rain"
+material = "glass"
+shape = "sphere"
+sizes = { kind = "uniform", min = 0.8e-3, max = 1.2e-3 }
+count = 40
+temperature = 350.0
+release = { rate = 400.0, start = 0.01, region = { min = [0.03, 0.15], max = [0.07, 0.17] } }
+[[walls]]
+name = "left"
+material = "glass"
+thermal = { temperature = 400.0 }
+geometry = { kind = "polyline", points = [[0.028, 0.2], [0.028, 0.07], [0.045, 0.05]] }
+[[walls]]
+name = "right"
+material = "glass"
+geometry = { kind = "polyline", points = [[0.072, 0.2], [0.072, 0.07], [0.055, 0.05]] }
+[[outlets]]
+name = "floor"
+then = "THEN"
+region = { min = [0.0, 0.0], max = [0.1, 0.02] }
+"""
+
+
+def scenario(body: str, domain: str = "", dt: float = 2e-4, duration: float = 0.3):
+    return parse_scenario(HEAD.format(domain=domain, dt=dt, duration=duration) + body, "flow.toml")
+
+
+def drop(count: int = 1, rate: str = "rate = 100.0", **options):
+    return scenario(DROP.format(count=count, rate=rate), **options)
+
+
+def silo(then: str = "remove", duration: float = 0.25, domain: str = ""):
+    return scenario(SILO.replace("THEN", then), domain, duration=duration)
+
+
+@pytest.fixture(scope="module")
+def silos(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    folder = tmp_path_factory.mktemp("silos")
+    for then in ("remove", "release"):
+        run_scenario(silo(then), folder / then)
+    return {then: folder / then for then in ("remove", "release")}
+
+
+def test_a_grain_falls_from_its_release_to_the_outlet(tmp_path):
+    dt = 2e-4
+    run_scenario(drop(dt=dt), tmp_path / "run")
+    with open_run(tmp_path / "run") as run:
+        series = run.series
+        mass = float(run.model.grains.mass[0])
+        present = series["present"]
+        # From y = 0.15 with -0.1 m/s to 0.02: t = (−v + √(v² + 2 g h))/g; rows are some steps apart.
+        flight = (-0.1 + np.sqrt(0.1**2 + 2.0 * G * 0.13)) / G
+        row = series["time"][1] - series["time"][0]
+        assert series["time"][present > 0][0] == pytest.approx(0.01, abs=row + dt)
+        assert series["time"][series["left"] > 0][0] == pytest.approx(0.01 + flight, abs=row + 2.0 * dt)
+        last = {name: float(values[-1]) for name, values in series.items() if values.ndim == 1}
+        state = run.state()
+    speed, depth = abs(float(state.velocity[0, 1])), float(state.position[0, 1])
+    assert 0.02 - 2.0 * speed * dt < depth <= 0.02
+    inertia = 0.4 * mass * 1e-3**2
+    assert last["kinetic_in"] == pytest.approx(0.5 * mass * 0.1**2 + 0.5 * inertia * 5.0**2, rel=1e-13)
+    assert last["kinetic_out"] == pytest.approx(0.5 * mass * speed**2 + 0.5 * inertia * 5.0**2, rel=1e-13)
+    assert last["gravity_work"] == pytest.approx(last["potential_in"] - last["potential_out"], rel=1e-12)
+    assert last["potential_in"] == pytest.approx(mass * G * 0.15, rel=1e-13)
+    assert last["kinetic"] == pytest.approx(0.0, abs=1e-15 * mass)
+    assert last["closure"] < 1e-12
+    assert (last["mass_left"], last["mass_present"], last["mass_waiting"]) == (mass, 0.0, 0.0)
+    assert state.presence.tolist() == [Presence.LEFT]
+
+
+def test_rain_holds_as_many_grains_as_come_in_a_time_of_flight(tmp_path):
+    rate = 60.0  # released a diameter apart: no two of them touch
+    run_scenario(drop(30, f"rate = {rate}", duration=0.45), tmp_path / "run")
+    flight = (-0.1 + np.sqrt(0.1**2 + 2.0 * G * 0.13)) / G
+    with open_run(tmp_path / "run") as run:
+        time, present = run.series["time"], run.series["present"]
+        steady = (time > 0.01 + flight + 0.02) & (time < 0.4)
+        assert abs(present[steady].mean() - rate * flight) < 0.5
+        assert set(present[steady].tolist()) <= {int(rate * flight), int(rate * flight) + 1}
+        flow = np.polyfit(time[steady], run.series["outlet_flow"][steady, 0, 0], 1)[0]
+    assert flow == pytest.approx(rate, rel=0.1)
+
+
+def test_a_rate_of_mass_is_kept(tmp_path):
+    run_scenario(drop(30, "mass_rate = 6e-4", duration=0.2), tmp_path / "run")
+    with open_run(tmp_path / "run") as run:
+        mass, time, released = run.model.grains.mass[0], run.series["time"], run.series["mass_released"]
+    due = 6e-4 * (time - 0.01)
+    late = time > 0.02
+    assert ((released - due)[late] > -mass).all()
+    assert ((released - due)[late] <= mass * (1.0 + 1e-9)).all()
+
+
+def test_releases_wait_for_room_and_the_run_says_so(tmp_path):
+    warned: list[str] = []
+
+    class Listener(StopAt):
+        def warning(self, text: str) -> None:
+            warned.append(text)
+
+    run_scenario_listening(drop(30, "rate = 1e4", duration=0.02), tmp_path / "run", Listener(-1))
+    with open_run(tmp_path / "run") as run:
+        frame, behind = run.frames[-1], run.series["behind"]
+        assert behind[-1] > 0
+        y = np.sort(frame.position[:, 1])
+        assert len(y) >= 1
+        assert (np.diff(y) >= 2e-3 * (1.0 - 1e-3)).all()  # one below the other, none overlaps
+    assert any("not found room" in text for text in warned)
+
+
+def run_scenario_listening(made, path, observer):
+    return Session(made, path, threads=1, observer=observer).run()
+
+
+@pytest.mark.parametrize("then", ["remove", "release"])
+def test_the_books_of_a_silo_close(silos, then):
+    info = run_info(silos[then])
+    exchange = info["exchange"]
+    assert exchange["left"] > 20
+    assert exchange["mass_closure"] < 1e-13
+    assert info["energy_closure"] < 1e-12
+    assert info["heat_closure"] < 1e-11
+    assert exchange["heat_out"] != 0.0
+    assert exchange["present"] + exchange["waiting"] + exchange["left"] - exchange["returned"] == 100
+    assert exchange["returned"] == (exchange["left"] if then == "release" else 0)
+    assert exchange["outlets"]["floor"]["grains"] == exchange["left"]
+    with open_run(silos[then]) as run:
+        series, state, model = run.series, run.state(), run.model
+        here = state.here
+        potential = G * (model.grains.mass[here] * state.position[here, 1]).sum()
+        first = run.frames[0]
+        at_first = G * (first.model.grains.mass * first.position[:, 1]).sum()
+        net = exchange["potential_in"] - exchange["potential_out"]
+        assert series["gravity_work"][-1] == pytest.approx(at_first - potential + net, abs=1e-9 * abs(exchange["potential_in"]))
+        held = state.heat[here].sum()
+        assert series["heat_stored"][-1] == pytest.approx(held, rel=1e-9, abs=1e-12)
+    assert not verify(silos[then])
+
+
+def test_a_stopped_run_goes_on_to_the_same_bits(silos, tmp_path):
+    for step in (37, 400, 801):
+        run_scenario_listening(silo("release"), tmp_path / "run", StopAt(step))
+    run_scenario_listening(silo("release"), tmp_path / "run", StopAt(-1))
+    assert run_info(tmp_path / "run")["state_digest"] == run_info(silos["release"])["state_digest"]
+    assert run_info(tmp_path / "run")["data_digest"] == run_info(silos["release"])["data_digest"]
+
+
+def test_tables_and_exports_hold_those_alone_that_are_there(silos, tmp_path):
+    with open_run(silos["remove"]) as run:
+        export_csv(run, tmp_path / "tables", slice(12, 13))
+        counts = [len(frame.position) for frame in run.frames]
+        for frame in run.frames:
+            here = frame.presence == Presence.THERE
+            assert len(frame.position) == len(frame.temperature) == frame.model.grain_count == np.count_nonzero(here)
+            assert frame.number.tolist() == np.flatnonzero(here).tolist()
+            assert frame.presence.size == 100
+            assert (frame.contacts.i < len(frame.number)).all()
+            pairs = frame.contacts.j < len(frame.number)
+            i, j = frame.contacts.i[pairs], frame.contacts.j[pairs]
+            gap = np.hypot(*(frame.position[i] - frame.position[j]).T) - frame.model.grains.radius[i] - frame.model.grains.radius[j]
+            assert np.abs(gap - frame.contacts.gap[pairs]).max(initial=0.0) < 1e-3  # positions are those at the end of the step
+        assert min(counts) < 60 < max(counts)
+        assert post.grain_map(run, "temperature", frame=12).value.size == counts[12]
+        assert post.profile(run, "velocity", selection=post.Selection(frames=slice(8, 12))).value.size
+        with pytest.raises(PostError, match="come or gone"):
+            post.profile(run, "heat", selection=post.Selection(frames=slice(1, 12)))
+        rows = (tmp_path / "tables" / "grains-000012.csv").read_text(encoding="utf-8").splitlines()
+        assert len(rows) == 1 + counts[12]
+        heading = (tmp_path / "tables" / "series.csv").read_text(encoding="utf-8").splitlines()[0]
+        assert "floor: grains" in heading
+
+
+def test_a_lost_grain_stops_the_run_or_is_removed(tmp_path):
+    body = DROP.format(count=3, rate="rate = 100.0").split("[[outlets]]")[0]
+    with pytest.raises(PhysicsError, match=r"grain 0 at .* is beyond the domain; close the walls"):
+        run_scenario(scenario(body, 'lost = "stop"'), tmp_path / "stop")
+    assert run_info(tmp_path / "stop")["exit_code"] == 4
+    run_scenario(scenario(body, 'lost = "remove"'), tmp_path / "remove")
+    info = run_info(tmp_path / "remove")
+    assert (info["exchange"]["lost"], info["exchange"]["present"]) == (3, 0)
+    assert info["energy_closure"] < 1e-12
+
+
+def test_grains_below_all_walls_are_told_of(tmp_path):
+    body = DROP.format(count=1, rate="rate = 100.0").split("[[outlets]]")[0]
+    body = body.replace(body[body.index("release =") : body.index("\n", body.index("release ="))], 'packing = { kind = "random" }')
+    floor = """
+[[walls]]
+name = "ledge"
+material = "glass"
+geometry = { kind = "polyline", points = [[0.2, 0.01], [0.3, 0.01]] }
+"""
+    run_scenario(scenario(body + floor), tmp_path / "run")
+    assert run_info(tmp_path / "run")["fallen"] == 1
