@@ -13,9 +13,12 @@ from multicor_cli import run as run_scenario
 from multicor_cli.engine import PhysicsError
 from multicor_cli.export.csv_files import export_csv
 from multicor_cli.model import Presence
+from multicor_cli.packing import build
 from multicor_cli.post import PostError
+from multicor_cli.report.collect import view_of
 from multicor_cli.running.session import Session
 from multicor_cli.scenario.load import parse_scenario
+from multicor_cli.scenario.problems import ScenarioError
 from multicor_cli.store import open_run, run_info, verify
 
 G = 9.81
@@ -60,6 +63,12 @@ release = {{ {rate}, start = 0.01, region = {{ min = [0.049, 0.149], max = [0.05
 [[outlets]]
 name = "floor"
 region = {{ min = [0.0, 0.0], max = [0.1, 0.02] }}
+"""
+
+OUTLET = """
+[[outlets]]
+name = "floor"
+region = { min = [0.0, 0.03], max = [0.1, 0.04] }
 """
 
 SILO = """
@@ -269,3 +278,70 @@ geometry = { kind = "polyline", points = [[0.2, 0.01], [0.3, 0.01]] }
 """
     run_scenario(scenario(body + floor), tmp_path / "run")
     assert run_info(tmp_path / "run")["fallen"] == 1
+
+
+REFUSED = {
+    "outside": (("max = [0.051, 0.151]", "max = [0.2, 0.151]"), "particles.0.release.region", "beyond the domain", "[domain] size"),
+    "too small": (("min = [0.049, 0.149]", "min = [0.0499, 0.149]"), "particles.0.release.region", "never fit", "enlarge"),
+    "rate": (("rate = 100.0", "rate = 0.0"), "particles.0.release.rate", "rate", "0"),
+    "no rate": (("rate = 100.0, ", ""), "particles.0.release", "neither rate nor mass_rate", "give one"),
+    "two rates": (("rate = 100.0", "rate = 100.0, mass_rate = 1.0"), "particles.0.release", "both rate and mass_rate", "give one"),
+    "no heat": (("spin = 5.0", "temperature = 300.0"), "particles.0.temperature", "no heat", "[heat]"),
+    "profile": (("spin = 5.0", "shear_rate = 1.0"), "particles.0.shear_rate", "one velocity", "remove shear_rate"),
+    "no packing": (("release", "# release"), "particles.0.packing", "no packing", "release"),
+    "region": (("spin = 5.0", "region = { min = [0, 0], max = [0.1, 0.1] }"), "particles.0.region", "no meaning", "release.region"),
+    "overlap": (("max = [0.1, 0.02]", "max = [0.1, 0.15]"), "outlets.0.region", "leave where they come", "move"),
+    "double": (("[[outlets]]", OUTLET + "[[outlets]]"), "outlets.1.name", "is also the name of outlets.0", "another name"),
+    "nobody": (("release = {", 'packing = { kind = "random" } # {'), "outlets.0.then", "no group has a release", "remove"),
+    "period": (("[materials", "periodic = true\n[materials"), "outlets.0.region", "beyond the period", "within the period"),
+}
+
+
+@pytest.mark.parametrize("name", REFUSED)
+def test_what_makes_no_sense_is_refused_with_place_and_remedy(name):
+    (old, new), key, *words = REFUSED[name]
+    text = HEAD.format(domain="", dt=2e-4, duration=0.1) + DROP.format(count=1, rate="rate = 100.0")
+    if name == "nobody":
+        text += 'then = "release"\n'
+    if name == "period":
+        text = text.replace("max = [0.1, 0.02]", "max = [0.11, 0.02]")
+    assert old in text
+    with pytest.raises(ScenarioError) as refused:
+        parse_scenario(text.replace(old, new, 1), "flow.toml")
+    found = [problem for problem in refused.value.problems if problem.key == key]
+    assert len(found) == 1, refused.value
+    said = f"{found[0].message} {found[0].remedy}"
+    assert all(word in said for word in words), said
+
+
+def test_a_gradient_of_temperature_needs_places():
+    text = SILO.replace("THEN", "remove").replace("temperature = 350.0", "temperature = { value = 300.0, gradient = [1.0, 0.0] }")
+    with pytest.raises(ScenarioError, match="grains that wait have none"):
+        scenario(text)
+
+
+def test_results_do_not_depend_on_the_number_of_threads(silos, tmp_path):
+    Session(silo("release"), tmp_path / "run", threads=2).run()
+    assert run_info(tmp_path / "run")["state_digest"] == run_info(silos["release"])["state_digest"]
+
+
+def test_the_page_and_films_leave_out_who_is_not_there(silos):
+    with open_run(silos["remove"]) as run:
+        last = len(run.frames) - 1
+        view, frame = view_of(run, last), run.frames[last]
+    gone = np.isnan(view.center[:, 0])
+    assert np.flatnonzero(~gone).tolist() == frame.number.tolist()
+
+
+def test_grains_of_a_frame_can_begin_another_run(silos, tmp_path):
+    with open_run(silos["remove"]) as run:
+        count = len(run.frames[-1].position)
+    body = f"""
+[[particles]]
+name = "bed"
+material = "glass"
+shape = "sphere"
+packing = {{ kind = "run", path = "{silos["remove"]}" }}
+"""
+    model, state = build(scenario(body))
+    assert model.grain_count == count == len(state.position)
