@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
+import h5py
 import numpy as np
 import pytest
 from run_fakes import StopAt
@@ -19,7 +20,7 @@ from multicor_cli.report.collect import view_of
 from multicor_cli.running.session import Session
 from multicor_cli.scenario.load import parse_scenario
 from multicor_cli.scenario.problems import ScenarioError
-from multicor_cli.store import open_run, run_info, verify
+from multicor_cli.store import open_run, run_info, schema, verify
 
 G = 9.81
 
@@ -221,6 +222,11 @@ def test_the_books_of_a_silo_close(silos, then):
         held = state.heat[here].sum()
         assert series["heat_stored"][-1] == pytest.approx(held, rel=1e-9, abs=1e-12)
     assert not verify(silos[then])
+    with h5py.File(silos[then] / "results.h5") as file:
+        for spec in schema.select(schema.RESULTS_TABLE, {"heat", "exchange"}):
+            assert file[spec.path].attrs["unit"] == spec.unit
+        radius, presence = file["VTKHDF/PointData/radius"][:], file["particles/presence"][:]
+        assert np.count_nonzero(radius) == np.count_nonzero(presence == Presence.THERE)
 
 
 def test_a_stopped_run_goes_on_to_the_same_bits(silos, tmp_path):
