@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import shutil
 from pathlib import Path
 
 import h5py
@@ -351,3 +352,12 @@ packing = {{ kind = "run", path = "{silos["remove"]}" }}
 """
     model, state = build(scenario(body))
     assert model.grain_count == count == len(state.position)
+
+
+@pytest.mark.parametrize("path", ["model/outlets", "particles/presence", "series/outlet_flow"])
+def test_a_run_that_lacks_a_part_of_it_is_damaged(silos, tmp_path, path):
+    file = tmp_path / "results.h5"
+    shutil.copy(silos["remove"] / "results.h5", file)
+    with h5py.File(file, "r+") as data:
+        del data[path]
+    assert any(path in finding.message for finding in verify(file))
