@@ -42,17 +42,41 @@ def lost_grains(model: Model, position: Floats, velocity: Floats, wall_position:
 def _lost(run: Recorded) -> Iterator[Measured]:
     if not len(run.run.frames):
         return
-    frame, model = run.run.frames[-1], run.run.model
+    frame = run.run.frames[-1]
+    model = frame.model
     position, velocity = np.asarray(frame.position, float), np.asarray(frame.velocity, float)
     count = lost_grains(model, position, velocity, frame.wall_position, run.gravity)
-    yield Measured(count / model.grain_count, f"{count} of {model.grain_count}")
+    if model.grain_count:
+        yield Measured(count / model.grain_count, f"{count} of {model.grain_count}")
+
+
+def _removed(run: Recorded) -> Iterator[Measured]:
+    books = run.info["exchange"]
+    if books is not None:
+        yield Measured(books["lost"] / run.run.model.grain_count, f"{books['lost']} of {run.run.model.grain_count}")
+
+
+def _late(run: Recorded) -> Iterator[Measured]:
+    if run.info["exchange"] is not None:
+        yield Measured(run.info["exchange"]["behind"])
 
 
 RULES: tuple[Rule[Recorded], ...] = (
     Rule(
         "lost grains", _lost, unit="of the grains", warning=0.0, bad=0.1,
         meaning="Grains that lie below all walls and fall on for ever; they count in all means, with ever more kinetic energy.",
-        remedy="Put a plane below, which has no ends; end the stage earlier; or leave them out of what is evaluated.",
+        remedy='Put a plane below, which has no ends; let them go, with [[outlets]] or [domain] lost = "remove"; or end the stage '
+        "earlier.",
+    ),
+    Rule(
+        "removed grains", _removed, unit="of the grains", warning=0.0, bad=0.1,
+        meaning='Grains that left the domain elsewhere than through an outlet, and were removed as [domain] lost = "remove" asks.',
+        remedy="Close the walls, or put an outlet where they leave.",
+    ),
+    Rule(
+        "late releases", _late, unit="grains", warning=0.0,
+        meaning="Grains that are due and have found no room in the region of their release: fewer come than the rate asks for.",
+        remedy="Lower the rate, or enlarge the region of the release; if the container is to be full, nothing.",
     ),
 )  # fmt: skip
 """What is checked of where the grains are."""

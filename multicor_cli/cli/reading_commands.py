@@ -85,6 +85,7 @@ def _describe(found: dict[str, Any]) -> list[tuple[str, str]]:
         ("run", found["path"]),
         ("status", f"{found['status']} ({reason})" if reason and reason != found["status"] else found["status"]),
         ("grains", _text(found["grain_count"])),
+        *_describe_exchange(found["exchange"]),
         ("walls", ", ".join(found["walls"]) or "none"),
         *_describe_origin(found["origin"]),
         ("frames", f"{found['frame_count']} (and {found['series_count']} rows of the time series)"),
@@ -112,6 +113,14 @@ def _describe_origin(origin: dict[str, Any] | None) -> list[tuple[str, str]]:
     from multicor_cli.store.origin import Origin
 
     return [] if origin is None else [("goes on from", Origin.of_document(origin).text)]
+
+
+def _describe_exchange(exchange: dict[str, Any] | None) -> list[tuple[str, str]]:
+    if exchange is None:
+        return []
+    counts = ", ".join(f"{exchange[name]} {name}" for name in ("present", "waiting", "released", "left", "returned", "lost"))
+    flows = [(f"  {name}", f"{flow['grains']} grains, {flow['mass']:.4g} kg left") for name, flow in exchange["outlets"].items()]
+    return [("  of these", counts), *flows]
 
 
 def _describe_ends(ends: list[dict[str, Any]]) -> list[tuple[str, str]]:

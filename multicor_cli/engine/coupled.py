@@ -61,6 +61,14 @@ class CoupledEngine:
         heat = {} if self.heat is None else {"heat": self.heat.seconds}
         return {**self.mechanics.timers, **heat}
 
+    @property
+    def threads(self) -> int:
+        """Number of threads that may be used."""
+        return self.mechanics.threads
+
+    def exchange(self) -> None:
+        """Let grains go and come before a step: none does here, see `multicor_cli.engine.exchange`."""
+
     def set_drives(self, drives: list[WallDrive]) -> None:
         """Choose what the walls do, at the start of a stage."""
         self.mechanics.set_drives(drives)

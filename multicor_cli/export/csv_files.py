@@ -79,19 +79,21 @@ def _tables(run: Run, frame: Frame) -> Iterable[tuple[str, list[Column]]]:
 
 
 def _grain_columns(run: Run, frame: Frame) -> list[Column]:
-    grains = run.model.grains
+    grains = frame.model.grains
     return [
-        ("grain", range(len(grains.radius))),
+        ("grain", frame.number),
         ("group", [run.model.groups[k] for k in grains.group]),
         ("material", [run.model.materials[k] for k in grains.material]),
         ("radius [m]", grains.radius),
         ("mass [kg]", grains.mass),
-        *_columns_of(frame, run.rows(schema.PARTICLES)),
+        *_columns_of(frame, run.rows(schema.PARTICLES), frame.number),
     ]
 
 
-def _columns_of(frame: Frame, table: tuple[Dataset, ...]) -> list[Column]:
-    return [column for spec in table for column in _split(spec, frame.column(spec.path))]
+def _columns_of(frame: Frame, table: tuple[Dataset, ...], rows: NDArray[np.int64] | None = None) -> list[Column]:
+    """The columns of a table as they are stored, or these rows of them."""
+    found = ((spec, frame.column(spec.path)) for spec in table)
+    return [column for spec, values in found for column in _split(spec, values if rows is None else values[rows])]
 
 
 def _frame_columns(run: Run, frames: Sequence[Frame]) -> list[Column]:
@@ -107,6 +109,10 @@ def _series_columns(run: Run) -> list[Column]:
     columns: list[Column] = []
     for spec in run.rows(schema.SERIES):
         values = run.series[spec.name]
+        if "outlet" in spec.dims:
+            for number, outlet in enumerate(run.model.outlets or ()):
+                columns += [(f"{outlet}: {heading}", column) for heading, column in _split(spec, values[:, number])]
+            continue
         if "wall" not in spec.dims:
             columns += _split(spec, values)
             continue

@@ -114,6 +114,11 @@ def frame_problem(run: Run, number: int = -1) -> FrameProblem:
     frame = choose_frame(run, number)
     model = run.model
     _refuse_further_laws(run, model)
+    if model.outlets is not None:
+        message = (
+            f"{run.path}: grains come and go in this run, so that the next contact problem is not that of the grains of a frame"
+        )
+        raise ExportError(message)
     scenario = parse_scenario(run.scenario_resolved, run.path)
     plan = make_plan(scenario, model)
     moment = _find_moment(run, frame, plan)

@@ -101,12 +101,14 @@ class _Box:
     @classmethod
     def around(cls, model: Model, frames: list[Frame]) -> _Box:
         """All grains of all frames with a margin, for the format makes every direction periodic; the period, where there is one."""
-        radius = model.grains.radius[:, None]
         low, high = np.full(2, np.inf), np.full(2, -np.inf)
         for frame in frames:
-            low = np.minimum(low, (frame.position - radius).min(axis=0))
-            high = np.maximum(high, (frame.position + radius).max(axis=0))
-        margin = 2.0 * radius.max()
+            radius = frame.model.grains.radius[:, None]
+            low = np.minimum(low, (frame.position - radius).min(axis=0, initial=np.inf))
+            high = np.maximum(high, (frame.position + radius).max(axis=0, initial=-np.inf))
+        if not np.isfinite(low).all():  # no grain is there in any of them
+            low, high = np.zeros(2), np.zeros(2)
+        margin = 2.0 * model.grains.radius.max()
         low, high = low - margin, high + margin
         if model.period > 0.0:
             low[0], high[0] = 0.0, model.period
@@ -127,10 +129,10 @@ def _gsd_frame(target: Any, model: Model, frame: Frame, box: _Box) -> Any:
 
 
 def _fill_particles(target: Any, model: Model, frame: Frame, box: _Box) -> None:
-    particles, grains = target.particles, model.grains
+    particles, grains = target.particles, frame.model.grains
     half = 0.5 * frame.angle
     turn = np.column_stack([np.cos(half), np.zeros((len(half), 2)), np.sin(half)])
-    particles.N = model.grain_count
+    particles.N = len(half)
     particles.types = list(model.groups)
     particles.typeid = grains.group
     particles.position = _spatial(frame.position - box.center)

@@ -126,11 +126,45 @@ HEAT_BOOKS = (
 """Heat books, in the order of `State.heat_books`; empty in runs without heat."""
 
 
+def _exchange(name: str, meaning: str, unit: str = "1", dtype: DType = "f8") -> Entry:
+    return Entry(name, meaning, unit, series=name, dtype=dtype, since=(1, 2))
+
+
+def _grains(name: str, meaning: str) -> Entry:
+    return _exchange(name, meaning, dtype="i8")
+
+
+EXCHANGE_BOOKS = (
+    _grains("waiting", "grains that wait for their release"),
+    _grains("present", "grains that are there"),
+    _grains("released", "releases since the start"),
+    _grains("left", "grains that left through an outlet since the start, each time counted"),
+    _grains("returned", "grains of these that went back to wait"),
+    _grains("lost", "grains removed beyond the domain since the start"),
+    _grains("behind", "releases that are due and found no room"),
+    _exchange("mass_waiting", "mass of the grains that wait", "kg"),
+    _exchange("mass_present", "mass of the grains that are there", "kg"),
+    _exchange("mass_released", "mass released since the start", "kg"),
+    _exchange("mass_left", "mass that left through outlets since the start", "kg"),
+    _exchange("mass_returned", "mass of this that went back to wait", "kg"),
+    _exchange("mass_lost", "mass removed beyond the domain since the start", "kg"),
+    _exchange("mass_closure", "largest |waiting + present + left - returned + lost - all mass| over all mass so far"),
+    _exchange("kinetic_in", "kinetic energy of the grains released since the start", "J"),
+    _exchange("kinetic_out", "kinetic energy of the grains gone since the start", "J"),
+    _exchange("potential_in", "their energy in the gravity of the domain, zero at the origin, where they were released", "J"),
+    _exchange("potential_out", "their energy in the gravity of the domain, zero at the origin, where they went", "J"),
+    _exchange("heat_out", "heat content that the grains gone have taken along since the start", "J"),
+)
+"""Books of grains that come and go, in the order of `State.exchange`; empty where none does."""
+
+
 def _names(entries: tuple[Entry, ...]) -> tuple[str, ...]:
     return tuple(entry.name for entry in entries)
 
 
-BOOK_NAMES, TALLY_NAMES, WINDOW_NAMES, HEAT_BOOK_NAMES = map(_names, (BOOKS, TALLIES, WINDOW, HEAT_BOOKS))
+BOOK_NAMES, TALLY_NAMES, WINDOW_NAMES, HEAT_BOOK_NAMES, EXCHANGE_NAMES = map(
+    _names, (BOOKS, TALLIES, WINDOW, HEAT_BOOKS, EXCHANGE_BOOKS)
+)
 """Names of the entries, in the order of the arrays of `State`."""
 
 

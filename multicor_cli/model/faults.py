@@ -7,9 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.model.books import BOOK_NAMES, HEAT_BOOK_NAMES, TALLY_NAMES, WINDOW_NAMES
+from multicor_cli.model.books import BOOK_NAMES, EXCHANGE_NAMES, HEAT_BOOK_NAMES, TALLY_NAMES, WINDOW_NAMES
 from multicor_cli.model.model import Model
-from multicor_cli.model.state import State, state_shapes
+from multicor_cli.model.state import Presence, State, state_shapes
 from multicor_cli.model.stored import stored_fields
 
 LARGEST = 1e50
@@ -20,7 +20,13 @@ _CONTACTS = {
     "contact_couple": ("contact_i", "contact_j"),
     "mean_force": ("mean_i", "mean_j"),
 }
-_ENTRIES = {"books": BOOK_NAMES, "tallies": TALLY_NAMES, "window": WINDOW_NAMES, "heat_books": HEAT_BOOK_NAMES}
+_ENTRIES = {
+    "books": BOOK_NAMES,
+    "tallies": TALLY_NAMES,
+    "window": WINDOW_NAMES,
+    "heat_books": HEAT_BOOK_NAMES,
+    "exchange": EXCHANGE_NAMES,
+}
 
 
 def _fields(dtype: str, *dims: str) -> tuple[str, ...]:
@@ -29,7 +35,7 @@ def _fields(dtype: str, *dims: str) -> tuple[str, ...]:
     return tuple(name for dim in dims for name, about in found.items() if about.dims[0] == dim and about.dtype == dtype)
 
 
-_NOTES = _fields("f8", "stage_note", "before_row")
+_NOTES = _fields("f8", "stage_note", "before_row", "exchange_group", "exchange_outlet")
 _OF_GRAINS, _OF_WALLS = _fields("f8", "heat_grain", "grain"), _fields("f8", "wall", "heat_wall", "origin_row")
 _NUMBERS, _COUNTS = _fields("f8", "one"), _fields("i8", "one")
 
@@ -70,6 +76,8 @@ def find_misfit(state: State, model: Model) -> str | None:
     for name in _COUNTS:
         if getattr(state, name) < 0:
             return f"{name} is negative"
+    if state.presence.max(initial=0) > max(Presence):
+        return "presence holds a number that means nothing"
     return find_absurd_value(state, model)
 
 
@@ -81,14 +89,14 @@ def _are_pairs(first: NDArray[Any], second: NDArray[Any], grains: int, shapes: i
 def _owner(state: State, model: Model, name: str, row: int) -> str:
     plain = "the heat generated" if name == "generated" else f"the {name.replace('_', ' ')}"
     if name in _OF_GRAINS:
-        return f"{plain} of grain {row}"
+        return f"{plain} of {model.name_of(row)}"
     if name in _OF_WALLS:
         return f"{plain} of wall {model.walls.names[row]}"
     if name in _CONTACTS:
         i, j = (int(getattr(state, index)[row]) for index in _CONTACTS[name])
         n = model.grain_count
-        other = f"grain {j}" if j < n else f"wall {model.walls.names[model.shapes.wall[j - n]]}"
-        return f"{plain} between grain {i} and {other}"
+        other = model.name_of(j) if j < n else f"wall {model.walls.names[model.shapes.wall[j - n]]}"
+        return f"{plain} between {model.name_of(i)} and {other}"
     if name in _ENTRIES:
         return f"{_ENTRIES[name][row]} in the {plain.removeprefix('the ')}"
     return plain

@@ -7,8 +7,8 @@ shape numbers ``(i, j)`` with ``i < j``, so ``i`` is always a grain.
 from __future__ import annotations
 
 import functools
-from dataclasses import dataclass
-from typing import NamedTuple
+from dataclasses import dataclass, fields, replace
+from typing import NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -153,6 +153,8 @@ class Model:
         gravity: Acceleration of gravity [m/s²], shape ``(2,)``.
         shape_factor: m a²/I, one of `SHAPE_FACTOR`, the same for all grains.
         thermal: Heat capacities and initial temperatures, or None if the run has no heat.
+        outlets: Names of the outlets, or None if no grain ever comes or goes.
+        numbers: Numbers of the grains in messages, shape ``(n,)``; None: their places in the arrays.
     """
 
     grains: Grains
@@ -165,6 +167,8 @@ class Model:
     gravity: Floats
     shape_factor: float
     thermal: Thermal | None = None
+    outlets: tuple[str, ...] | None = None
+    numbers: NDArray[np.int64] | None = None
 
     @property
     def grain_count(self) -> int:
@@ -186,7 +190,30 @@ class Model:
         """Index of the material of all shapes, grains first, shape ``(n + m,)``."""
         return np.concatenate([self.grains.material, self.shapes.material]).astype(np.int32)
 
+    def name_of(self, grain: int) -> str:
+        """What messages call a grain."""
+        return f"grain {grain if self.numbers is None else self.numbers[grain]}"
+
+    def with_grains(self, which: NDArray[np.int64]) -> Model:
+        """The same with these grains alone, in this order; walls and laws are shared."""
+        thermal = self.thermal
+        return replace(
+            self,
+            grains=_rows_of(self.grains, which),
+            thermal=None if thermal is None else _rows_of(thermal, which),
+            outlets=None,
+            numbers=which,
+        )
+
     @functools.cached_property
     def mean_diameter(self) -> float:
         """Mean diameter of the grains d̄ [m]."""
         return 2.0 * mean(self.grains.radius)
+
+
+_Rows = TypeVar("_Rows", Grains, Thermal)
+
+
+def _rows_of(table: _Rows, which: NDArray[np.int64]) -> _Rows:
+    """A record of arrays with a row for each grain, of these grains alone."""
+    return type(table)(**{field.name: getattr(table, field.name)[which] for field in fields(table)})

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import hashlib
 from dataclasses import dataclass, fields
+from enum import IntEnum
 from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.model.books import HEAT_BOOKS, entry_counts
+from multicor_cli.model.books import EXCHANGE_BOOKS, HEAT_BOOKS, entry_counts
 from multicor_cli.model.model import Floats, Ints, Model, Thermal
 from multicor_cli.model.stored import DType, Feature, Shape, Stored, Version, stored, stored_fields
 
@@ -18,7 +19,8 @@ def _array(
     dims: Shape, unit: str, meaning: str, dtype: DType = "f8", *, columns: tuple[str, ...] = (), since: Version = (1, 0)
 ) -> Any:
     """An array; without elements until it is given some."""
-    feature: Feature | None = "heat" if str(dims[0]).startswith("heat_") else None
+    word = str(dims[0]).split("_")[0]
+    feature: Feature | None = "heat" if word == "heat" else "exchange" if word == "exchange" else None
     about = Stored(dtype, dims, unit, meaning, columns, only_with=feature, since=since)
     return stored(about, default_factory=lambda: np.zeros(_shape(dims, entry_counts()), dtype))
 
@@ -33,6 +35,15 @@ def _count(meaning: str) -> Any:
 
 def _shape(dims: Shape, lengths: dict[str, int]) -> tuple[int, ...]:
     return tuple(d if isinstance(d, int) else lengths.get(d, 0) for d in dims)
+
+
+class Presence(IntEnum):
+    """Whether a grain is there."""
+
+    WAITS = 0
+    THERE = 1
+    LEFT = 2
+    LOST = 3
 
 
 @dataclass
@@ -99,6 +110,17 @@ class State:
         "where displacements of each wall count from, for prescribed positions and springs; empty without them",
         since=(1, 2),
     )
+    # What follows is empty where no grain comes or goes. Arrays of grains hold all: one that is not there keeps what it had.
+    presence: NDArray[np.uint8] = _array(
+        ("exchange_grain",), "1", "whether a grain is there: 0 waits, 1 is there, 2 has left, 3 is lost", "u1", since=(1, 2)
+    )
+    released: Floats = _array(("exchange_group", 2), "1, kg", "grains and mass released of each group", since=(1, 2))
+    outlet_flow: Floats = _array(
+        ("exchange_outlet", 2), "1, kg", "grains and mass that left through each outlet", columns=("grains", "mass"), since=(1, 2)
+    )
+    exchange: Floats = _array(
+        ("exchange_book",), "mixed", "books of grains that come and go, in the order of model.EXCHANGE_NAMES", since=(1, 2)
+    )
 
     @classmethod
     def at_rest(cls, model: Model, position: Floats) -> State:
@@ -108,11 +130,17 @@ class State:
             setattr(state, name, np.zeros(shape, about[name].dtype))
         state.position[:, : position.shape[1]] = position
         state.wall_temperature[:] = np.nan
+        state.presence[:] = Presence.THERE
         return state
 
     def temperature(self, thermal: Thermal) -> Floats:
         """Temperatures of the grains T = T₀ + Q/C [K], shape ``(n,)``."""
         return thermal.start + self.heat / thermal.capacity
+
+    @property
+    def here(self) -> NDArray[np.int64] | slice:
+        """The grains that are there: their numbers, or all of them where none comes or goes."""
+        return np.flatnonzero(self.presence == Presence.THERE) if self.presence.size else slice(None)
 
     def as_dict(self) -> dict[str, NDArray[np.generic]]:
         """All fields as arrays (numbers become 0-d arrays), in declaration order: what a checkpoint stores."""
@@ -143,6 +171,7 @@ class FrameFields:
 
     generated: NDArray[Any] | None
     wear: NDArray[Any] | None
+    presence: NDArray[Any] | None
     wall_heat: NDArray[Any] | None
     wall_wear: NDArray[Any] | None
 
@@ -168,4 +197,11 @@ def state_shapes(model: Model) -> dict[str, tuple[int, ...]]:
     n, w = model.grain_count, model.wall_count
     heated = (n, w, len(HEAT_BOOKS)) if model.thermal is not None else (0, 0, 0)
     lengths = dict(zip(("grain", "wall", "heat_grain", "heat_wall", "heat_book"), (n, w, *heated), strict=True))
+    is_open = model.outlets is not None
+    lengths |= {
+        "exchange_grain": n if is_open else 0,
+        "exchange_group": len(model.groups) if is_open else 0,
+        "exchange_outlet": len(model.outlets or ()),
+        "exchange_book": len(EXCHANGE_BOOKS) if is_open else 0,
+    }
     return {name: _shape(about.dims, lengths) for name, about in stored_fields(State).items() if about.dims[0] in lengths}

@@ -28,12 +28,17 @@ Dim = Literal[
     "stage_note",
     "origin_row",
     "before_row",
+    "outlet",
+    "exchange_grain",
+    "exchange_group",
+    "exchange_outlet",
+    "exchange_book",
     "book",
     "tally",
     "window",
 ]
 """Named lengths. ``frame_edge`` is ``frame + 1``: row ``offset[k]:offset[k+1]`` belongs to frame ``k``. Those that begin with
-``heat`` are 0 in states of runs without heat."""
+``heat`` are 0 in states of runs without heat, those that begin with ``exchange`` where no grain comes or goes."""
 
 Shape = tuple[Dim | int, ...]
 """Named lengths and numbers."""
@@ -44,8 +49,8 @@ Version = tuple[int, int]
 DType = Literal["f8", "float", "i8", "i4", "u1", "str"]
 """Stored types. ``float`` is f8 or f4 after ``output.precision``; ``str`` is UTF-8 of fixed length."""
 
-Feature = Literal["heat", "softening", "adhesion", "rolling"]
-"""What only some runs have: temperatures, friction that depends on them, adhesion, rolling resistance."""
+Feature = Literal["heat", "softening", "adhesion", "rolling", "exchange"]
+"""What only some runs have: temperatures, friction that depends on them, adhesion, rolling resistance, grains that come and go."""
 
 Export = Literal["vtk", "gsd"]
 """What shows a dataset of the frames besides CSV, which shows all: the view for ParaView, and GSD files."""

@@ -6,13 +6,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from multicor_cli.model import Grains, Model, State, Thermal
+from multicor_cli.engine.exchange.books import note_presence
+from multicor_cli.model import Grains, Model, Presence, State, Thermal
 from multicor_cli.model.columns import X
 from multicor_cli.model.model import LEAST_DIAMETERS, SHAPE_FACTOR, Floats, Ints
 from multicor_cli.model.nudge import nudge, nudge_seed
 from multicor_cli.packing.bodies import Shape, inertias, masses
 from multicor_cli.packing.errors import PackingError
-from multicor_cli.packing.going_on import carried_over, grains_of, known_bodies, misfits, origin_of, placed_walls
+from multicor_cli.packing.going_on import carried_over, carry_presence, grains_of, known_bodies, misfits, origin_of, placed_walls
 from multicor_cli.packing.groups import make_group
 from multicor_cli.packing.initial_grains import InitialGrains
 from multicor_cli.packing.laws import contact_laws, touching_pairs
@@ -66,7 +67,7 @@ def place(scenario: Scenario) -> Placed:
     solid = walls.obstacles()
     groups = _make_groups(scenario, solid)
     model = replace(_model(scenario, walls, groups), thermal=_thermal(scenario, groups))
-    state = _state(model, walls, groups)
+    state = _state(scenario, model, walls, groups)
     _refuse_overlaps(scenario, model, state, walls)
     seed = nudge_seed()
     if seed is not None:
@@ -86,7 +87,10 @@ def _go_on(scenario: Scenario) -> Placed:
         raise _refusal(scenario, [error]) from error
     groups = grains_of(scenario, source)
     model = replace(_model(scenario, walls, groups), thermal=_thermal(scenario, groups))
-    state = _state(model, walls, groups)
+    if source.model.outlets is not None and model.outlets is None:
+        model = replace(model, outlets=())  # grains that are not there stay away
+    state = _state(scenario, model, walls, groups)
+    carry_presence(source, model, state)
     _refuse_overlaps(scenario, model, state, walls)
     model, state = carried_over(scenario, source, model, state)
     _refuse_unknown_forces(scenario, source, state)
@@ -119,7 +123,8 @@ def _make_groups(scenario: Scenario, solid: Obstacles) -> list[InitialGrains]:
             errors.append(PackingError(error.message, error.remedy, ("particles", k, *error.key)))
             continue
         groups.append(group)
-        solid = solid.with_discs(np.column_stack([_wrapped(scenario, group.position), group.radius]))
+        if scenario.particles[k].packing is not None:
+            solid = solid.with_discs(np.column_stack([_wrapped(scenario, group.position), group.radius]))
     if errors:
         raise _refusal(scenario, errors)
     return groups
@@ -156,6 +161,7 @@ def _model(scenario: Scenario, walls: BuiltWalls, groups: list[InitialGrains]) -
         period=domain.period,
         gravity=np.array(domain.gravity, float),
         shape_factor=SHAPE_FACTOR[scenario.particles[0].shape],
+        outlets=tuple(outlet.name for outlet in scenario.outlets) if scenario.is_open else None,
     )
 
 
@@ -196,27 +202,33 @@ def _repeat(values: list[int], counts: list[int]) -> Ints:
     return np.repeat(np.array(values, np.int32), counts)
 
 
-def _state(model: Model, walls: BuiltWalls, groups: list[InitialGrains]) -> State:
+def _state(scenario: Scenario, model: Model, walls: BuiltWalls, groups: list[InitialGrains]) -> State:
     state = State.at_rest(model, np.concatenate([group.position for group in groups]))
     if model.period > 0.0:
         state.position[:, X] = wrap(state.position[:, X], model.period)
     state.velocity = np.concatenate([group.velocity for group in groups])
     state.wall_position[:] = walls.position
+    if state.presence.size:
+        waiting = [number for number, table in enumerate(scenario.particles) if table.packing is None]
+        state.presence[np.isin(model.grains.group, waiting)] = Presence.WAITS
+        note_presence(state, model, 0)
     return state
 
 
 def _refuse_overlaps(scenario: Scenario, model: Model, state: State, walls: BuiltWalls) -> None:
     """Refuse overlaps of all bodies, grains in solid matter, and grains on the wrong side of rough walls."""
-    radius, names = model.grains.radius, model.walls.names
-    within = [solid_problem(state.position, room, names[w], w) for w, room in enumerate(walls.rooms)]
+    grains, names, here = model.grains, model.walls.names, np.arange(model.grain_count)[state.here]
+    if not here.size:
+        return
+    within = [solid_problem(state.position, here, room, names[w], w) for w, room in enumerate(walls.rooms)]
     problems = [problem for problem in within if problem is not None]
     told = {problem.key for problem in problems}
     solid = walls.obstacles()
-    cut = overlap_problems(state.position, radius, model.grains.group, solid, model.shapes.wall, names, model.period)
+    cut = overlap_problems(state.position, grains.radius, grains.group, solid, model.shapes.wall, names, model.period, here)
     problems += [problem for problem in cut if problem.key not in told]
     for w, front in enumerate(walls.fronts):
         if front is not None:
-            found = behind_problem(state.position, front, names[w], w, model.period)
+            found = behind_problem(state.position, here, front, names[w], w, model.period)
             problems += [found] if found else []
     if problems:
         raise _refusal(scenario, problems)

@@ -35,7 +35,7 @@ def read_frame(path: Path, frame: int) -> InitialGrains:
             velocity = np.column_stack([chosen.velocity, chosen.spin]).astype(float)
             warmth = chosen.temperature
             temperature = None if warmth is None else np.array(warmth, float)
-            radius = np.array(run.model.grains.radius, float)
+            radius = np.array(chosen.model.grains.radius, float)
     except NoFrame as error:
         raise PackingError(
             f"cannot take grains from the run '{path}': {error}", "choose another frame", ("packing", "frame")

@@ -13,7 +13,8 @@ import numpy as np
 
 from multicor_cli.arithmetic.sums import total
 from multicor_cli.engine.contact.adhesion import resting_attraction
-from multicor_cli.model import BOOK_NAMES, Model, State, Thermal, WallBody
+from multicor_cli.engine.exchange.books import note_presence
+from multicor_cli.model import BOOK_NAMES, Model, Presence, State, Thermal, WallBody
 from multicor_cli.model.areas import Room
 from multicor_cli.model.columns import NORMAL, Y
 from multicor_cli.model.model import SHAPE_FACTOR, Floats, Grains, Ints
@@ -61,7 +62,7 @@ def _outside(scenario: Scenario, source: Source) -> list[PackingError]:
     size, before = scenario.domain.size, source.size
     if before is None or before == size:
         return []
-    center = source.state.position[:, :2]
+    center = source.state.position[source.state.here, :2]
     is_outside = (center < 0.0) | (center > np.array(size))
     if source.model.period > 0.0:
         is_outside = is_outside[:, Y:]
@@ -123,6 +124,14 @@ def _same_walls(names: tuple[str, ...], source: Source) -> dict[int, int]:
     return {new: before.index(name) for new, name in enumerate(names) if name in before}
 
 
+def carry_presence(source: Source, model: Model, state: State) -> None:
+    """Who is there, waits or has gone, where grains come and go; counts begin at zero."""
+    if state.presence.size:
+        old = source.state.presence
+        state.presence = old.copy() if old.size else np.full(model.grain_count, Presence.THERE, np.uint8)
+        note_presence(state, model, 0)
+
+
 def carried_over(scenario: Scenario, source: Source, model: Model, state: State) -> tuple[Model, State]:
     """A model and state with all that the next step of the run would have depended on.
 
@@ -143,13 +152,13 @@ def carried_over(scenario: Scenario, source: Source, model: Model, state: State)
         for new, before in same.items():
             state.wall_temperature[new] = old.wall_temperature[before]
         model = replace(model, thermal=thermal)
-    state.books[[_KINETIC, _KINETIC_START]] = _kinetic(model.grains, state.velocity)  # where the run begins with a frozen stage
+    state.books[[_KINETIC, _KINETIC_START]] = _kinetic(model.grains, state)  # where the run begins with a frozen stage
     return model, state
 
 
-def _kinetic(grains: Grains, velocity: Floats) -> float:
-    u, v, spin = velocity.T
-    return total(0.5 * grains.mass * (u * u + v * v) + 0.5 * grains.inertia * (spin * spin))
+def _kinetic(grains: Grains, state: State) -> float:
+    (u, v, spin), here = state.velocity[state.here].T, state.here
+    return total(0.5 * grains.mass[here] * (u * u + v * v) + 0.5 * grains.inertia[here] * (spin * spin))
 
 
 def _carry_contacts(source: Source, model: Model, state: State, same: Mapping[int, int]) -> None:
@@ -187,7 +196,7 @@ def _carry_heat(scenario: Scenario, source: Source, thermal: Thermal, state: Sta
     state.heat = np.where(goes_on, source.state.heat, 0.0)
     state.heat_dt = source.state.heat_dt
     if state.heat.any():
-        state.heat_before = np.array([total(state.heat)])
+        state.heat_before = np.array([total(state.heat[state.here])])
     return replace(thermal, start=np.where(goes_on, before.start, thermal.start))
 
 

@@ -89,6 +89,8 @@ def make_group(scenario: Scenario, index: int, obstacles: Obstacles) -> InitialG
         PackingError: The packing cannot be made; its key is relative to the group.
     """
     group = scenario.particles[index]
+    if group.packing is None:
+        return _waiting(scenario, group, index)
     region = region_of_group(scenario, group)
     return with_motion(scenario, group, _place(scenario, group, index, region, obstacles))
 
@@ -102,6 +104,17 @@ def with_motion(scenario: Scenario, group: ParticleGroup, grains: InitialGrains)
         velocity[:, X] += group.shear_rate * (grains.position[:, Y] - middle)
         velocity[:, SPIN] -= 0.5 * group.shear_rate
     return replace(grains, velocity=velocity)
+
+
+def _waiting(scenario: Scenario, group: ParticleGroup, index: int) -> InitialGrains:
+    """Grains that wait for their release: in the middle of its region, as far as they are anywhere."""
+    assert group.sizes is not None
+    assert group.release is not None
+    assert group.count is not None  # the scenario has been checked
+    sizes = sizes_of(group.sizes, group.shape)
+    radius = sizes.draw(group.count, stream(scenario.seed, TableKind.PARTICLES, index, Purpose.SIZES))
+    region = group.release.region
+    return InitialGrains.at_rest(radius, 0.5 * (np.array(region.min) + np.array(region.max)))
 
 
 def region_of_group(scenario: Scenario, group: ParticleGroup) -> PackingRegion:
@@ -124,6 +137,7 @@ def _place(scenario: Scenario, group: ParticleGroup, index: int, region: Packing
         raise TypeError(message)
     if isinstance(packing, RunPacking):
         return read_frame(scenario.resolve_path(packing.path), packing.frame)
+    assert packing is not None
     assert group.sizes is not None  # the scenario has been checked
 
     def random(purpose: Purpose) -> Stream:

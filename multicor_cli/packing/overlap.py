@@ -108,6 +108,7 @@ def overlap_problems(
     wall: Ints,
     names: Sequence[str],
     period: float,
+    here: NDArray[np.int64] | None = None,
 ) -> list[PackingError]:
     """One problem for all grains that overlap each other and one for each wall that cuts grains.
 
@@ -119,9 +120,11 @@ def overlap_problems(
         wall: Wall of each shape.
         names: Names of the walls.
         period: Period in x [m] or 0.
+        here: Grains that are there, ascending; default: all.
     """
     count = radius.size
-    kept = thin_crowds(position, radius)
+    here = np.arange(count) if here is None else here
+    kept = here[thin_crowds(position[here], radius[here])]
     i, j, overlap = overlapping_pairs(position[kept], radius[kept], shapes, period)
     i, j = _renumber(i, kept, count), _renumber(j, kept, count)
     problems = []
@@ -130,7 +133,7 @@ def overlap_problems(
         a, b, size = i[among], j[among], overlap[among]
         smaller = np.minimum(radius[a], radius[b])
         items = [f"grains {a[k]} and {b[k]} by {_amount(size[k], smaller[k])}" for k in range(min(NAMED, a.size))]
-        text = f"grains overlap at the start: {_listing(items, a.size, 'pairs' if kept.size == count else 'pairs at least')}"
+        text = f"grains overlap at the start: {_listing(items, a.size, 'pairs' if kept.size == here.size else 'pairs at least')}"
         key = ("particles", int(max(group[a[0]], group[b[0]])))
         problems.append(PackingError(text, "move them apart: a larger spacing or region, or fewer grains", key))
     cut_shape = j[~among] - count
@@ -149,17 +152,20 @@ def _wall_problem(name: str, w: int, grain: Ints, overlap: Floats, radius: Float
     return PackingError(text, "move the wall, or give the grains a region that keeps clear of it", ("walls", w))
 
 
-def behind_problem(position: Floats, front: Front, name: str, w: int, period: float) -> PackingError | None:
+def behind_problem(
+    position: Floats, here: NDArray[np.int64], front: Front, name: str, w: int, period: float
+) -> PackingError | None:
     """The problem of grains that lie behind a row of glued grains, where there is no flow; None if there are none.
 
     Args:
         position: Centers [m], shape ``(n, 2)``.
+        here: Grains that are there, ascending.
         front: Where the flow is.
         name: Name of the wall.
         w: Its index.
         period: Period in x [m] or 0.
     """
-    offset = position[:, :2] - front.start
+    offset = position[here, :2] - front.start
     if period > 0.0 and math.isfinite(front.depth):
         middle = 0.5 * front.length * front.along[0]
         offset[:, X] -= period * np.floor((offset[:, X] - middle) / period + 0.5)
@@ -171,21 +177,22 @@ def behind_problem(position: Floats, front: Front, name: str, w: int, period: fl
     if not found.size:
         return None
     found = found[np.lexsort((found, across[found]))]
-    items = [f"grain {g} by {-across[g]:.3g} m" for g in found[:NAMED]]
+    items = [f"grain {here[g]} by {-across[g]:.3g} m" for g in found[:NAMED]]
     text = f"grains lie behind the rough wall '{name}', whose flow side is the other: {_listing(items, found.size, 'grains')}"
     return PackingError(text, "choose the other side, or keep the grains' region clear of the wall", ("walls", w))
 
 
-def solid_problem(position: Floats, room: Room, name: str, w: int) -> PackingError | None:
+def solid_problem(position: Floats, here: NDArray[np.int64], room: Room, name: str, w: int) -> PackingError | None:
     """The problem of grains whose center is in solid matter, even if they do not touch its outline; None if there are none.
 
     Args:
         position: Centers [m], shape ``(n, 2)`` or more columns.
+        here: Grains that are there, ascending.
         room: What the wall leaves to the grains.
         name: Name of the wall.
         w: Its index.
     """
-    found = np.flatnonzero(room.clearance(position[:, :2]) < 0.0) if not room.is_open else np.zeros(0, np.int64)
+    found = here[room.clearance(position[here, :2]) < 0.0] if not room.is_open else here[:0]
     if not found.size:
         return None
     items = [f"grain {g} at ({position[g, X]:g}, {position[g, Y]:g}) m" for g in found[:NAMED]]

@@ -110,15 +110,20 @@ def _of_frame(frame: Frame, model: Model) -> tuple[Model, State, str]:
 
     Positions and velocities are those at the end of the step, as in the state.
     """
-    state = State.at_rest(model, np.column_stack([frame.position, frame.angle]).astype(float))
-    state.velocity = np.column_stack([frame.velocity, frame.spin]).astype(float)
-    state.image = np.array(frame.image, np.int64)
+    here = frame.number
+    state = State.at_rest(model, np.zeros((model.grain_count, 3)))
+    state.position[here] = np.column_stack([frame.position, frame.angle])
+    state.velocity[here] = np.column_stack([frame.velocity, frame.spin])
+    state.image[here] = frame.image
+    if frame.is_open:
+        state.presence = np.array(frame.column("particles/presence"), np.uint8)
     state.wall_position, state.wall_velocity = np.array(frame.wall_position, float), np.array(frame.wall_velocity, float)
     state.step, state.time, state.last_dt = frame.step, frame.time, frame.dt
     _take_contacts(frame, model, state)
     digest = hashlib.blake2b(state.digest().encode(), digest_size=16)
     if model.thermal is not None and frame.temperature is not None and frame.wall_temperature is not None:
-        temperature = np.array(frame.temperature, float)
+        temperature = model.thermal.start.copy()
+        temperature[here] = frame.temperature
         model = replace(model, thermal=replace(model.thermal, start=temperature))
         state.wall_temperature = np.array(frame.wall_temperature, float)
         digest.update(temperature.tobytes())
@@ -130,7 +135,8 @@ def _take_contacts(frame: Frame, model: Model, state: State) -> None:
     contacts = frame.contacts
     if not contacts.recorded or not len(contacts) or not state.last_dt:
         return
-    i, j = np.array(contacts.i, np.int32), np.array(contacts.j, np.int32)
+    number = np.concatenate([frame.number, np.arange(model.grain_count, model.grain_count + model.shape_count)]).astype(np.int32)
+    i, j = number[contacts.i], number[contacts.j]
     impulse = np.array(contacts.impulse, float)
     is_loaded = impulse.any(axis=1)
     attraction = resting_attraction(model.laws, model.material, i, j, state.last_dt)

@@ -29,6 +29,7 @@ class Purpose(IntEnum):
     SIZES = 0
     PLACES = 1
     JITTER = 2
+    RELEASE = 3
 
 
 class Stream:

@@ -14,7 +14,7 @@ from multicor_cli.post.bins import heights
 from multicor_cli.post.contacts import LoadedContacts, has_forces, loaded_contacts
 from multicor_cli.post.extent import Extent
 from multicor_cli.post.flow import MeanFlow
-from multicor_cli.post.source import FrameSource, GrainFrame, PostError
+from multicor_cli.post.source import FrameSource, GrainFrame, PostError, model_of, need_same_grains
 
 MARGIN = 8.0
 """Mean diameters next to a wall that do not count as bulk: a rough wall disturbs the spins that far."""
@@ -88,7 +88,8 @@ def interval_sums(source: FrameSource, band: Band, flow: MeanFlow, first: GrainF
     Velocity and spin are displacements over the interval, so nothing of the fluctuations in between is missed; the shear rate is a
     least-squares slope. The rest belongs to the second frame; what belongs to contacts is zero if it has none.
     """
-    model = source.model
+    need_same_grains(first, second)
+    model = model_of(source, second)
     low, high = band.edges(second)
     y, radius = heights(second), model.grains.radius
     area = area_below(high - y, radius) - area_below(low - y, radius)

@@ -11,7 +11,7 @@ from multicor_cli.model import Model, ShapeKind
 from multicor_cli.model.columns import RADIUS
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import outlines
-from multicor_cli.post.source import FrameSource, GrainFrame
+from multicor_cli.post.source import FrameSource, GrainFrame, model_of, need_grains
 
 _LEVEL = 0.7  # a plane bounds the grains in y if its normal points within 45 degrees up or down
 _WIDE = 0.5  # a wall bounds a layer if it is at least this part as wide as nearly all grains
@@ -59,10 +59,10 @@ class Extent:
 def find_extent(source: FrameSource, indices: NDArray[np.int64]) -> Extent:
     """The extent over the selected frames."""
     model = source.model
-    radius = model.grains.radius
     spans = wall_spans(model)
     line = 0.5 * np.where(np.isfinite(spans), spans, 0.0).sum(axis=0)
     ends = [source.frames[int(indices[k])] for k in (0, -1)]
+    need_grains(source, indices)
     lower, upper = _bounding_walls(ends, spans, line, _widths(model))
     floor, ceiling, gap = np.inf, -np.inf, 0.0
     for k in indices:
@@ -71,7 +71,7 @@ def find_extent(source: FrameSource, indices: NDArray[np.int64]) -> Extent:
         if lower is not None and upper is not None:
             gap += float(at[upper] - at[lower]) / len(indices)
             continue
-        y = np.asarray(frame.position)[:, 1]
+        y, radius = np.asarray(frame.position)[:, 1], model_of(source, frame).grains.radius
         start = float(at[lower]) if lower is not None else 0.0
         floor = min(floor, float((y - radius).min()))
         ceiling = max(ceiling, (float(at[upper]) if upper is not None else float((y + radius).max())) - start)

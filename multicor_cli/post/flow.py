@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from multicor_cli.model.model import Floats
 from multicor_cli.post.bins import Bins, heights, make_bins
 from multicor_cli.post.extent import Extent
-from multicor_cli.post.source import FrameSource, GrainFrame
+from multicor_cli.post.source import FrameSource, GrainFrame, model_of
 
 _CELL_LIMIT = 1000
 _SMOOTHING = 1e-12  # weight of the slopes beside that of the grains: it decides only what no grain does
@@ -66,18 +66,18 @@ def mean_flow(source: FrameSource, chosen: NDArray[np.int64], bins: Bins) -> Mea
     extent = bins.extent
     spacing = min(bins.width, source.model.mean_diameter)
     count = max(round(min(extent.height / spacing, _CELL_LIMIT)), 1)
-    weight = source.model.grains.radius**2
+    smoothing = _SMOOTHING * (source.model.grains.radius**2).sum() * chosen.size / count
     below, above, across = np.zeros(count), np.zeros(count), np.zeros(count)
     right = np.zeros((count + 1, 2))
     for k in chosen:
         frame = source.frames[int(k)]
         cell, part = _locate(frame, extent, count)
+        weight = model_of(source, frame).grains.radius ** 2
         for total, factor in ((below, (1.0 - part) ** 2), (above, part**2), (across, part * (1.0 - part))):
             total += np.bincount(cell, weight * factor, minlength=count)
         for axis, speed in enumerate(_velocities(frame).T):
             right[:-1, axis] += np.bincount(cell, weight * (1.0 - part) * speed, minlength=count)
             right[1:, axis] += np.bincount(cell, weight * part * speed, minlength=count)
-    smoothing = _SMOOTHING * weight.sum() * chosen.size / count
     matrix = _tridiagonal(below + smoothing, above + smoothing, across - smoothing)
     return MeanFlow(extent, np.asarray(np.linalg.solve(matrix, right), np.float64))
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
 from multicor_cli.post.contacts import LoadedContacts, loaded_contacts, with_forces
-from multicor_cli.post.source import FrameSource, PostError, Selection, rows_of
+from multicor_cli.post.source import FrameSource, PostError, Selection, model_of, rows_of
 
 FORCE_BINS = 40
 """Logarithmic bins of the force distribution."""
@@ -240,7 +240,7 @@ def _moments(fabric: complex, angle: Floats, normal: Floats, tangential: Floats)
 def _between_grains(source: FrameSource, selection: Selection | None) -> tuple[NDArray[np.int64], Iterator[LoadedContacts]]:
     """The frames that have forces, and the contacts of those that have any between grains."""
     chosen = with_forces(source, (selection or Selection()).indices(source.frames))
-    found = (loaded_contacts(source.frames[int(k)], source.model) for k in chosen)
+    found = (loaded_contacts(frame, model_of(source, frame)) for frame in (source.frames[int(k)] for k in chosen))
     return chosen, (contacts for contacts in found if not contacts.is_wall.all())
 
 

@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from multicor_cli.model.model import Floats
 from multicor_cli.post.contacts import loaded_contacts, with_forces
 from multicor_cli.post.scene import GrainScene, make_scene
-from multicor_cli.post.source import FrameSource, frame_index, rows_of
+from multicor_cli.post.source import FrameSource, frame_index, model_of, rows_of
 
 
 @dataclass(frozen=True)
@@ -127,7 +127,7 @@ def force_network(source: FrameSource, frame: int = -1) -> ForceNetwork:
     index = frame_index(source.frames, frame)
     with_forces(source, np.array([index]))
     chosen = source.frames[index]
-    loaded = loaded_contacts(chosen, source.model)
+    loaded = loaded_contacts(chosen, model_of(source, chosen))
     scene = make_scene(source, chosen)
     start = scene.center[loaded.i]
     return ForceNetwork(

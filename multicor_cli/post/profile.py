@@ -14,7 +14,7 @@ from multicor_cli.post.bins import Bins, make_bins
 from multicor_cli.post.contacts import with_forces
 from multicor_cli.post.flow import RelativeFrame, mean_flow
 from multicor_cli.post.quantities import PROFILE_GROUPS, PROFILED, Quantity
-from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Selection, rows_of
+from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Selection, model_of, rows_of
 from multicor_cli.post.sums import Sums, Values, average, plane_width, sum_contacts, sum_means, sum_numbers, sum_rates, sum_shares
 
 
@@ -246,7 +246,8 @@ def profiles(
         chosen = with_forces(source, chosen)
     for field in fields:
         if field.averaged is not None:
-            field.averaged(source.frames[int(chosen[0])], source.model)  # a run without heat is refused before anything else
+            first = source.frames[int(chosen[0])]
+            field.averaged(first, model_of(source, first))  # a run without heat is refused before anything else
     if kind == "rate" and chosen.size < 2:
         label = fields[0].label
         raise PostError(f"{label} is a rate and needs two frames; only one is selected: choose more with --from or --frames")
@@ -318,7 +319,7 @@ def _values_of(source: FrameSource, fields: tuple[Quantity, ...], chosen: NDArra
         def values(frame: GrainFrame) -> Floats:
             if flow is not None:
                 frame = RelativeFrame(frame, flow.fluctuation(frame))
-            return np.asarray(averaged(frame, source.model), np.float64)
+            return np.asarray(averaged(frame, model_of(source, frame)), np.float64)
 
         return values
 

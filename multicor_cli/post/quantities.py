@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from multicor_cli.model.model import Floats, Model
 from multicor_cli.post.contacts import LoadedContacts, loaded_contacts, with_forces
 from multicor_cli.post.flow import fluctuations
-from multicor_cli.post.source import FrameSource, GrainFrame, PostError, need_heat
+from multicor_cli.post.source import FrameSource, GrainFrame, PostError, model_of, need_heat, need_same_grains
 
 Kind = Literal["mean", "number", "rate", "share", "contact"]
 """How grains or contacts add up to the value of a bin.
@@ -138,13 +138,14 @@ def _heat_rates(source: FrameSource, frame: int) -> Floats:
     after = need_heat(source.frames[frame].generated)
     if frame == 0:
         raise PostError("the map of heat shows what was generated since the frame before; frame 0 has none")
+    need_same_grains(source.frames[frame - 1], source.frames[frame])
     times = np.asarray(source.frames.time)
     return np.asarray((after - need_heat(source.frames[frame - 1].generated)) / float(times[frame] - times[frame - 1]))
 
 
 def _contacts_of(source: FrameSource, frame: int) -> LoadedContacts:
     with_forces(source, np.array([frame]))
-    return loaded_contacts(source.frames[frame], source.model)
+    return loaded_contacts(source.frames[frame], model_of(source, source.frames[frame]))
 
 
 def _of_contacts(values: Callable[[LoadedContacts], Any]) -> Callable[[FrameSource, int], Floats]:
@@ -156,7 +157,8 @@ def _pressures(source: FrameSource, frame: int) -> Floats:
 
     Half the trace of its virial Σ f⊗ℓ/(π a²), ℓ from where it is touched to its center: Σ f_n/(2π a).
     """
-    return np.asarray(_contacts_of(source, frame).loads / (2.0 * np.pi * source.model.grains.radius))
+    contacts = _contacts_of(source, frame)
+    return np.asarray(contacts.loads / (2.0 * np.pi * contacts.reach_of[: contacts.grain_count]))
 
 
 def _granular_temperature(frame: GrainFrame, _model: Model) -> Floats:

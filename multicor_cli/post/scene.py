@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from multicor_cli.model import Model
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import Outline, outlines
-from multicor_cli.post.source import FrameSource, GrainFrame
+from multicor_cli.post.source import FrameSource, GrainFrame, model_of
 
 _NEAR = 0.25  # walls count for the frame of a picture if they begin within this part of the grains' extent
 _MARGIN = 0.02
@@ -38,7 +38,7 @@ class GrainScene:
 
 def make_scene(source: FrameSource, frame: GrainFrame) -> GrainScene:
     """The scene of a frame; x is wrapped into the period."""
-    model = source.model
+    model = model_of(source, frame)
     center = np.array(np.asarray(frame.position, np.float64)[:, :2])
     walls = [outline for _, outline in placed_walls(model, np.asarray(frame.wall_position, np.float64))]
     if model.period > 0.0:
@@ -97,8 +97,15 @@ def _turned(vectors: Floats, angle: Floats) -> Floats:
 
 def _find_box(center: Floats, radius: Floats, walls: Sequence[Outline]) -> Floats:
     """Around the grains and the walls with ends that are near."""
-    grains = np.array([(center - radius[:, np.newaxis]).min(axis=0), (center + radius[:, np.newaxis]).max(axis=0)])
     low, high = np.concatenate([np.zeros((2, 0, 2)), *(outline.corners() for outline in walls if outline.normal is None)], axis=1)
+    grains = np.array(
+        [
+            (center - radius[:, np.newaxis]).min(axis=0, initial=np.inf),
+            (center + radius[:, np.newaxis]).max(axis=0, initial=-np.inf),
+        ]
+    )
+    if not radius.size:  # none is there yet, or any more
+        grains = np.array([low.min(axis=0), high.max(axis=0)]) if len(low) else np.array([[0.0, 0.0], [1.0, 1.0]])
     room = _NEAR * (grains[1] - grains[0]).max()
     near = ((low <= grains[1] + room) & (high >= grains[0] - room)).all(axis=1)
     box = np.array([np.minimum(grains[0], low[near].min(axis=0, initial=np.inf)), grains[1]])

@@ -98,6 +98,32 @@ class FrameSource(Protocol):
         """The frames."""
 
 
+def model_of(source: FrameSource, frame: GrainFrame) -> Model:
+    """The model of the grains that a frame has: of those that are there, where grains come and go."""
+    return getattr(frame, "model", None) or source.model
+
+
+def need_grains(source: FrameSource, chosen: NDArray[np.int64]) -> None:
+    """Raises `PostError` if a frame of ``chosen`` has no grain: none is there yet, or any more."""
+    for k in chosen.tolist():
+        if not len(source.frames[k].position):
+            raise PostError(f"no grain is there in frame {k}: choose frames with --from, --to or --frames")
+
+
+def need_same_grains(first: GrainFrame, second: GrainFrame) -> None:
+    """Two frames whose grains are compared one by one have the same ones.
+
+    Raises:
+        PostError: If they do not.
+    """
+    before, after = (getattr(frame, "number", None) for frame in (first, second))
+    if before is not None and after is not None and not np.array_equal(before, after):
+        raise PostError(
+            "grains have come or gone between the frames, so that they cannot be compared grain by grain: "
+            "choose frames between which none does, or a quantity of single frames"
+        )
+
+
 def need_heat(values: NDArray[Any] | None) -> Floats:
     """Values of a frame that only a run with heat has; raises `PostError` in a run without."""
     if values is None:

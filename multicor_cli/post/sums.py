@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from multicor_cli.model.model import Floats
 from multicor_cli.post.bins import BinPlace, Bins, heights
 from multicor_cli.post.contacts import LoadedContacts, loaded_contacts
-from multicor_cli.post.source import FrameSource, GrainFrame
+from multicor_cli.post.source import FrameSource, GrainFrame, model_of, need_same_grains
 
 BLOCKS = 10
 """Number of blocks of consecutive rows whose scatter gives the standard error (fewer if there are fewer rows)."""
@@ -42,24 +42,25 @@ class Sums(NamedTuple):
 
 def sum_means(source: FrameSource, chosen: NDArray[np.int64], bins: Bins, values: Sequence[Values]) -> list[Sums]:
     """For averages over grains, weighted by their area; one row per frame, one result for each of ``values``."""
-    return _sum_grains(source, chosen, bins, values, np.ones(source.model.grain_count))
+    return _sum_grains(source, chosen, bins, values, np.ones_like)
 
 
 def sum_numbers(source: FrameSource, chosen: NDArray[np.int64], bins: Bins, values: Sequence[Values]) -> list[Sums]:
     """For averages over grains that count alike, each with the part of its area that lies in a bin; one row per frame."""
-    return _sum_grains(source, chosen, bins, values, 1.0 / (np.pi * source.model.grains.radius**2))
+    return _sum_grains(source, chosen, bins, values, lambda radius: 1.0 / (np.pi * radius**2))
 
 
 def _sum_grains(
-    source: FrameSource, chosen: NDArray[np.int64], bins: Bins, values: Sequence[Values], per_area: Floats
+    source: FrameSource, chosen: NDArray[np.int64], bins: Bins, values: Sequence[Values], per_area: Callable[[Floats], Floats]
 ) -> list[Sums]:
-    """Sums over grains that count with their area in a bin times ``per_area``, shape ``(n,)``."""
+    """Sums over grains that count with their area in a bin times ``per_area`` of their radii."""
     area, weight = _empty(chosen.size, bins), _empty(chosen.size, bins)
     weighted = [_empty(chosen.size, bins) for _ in values]
     for row, k in enumerate(chosen):
         frame = source.frames[int(k)]
-        shares = bins.share(heights(frame), source.model.grains.radius, bins.place(frame))
-        counting = shares.area * per_area[shares.grain]
+        radius = model_of(source, frame).grains.radius
+        shares = bins.share(heights(frame), radius, bins.place(frame))
+        counting = shares.area * per_area(radius)[shares.grain]
         area[row], weight[row] = bins.total(shares, shares.area), bins.total(shares, counting)
         for column, value in zip(weighted, values, strict=True):
             column[row] = bins.total(shares, counting * value(frame)[shares.grain])
@@ -82,12 +83,12 @@ def sum_contacts(source: FrameSource, chosen: NDArray[np.int64], bins: Bins, val
     for row, k in enumerate(chosen):
         frame = source.frames[int(k)]
         y, place = heights(frame), bins.place(frame)
-        contacts = loaded_contacts(frame, source.model)
+        contacts = loaded_contacts(frame, model_of(source, frame))
         lines = bins.share_branches(contacts, y, place)
         for column, value in zip(spread, values, strict=True):
             column[row] = bins.total(lines, lines.area * value(contacts)[lines.grain])
         weight[row] = place.width * plane_width(source, frame)
-        discs = bins.share(y, source.model.grains.radius, place)
+        discs = bins.share(y, model_of(source, frame).grains.radius, place)
         area[row] = bins.total(discs, discs.area)
     return [Sums(column, weight, area) for column in spread]
 
@@ -100,10 +101,11 @@ def sum_rates(source: FrameSource, chosen: NDArray[np.int64], bins: Bins, values
     times = np.asarray(source.frames.time)
     area, weight = _empty(chosen.size - 1, bins), _empty(chosen.size - 1, bins)
     gained = [_empty(chosen.size - 1, bins) for _ in values]
-    radius = source.model.grains.radius
     before = source.frames[int(chosen[0])]
+    radius = model_of(source, before).grains.radius
     for row, (first, last) in enumerate(pairwise(chosen)):
         after = source.frames[int(last)]
+        need_same_grains(before, after)
         place = BinPlace(*(0.5 * (a + b) for a, b in zip(bins.place(before), bins.place(after), strict=True)))
         shares = bins.share(0.5 * (heights(before) + heights(after)), radius, place)
         area[row] = bins.total(shares, shares.area)
@@ -120,7 +122,7 @@ def plane_width(source: FrameSource, frame: GrainFrame) -> float:
     """Width of the plane that the grains fill [m]: the period, or how far they reach in x where there is none."""
     if source.model.period > 0.0:
         return source.model.period
-    x, radius = np.asarray(frame.position, np.float64)[:, 0], source.model.grains.radius
+    x, radius = np.asarray(frame.position, np.float64)[:, 0], model_of(source, frame).grains.radius
     return float((x + radius).max() - (x - radius).min())
 
 

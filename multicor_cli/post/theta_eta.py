@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from multicor_cli.model.model import Floats
 from multicor_cli.post.bins import BIN_LIMIT
 from multicor_cli.post.extent import wall_spans
-from multicor_cli.post.source import FrameSource, GrainFrame, PostError, frame_index, need_heat, rows_of
+from multicor_cli.post.source import FrameSource, GrainFrame, PostError, frame_index, model_of, need_grains, need_heat, rows_of
 
 _ROUNDING = 1e-12  # of a mean of equal temperatures, which is to be that temperature
 
@@ -148,7 +148,8 @@ def theta_eta(
 
 
 def _first_temperature(source: FrameSource) -> float:
-    thermal = source.model.thermal
+    need_grains(source, np.array([0]))
+    thermal = model_of(source, source.frames[0]).thermal
     weights = None if thermal is None else thermal.capacity
     return float(np.average(need_heat(source.frames[0].temperature), weights=weights))
 
@@ -171,7 +172,7 @@ def _find_wall(source: FrameSource, frame: GrainFrame, name: str | None) -> int:
 def _distances(source: FrameSource, frame: GrainFrame, wall: int) -> tuple[Floats, float]:
     """Distances of the grains from the surface of a wall below or above them, and how far the grains reach from it [m]."""
     y = np.asarray(frame.position, np.float64)[:, 1]
-    radius = source.model.grains.radius
+    radius = model_of(source, frame).grains.radius
     bottom, top = float((y - radius).min()), float((y + radius).max())
     lows, highs = wall_spans(source.model)
     offset, middle = float(frame.wall_position[wall, 1]), float(np.median(y))

@@ -13,6 +13,7 @@ from multicor_cli.post.contacts import has_forces, loaded_contacts
 from multicor_cli.post.scene import make_scene
 from multicor_cli.report.fields import fields_of, values_of
 from multicor_cli.store import Run
+from multicor_cli.store.frame_view import Frame
 
 Singles = NDArray[np.float32]
 
@@ -80,14 +81,26 @@ def view_of(run: Run, index: int) -> FrameView:
             # Temperatures may differ by millikelvins only, which single precision does not resolve.
             values[field.name] = np.asarray(found, np.float64 if field.unit == "K" else np.float32)
     walls = np.array(frame.wall_position, np.float64)
-    return FrameView(index, scene.center.astype(np.float32), values, _contacts(run, index), walls, scene.box)
+    center = scene.center.astype(np.float32)
+    if frame.is_open:  # grains that are not there have no place
+        center, values = _spread(run, frame, center), {name: _spread(run, frame, found) for name, found in values.items()}
+    return FrameView(index, center, values, _contacts(run, index), walls, scene.box)
+
+
+def _spread(run: Run, frame: Frame, values: NDArray[Any]) -> NDArray[Any]:
+    """Values of all grains of the run, nan for those that are not there."""
+    found = np.full((run.model.grain_count, *values.shape[1:]), np.nan, values.dtype)
+    found[frame.number] = values
+    return found
 
 
 def _contacts(run: Run, index: int) -> ContactsView | None:
     frame = run.frames[index]
     if not has_forces(frame):
         return None
-    contacts = loaded_contacts(frame, run.model)
+    contacts = loaded_contacts(frame, frame.model)
     normal, j = contacts.normal, np.where(contacts.is_wall, -1, contacts.j).astype(np.int64)
+    i = frame.number[contacts.i]
+    j[~contacts.is_wall] = frame.number[j[~contacts.is_wall]]
     angle = np.arctan2(-normal[:, 1], -normal[:, 0]).astype(np.float32)
-    return ContactsView(contacts.i.astype(np.int64), j, angle, np.abs(contacts.force[:, 0]).astype(np.float32))
+    return ContactsView(i, j, angle, np.abs(contacts.force[:, 0]).astype(np.float32))

@@ -32,6 +32,9 @@ CHECKPOINT_SHARE = 20.0
 class Stepper(Staged, Protocol):
     """What the controller needs of `multicor_cli.engine.coupled.CoupledEngine`."""
 
+    def exchange(self) -> None:
+        """Let grains go and come before a step; nothing more happens if it is asked twice."""
+
     def step(self, dt: float, t: float, should_stop: Callable[[], bool] | None = None) -> StepReport:
         """Advance the state by one step."""
 
@@ -65,7 +68,7 @@ class Controller:
 
     1. At the very start of a run: frame 0 and series row 0, then a checkpoint.
     2. Before every step: stop if a signal or the time limit says so (after a checkpoint); a checkpoint if one is due.
-    3. Before the first step of a stage: its drives.
+    3. Before every step but frozen ones: grains go and come. Before the first step of a stage: its drives.
     4. A step; then peak energy of the stage, and what its condition notes of the step.
     5. If due or the stage is over: series row (the window starts anew), frame.
     6. If the stage is over: the state moves on to the next stage. After the last one: a checkpoint. If its time ran out and that is
@@ -157,6 +160,8 @@ class Controller:
                 self._checkpoint()
                 return reason
             self._checkpoint_if_due()
+            if not stage.is_frozen:
+                self._engine.exchange()
             report = self._first_step(stage) if state.stage_step == 0 else self._step(stage)
             if report is not None and self._after_step(stage, report):
                 return None

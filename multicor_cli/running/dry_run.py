@@ -5,7 +5,7 @@ from __future__ import annotations
 from multicor_cli.engine.contact.report import StepReport
 from multicor_cli.model import Model, State
 from multicor_cli.running.planning import make_plan
-from multicor_cli.running.session import make_engine
+from multicor_cli.running.session import make_stepper
 from multicor_cli.running.stage import begin_stage
 from multicor_cli.scenario.scenario import Scenario
 
@@ -24,6 +24,7 @@ def try_step(scenario: Scenario, model: Model, state: State, threads: int) -> St
         PhysicsError: If the step fails.
     """
     stage = make_plan(scenario, model).stages[0]
-    engine = make_engine(scenario, model, state, threads)
+    engine = make_stepper(scenario, model, state, threads)
+    engine.exchange()
     begin_stage(engine, stage, [0.0])
     return engine.step(stage.dt, 0.0)

@@ -107,7 +107,7 @@ def estimate(scenario: Scenario, plan: RunPlan, model: Model, state: State, thre
         disk_peak=peak,
         seconds=seconds,
         deflection=_deflection(scenario, plan, model),
-        basis=_basis(n, threads),
+        basis=_basis(n, threads) + (", as if all of them were there from the start" if model.outlets is not None else ""),
     )
 
 

@@ -16,12 +16,14 @@ import numpy as np
 from multicor_cli import __version__
 from multicor_cli.engine import Engine
 from multicor_cli.engine.coupled import CoupledEngine
+from multicor_cli.engine.exchange.engine import OpenEngine
 from multicor_cli.engine.heat.step import HeatEngine
 from multicor_cli.engine.jit.cache import is_compiled
 from multicor_cli.model import TALLY_NAMES, Model, State
 from multicor_cli.packing.build import Placed, place
 from multicor_cli.running.controller import Controller
 from multicor_cli.running.differences import added_stages, find_differences, former_defaults
+from multicor_cli.running.exchange_plan import exchange_rules
 from multicor_cli.running.heat_plan import heat_settings
 from multicor_cli.running.memory import keep_freed_memory
 from multicor_cli.running.observer import Observer, SilentObserver
@@ -209,7 +211,7 @@ class Session:
             first = 0.0 if directory.origin is None else directory.origin.time
             starts = [first] if state.stage == 0 else stage_starts(self._path, state, plan, first)
             writer = directory.writer(model)
-            engine = make_engine(scenario, model, state, self._threads)
+            engine = make_stepper(scenario, model, state, self._threads)
             self._announce(model, engine)
             self._signals.farewell = functools.partial(self._leave, directory=directory, state=state)
             controller = Controller(
@@ -234,8 +236,8 @@ class Session:
         unconverged = round(float(state.tallies[_UNCONVERGED]))
         return RunOutcome(reason, self._path, state.step, state.time, unconverged, directory.stage_ends)
 
-    def _announce(self, model: Model, engine: CoupledEngine) -> None:
-        threads = engine.mechanics.threads
+    def _announce(self, model: Model, engine: CoupledEngine | OpenEngine) -> None:
+        threads = engine.threads
         plural = "thread" if threads == 1 else "threads"
         self._observer.message(f"{model.grain_count} grains, {model.wall_count} walls, {threads} {plural}")
         if not is_compiled():
@@ -262,6 +264,17 @@ def make_engine(scenario: Scenario, model: Model, state: State, threads: int) ->
         raise ScenarioError([scenario.problem(("domain", "size"), str(error), "widen the domain")]) from error
     settings = heat_settings(scenario, model)
     return CoupledEngine(mechanics, None if settings is None else HeatEngine(model, state, settings))
+
+
+def make_stepper(scenario: Scenario, model: Model, state: State, threads: int) -> CoupledEngine | OpenEngine:
+    """As `make_engine`; grains come and go as the scenario says."""
+    if model.outlets is None:
+        return make_engine(scenario, model, state, threads)
+
+    def make(model: Model, state: State) -> CoupledEngine:
+        return make_engine(scenario, model, state, threads)
+
+    return OpenEngine(model, state, exchange_rules(scenario, model), make)
 
 
 def stage_starts(path: Path, state: State, plan: RunPlan, first: float = 0.0) -> list[float]:

@@ -11,6 +11,7 @@ from pydantic import Field, Strict, ValidationInfo, field_validator
 
 from multicor_cli.scenario.base import FREE, Name, Table, refuse
 from multicor_cli.scenario.dofs import FixedDof, LoadDof, PositionDof, Spring, VelocityDof, WallDrives
+from multicor_cli.scenario.exchange import Outlet, Release
 from multicor_cli.scenario.functions import Variable, VariableName
 from multicor_cli.scenario.gravity import TiltedGravityTable
 from multicor_cli.scenario.heat import Heat
@@ -85,6 +86,7 @@ class ScenarioModel(Table):
         max_length=1000, description="groups of grains; may be left out with [start]: those of its run"
     )
     walls: Annotated[tuple[Wall, ...], Strict(False)] = Field((), max_length=1000, description="walls")
+    outlets: Annotated[tuple[Outlet, ...], Strict(False)] = Field((), max_length=1000, description="where grains leave")
     loading: Annotated[tuple[Stage, ...], Strict(False)] = Field(
         min_length=1, max_length=1000, description="loading stages in time order"
     )
@@ -127,6 +129,7 @@ __all__ = [
     "LognormalSizes",
     "Material",
     "NormalSizes",
+    "Outlet",
     "Output",
     "PairFriction",
     "ParticleGroup",
@@ -137,6 +140,7 @@ __all__ = [
     "RectangleRegion",
     "Region",
     "RegionsTemperature",
+    "Release",
     "RunPacking",
     "ScenarioModel",
     "SineSignal",

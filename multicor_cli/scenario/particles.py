@@ -7,6 +7,7 @@ from typing import Literal, Self
 from pydantic import Field, model_validator
 
 from multicor_cli.scenario.base import GrainCount, Length, Name, Number, Table, Vector, refuse
+from multicor_cli.scenario.exchange import Release
 from multicor_cli.scenario.packings import (
     AreaFraction,
     FilePacking,
@@ -41,7 +42,14 @@ class ParticleGroup(Table):
         description="where the grains are placed: a rectangle { min, max }, or with a kind a circle { center, radius }, an annulus "
         "{ center, inner, outer } or a polygon { points }; default: the whole domain",
     )
-    packing: Packing = Field(description='how the grains are placed, as { kind = "random" }')
+    packing: Packing | None = Field(
+        None, description='how the grains are placed at the start, as { kind = "random" }; without it they wait for their release'
+    )
+    release: Release | None = Field(
+        None,
+        description="how the grains come: { rate = 100.0, region = { min = [...], max = [...] } }, with velocity, spin and "
+        "temperature of the group; with a packing, how they come again after an outlet",
+    )
     velocity: Vector = Field((0.0, 0.0), description="initial velocity [m/s], added to any velocity that comes with the packing")
     spin: Number = Field(0.0, description="initial spin [rad/s], added to any spin that comes with the packing")
     shear_rate: Number = Field(
@@ -61,6 +69,19 @@ class ParticleGroup(Table):
         return isinstance(self.packing, FilePacking | RunPacking | StartPacking)
 
     @model_validator(mode="after")
+    def _check_release(self) -> Self:
+        if self.packing is None and self.release is None:
+            raise refuse("the group has no packing", 'add packing = { kind = "random" }, or a release', "packing")
+        if self.release is not None and self.shear_rate:
+            what = "grains are released with one velocity, but shear_rate gives each height its own"
+            raise refuse(what, "remove shear_rate, or release", "shear_rate")
+        for key in ("region", "fill"):
+            if self.packing is None and getattr(self, key) is not None:
+                remedy = "give release.region" if key == "region" else "give count"
+                raise refuse(f"{key} has no meaning for grains that wait for their release", remedy, key)
+        return self
+
+    @model_validator(mode="after")
     def _check_thickness(self) -> Self:
         if self.shape == "disc" and self.thickness is None:
             raise refuse("discs need a thickness", "add thickness [m]")
@@ -73,7 +94,7 @@ class ParticleGroup(Table):
         if not self.brings_grains and self.sizes is None:
             raise refuse("the sizes of the grains are missing", 'add sizes, as { kind = "uniform", min = 0.4e-3, max = 0.6e-3 }')
         for key in ("region",) if isinstance(self.packing, StartPacking) else ("sizes", "region"):
-            if self.brings_grains and getattr(self, key) is not None:
+            if self.packing is not None and self.brings_grains and getattr(self, key) is not None:
                 raise refuse(f'{key} has no meaning for packing kind = "{self.packing.kind}"', f"remove {key}", key)
         return self
 
@@ -82,7 +103,7 @@ class ParticleGroup(Table):
         given = [key for key in ("count", "fill") if getattr(self, key) is not None]
         if len(given) == 2:
             raise refuse("both count and fill are given", "give one of them", "fill")
-        if given and (self.brings_grains or isinstance(self.packing, TilePacking)):
+        if given and self.packing is not None and (self.brings_grains or isinstance(self.packing, TilePacking)):
             remedy = "use tile_count or tile_fill of the packing" if isinstance(self.packing, TilePacking) else "remove it"
             raise refuse(f'{given[0]} has no meaning for packing kind = "{self.packing.kind}"', remedy, given[0])
         if not given and not (self.brings_grains or isinstance(self.packing, TilePacking | LatticePacking)):

@@ -8,6 +8,7 @@ from pathlib import Path
 
 from multicor_cli.scenario.checks.grains import region_of
 from multicor_cli.scenario.drives import StageDrives, stage_drives
+from multicor_cli.scenario.exchange import Outlet
 from multicor_cli.scenario.heat import Heat
 from multicor_cli.scenario.loading import Stage, frozen_dt
 from multicor_cli.scenario.materials import ContactPair, Material
@@ -102,6 +103,16 @@ class Scenario:
     def walls(self) -> tuple[Wall, ...]:
         """``[[walls]]``."""
         return self.model.walls
+
+    @property
+    def outlets(self) -> tuple[Outlet, ...]:
+        """``[[outlets]]``."""
+        return self.model.outlets
+
+    @property
+    def is_open(self) -> bool:
+        """Whether grains may come or go, or end the run by getting lost."""
+        return bool(self.outlets) or self.domain.lost != "ignore" or any(group.release for group in self.particles)
 
     @property
     def loading(self) -> tuple[Stage, ...]:

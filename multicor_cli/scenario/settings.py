@@ -39,6 +39,12 @@ class Domain(Table):
     periodic: bool = Field(False, description="whether the domain repeats in x")
     gravity: Vector = Field((0.0, -9.81), description="acceleration of gravity [m/s²]")
 
+    lost: Literal["ignore", "stop", "remove"] = Field(
+        "ignore",
+        description="what happens to a grain whose center is more than the largest diameter outside of this rectangle (in x only "
+        'if it is not periodic): "ignore": nothing; "stop": the run ends (exit code 4); "remove": it is taken out and counted',
+    )
+
     @property
     def period(self) -> float:
         """Period in x [m]; 0 if the domain is not periodic."""

@@ -9,7 +9,7 @@ from typing import Any, TypeVar, cast, overload
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.model import Model
+from multicor_cli.model import Model, Presence
 from multicor_cli.store import schema
 from multicor_cli.store.errors import DamagedRun, frame_number
 from multicor_cli.store.parts import Parts
@@ -19,6 +19,8 @@ from multicor_cli.store.schema.rows import Column
 Array = NDArray[Any]
 T = TypeVar("T")
 
+_PRESENCE = "particles/presence"
+_OF_SHAPES = ("contacts/i", "contacts/j")
 _SPECS = {spec.path: spec for spec in schema.FRAME_TABLE}
 
 
@@ -57,13 +59,21 @@ class Contacts(ContactColumns):
     def _check_shapes(self, column: Column[Any], found: Array) -> None:
         """Files that come from elsewhere may hold anything."""
         facts = self._frame.facts
-        count = facts.grain_count if column.name == "i" else facts.shape_count
-        if found.size and not 0 <= found.min() <= found.max() < count:
+        grains = self._frame.number.size if self._frame.is_open else facts.grain_count
+        count = grains if column.name == "i" else facts.shape_count - facts.grain_count + grains
+        if not _are_within(found, count):
             raise DamagedRun(f"frame {self._frame.index}: damaged ({column.path} names shapes that do not exist)")
+
+
+def _are_within(numbers: Array, count: int) -> bool:
+    return not numbers.size or bool(0 <= numbers.min() <= numbers.max() < count)
 
 
 class Frame(StepColumns, GrainColumns, WallColumns, KeptColumns):
     """One frame; ``n`` grains, ``w`` walls. Every array is read when it is first used, and kept.
+
+    Where grains come and go, the attributes are those of the ``n`` grains that are there, and contacts count shapes among these;
+    `number` says which grains they are, and `model` is made of them.
 
     Attributes:
         index: Number of the frame in the run.
@@ -92,7 +102,36 @@ class Frame(StepColumns, GrainColumns, WallColumns, KeptColumns):
 
     def read(self, column: Column[T]) -> T:
         """What the attribute of a column is: None where the run does not have it; raises as `column`."""
-        return cast("T", column.convert(self.column(column.path)) if self._parts.has(column, self.index) else None)
+        if not self._parts.has(column, self.index):
+            return cast("T", None)
+        rows = self.column(column.path)
+        return cast("T", column.convert(self._of_those_here(column, rows) if self.is_open else rows))
+
+    @property
+    def is_open(self) -> bool:
+        """Whether grains may come and go in the run."""
+        return "exchange" in (self._parts.features or ())
+
+    @cached_property
+    def number(self) -> NDArray[np.int64]:
+        """Numbers in the run of the grains that are there, shape ``(n,)``; `presence` says what the others do."""
+        if not self.is_open:
+            return np.arange(self.facts.grain_count)
+        return np.flatnonzero(self.column(_PRESENCE) == Presence.THERE)
+
+    @cached_property
+    def model(self) -> Model:
+        """The model with the grains of this frame alone, those that are there."""
+        return self.facts.model.with_grains(self.number) if self.is_open else self.facts.model
+
+    def _of_those_here(self, column: Column[Any], rows: Array) -> Array:
+        """The rows of the grains that are there; shapes of contacts are counted among these too."""
+        if column.path in _OF_SHAPES:
+            first = np.zeros(self.facts.shape_count, rows.dtype)
+            first[self.number] = np.arange(self.number.size)
+            first[self.facts.grain_count :] = np.arange(self.facts.shape_count - self.facts.grain_count) + self.number.size
+            return first[rows] if _are_within(rows, self.facts.shape_count) else rows
+        return rows[self.number] if column.row == "particle_row" and column.path != _PRESENCE else rows
 
     @property
     def has_heat(self) -> bool:
@@ -120,19 +159,24 @@ class ModelFacts:
         self._model = model
 
     @cached_property
+    def model(self) -> Model:
+        """The model."""
+        return self._model()
+
+    @cached_property
     def period(self) -> float:
         """Period in x [m]; 0 if the domain is not periodic."""
-        return self._model().period
+        return self.model.period
 
     @cached_property
     def grain_count(self) -> int:
         """Number of grains n."""
-        return self._model().grain_count
+        return self.model.grain_count
 
     @cached_property
     def shape_count(self) -> int:
         """Number of grains and wall shapes n + m."""
-        return self.grain_count + self._model().shape_count
+        return self.grain_count + self.model.shape_count
 
 
 class Frames(Sequence[Frame]):

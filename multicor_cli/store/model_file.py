@@ -105,6 +105,7 @@ def read_model(file: CheckedFile) -> Model:
         gravity=data["gravity"],
         shape_factor=float(data["shape_factor"][0]),
         thermal=_thermal(data),
+        outlets=tuple(data["outlets"]) if "outlets" in data else None,
     )
     _check_model(model, file.path)
     return model

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.arithmetic.sums import total
-from multicor_cli.model import BOOK_NAMES, HEAT_BOOK_NAMES, TALLY_NAMES, WINDOW_NAMES, Model, State
+from multicor_cli.model import BOOK_NAMES, EXCHANGE_NAMES, HEAT_BOOK_NAMES, TALLY_NAMES, WINDOW_NAMES, Model, State
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.model.model import Floats, Thermal
 
@@ -58,6 +58,11 @@ class Moment:
         """Heat books by name, see `multicor_cli.model.HEAT_BOOK_NAMES`."""
         return dict(zip(HEAT_BOOK_NAMES, self.state.heat_books.tolist(), strict=True))
 
+    @cached_property
+    def exchange(self) -> dict[str, float]:
+        """Books of grains that come and go by name, see `multicor_cli.model.EXCHANGE_NAMES`."""
+        return dict(zip(EXCHANGE_NAMES, self.state.exchange.tolist(), strict=True))
+
     def per_step(self, name: str) -> float:
         """Mean of a sum of the window over its steps; 0 without steps."""
         return self.window[name] * (1.0 / self.window["steps"]) if self.window["steps"] else 0.0
@@ -83,10 +88,18 @@ class Moment:
         """Temperatures of the grains [K], shape ``(n,)``; only in runs with heat."""
         return self.state.temperature(self.thermal)
 
+    @cached_property
+    def temperatures_here(self) -> tuple[float, float, float]:
+        """As `temperatures_of` this moment."""
+        return temperatures_of(self.state, self.thermal)
 
-def mean_temperature(temperature: Floats, thermal: Thermal) -> float:
-    """Mean temperature of the grains [K], weighted by their heat capacities."""
-    return total(temperature * thermal.capacity) / total(thermal.capacity)
+
+def temperatures_of(state: State, thermal: Thermal) -> tuple[float, float, float]:
+    """Mean temperature of the grains that are there, weighted by heat capacity, lowest and highest [K]; 0 if none is there."""
+    temperature, capacity = state.temperature(thermal)[state.here], thermal.capacity[state.here]
+    if not temperature.size:
+        return 0.0, 0.0, 0.0
+    return total(temperature * capacity) / total(capacity), float(temperature.min()), float(temperature.max())
 
 
 def in_plane(values: Floats) -> Floats:

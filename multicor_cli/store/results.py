@@ -150,7 +150,7 @@ class _Merger:
         }
         self._full_model = model
         self._model = model_columns(model)
-        self._walls = model.wall_count
+        self._lengths = {"wall": model.wall_count, "outlet": len(model.outlets or ())}
         self.features = schema.features_of(model)
         self._table = tuple(s for s in schema.select(schema.SEGMENT_TABLE, self.features, version) if s not in schema.OFFSETS)
         self.rows = {
@@ -182,7 +182,7 @@ class _Merger:
         self, segment: Segment, streams: dict[Dataset, DatasetStream], counts: dict[Dataset, list[NDArray[np.int64]]]
     ) -> None:
         check_segment(self._directory, segment)
-        dims = segment_dims(segment) | {"wall": self._walls}
+        dims = segment_dims(segment) | self._lengths
         with CheckedFile(self._directory / segment.name, SEGMENT_FILETYPE, run_id=self._run_id, dims=dims) as file:
             check_features(file, self.features)
             for spec, stream in streams.items():
@@ -193,7 +193,7 @@ class _Merger:
                 parts.append(np.diff(read_offsets(file, spec, rows)))
 
     def _shape(self, spec: Dataset) -> tuple[int, ...]:
-        lengths = {**self.rows, "wall": self._walls}
+        lengths = {**self.rows, **self._lengths}
         return tuple(d if isinstance(d, int) else lengths[d] for d in spec.dims)
 
 

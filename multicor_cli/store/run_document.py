@@ -10,6 +10,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from multicor_cli.model import EXCHANGE_NAMES
 from multicor_cli.store import layout
 from multicor_cli.store.checked import check_version
 from multicor_cli.store.documents import Document, plain, read_document
@@ -138,9 +139,22 @@ def _is_summary(value: Any) -> bool:
     heat: dict[str, Any] = {"books": {}, "temperature": {}}
     if not _is_like(value, empty_summary((1, 0))) or not _is_like(value["heat"], heat, is_optional=True):
         return False
+    if not _is_exchange(value.get("exchange")):
+        return False
     counts = [*(value[name] for name in ("step", "time", "stage", "grain_count")), value["solver"]["unconverged_steps"]]
     temperature = [value["heat"]["temperature"].get(name) for name in ("mean", "min", "max")] if value["heat"] else []
     return all(_is_number(item) for item in [*counts, *temperature])
+
+
+def _is_exchange(value: Any) -> bool:
+    """Whether it is what a summary says of grains that come and go; None where none does, or in an older run."""
+    if value is None:
+        return True
+    flows = value.get("outlets") if isinstance(value, dict) else None
+    if not isinstance(flows, dict) or not all(_is_like(flow, {"grains": None, "mass": None}) for flow in flows.values()):
+        return False
+    counts = {name: number for name, number in value.items() if name != "outlets"}
+    return counts.keys() >= set(EXCHANGE_NAMES) and all(map(_is_number, counts.values()))
 
 
 def _is_number(value: Any) -> bool:
@@ -153,7 +167,7 @@ def _is_like(value: Any, reference: dict[str, Any], *, is_optional: bool = False
     if not isinstance(value, dict) or not value.keys() >= reference.keys():
         return is_optional and value is None
     tables = {name: table for name, table in reference.items() if isinstance(table, dict)}
-    rest = (item for name, item in value.items() if name not in tables and name != "heat")
+    rest = (item for name, item in value.items() if name not in tables and name not in ("heat", "exchange"))
     return all(_is_like(value[name], table) for name, table in tables.items()) and all(
         item is None or isinstance(item, str) or _is_number(item) for item in rest
     )

@@ -64,7 +64,13 @@ class FrameWriter:
     ) -> None:
         self._directory, self._run_id, self._precision, self._version = directory, run_id, precision, version
         self.model = model
-        self._dims = {"wall": model.wall_count, "particle_row": model.grain_count, "frame": 1, "series_row": 1}
+        self._dims = {
+            "wall": model.wall_count,
+            "outlet": len(model.outlets or ()),
+            "particle_row": model.grain_count,
+            "frame": 1,
+            "series_row": 1,
+        }
         self._features = schema.features_of(model)
         self.frame_table = schema.select(_FRAME_ROWS, self._features, version)
         self.series_table = schema.select(schema.SERIES, self._features, version)

@@ -24,7 +24,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.model import Model
+from multicor_cli.model import Model, Presence
 from multicor_cli.store import layout, schema
 from multicor_cli.store.checked import reading
 from multicor_cli.store.errors import DamagedRun
@@ -35,6 +35,8 @@ from multicor_cli.store.vtk_lines import BLOCK_ROWS, CHUNK_ROWS, Growing, Indice
 GROUP = "VTKHDF"
 ENDS = "view/contact_ends"
 """Where the appended points are stored: not among the data, and outside of what VTK looks at."""
+
+_PRESENCE = "particles/presence"
 
 NO_CONTACT = 255
 """``kind`` of the line that stands for no contact at all."""
@@ -111,6 +113,8 @@ def write_view(file: h5py.File, model: Model) -> None:
     steps = _write_steps(file, root, rows)
     _write_points(file, root, steps, rows)
     _write_constants(root, steps, model, rows)
+    if _PRESENCE in file:
+        _hide_absent(file[_PRESENCE], root, steps, model, rows)
     _write_cell_data(file, root, steps, rows)
     _link_step_data(file, root, steps)
     write_text(root, "blake2b", _digest(file))
@@ -289,6 +293,19 @@ def _write_constants(root: h5py.Group, steps: h5py.Group, model: Model, rows: _L
         whole[: rows.grains] = values
         root.create_dataset(f"PointData/{name}", data=whole, chunks=(min(length, CHUNK_ROWS),), fletcher32=True)
         steps[f"PointDataOffsets/{name}"] = root["Vertices/NumberOfCells"]  # zeros
+
+
+def _hide_absent(presence: h5py.Dataset, root: h5py.Group, steps: h5py.Group, model: Model, rows: _Layout) -> None:
+    """Radii step by step: 0 for grains that are not there, which are drawn as nothing."""
+    del root["PointData/radius"], steps["PointDataOffsets/radius"]
+    stream = Growing(root, "PointData/radius", np.float64)
+    for frame in range(len(rows.ends)):
+        radius = np.zeros(rows.room)
+        is_here = presence[frame * rows.grains : (frame + 1) * rows.grains] == Presence.THERE
+        radius[: rows.grains] = np.where(is_here, model.grains.radius, 0.0)
+        stream.append(radius)
+    stream.close()
+    steps["PointDataOffsets/radius"] = steps["PointOffsets"]
 
 
 def _write_cell_data(file: h5py.File, root: h5py.Group, steps: h5py.Group, rows: _Layout) -> None:

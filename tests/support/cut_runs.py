@@ -80,6 +80,28 @@ frame_interval = 0.005
 """
 """Two groups of spheres fall into a box with a side that moves; nothing is periodic."""
 
+BODY = changed(
+    BOX,
+    ("density = 2500.0", "density = 2500.0\nyoung = 70e9\npoisson = 0.22\nconductivity = 1.0\nheat_capacity = 800.0"),
+    ('name = "large"', 'name = "large"\ntemperature = 350.0'),
+    ("[[contacts]]", "[heat]\ntemperature = 300.0\n[[contacts]]"),
+    (
+        "[[loading]]\nduration = 0.03\n",
+        """\
+[[walls]]
+name = "intruder"
+material = "glass"
+thermal = { capacity = 1e-3 }
+geometry = { kind = "disc", center = [0.003, 0.0035], radius = 1.5e-3 }
+[[loading]]
+duration = 0.03
+drives.intruder = { x = { velocity = 0.1 } }
+""",
+    ),
+    ("duration = 0.02\n", "duration = 0.02\ndrives.intruder = { x = { velocity = -0.02 } }\n"),
+)
+"""The same with a solid disc that has a temperature of its own, and is pulled to where grains have been."""
+
 TAKEN = (
     "position", "image", "velocity", "wall_position", "wall_velocity", "contact_i", "contact_j", "contact_impulse",
     "contact_couple", "last_dt", "heat", "heat_dt", "wall_temperature", "mean_i", "mean_j", "mean_force", "mean_age",

@@ -64,6 +64,9 @@ class FakeEngine:
         self.calls.append("resume")
         self._drives = drives
 
+    def exchange(self) -> None:
+        """No grain comes or goes."""
+
     def step(self, dt: float, t: float, should_stop: Callable[[], bool] | None = None) -> StepReport:
         state = self.state
         self.before_step(state.step)

@@ -1,4 +1,7 @@
-"""Energy books: kinetic change = gravity work + wall work + load work − friction − impact − damping − correction."""
+"""Energy books: kinetic change = gravity work + wall work + load work − friction − impact − damping − correction.
+
+Where grains come and go, plus what they bring with them, minus what they take along.
+"""
 
 from __future__ import annotations
 
@@ -11,12 +14,13 @@ from multicor_cli.engine.contact.solve import Outcome
 from multicor_cli.engine.energy import account
 from multicor_cli.engine.motion.correction import Correction
 from multicor_cli.engine.motion.walls import WallMotion
-from multicor_cli.model.books import BOOK_NAMES, TALLY_NAMES, WINDOW_NAMES
-from multicor_cli.model.model import Floats, Model
+from multicor_cli.model.books import BOOK_NAMES, EXCHANGE_NAMES, TALLY_NAMES, WINDOW_NAMES
+from multicor_cli.model.model import Model
 from multicor_cli.model.state import State
 
 _BOOK = {name: k for k, name in enumerate(BOOK_NAMES)}
 _TALLY = {name: k for k, name in enumerate(TALLY_NAMES)}
+_EXCHANGE = {name: k for k, name in enumerate(EXCHANGE_NAMES)}
 _WINDOW = {name: k for k, name in enumerate(WINDOW_NAMES)}
 
 
@@ -27,7 +31,7 @@ def start_books(state: State, model: Model, motion: WallMotion) -> None:
     kinetic = total(0.5 * grains.mass * (u * u + v * v) + 0.5 * grains.inertia * (spin * spin))
     kinetic += motion.kinetic(state.wall_velocity)
     state.books[_BOOK["kinetic"]] = kinetic
-    state.books[_BOOK["kinetic_start"]] = kinetic
+    state.books[_BOOK["kinetic_start"]] = kinetic - _brought_in(state)
 
 
 def switch_wall_kinetic(state: State, change: float) -> None:
@@ -35,6 +39,21 @@ def switch_wall_kinetic(state: State, change: float) -> None:
     state.books[_BOOK["kinetic"]] += change
     state.books[_BOOK["wall_work"]] += change
     state.books[_BOOK["terms"]] += 2.0 * abs(change)
+
+
+def book_exchange(state: State, brought: float, taken: float) -> None:
+    """Enter the kinetic energy that grains bring with them and take along [J] where the books are open."""
+    state.exchange[_EXCHANGE["kinetic_in"]] += brought
+    state.exchange[_EXCHANGE["kinetic_out"]] += taken
+    state.books[_BOOK["kinetic"]] += brought - taken
+    state.books[_BOOK["terms"]] += brought + taken
+
+
+def _brought_in(state: State) -> float:
+    """Kinetic energy that came with grains less what went with them [J]; 0 where none comes or goes."""
+    if not state.exchange.size:
+        return 0.0
+    return float(state.exchange[_EXCHANGE["kinetic_in"]] - state.exchange[_EXCHANGE["kinetic_out"]])
 
 
 def book_step(
@@ -85,17 +104,18 @@ def book_step(
     books[_BOOK["friction_sliding"]] += sums.total[account.SLIDING]
     books[_BOOK["negative_loss"]] += sums.total[account.NEGATIVE]
     books[_BOOK["terms"]] += abs(change) + math.fsum(abs(value) for value in entries.values())
-    _close(books)
+    _close(state)
     _tally(state, sums, correction, outcome, dt)
     _add_to_window(state, sums, outcome, dt)
 
 
-def _close(books: Floats) -> None:
+def _close(state: State) -> None:
     """Strike the balance."""
+    books = state.books
     works = books[_BOOK["gravity_work"]] + books[_BOOK["wall_work"]] + books[_BOOK["load_work"]]
     losses = books[_BOOK["friction_loss"]] + books[_BOOK["impact_loss"]] + books[_BOOK["damping_loss"]]
     gain = books[_BOOK["kinetic"]] - books[_BOOK["kinetic_start"]]
-    imbalance = gain - (works - losses - books[_BOOK["correction_work"]])
+    imbalance = gain - (works - losses - books[_BOOK["correction_work"]]) - _brought_in(state)
     books[_BOOK["imbalance"]] = imbalance
     if books[_BOOK["terms"]] > 0.0:
         books[_BOOK["closure"]] = max(books[_BOOK["closure"]], abs(imbalance) / books[_BOOK["terms"]])

@@ -1,4 +1,7 @@
-"""Heat books: stored = friction + impact − to walls + from walls + from the fluid + from the surroundings."""
+"""Heat books: stored = friction + impact − to walls + from walls + from the fluid + from the surroundings.
+
+Where grains come and go, what they take along is added to what is stored.
+"""
 
 from __future__ import annotations
 
@@ -9,12 +12,13 @@ import numpy as np
 from multicor_cli.arithmetic.sums import total
 from multicor_cli.engine.heat.flow import Flow
 from multicor_cli.engine.heat.rates import OUTSIDE_BOOKS
-from multicor_cli.model.books import HEAT_BOOK_NAMES
+from multicor_cli.model.books import EXCHANGE_NAMES, HEAT_BOOK_NAMES
 from multicor_cli.model.columns import GIVEN, RECEIVED
 from multicor_cli.model.model import Floats
 from multicor_cli.model.state import State
 
 _BOOK = {name: k for k, name in enumerate(HEAT_BOOK_NAMES)}
+_HEAT_OUT = EXCHANGE_NAMES.index("heat_out")
 
 
 def book_generated(state: State, friction: float, impact: float, to_walls: Floats) -> None:
@@ -28,7 +32,7 @@ def book_flow(state: State, flow: Flow, undelivered: float) -> None:
     outside = dict(zip(OUTSIDE_BOOKS, flow.outside.tolist(), strict=True))
     _enter(state, {"from_walls": total(flow.walls), **outside}, total(np.abs(flow.walls)))
     state.wall_heat[:, GIVEN] += flow.walls
-    state.heat_books[_BOOK["undelivered"]] += undelivered
+    book_undelivered(state, undelivered)
     state.heat_books[_BOOK["sub_steps"]] += flow.sub_steps
 
 
@@ -40,6 +44,17 @@ def _enter(state: State, entries: dict[str, float], walls: float | None = None) 
     if walls is not None:
         exchanged["from_walls"] = walls
     books[_BOOK["exchanged"]] += math.fsum(exchanged.values())
+
+
+def book_undelivered(state: State, heat: float) -> None:
+    """Enter what walls of prescribed flow that touch no grain could not give [J]."""
+    state.heat_books[_BOOK["undelivered"]] += heat
+
+
+def book_heat_out(state: State, taken: float) -> None:
+    """Enter the heat content that grains take along [J]."""
+    state.exchange[_HEAT_OUT] += taken
+    state.heat_books[_BOOK["stored"]] -= taken
 
 
 def note_contacts(state: State, biot: float, gas_ratio: tuple[float, float]) -> None:
@@ -61,7 +76,8 @@ def strike_balance(state: State) -> None:
     for name in OUTSIDE_BOOKS:
         from_outside += books[_BOOK[name]]
     received += from_outside
-    books[_BOOK["imbalance"]] = stored - received
+    taken = float(state.exchange[_HEAT_OUT]) if state.exchange.size else 0.0
+    books[_BOOK["imbalance"]] = stored + taken - received
     # Σ C_i |T_i − T_i0| = Σ |Q_i|.
     scale = books[_BOOK["exchanged"]] + total(np.abs(state.heat))
     if scale > 0.0:

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.arithmetic.sums import column_totals, total
+from multicor_cli.arithmetic.sums import column_totals
 from multicor_cli.engine.contact.detection import StepContacts, warm_rows
 from multicor_cli.engine.contact.report import PhysicsError
 from multicor_cli.engine.geometry.neighbor_list import NeighborList
@@ -25,7 +25,7 @@ from multicor_cli.engine.heat.pairs import look_up, near_pairs
 from multicor_cli.engine.heat.partition import share_out
 from multicor_cli.engine.heat.settings import HeatSettings
 from multicor_cli.engine.heat.spots import TOUCHING, Spots, conducting_spots, forces_of_step, loaded_pairs, pairs_at_rest
-from multicor_cli.engine.heat.walls import WallHeat, WallValues
+from multicor_cli.engine.heat.walls import WallHeat, WallValues, begin_bodies
 from multicor_cli.model.columns import FRICTION, IMPACT
 from multicor_cli.model.faults import LARGEST, find_absurd_value
 from multicor_cli.model.model import Floats, Ints, Model
@@ -104,12 +104,7 @@ class HeatEngine:
 
     def begin_conditions(self, is_new: NDArray[np.bool_]) -> None:
         """Give bodies whose condition is new, shape ``(w,)``, the temperature with which they begin."""
-        for w in self._bodies[is_new[self._bodies]]:
-            condition, wall = self._conditions[w], self.state.wall_temperature
-            if np.isfinite(condition.initial):
-                wall[w] = condition.initial
-            elif not np.isfinite(wall[w]):
-                wall[w] = condition.fallback
+        begin_bodies(self._conditions, is_new, self.state.wall_temperature)
 
     def shape_temperatures(self, t: float) -> Floats:
         """Temperatures of grains and wall shapes [K]; nan for walls that have none, shape ``(n + m,)``.
@@ -117,7 +112,7 @@ class HeatEngine:
         Args:
             t: Time since the start of the stage [s].
         """
-        walls = self._wall_temperatures(WallValues(self._conditions, t), 0.0)
+        walls = WallValues(self._conditions, t).temperatures(0.0, self.state.wall_temperature)
         return np.concatenate([self.state.temperature(self._thermal), walls[self.model.shapes.wall]])
 
     def step(self, moved: MovedContacts, dt: float, t: float) -> None:
@@ -161,7 +156,7 @@ class HeatEngine:
 
     def note_walls(self, dt: float, t: float) -> None:
         """Let the state know the walls' temperatures after a step in which heat is off; arguments as `step`."""
-        self.state.wall_temperature = self._wall_temperatures(WallValues(self._conditions, t), dt)
+        self.state.wall_temperature = WallValues(self._conditions, t).temperatures(dt, self.state.wall_temperature)
 
     def resting_contacts(self) -> tuple[Ints, Ints]:
         """The contacts that conduct while nothing moves: first and second shapes, sorted."""
@@ -253,9 +248,9 @@ class HeatEngine:
         state.heat += flow.received[:n]
         state.heat_dt = flow.next_step
         state.wall_temperature[self._bodies] += flow.received[n:] / self._capacity[n:]
-        state.wall_temperature = self._wall_temperatures(walls, dt)
+        state.wall_temperature = walls.temperatures(dt, state.wall_temperature)
         flow.walls[self._bodies] += source[n:] - flow.received[n:]
-        book_flow(state, flow, self._undelivered(net.flow_wall, walls, dt))
+        book_flow(state, flow, walls.undelivered(dt, net.flow_wall))
         note_contacts(state, links.biot, links.gas_ratio)
         strike_balance(state)
 
@@ -274,18 +269,7 @@ class HeatEngine:
 
     def _name(self, node: int) -> str:
         n = self.model.grain_count
-        return f"grain {node}" if node < n else f"wall {self.model.walls.names[self._bodies[node - n]]}"
-
-    def _wall_temperatures(self, walls: WallValues, dt: float) -> Floats:
-        found = np.where([c.kind == "temperature" for c in self._conditions], walls(dt), np.nan)
-        found[self._bodies] = self.state.wall_temperature[self._bodies]
-        return found
-
-    def _undelivered(self, reached: Ints, walls: WallValues, dt: float) -> float:
-        """Heat that walls of prescribed flow that touch nothing could not pass on within ``dt`` [J]."""
-        idle = np.array([c.kind == "flow" for c in self._conditions], np.bool_)
-        idle[reached] = False
-        return total(np.abs(walls(0.5 * dt)[idle])) * dt
+        return self.model.name_of(node) if node < n else f"wall {self.model.walls.names[self._bodies[node - n]]}"
 
     @contextmanager
     def _timed(self) -> Iterator[None]:

@@ -9,9 +9,11 @@ from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
+from multicor_cli.arithmetic.sums import total
 from multicor_cli.engine.motion.drives import Constant, Signal
-from multicor_cli.model.model import Floats
+from multicor_cli.model.model import Floats, Ints
 
 _INSULATED = Constant(0.0)
 PRESCRIBED = ("temperature", "flow")
@@ -36,6 +38,23 @@ class WallHeat:
     capacity: float = 0.0
     initial: float = math.nan
     fallback: float = math.nan
+
+
+def begin_bodies(conditions: Sequence[WallHeat], is_new: NDArray[np.bool_], temperature: Floats) -> None:
+    """Give walls with a heat capacity whose condition is new the temperature with which they begin.
+
+    Args:
+        conditions: Conditions of the walls.
+        is_new: Whether they begin, shape ``(w,)``.
+        temperature: Temperatures of the walls [K], shape ``(w,)``. **Modified.**
+    """
+    for w, condition in enumerate(conditions):
+        if condition.kind != "capacity" or not is_new[w]:
+            continue
+        if np.isfinite(condition.initial):
+            temperature[w] = condition.initial
+        elif not np.isfinite(temperature[w]):
+            temperature[w] = condition.fallback
 
 
 @dataclass(frozen=True)
@@ -64,6 +83,23 @@ class WallValues:
             return [(self, dt)]
         edges = [self.start, *sorted(corners), self.start + dt]
         return [(WallValues(self.conditions, a), b - a) for a, b in itertools.pairwise(edges) if b > a]
+
+    def temperatures(self, t: float, bodies: Floats) -> Floats:
+        """Temperatures of the walls ``t`` seconds after the start of the step [K]; nan where there is none, shape ``(w,)``.
+
+        Args:
+            t: Time since the start of the step [s].
+            bodies: Temperatures of the walls that have a heat capacity [K], shape ``(w,)``.
+        """
+        known = np.array([c.kind == "temperature" for c in self.conditions], np.bool_)
+        has_own = np.array([c.kind == "capacity" for c in self.conditions], np.bool_)
+        return np.where(known, self(t), np.where(has_own, bodies, np.nan))
+
+    def undelivered(self, dt: float, reached: Ints) -> float:
+        """Heat that walls of prescribed flow could not pass on within ``dt`` [J]: all but those ``reached`` touch nothing."""
+        idle = np.array([c.kind == "flow" for c in self.conditions], np.bool_)
+        idle[reached] = False
+        return total(np.abs(self(0.5 * dt)[idle])) * dt
 
     def __call__(self, t: float) -> Floats:
         """Values ``t`` seconds after the start of the step; 0 where nothing is prescribed, shape ``(w,)``."""

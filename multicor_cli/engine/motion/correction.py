@@ -139,10 +139,9 @@ def _name_overlap(scene: Scene, model: Model, lists: NeighborList, flagged: NDAr
             if depth > worst:
                 worst, pair = depth, (i, j)
     i, j = pair
-    other = f"grain {j}"
-    if j >= model.grain_count:
-        other = f"wall '{model.walls.names[model.shapes.wall[j - model.grain_count]]}'"
+    n = model.grain_count
+    other = model.name_of(j) if j < n else f"wall '{model.walls.names[model.shapes.wall[j - n]]}'"
     return (
-        f"grain {i} and {other} overlap by {overlap:.2e} of the smaller radius and no admissible positions were found "
+        f"{model.name_of(i)} and {other} overlap by {overlap:.2e} of the smaller radius and no admissible positions were found "
         "(too many grains between prescribed walls?)"
     )

@@ -9,6 +9,7 @@ from typing import Any, TypeVar
 from pydantic import ValidationError
 
 from multicor_cli.scenario.base import Table
+from multicor_cli.scenario.exchange import Outlet
 from multicor_cli.scenario.heat import Heat
 from multicor_cli.scenario.loading import Stage
 from multicor_cli.scenario.materials import ContactPair, Material
@@ -35,6 +36,7 @@ class Draft:
         group_names: Names of the groups; ``None`` where there is no name.
         walls: ``[[walls]]``.
         wall_names: Names of the walls; ``None`` where there is no name.
+        outlets: ``[[outlets]]``.
         loading: ``[[loading]]``.
         has_heat: Whether there is a table ``[heat]``, right or wrong.
         heat: ``[heat]``.
@@ -51,6 +53,7 @@ class Draft:
     group_names: list[str | None]
     walls: list[Wall | None]
     wall_names: list[str | None]
+    outlets: list[Outlet | None]
     loading: list[Stage | None]
     has_heat: bool
     heat: Heat | None
@@ -70,6 +73,7 @@ class Draft:
             [group.name for group in model.particles],
             list(model.walls),
             [wall.name for wall in model.walls],
+            list(model.outlets),
             list(model.loading),
             model.heat is not None,
             model.heat,
@@ -92,6 +96,7 @@ class Draft:
             _names(data.get("particles")),
             _tables(Wall, data.get("walls"), context),
             _names(data.get("walls")),
+            _tables(Outlet, data.get("outlets"), context),
             _tables(Stage, data.get("loading"), context),
             "heat" in data,
             _table(Heat, data.get("heat"), context),

@@ -52,7 +52,8 @@ def _unlike_starts(draft: Draft) -> Iterator[Finding]:
         if group is None or isinstance(group.packing, StartPacking) == draft.has_start:
             continue
         if draft.has_start:
-            what = f'kind = "{group.packing.kind}" beside a table [start], whose run has all the grains'
+            kind = "no packing" if group.packing is None else f'kind = "{group.packing.kind}"'
+            what = f"{kind} beside a table [start], whose run has all the grains"
             remedy = 'remove [[particles]], or [start]; packing = { kind = "start" } names a group of the run'
         else:
             what, remedy = 'kind = "start" without a table [start]', 'add [start] with run = "...", or use another packing'

@@ -125,10 +125,13 @@ class ContactColumns(ContactTable):
 
 def _kept_of_grains(name: str, about: Stored) -> Column[Any]:
     """The row of what a state has for each grain."""
+    exports: tuple[Export, ...] = (
+        ("vtk",) if about.only_with == "exchange" else ("vtk", "gsd")
+    )  # GSD has those alone that are there
     return Column(
         f"particles/{name}", about.dtype, ("particle_row", *about.dims[1:]), about.unit, about.meaning,
         lambda m: getattr(m.state, name), since=about.since, only_with=about.only_with, columns=about.columns,
-        exports=("vtk", "gsd"),
+        exports=exports,
     )  # fmt: skip
 
 

@@ -89,6 +89,10 @@ MODEL: tuple[Dataset, ...] = (
     _thermal("capacity", "J/K", "heat capacity of each grain"),
     _thermal("start", "K", "temperature of each grain at the start of the run"),
     _thermal("surface", "m2", "area through which each grain meets fluid and surroundings"),
+    Dataset(
+        "model/outlets", "str", ("outlet",), "1", "names of the outlets",
+        lambda m: m.model.outlets, only_with="exchange", since=(1, 2),
+    ),
     Dataset("model/period", "f8", ("one",), "m", "period in x; 0 if the domain is not periodic", lambda m: m.model.period),
     Dataset("model/gravity", "f8", (2,), "m/s2", "acceleration of gravity (x, y)", lambda m: m.model.gravity),
     Dataset(

@@ -130,6 +130,7 @@ def features_of(model: Model) -> frozenset[Feature]:
         "softening": laws.depends_on_temperature,
         "adhesion": laws.adhesion.size > 0,
         "rolling": laws.rolling.size > 0,
+        "exchange": model.outlets is not None,
     }
     return frozenset(feature for feature, is_there in found.items() if is_there)
 
@@ -174,4 +175,9 @@ _DIM_SYMBOL: dict[str, str] = {
     "stage_note": "N",
     "origin_row": "w°",
     "before_row": "B",
+    "outlet": "o",
+    "exchange_grain": "n°",
+    "exchange_group": "g°",
+    "exchange_outlet": "o°",
+    "exchange_book": "x°",
 }

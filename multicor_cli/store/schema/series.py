@@ -7,9 +7,9 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from multicor_cli.model.books import BOOKS, HEAT_BOOKS, TALLIES, WINDOW, Entry, measures_first
+from multicor_cli.model.books import BOOKS, EXCHANGE_BOOKS, HEAT_BOOKS, TALLIES, WINDOW, Entry, measures_first
 from multicor_cli.model.stored import DType, Feature, Shape, Version
-from multicor_cli.store.moment import Moment, mean_temperature
+from multicor_cli.store.moment import Moment
 from multicor_cli.store.schema.rows import Dataset, Value
 
 
@@ -27,9 +27,18 @@ def _scalar(
 
 
 def _array(
-    name: str, dims: Shape, unit: str, long_name: str, value: Value, columns: tuple[str, ...], *, only_with: Feature | None = None
+    name: str,
+    dims: Shape,
+    unit: str,
+    long_name: str,
+    value: Value,
+    columns: tuple[str, ...],
+    *,
+    only_with: Feature | None = None,
+    since: Version = (1, 0),
 ) -> Dataset:
-    return Dataset(f"series/{name}", "f8", ("series_row", *dims), unit, long_name, value, only_with=only_with, columns=columns)
+    path, shape = f"series/{name}", ("series_row", *dims)
+    return Dataset(path, "f8", shape, unit, long_name, value, only_with=only_with, since=since, columns=columns)
 
 
 def _kept(
@@ -74,13 +83,18 @@ SERIES: tuple[Dataset, ...] = (
     *_kept(HEAT_BOOKS, lambda m: m.heat_books, "heat"),
     _scalar(
         "temperature_mean", "K", "mean temperature of the grains, weighted by heat capacity",
-        lambda m: mean_temperature(m.temperature, m.thermal), only_with="heat",
+        lambda m: m.temperatures_here[0], only_with="heat",
     ),
-    _scalar("temperature_min", "K", "lowest temperature of a grain", lambda m: m.temperature.min(), only_with="heat"),
-    _scalar("temperature_max", "K", "highest temperature of a grain", lambda m: m.temperature.max(), only_with="heat"),
+    _scalar("temperature_min", "K", "lowest temperature of a grain", lambda m: m.temperatures_here[1], only_with="heat"),
+    _scalar("temperature_max", "K", "highest temperature of a grain", lambda m: m.temperatures_here[2], only_with="heat"),
     _array(
         "wall_heat", ("wall", 2), "J", "heat given to the grains; heat of friction and impacts received",
         lambda m: m.state.wall_heat, ("heat_given", "heat_received"), only_with="heat",
+    ),
+    *_kept(EXCHANGE_BOOKS, lambda m: m.exchange, "exchange"),
+    _array(
+        "outlet_flow", ("outlet", 2), "1, kg", "grains and mass that left through each outlet since the start",
+        lambda m: m.state.outlet_flow, ("grains", "mass"), only_with="exchange", since=(1, 2),
     ),
 )  # fmt: skip
 """One row per point of the time series, which has its own, denser cadence than the frames."""

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import call
-from cut_runs import BOX, HOT, NAMED, STICKY, going_on, shortened, unlike, written
+from cut_runs import BODY, BOX, HOT, NAMED, STICKY, going_on, shortened, unlike, written
 from scenes import changed
 
 from multicor_cli import run as run_scenario
@@ -23,7 +23,14 @@ from multicor_cli.scenario.load import load_scenario, parse_scenario
 from multicor_cli.scenario.problems import ScenarioError
 from multicor_cli.store import open_run, run_info, verify
 
-CASES = {"box": (BOX, 1), "small": (NAMED, 1), "sticky": (STICKY, 1), "before frozen": (HOT, 1), "after frozen": (HOT, 2)}
+CASES = {
+    "box": (BOX, 1),
+    "small": (NAMED, 1),
+    "sticky": (STICKY, 1),
+    "before frozen": (HOT, 1),
+    "after frozen": (HOT, 2),
+    "body": (BODY, 1),
+}
 """Scenarios, and after how many stages they are cut."""
 
 

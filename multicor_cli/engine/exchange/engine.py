@@ -1,0 +1,197 @@
+"""Mechanics and heat of the grains that are there, in a state that knows all of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+from numpy.typing import NDArray
+
+from multicor_cli.engine.contact.report import StepReport
+from multicor_cli.engine.contact.solve import Settings
+from multicor_cli.engine.coupled import CoupledEngine
+from multicor_cli.engine.exchange.empty import EmptyEngine
+from multicor_cli.engine.exchange.passage import pass_grains
+from multicor_cli.engine.exchange.rules import ExchangeRules
+from multicor_cli.engine.heat.walls import WallHeat
+from multicor_cli.engine.motion.drives import WallDrive
+from multicor_cli.engine.motion.gravity import AnyGravity
+from multicor_cli.model.contacts import ContactTable
+from multicor_cli.model.model import ContactLaws, Model
+from multicor_cli.model.state import Presence, State
+from multicor_cli.model.stored import stored_fields
+
+MakeEngine = Callable[[Model, State], CoupledEngine]
+"""Makes the engine of a model and a state without exchange."""
+
+
+def _fields_of(*dims: str) -> tuple[str, ...]:
+    return tuple(name for name, about in stored_fields(State).items() if about.dims[0] in dims)
+
+
+_OF_GRAINS = _fields_of("grain", "heat_grain")
+_SHAPES = ("contact_i", "contact_j", "mean_i", "mean_j")
+_SHARED = tuple(
+    name for name in stored_fields(State) if name not in (*_OF_GRAINS, *_SHAPES, *_fields_of("exchange_grain", "exchange_group"))
+)
+"""What the state of the grains that are there has in common with that of all grains."""
+
+
+class OpenEngine:
+    """A `CoupledEngine` for the grains that are there, made anew whenever one comes or goes; it has the same methods.
+
+    The engine inside knows nothing of grains that wait or have gone: they cost nothing, and no loop can meet one. Whatever it needs
+    is in the state, as after a stop: being made anew changes no result.
+
+    Attributes:
+        model: All grains.
+        state: The state of all grains, which checkpoints hold.
+        rules: How grains come and go.
+    """
+
+    def __init__(self, model: Model, state: State, rules: ExchangeRules, make: MakeEngine) -> None:
+        """Set up.
+
+        Args:
+            model: All grains.
+            state: The state of all grains.
+            rules: How grains come and go.
+            make: Makes the engine for the grains that are there.
+
+        Raises:
+            ValueError: As `Engine`.
+        """
+        self.model, self.state, self.rules = model, state, rules
+        self._make = make
+        self._settings = Settings()
+        self._drives: list[WallDrive] | None = None
+        self._laws: ContactLaws | None = None
+        self._gravity: AnyGravity | None = None
+        self._heat: tuple[list[WallHeat], bool, bool] | None = None
+        self._seconds: dict[str, float] = {}
+        self._inner = self._made()
+
+    @property
+    def settings(self) -> Settings:
+        """Choices of the contact solver."""
+        return self._settings
+
+    @settings.setter
+    def settings(self, settings: Settings) -> None:
+        self._settings = self._inner.settings = settings
+
+    @property
+    def threads(self) -> int:
+        """Number of threads that may be used."""
+        return self._inner.threads
+
+    @property
+    def timers(self) -> dict[str, float]:
+        """Seconds spent in each phase of the time step."""
+        inner = self._inner.timers
+        return {name: self._seconds.get(name, 0.0) + inner.get(name, 0.0) for name in {**self._seconds, **inner}}
+
+    def set_drives(self, drives: list[WallDrive]) -> None:
+        """Choose what the walls do, at the start of a stage."""
+        self._drives = drives
+        self._share(self.state, self._inner.state)
+        self._inner.set_drives(drives)
+        self._share(self._inner.state, self.state)
+
+    def resume_drives(self, drives: list[WallDrive]) -> None:
+        """Choose what the walls do, in the middle of a stage."""
+        self._drives = drives
+        self._inner.resume_drives(drives)
+
+    def set_laws(self, laws: ContactLaws) -> None:
+        """Choose the contact laws, at the start of a stage or in its middle."""
+        self._laws = laws
+        self._inner.set_laws(laws)
+
+    def set_gravity(self, gravity: AnyGravity) -> None:
+        """Choose gravity, at the start of a stage or in its middle."""
+        self._gravity = gravity
+        self._inner.set_gravity(gravity)
+
+    def set_heat(self, conditions: list[WallHeat], *, is_on: bool, is_frozen: bool) -> None:
+        """Choose what heat does in a stage."""
+        self._heat = conditions, is_on, is_frozen
+        self._inner.set_heat(conditions, is_on=is_on, is_frozen=is_frozen)
+
+    def begin_heat(self, is_new: NDArray[np.bool_]) -> None:
+        """Give walls with a heat capacity their first temperature, at the start of a stage."""
+        self._share(self.state, self._inner.state)
+        self._inner.begin_heat(is_new)
+        self._share(self._inner.state, self.state)
+
+    def exchange(self) -> None:
+        """Let grains go and come before a step; nothing more happens if it is called twice.
+
+        Raises:
+            PhysicsError: If a grain is lost and that is to end the run.
+        """
+        if pass_grains(self.rules, self.model, self.state):
+            self._seconds = self.timers
+            self._inner = self._made()
+
+    def step(self, dt: float, t: float, should_stop: Callable[[], bool] | None = None) -> StepReport:
+        """Advance by one time step; arguments and errors as `CoupledEngine.step`."""
+        self._share(self.state, self._inner.state)
+        report = self._inner.step(dt, t, should_stop)
+        self._take_over()
+        return report
+
+    def contacts(self) -> ContactTable:
+        """Contacts of the last step, by the numbers of all grains."""
+        table = self._inner.contacts()
+        return replace(table, i=self._number[table.i], j=self._number[table.j])
+
+    def _made(self) -> CoupledEngine | EmptyEngine:
+        """The engine of the grains that are there, told what has been chosen."""
+        model, state = self.model, self.state
+        here = np.flatnonzero(state.presence == Presence.THERE)
+        self._here: NDArray[np.int64] = here
+        shapes = np.arange(model.grain_count, model.grain_count + model.shape_count)
+        self._number: NDArray[np.int32] = np.concatenate([here, shapes]).astype(np.int32)
+        inner_model, inner_state = model.with_grains(here), self._state_of(here)
+        engine = self._make(inner_model, inner_state) if here.size else EmptyEngine(inner_model, inner_state)
+        engine.settings = self._settings
+        if self._drives is not None:
+            engine.resume_drives(self._drives)
+        if self._laws is not None:
+            engine.set_laws(self._laws)
+        if self._gravity is not None:
+            engine.set_gravity(self._gravity)
+        if self._heat is not None:
+            conditions, is_on, is_frozen = self._heat
+            engine.set_heat(conditions, is_on=is_on, is_frozen=is_frozen)
+        return engine
+
+    def _state_of(self, here: NDArray[np.int64]) -> State:
+        state, inner = self.state, State()
+        self._share(state, inner)
+        for name in _OF_GRAINS:
+            values = getattr(state, name)
+            setattr(inner, name, values[here] if values.size else values)
+        place = np.full(self.model.grain_count + self.model.shape_count, -1, np.int32)
+        place[self._number] = np.arange(self._number.size, dtype=np.int32)
+        for name in _SHAPES:
+            setattr(inner, name, place[getattr(state, name)])
+        return inner
+
+    def _take_over(self) -> None:
+        """Enter into the state of all grains what has become of those that are there."""
+        state, inner = self.state, self._inner.state
+        self._share(inner, state)
+        for name in _OF_GRAINS:
+            values = getattr(state, name)
+            if values.size:
+                values[self._here] = getattr(inner, name)
+        for name in _SHAPES:
+            setattr(state, name, self._number[getattr(inner, name)])
+
+    @staticmethod
+    def _share(source: State, target: State) -> None:
+        for name in _SHARED:
+            setattr(target, name, getattr(source, name))
