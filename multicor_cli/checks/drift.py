@@ -60,10 +60,12 @@ def _averaged(run: Recorded, rows: np.ndarray[tuple[int], np.dtype[np.int64]]) -
         for axis, letter in enumerate("xy"):
             if np.abs(force[:, w, axis]).mean() > 0.1 * scale:
                 yield f"force in {letter} on wall {name}", force[:, w, axis]
-    heights = at[:, :, 1] - at[:, :, 1].min(axis=1, keepdims=True) if at.size else at[:, :, 1]
-    for w, name in enumerate(run.run.wall_names):
-        if np.ptp(heights[:, w]) > 0.0:
-            yield f"height of wall {name}", heights[:, w]
+    heights = at[:, :, 1]
+    rests = np.ptp(heights, axis=0) == 0.0
+    base = float(heights[0, rests].min()) if rests.any() else 0.0
+    for w in run.lifted_walls:
+        if not rests[w]:
+            yield f"height of wall {run.run.wall_names[w]}", heights[:, w] - base
 
 
 RULES: tuple[Rule[Recorded], ...] = (

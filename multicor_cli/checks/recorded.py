@@ -69,6 +69,16 @@ class Recorded:
         laws = None if self.planned is None else self.planned[1].stages[stage].laws
         return self.run.model.laws if laws is None else laws
 
+    @cached_property
+    def lifted_walls(self) -> list[int]:
+        """Walls whose height follows from forces in the newest stage; none where the plan is not known."""
+        if self.planned is None or self.info["stage"] is None:
+            return []
+        stages = self.planned[1].stages
+        number = min(int(self.info["stage"]), len(stages) - 1)
+        drives = stages[number].drives.started([0.0] * (number + 1))
+        return [w for w, drive in enumerate(drives) if drive.y.is_driven]
+
     @property
     def has_steps(self) -> bool:
         """Whether the books of a step are there."""

@@ -15,6 +15,7 @@ from multicor_cli.post.source import FrameSource, GrainFrame, model_of, need_gra
 
 _LEVEL = 0.7  # a plane bounds the grains in y if its normal points within 45 degrees up or down
 _WIDE = 0.5  # a wall bounds a layer if it is at least this part as wide as nearly all grains
+_FAR = 10.0  # a wall bounds the grains if it is at most so many times farther away than they reach
 _STRAY = 0.1  # a wall still bounds the grains if no more than this part of them has got through it
 
 
@@ -25,9 +26,9 @@ class Extent:
     Heights count from the lower wall where there is one, wherever it has moved to: from the line through the centers of its
     glued grains (between the lowest and the highest of them), or from its surface if it is smooth. Otherwise they count from the
     lowest point that a grain reaches. A wall is below the grains if it lies below the middle of them and the centers of nine grains
-    in ten lie above its line, in the first frame and in the last; and it must be wider than it is high, and half
-    as wide as the grains spread: a gate that closed an opening bounds nothing. A solid disc is no such wall, nor with grains glued
-    to it.
+    in ten lie above its line, in the first frame and in the last; and it must be wider than it is high, half as wide as the grains
+    spread, and no farther from them than ten times their height: a gate that closed an opening, or has dropped away, bounds
+    nothing. A solid disc is no such wall, nor with grains glued to it.
 
     Attributes:
         lower: Index of the wall below the grains, or None.
@@ -91,8 +92,9 @@ def _bounding_walls(
         is_below, is_above = is_below & is_wide, is_above & is_wide
         low, middle, high = np.quantile(np.asarray(frame.position)[:, 1], (_STRAY, 0.5, 1.0 - _STRAY))
         wall_y = np.asarray(frame.wall_position)[:, 1]
-        is_below &= (spans[1] + wall_y < middle) & (line + wall_y <= low)
-        is_above &= (spans[0] + wall_y > middle) & (line + wall_y >= high)
+        reach = high - low
+        is_below &= (spans[1] + wall_y < middle) & (line + wall_y <= low) & (line + wall_y >= low - _FAR * reach)
+        is_above &= (spans[0] + wall_y > middle) & (line + wall_y >= high) & (line + wall_y <= high + _FAR * reach)
     wall_y = np.asarray(frames[0].wall_position)[:, 1]
     return _largest(spans[1] + wall_y, is_below), _largest(-(spans[0] + wall_y), is_above)
 

@@ -50,6 +50,7 @@ SHIPPED = {
         "variables.height=10",
     ),
     "vibrated-bed": ("variables.cycles=1", "variables.layers=2"),
+    "silo": ("loading.0.duration=0.03", "loading.1.duration=0.2", "variables.fill=150", "variables.drop=5"),
     "intruder": ("particles.0.count=400", "variables.depth=13", "loading.0.duration=0.02", "loading.1.duration=0.02"),
     "million": ("particles.0.count=20_000", "domain.size=[1.2,0.14]"),
 }

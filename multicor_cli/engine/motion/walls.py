@@ -5,7 +5,6 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.arithmetic import hypot
 from multicor_cli.arithmetic.sums import total
 from multicor_cli.engine.geometry.affine import shape_velocities
 from multicor_cli.engine.geometry.drift import Closing, Drift, bound_closing
@@ -183,14 +182,11 @@ def _inverse_where(chosen: NDArray[np.bool_], values: Floats) -> Floats:
 
 def _extents(model: Model) -> Floats:
     """How far the shapes of each wall reach from its reference point; planes reach across all grains and are given 1 m."""
+    kind, (x, y, u, v) = model.shapes.kind, model.shapes.geometry.T
+    head, tail = np.sqrt(x * x + y * y), np.sqrt(u * u + v * v)
+    reach = np.where(TAIL[kind] == Tail.POINT, np.maximum(head, tail), head)
+    reach = np.where(TAIL[kind] == Tail.DIRECTION, head + tail, reach)
+    reach = np.where(kind == ShapeKind.DISC, head + model.shapes.geometry[:, RADIUS], reach)
     extent = np.zeros(model.wall_count)
-    for kind, wall, g in zip(model.shapes.kind, model.shapes.wall, model.shapes.geometry, strict=True):
-        reach, tail = hypot(*g[:2].tolist()), hypot(*g[2:].tolist())
-        if TAIL[kind] == Tail.POINT:
-            reach = max(reach, tail)
-        elif TAIL[kind] == Tail.DIRECTION:
-            reach += tail
-        elif kind == ShapeKind.DISC:
-            reach += float(g[RADIUS])
-        extent[wall] = max(extent[wall], reach)
+    np.maximum.at(extent, model.shapes.wall, reach)
     return extent

@@ -1,0 +1,100 @@
+"""`configs/silo.toml`: Beverloo's law in two dimensions, and Janssen's saturation of the stress.
+
+W. A. Beverloo, H. A. Leniger & J. van de Velde, Chem. Eng. Sci. 15, 260, 1961: grains fall freely from an arch as wide as the
+opening less k diameters, so that in two dimensions the flow rate W is proportional to (D − k d)^{3/2}, whatever lies above.
+H. A. Janssen, Z. Ver. Dtsch. Ing. 39, 1045, 1895: walls that carry τ = μ σ_xx = μ K σ_yy leave
+σ_yy = ρ g λ (1 − e^{−z/λ}) + q e^{−z/λ}, λ = width/(2 μ K), at the depth z below a height that bears q.
+"""
+
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+from places import ROOT
+from scipy.optimize import curve_fit
+
+import multicor_cli as multicor
+from multicor_cli.post.extent import find_extent
+from multicor_cli.post.profile import profile
+from multicor_cli.post.source import Selection
+
+pytestmark = [pytest.mark.validation, pytest.mark.timeout(3600)]
+
+CONFIG = ROOT / "configs" / "silo.toml"
+D, WIDTH, BOTTOM = 2e-3, 40e-3, 24e-3
+SETTLED = 0.4
+"""Time after the start of the discharge from which the flow is steady [s]."""
+
+OPENINGS = 6, 8, 10, 12
+
+
+@pytest.fixture(scope="module")
+def silos(tmp_path_factory: pytest.TempPathFactory) -> dict[int, Path]:
+    folder = tmp_path_factory.mktemp("silo")
+    for opening in OPENINGS:
+        multicor.run(multicor.load_scenario(CONFIG, overrides=[f"variables.opening={opening}"]), folder / str(opening))
+    return {opening: folder / str(opening) for opening in OPENINGS}
+
+
+def steady(run: multicor.Run) -> float:
+    """Time from which the flow is steady [s]."""
+    return float(run.series["time"][run.series["stage"] == 1][0]) + SETTLED
+
+
+def flow_rate(directory: Path) -> float:
+    """Grains per second that leave, by a straight line through what has left."""
+    with multicor.open_run(directory) as run:
+        time, left = run.series["time"], run.series["left"]
+        chosen = time >= steady(run)
+    return float(np.polyfit(time[chosen], left[chosen], 1)[0])
+
+
+def test_the_flow_rate_follows_beverloo(silos: dict[int, Path]) -> None:
+    rates = np.array([flow_rate(silos[opening]) for opening in OPENINGS])
+    powers = rates ** (2.0 / 3.0)
+    slope, start = np.polyfit(OPENINGS, powers, 1)
+    misfit = powers - np.polyval([slope, start], OPENINGS)
+    print(f"W = {rates.round()} grains/s at D/d = {OPENINGS}: k = {-start / slope:.2f}, misfit of W^(2/3) {misfit / powers}")
+    assert np.abs(misfit / powers).max() < 0.04
+    assert 0.5 < -start / slope < 3.0
+
+
+def test_both_materials_leave_as_they_come(silos: dict[int, Path]) -> None:
+    """Half of the grains are plastic: of the mass that leaves its share is that of all mass."""
+    with multicor.open_run(silos[10]) as run:
+        (grains, mass), model = run.series["outlet_flow"][-1, 0], run.model
+    assert mass / grains == pytest.approx(float(model.grains.mass.mean()), rel=0.03)
+
+
+def test_the_stress_saturates_as_janssen_says(silos: dict[int, Path]) -> None:
+    with multicor.open_run(silos[8]) as run:
+        chosen, model = Selection(start=steady(run)), run.model
+        across, along, fill = (profile(run, of, chosen, bin_width=2.0) for of in ("stress-xx", "stress-yy", "solid-fraction"))
+        frames = np.flatnonzero(run.frames.time >= steady(run))
+        y = along.y + find_extent(run, frames).floor - BOTTOM
+        series = run.series["time"] >= steady(run)
+        left, right = run.series["wall_force"][series].mean(axis=0)[:2, :2]
+    surface = float(y[fill.value > 0.7][-1]) - 2.0 * D
+    deep = (y > 0.5 * WIDTH) & (y < surface)
+    depth, stress = surface - y[deep], along.value[deep]
+    load = (
+        9.81 * float(fill.value[deep].mean()) * float(model.grains.mass.sum()) / (math.pi * float((model.grains.radius**2).sum()))
+    )
+
+    def janssen(z: np.ndarray, length: float, top: float) -> np.ndarray:
+        return load * length * (1.0 - np.exp(-z / length)) + top * np.exp(-z / length)
+
+    (length, top), _ = curve_fit(janssen, depth, stress, (WIDTH, stress[-1]))
+    misfit = float(np.abs(janssen(depth, length, top) - stress).max() / stress.max())
+    friction = -float(left[1] + right[1]) / float(right[0] - left[0])
+    measured = float((across.value[deep] / along.value[deep]).mean())
+    print(f"λ = {length / WIDTH:.2f} widths, misfit {misfit:.3f}, μ of the walls {friction:.3f}, μK = {0.5 * WIDTH / length:.3f}")
+    print(f"K = {0.5 * WIDTH / length / friction:.2f} with the walls' μ; σ_xx/σ_yy = {measured:.2f}")
+    print(
+        f"σ_yy at the depth {depth[0] / WIDTH:.2f} widths: {stress[0]:.3f} N/m; all weight above: {load * depth[0] + top:.3f} N/m"
+    )
+    assert misfit < 0.1
+    assert stress[0] < 0.6 * (load * depth[0] + top)
+    # Rankine's limits for the internal friction of these grains, sin φ = 0.35 (GDR MiDi, 2004, at small inertial numbers).
+    assert (1.0 - 0.35) / (1.0 + 0.35) < 0.5 * WIDTH / length / friction < (1.0 + 0.35) / (1.0 - 0.35)
