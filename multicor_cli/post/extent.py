@@ -64,7 +64,7 @@ def find_extent(source: FrameSource, indices: NDArray[np.int64]) -> Extent:
     line = 0.5 * np.where(np.isfinite(spans), spans, 0.0).sum(axis=0)
     ends = [source.frames[int(indices[k])] for k in (0, -1)]
     need_grains(source, indices)
-    lower, upper = _bounding_walls(ends, spans, line, _widths(model))
+    lower, upper = _bounding_walls(ends, spans, line, _widths(model), model.mean_diameter)
     floor, ceiling, gap = np.inf, -np.inf, 0.0
     for k in indices:
         frame = source.frames[int(k)]
@@ -82,7 +82,7 @@ def find_extent(source: FrameSource, indices: NDArray[np.int64]) -> Extent:
 
 
 def _bounding_walls(
-    frames: list[GrainFrame], spans: tuple[Floats, Floats], line: Floats, width: Floats
+    frames: list[GrainFrame], spans: tuple[Floats, Floats], line: Floats, width: Floats, diameter: float
 ) -> tuple[int | None, int | None]:
     """The highest of the walls that are below the grains in all of some frames, and the lowest of those above them."""
     is_below, is_above = np.ones(line.size, np.bool_), np.ones(line.size, np.bool_)
@@ -92,7 +92,7 @@ def _bounding_walls(
         is_below, is_above = is_below & is_wide, is_above & is_wide
         low, middle, high = np.quantile(np.asarray(frame.position)[:, 1], (_STRAY, 0.5, 1.0 - _STRAY))
         wall_y = np.asarray(frame.wall_position)[:, 1]
-        reach = high - low
+        reach = high - low + diameter
         is_below &= (spans[1] + wall_y < middle) & (line + wall_y <= low) & (line + wall_y >= low - _FAR * reach)
         is_above &= (spans[0] + wall_y > middle) & (line + wall_y >= high) & (line + wall_y <= high + _FAR * reach)
     wall_y = np.asarray(frames[0].wall_position)[:, 1]

@@ -182,17 +182,17 @@ def test_a_solid_disc_below_most_grains_is_no_floor() -> None:
     assert table.height == pytest.approx(0.55)
 
 
-@pytest.mark.parametrize(("width", "walls"), [(0.3, ("", "")), (0.7, ("bottom", ""))])
-def test_a_gate_that_was_dropped_is_no_floor(width: float, walls: tuple[str, str]) -> None:
+@pytest.mark.parametrize(("width", "height", "walls"), [(0.3, -1.0, ("", "")), (0.7, -1.0, ("bottom", "")), (0.7, -5.0, ("", ""))])
+def test_a_gate_that_was_dropped_is_no_floor(width: float, height: float, walls: tuple[str, str]) -> None:
     """Heights count from the lowest point of the grains, not from where the gate of an opening lies now."""
     source = make_source(np.array([[0.1, 0.3], [0.1, 0.4]]), np.full(2, 0.1), np.ones((2, 2)))
     for frame in source.frames:
-        frame.wall_position[:] = [[0.4, -5.0, 0.0], [0.0, 9.0, 0.0]]
+        frame.wall_position[:] = [[0.4, height, 0.0], [0.0, 9.0, 0.0]]
         frame.position[:, 0] = [0.0, 1.0]
     shapes = [[0, 0, width, 0], [0, 0, 0.1, 0]]
     table = profile(_with_shapes(source, [ShapeKind.SEGMENT, ShapeKind.SEGMENT], shapes), selection=Selection(start=0.0))
     assert table.walls == walls
-    assert table.height == pytest.approx(5.5 if walls[0] else 0.5)
+    assert table.height == pytest.approx(1.5 if walls[0] else 0.5)
 
 
 def test_heights_follow_the_lower_wall() -> None:
