@@ -1,7 +1,7 @@
 """`configs/biaxial.toml`: platens bear what is asked for, and the critical state is that of plane shear.
 
-Where the volume no longer changes, the axes of stress are those of the rate of strain, at 45° to the planes of shear, so that τ/P there is
-sin φ = (σ1 − σ3)/(σ1 + σ3); and the inertial number is that of the rate of shear ε̇1 − ε̇3 = 2 ε̇1.
+Where the volume no longer changes, the axes of stress are those of the rate of strain, at 45° to the planes of shear, so that τ/P
+there is sin φ = (σ1 − σ3)/(σ1 + σ3); and the inertial number is that of the rate of shear ε̇1 − ε̇3 = 2 ε̇1.
 """
 
 from dataclasses import dataclass
@@ -80,11 +80,11 @@ def critical_state(run: Run) -> tuple[float, float, float, float]:
     return (major - minor) / (major + minor), float(np.mean(fractions)), float(swelling), float(number)
 
 
-def plane_shear(directory: Path) -> Bulk:
+def plane_shear(directory: Path, seed: int) -> Bulk:
     """The state of plane shear at an inertial number of about 0.003."""
-    speed = 0.147
+    speed = 0.18
     changes = [
-        f"loading.0.drives.top.x.velocity={speed}", f"particles.0.velocity=[{0.5 * speed},0.0]",
+        f"scenario.seed={seed}", f"loading.0.drives.top.x.velocity={speed}", f"particles.0.velocity=[{0.5 * speed},0.0]",
         f"particles.0.shear_rate={speed / 0.045}", "output.frame_interval=0.02", "solver.dt=auto", "solver.tolerance_rms=3e-4",
         "loading.0.until.strain.value=6.0",
     ]  # fmt: skip
@@ -94,7 +94,7 @@ def plane_shear(directory: Path) -> Bulk:
 
 def test_stresses_and_the_critical_state(tmp_path: Path) -> None:
     found = []
-    for seed in (3, 4, 5):
+    for seed in (3, 4, 5, 6):
         path = tmp_path / f"run-{seed}"
         multicor.run(multicor.load_scenario(BIAXIAL, overrides=[f"scenario.seed={seed}"]), path)
         with multicor.open_run(path) as run:
@@ -106,9 +106,9 @@ def test_stresses_and_the_critical_state(tmp_path: Path) -> None:
         assert compress.stress[RIGHT].mean() == pytest.approx(STRESS, rel=0.01)
     sine, fraction, swelling, number = np.mean(found, axis=0)
     error = np.std(found, axis=0, ddof=1) / np.sqrt(len(found))
-    shear = plane_shear(tmp_path / "shear")
+    sheared = [plane_shear(tmp_path / f"shear-{seed}", seed) for seed in (1, 2)]
     print(f"biaxial: sin φ = {sine:.4f} ± {error[0]:.4f}, ν = {fraction:.4f} ± {error[1]:.4f}, I = {number:.4f}")
-    print(f"shear: {shear}")
-    assert sine == pytest.approx(shear.friction, abs=0.03)
-    assert fraction == pytest.approx(shear.solid_fraction, abs=0.01)
+    print(f"shear: {sheared}")
+    assert sine == pytest.approx(np.mean([bulk.friction for bulk in sheared]), abs=0.03)
+    assert fraction == pytest.approx(np.mean([bulk.solid_fraction for bulk in sheared]), abs=0.01)
     assert abs(swelling) < 0.05
