@@ -102,8 +102,10 @@ OF_RUN: tuple[Rule[Recorded], ...] = (
         "Energy that contacts gained over what others lost. The loss of a contact in a step is -p·½(u⁻ + u⁺): negative where the "
         "mean of both velocities points along the impulse, although the impulse brakes at the end of the step. A long step, in "
         "which many impacts and reversals of sliding are one, has many of those; a share of some percent is the error of the step. "
+        "In slow flows under a load the error that the solver leaves in velocities makes them, too. "
         "Left out where the grains rest: what is lost there is next to nothing.",
-        "Use a shorter dt: the share falls with it.", unit="of the losses", warning=0.05, bad=0.1,
+        "Use a shorter dt: the share falls with it. Where the checks of the time step are well, the flow is slow: lower "
+        "tolerance_rms.", unit="of the losses", warning=0.05, bad=0.1,
     ),
 )  # fmt: skip
 """What is checked of a run."""

@@ -52,6 +52,14 @@ SHIPPED = {
     "vibrated-bed": ("variables.cycles=1", "variables.layers=2"),
     "silo": ("loading.0.duration=0.03", "loading.1.duration=0.2", "variables.fill=150", "variables.drop=5"),
     "intruder": ("particles.0.count=400", "variables.depth=13", "loading.0.duration=0.02", "loading.1.duration=0.02"),
+    "annular-shear": ("variables.outer=14", "variables.turns=0.02"),
+    "biaxial": (
+        "variables.side=16",
+        "loading.0.duration=0.015",
+        "loading.0.until.steady.window=4e-3",
+        "loading.0.until.steady.after=0.0",
+        "loading.1.until.axial_strain.below=-0.02",
+    ),
     "million": ("particles.0.count=20_000", "domain.size=[1.2,0.14]"),
 }
 """What makes each shipped scenario short."""

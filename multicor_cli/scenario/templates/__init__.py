@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from importlib.resources import files
 
-COOKBOOK = ("chute", "dense-packing", "vibrated-bed", "intruder", "silo")
+COOKBOOK = ("chute", "dense-packing", "vibrated-bed", "intruder", "silo", "annular-shear", "biaxial")
 """Templates that are shipped as scenarios, too (docs/cookbook.md)."""
 
 TEMPLATES = ("shear", "column", "hopper", "drum", *COOKBOOK)
