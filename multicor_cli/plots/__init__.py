@@ -7,6 +7,7 @@ from multicor_cli.plots.force_statistics import draw_angles, draw_distribution
 from multicor_cli.plots.forces import draw_forces
 from multicor_cli.plots.grain_map import draw_map
 from multicor_cli.plots.profile import draw_profile
+from multicor_cli.plots.region import draw_region
 from multicor_cli.plots.rheology import draw_rheology
 from multicor_cli.plots.scene import Place, place_scene
 from multicor_cli.plots.style import PlotError
@@ -24,6 +25,7 @@ __all__ = [
     "draw_forces",
     "draw_map",
     "draw_profile",
+    "draw_region",
     "draw_rheology",
     "draw_theta_eta",
     "place_scene",

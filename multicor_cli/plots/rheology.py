@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Mapping, Sequence
+from typing import Any, Protocol
 
 import numpy as np
 
+from multicor_cli.model.model import Floats
 from multicor_cli.plots.dispatch import Ways
 from multicor_cli.plots.style import COLORS, PAGE
 from multicor_cli.plots.text_chart import TextLine, draw_text
@@ -33,20 +35,45 @@ _CHARTS = (
 """The same for charts of letters."""
 
 
+class OverTime(Protocol):
+    """A table of quantities over time, by their names."""
+
+    @property
+    def time(self) -> Floats:
+        """Times [s], shape ``(t,)``."""
+
+    @property
+    def values(self) -> Mapping[str, Floats]:
+        """Values, nan where there is none, shape ``(t,)``."""
+
+    @property
+    def mean(self) -> Mapping[str, float]:
+        """Their means."""
+
+    @property
+    def error(self) -> Mapping[str, float]:
+        """Standard errors of these."""
+
+
 def draw_rheology(figure: Any, table: Rheology) -> None:
     """Draw the panels of a rheology into a matplotlib figure."""
     grid = figure.subplots(2, 3, sharex=True)
     for panel, (label, quantities) in zip(grid.flat, _PANELS, strict=True):
-        for color, (name, text) in zip(COLORS, quantities, strict=False):
-            _draw_quantity(panel, table, name, text, color)
-        panel.set_ylabel(label)
-        panel.margins(y=0.12)
-        _widen(panel, [table.mean[name] for name, _ in quantities])
-        panel.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
-        if len(quantities) > 1:
-            panel.legend(loc="best")
+        draw_panel(panel, table, label, quantities)
     for panel in grid[-1]:
         panel.set_xlabel("time $t$ [s]")
+
+
+def draw_panel(panel: Any, table: OverTime, label: str, quantities: Sequence[tuple[str, str]]) -> None:
+    """Draw quantities over time, with their means and the errors of these; each has a name and a text of the legend."""
+    for color, (name, text) in zip(COLORS, quantities, strict=False):
+        _draw_quantity(panel, table, name, text, color)
+    panel.set_ylabel(label)
+    panel.margins(y=0.12)
+    _widen(panel, [table.mean[name] for name, _ in quantities])
+    panel.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
+    if len(quantities) > 1:
+        panel.legend(loc="best")
 
 
 def _widen(panel: Any, means: list[float]) -> None:
@@ -57,7 +84,7 @@ def _widen(panel: Any, means: list[float]) -> None:
         panel.set_ylim(0.5 * (low + high) - room, 0.5 * (low + high) + room)
 
 
-def _draw_quantity(panel: Any, table: Rheology, name: str, text: str, color: str) -> None:
+def _draw_quantity(panel: Any, table: OverTime, name: str, text: str, color: str) -> None:
     known = np.isfinite(table.values[name])
     style = {"marker": "o", "markersize": 2.0, "markeredgewidth": 0.0} if known.sum() < 60 else {}
     panel.plot(table.time[known], table.values[name][known], color=color, linewidth=0.8, label=text or None, **style)

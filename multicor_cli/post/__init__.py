@@ -7,6 +7,7 @@ from multicor_cli.post.forces import ForceNetwork, force_network
 from multicor_cli.post.grain_map import GrainMap, grain_map
 from multicor_cli.post.profile import ProfileSet, ProfileTable, profile, profiles
 from multicor_cli.post.quantities import MAPPED, PROFILE_GROUPS, PROFILED, QUANTITIES, Quantity
+from multicor_cli.post.region import RegionTable, in_region
 from multicor_cli.post.rheology import Rheology, rheology
 from multicor_cli.post.scene import GrainScene, make_scene
 from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Selection, frame_index
@@ -31,6 +32,7 @@ __all__ = [
     "ProfileSet",
     "ProfileTable",
     "Quantity",
+    "RegionTable",
     "Rheology",
     "Selection",
     "ThetaTable",
@@ -41,6 +43,7 @@ __all__ = [
     "force_network",
     "frame_index",
     "grain_map",
+    "in_region",
     "make_scene",
     "profile",
     "profiles",

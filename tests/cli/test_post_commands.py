@@ -49,6 +49,14 @@ def test_energy(finished: Path, heated: Path, tmp_path: Path) -> None:
     assert (tmp_path / "e.svg").read_text().startswith("<?xml")
 
 
+def test_region(finished: Path, tmp_path: Path) -> None:
+    options = ("--in", "{ min = [0.0, 0.005], max = [0.01, 0.01] }", "--from", 0, "--plot", tmp_path / "r.pdf")
+    data, rows, table = outputs("region", finished, *options)
+    assert [float(row[0]) for row in rows[1:]] == data["time"]
+    assert data["area"] == pytest.approx(5e-5)
+    assert f"{data['mean']['solid_fraction']:.5g}" in table
+
+
 def test_compare(finished: Path, heated: Path, tmp_path: Path) -> None:
     data, rows, table = outputs("compare", finished, finished, "--of", "velocity", "--of", "spin", "--plot", tmp_path / "c.png")
     assert data["scenario"] == []
@@ -86,6 +94,10 @@ def test_profile_of_stress(finished: Path, tmp_path: Path) -> None:
         (["forces", "--frames", "1:"], "needs --distribution or --angles"),
         (["rheology", "--from", "0", "--margin", "99"], "no bulk is left"),
         (["rheology", "--frames", "-1:"], "needs two frames"),
+        (["region", "--in", "circle"], "is not a region"),
+        (["region", "--in", "{ min = [0, 0], max = [0, 1] }"], "not above and to the right"),
+        (["region", "--in", '{ kind = "circle", center = [0, 0] }'], "radius"),
+        (["region", "--in", "{ min = [50, 50], max = [51, 51] }"], "no grain is in the region"),
         (["energy", "--from", "1e9"], "no row in this time"),
         (["compare", "DIR", "--of", "wetness"], "choose from"),
         (["compare", "DIR", "--of", "stress"], "several components"),

@@ -18,6 +18,7 @@ import multicor_cli as multicor
 from multicor_cli.post.extent import find_extent
 from multicor_cli.post.profile import profile
 from multicor_cli.post.source import Selection
+from multicor_cli.store import Run
 
 pytestmark = [pytest.mark.validation, pytest.mark.timeout(3600)]
 
@@ -29,29 +30,38 @@ SETTLED = 0.4
 OPENINGS = 6, 8, 10, 12
 
 
+SEEDS = 1, 2
+
+
 @pytest.fixture(scope="module")
-def silos(tmp_path_factory: pytest.TempPathFactory) -> dict[int, Path]:
+def silos(tmp_path_factory: pytest.TempPathFactory) -> dict[tuple[int, int], Path]:
+    """Runs by opening and seed."""
     folder = tmp_path_factory.mktemp("silo")
-    for opening in OPENINGS:
-        multicor.run(multicor.load_scenario(CONFIG, overrides=[f"variables.opening={opening}"]), folder / str(opening))
-    return {opening: folder / str(opening) for opening in OPENINGS}
+    made = {(opening, seed): folder / f"{opening}-{seed}" for opening in OPENINGS for seed in SEEDS}
+    for (opening, seed), path in made.items():
+        changes = [f"variables.opening={opening}", f"scenario.seed={seed}"]
+        multicor.run(multicor.load_scenario(CONFIG, overrides=changes), path)
+    return made
 
 
-def steady(run: multicor.Run) -> float:
+def steady(run: Run) -> float:
     """Time from which the flow is steady [s]."""
     return float(run.series["time"][run.series["stage"] == 1][0]) + SETTLED
 
 
 def flow_rate(directory: Path) -> float:
-    """Grains per second that leave, by a straight line through what has left."""
+    """Grains per second that leave in the steady flow."""
     with multicor.open_run(directory) as run:
         time, left = run.series["time"], run.series["left"]
         chosen = time >= steady(run)
-    return float(np.polyfit(time[chosen], left[chosen], 1)[0])
+    return float(np.ptp(left[chosen]) / np.ptp(time[chosen]))
 
 
-def test_the_flow_rate_follows_beverloo(silos: dict[int, Path]) -> None:
-    rates = np.array([flow_rate(silos[opening]) for opening in OPENINGS])
+def test_the_flow_rate_follows_beverloo(silos: dict[tuple[int, int], Path]) -> None:
+    """W^{2/3} is linear in D within 4 %: the rates of single runs have standard errors of 1 to 3 %."""
+    each = np.array([[flow_rate(silos[opening, seed]) for opening in OPENINGS] for seed in SEEDS])
+    print(f"rates by seed: {each.round()}")
+    rates = each.mean(axis=0)
     powers = rates ** (2.0 / 3.0)
     slope, start = np.polyfit(OPENINGS, powers, 1)
     misfit = powers - np.polyval([slope, start], OPENINGS)
@@ -60,15 +70,15 @@ def test_the_flow_rate_follows_beverloo(silos: dict[int, Path]) -> None:
     assert 0.5 < -start / slope < 3.0
 
 
-def test_both_materials_leave_as_they_come(silos: dict[int, Path]) -> None:
+def test_both_materials_leave_as_they_come(silos: dict[tuple[int, int], Path]) -> None:
     """Half of the grains are plastic: of the mass that leaves its share is that of all mass."""
-    with multicor.open_run(silos[10]) as run:
+    with multicor.open_run(silos[10, 1]) as run:
         (grains, mass), model = run.series["outlet_flow"][-1, 0], run.model
     assert mass / grains == pytest.approx(float(model.grains.mass.mean()), rel=0.03)
 
 
-def test_the_stress_saturates_as_janssen_says(silos: dict[int, Path]) -> None:
-    with multicor.open_run(silos[8]) as run:
+def test_the_stress_saturates_as_janssen_says(silos: dict[tuple[int, int], Path]) -> None:
+    with multicor.open_run(silos[8, 1]) as run:
         chosen, model = Selection(start=steady(run)), run.model
         across, along, fill = (profile(run, of, chosen, bin_width=2.0) for of in ("stress-xx", "stress-yy", "solid-fraction"))
         frames = np.flatnonzero(run.frames.time >= steady(run))

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from heat_run import write_heated_run
 
+from multicor_cli.model.areas import Annulus
 from multicor_cli.plots import plot, style
 from multicor_cli.post import (
     ForceNetwork,
@@ -22,6 +23,7 @@ from multicor_cli.post import (
     force_distribution,
     force_network,
     grain_map,
+    in_region,
     profiles,
     rheology,
     theta_eta,
@@ -97,6 +99,7 @@ def test_charts(run: Run, drawn: Any) -> None:
         theta_eta(run, wall="top"),
         energy(run),
         rheology(run, ALL),
+        in_region(run, Annulus((2.0, 2.0), 2.0), ALL),
         force_distribution(run, ALL),
         angular_distribution(run, ALL),
         compare(run, run, ["velocity", "temperature"], ALL),

@@ -1,0 +1,190 @@
+"""What the grains and contacts inside a part of the plane do: solid fraction, motion, stress, temperature, frame by frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from multicor_cli.model.areas import Area, Rectangle, Room
+from multicor_cli.model.model import Floats
+from multicor_cli.post.contacts import LoadedContacts, has_forces, loaded_contacts
+from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Selection, model_of, rows_of
+from multicor_cli.post.sums import block_rows, standard_error
+
+_UNITS = {
+    "solid_fraction": "1", "coordination": "1", "velocity_x": "m/s", "velocity_y": "m/s", "spin": "rad/s", "temperature": "K",
+    "stress_xx": "N/m", "stress_xy": "N/m", "stress_yx": "N/m", "stress_yy": "N/m",
+    "kinetic_stress_xx": "N/m", "kinetic_stress_xy": "N/m", "kinetic_stress_yy": "N/m",
+}  # fmt: skip
+_ROUNDING = 1e-9
+_PIECES = 8  # of a branch: narrow regions and corners lie between its ends
+_AXES = ((0, 0, "xx"), (0, 1, "xy"), (1, 0, "yx"), (1, 1, "yy"))
+
+
+@dataclass(frozen=True)
+class RegionTable:
+    """Values in a part of the plane; ``f`` frames.
+
+    A grain counts with the part of its area that lies inside, where the boundary is taken for straight across a grain; a contact
+    with the part of its branch that does. Both are exact for straight boundaries away from corners, and to the order of d/R
+    for circles of radius R.
+
+    Attributes:
+        area: Area of the part [m²].
+        time: Times of the frames [s], shape ``(f,)``.
+        grains: Number of grains whose center is inside, shape ``(f,)``.
+        values: By name: solid fraction; coordination; means, weighted by area, of velocity, spin and temperature (in runs with
+            heat); stress of the contacts and of the fluctuations of velocity about the mean inside (compression positive); nan
+            where nothing is inside, or no forces belong to a frame; shape ``(f,)``.
+    """
+
+    area: float
+    time: Floats
+    grains: NDArray[np.int64]
+    values: dict[str, Floats]
+
+    @property
+    def mean(self) -> dict[str, float]:
+        """Mean over the frames that have a value; nan if none has."""
+        return {name: float(np.nanmean(v)) if np.isfinite(v).any() else np.nan for name, v in self.values.items()}
+
+    @property
+    def error(self) -> dict[str, float]:
+        """Standard errors of the means, from the scatter of means over blocks of consecutive frames; nan of single frames."""
+        blocks = block_rows(len(self.time))
+        return {
+            name: float(standard_error(np.array([v[rows][np.isfinite(v[rows])].mean() if np.isfinite(v[rows]).any() else np.nan
+                                                 for rows in blocks])))
+            for name, v in self.values.items()
+        }  # fmt: skip
+
+    @property
+    def headings(self) -> tuple[str, ...]:
+        """Names of the columns of `rows`."""
+        return "quantity", "mean", "standard error"
+
+    @property
+    def rows(self) -> list[tuple[str, float, float]]:
+        """One row per quantity."""
+        error = self.error
+        found = [(f"{name.replace('_', ' ')} [{_UNITS[name]}]", value, error[name]) for name, value in self.mean.items()]
+        return [("area [m2]", self.area, 0.0), ("grains", float(self.grains.mean()), np.nan), *found]
+
+    @property
+    def detail_headings(self) -> tuple[str, ...]:
+        """Names of the columns of `detail_rows` with their units."""
+        return "time [s]", "grains", *(f"{name} [{_UNITS[name]}]" for name in self.values)
+
+    @property
+    def detail_rows(self) -> list[tuple[float, ...]]:
+        """One row per frame."""
+        return rows_of((self.time, self.grains, *self.values.values()))
+
+    def as_dict(self) -> dict[str, Any]:
+        """Everything as JSON types; numbers may be nan."""
+        return {
+            "area": self.area,
+            "mean": self.mean,
+            "standard_error": self.error,
+            "time": self.time.tolist(),
+            "grains": self.grains.tolist(),
+            "values": {name: v.tolist() for name, v in self.values.items()},
+        }
+
+
+def in_region(source: FrameSource, area: Area, selection: Selection | None = None) -> RegionTable:
+    """What is in a part of the plane; with a period, in its images too.
+
+    Args:
+        source: The run.
+        area: The part; x is that of the domain.
+        selection: Which frames; default: the later half of the last stage.
+
+    Raises:
+        PostError: If no frame is selected, or no grain is in the part in any of them.
+        StoreError: If the run cannot be read.
+    """
+    chosen = (selection or Selection()).indices(source.frames)
+    room, size = _room(area, source.model.period)
+    found = [_measure(source, source.frames[int(k)], room, size) for k in chosen]
+    grains = np.array([count for count, _ in found], np.int64)
+    values = {name: np.array([row[name] for _, row in found]) for name in found[0][1]}
+    if not values["solid_fraction"].any():
+        raise PostError("no grain is in the region in these frames")
+    return RegionTable(size, np.asarray(source.frames.time, np.float64)[chosen], grains, values)
+
+
+def _room(area: Area, period: float) -> tuple[Room, float]:
+    """Where a grain counts, and the area of that [m²]: a rectangle as wide as the period has no ends in x."""
+    if isinstance(area, Rectangle) and 0.0 < period <= (area.high[0] - area.low[0]) * (1.0 + _ROUNDING):
+        endless = Rectangle((-np.inf, area.low[1]), (np.inf, area.high[1]))
+        return Room(inside=(endless,)), period * (area.high[1] - area.low[1])
+    return Room(inside=(area,), period=period), area.size
+
+
+def _measure(source: FrameSource, frame: GrainFrame, room: Room, size: float) -> tuple[int, dict[str, float]]:
+    """Number of grains whose center is inside, and the values of a frame."""
+    model, position = model_of(source, frame), np.asarray(frame.position, np.float64)[:, :2]
+    radius = model.grains.radius
+    depth = room.clearance(position)
+    share = part_inside(depth, radius)
+    cover = np.pi * radius * radius * share
+    velocity = np.asarray(frame.velocity, np.float64)
+    mean = [_ratio(cover, velocity[:, axis]) for axis in (0, 1)]
+    values = {
+        "solid_fraction": float(cover.sum()) / size,
+        "coordination": np.nan,
+        "velocity_x": mean[0],
+        "velocity_y": mean[1],
+        "spin": _ratio(cover, np.asarray(frame.spin, np.float64)),
+    }
+    if frame.temperature is not None:
+        values["temperature"] = _ratio(cover, np.asarray(frame.temperature, np.float64))
+    stress = dict.fromkeys((f"stress_{name}" for _, _, name in _AXES), np.nan)
+    if has_forces(frame):
+        contacts = loaded_contacts(frame, model)
+        values["coordination"] = _ratio(share, contacts.counts)
+        length = _lengths_inside(contacts, position, room)
+        stress = {f"stress_{name}": float(contacts.virial(a, b) @ length) / size for a, b, name in _AXES}
+    mass = model.grains.mass * share
+    away = velocity - np.array(mean)
+    kinetic = {
+        f"kinetic_stress_{name}": float((mass * away[:, a]) @ away[:, b]) / size if share.any() else np.nan
+        for a, b, name in _AXES
+        if name != "yx"
+    }
+    return int(np.count_nonzero(depth >= 0.0)), {**values, **stress, **kinetic}
+
+
+def part_inside(depth: Floats, radius: Floats) -> Floats:
+    """Part of the area of discs on the inner side of a straight line, from 0 to 1.
+
+    Args:
+        depth: Distance of the centers to the line, positive on the inner side [m], shape ``(n,)``.
+        radius: Radii [m], shape ``(n,)``.
+
+    Returns:
+        1 − (arccos s − s √(1 − s²))/π with s = depth/radius cut to −1 … 1, shape ``(n,)``.
+    """
+    s = np.clip(depth / radius, -1.0, 1.0)
+    return np.asarray(1.0 - (np.arccos(s) - s * np.sqrt(1.0 - s * s)) / np.pi)
+
+
+def _lengths_inside(contacts: LoadedContacts, position: Floats, room: Room) -> Floats:
+    """Part of each branch that lies inside, shape ``(c,)``: depth is linear along each of some pieces."""
+    end = position[contacts.i]
+    found, last = np.zeros(len(end)), room.clearance(end)
+    for k in range(1, _PIECES + 1):
+        first, last = last, room.clearance(end - (k / _PIECES) * contacts.branch)
+        inner = np.maximum(first, 0.0) + np.maximum(last, 0.0)
+        outer = np.maximum(-first, 0.0) + np.maximum(-last, 0.0)
+        found += np.where(outer == 0.0, 1.0, inner / np.where(inner + outer > 0.0, inner + outer, 1.0)) / _PIECES
+    return found
+
+
+def _ratio(weight: Floats, value: NDArray[Any]) -> float:
+    """Weighted mean; nan where nothing has a weight."""
+    return float((weight * value).sum()) / float(weight.sum()) if weight.any() else np.nan

@@ -1,0 +1,99 @@
+"""What is in a region: closed forms for discs cut by a line, and sums that agree with profiles and with whole domains."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from cut_runs import BOX
+from scenes import SMALL
+
+import multicor_cli as multicor
+from multicor_cli.model.areas import Annulus, Area, Polygon, Rectangle
+from multicor_cli.post import PostError, Selection, in_region, profile
+from multicor_cli.post.extent import find_extent
+from multicor_cli.post.region import part_inside
+from multicor_cli.post.sums import plane_width
+from multicor_cli.scenario.load import parse_scenario
+from multicor_cli.store import Run, open_run
+
+ALL = Selection(start=0.0)
+
+
+@pytest.fixture(scope="module", params=["period", "walls"])
+def run(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Run:
+    path = tmp_path_factory.mktemp("run") / "run"
+    multicor.run(parse_scenario(SMALL if request.param == "period" else BOX, "run.toml"), path)
+    return open_run(path)
+
+
+def test_parts_of_discs_are_those_of_sampled_points() -> None:
+    line = np.linspace(-1.0, 1.0, 2001)
+    points = np.stack(np.meshgrid(line, line), axis=-1).reshape(-1, 2)
+    points = points[(points**2).sum(axis=1) <= 1.0]
+    for depth in (-2.0, -0.7, 0.0, 0.3, 0.9, 1.5):
+        sampled = np.mean(points[:, 0] >= -depth)
+        assert part_inside(np.array([2.0 * depth]), np.array([2.0]))[0] == pytest.approx(sampled, abs=1e-3)
+
+
+def around(run: Run) -> Rectangle:
+    """A rectangle around all grains, or as wide as the period."""
+    frames = range(len(run.frames))
+    low = min(float(run.frames[k].position.min()) for k in frames) - 0.01
+    high = max(float(run.frames[k].position.max()) for k in frames) + 0.01
+    return Rectangle((0.0, low), (run.model.period, high)) if run.model.period else Rectangle((low, low), (high, high))
+
+
+def test_everything_is_all_grains(run: Run) -> None:
+    area = around(run)
+    table, grains = in_region(run, area, ALL), run.model.grains
+    cover = np.pi * grains.radius**2
+    for k in range(len(run.frames)):
+        frame = run.frames[k]
+        assert table.grains[k] == len(frame.position)
+        assert table.values["solid_fraction"][k] == pytest.approx(cover.sum() / area.size, rel=1e-12)
+        assert table.values["velocity_x"][k] == pytest.approx(cover @ frame.velocity[:, 0] / cover.sum(), rel=1e-9)
+
+
+def test_a_layer_is_a_bin_of_a_profile(run: Run) -> None:
+    """Also of grains that lie across the ends of a period."""
+    last = Selection(frames=slice(-1, None))
+    found = {of: profile(run, of, last, bins=3) for of in ("solid-fraction", "stress-yy", "stress-xy")}
+    frame, extent = run.frames[-1], find_extent(run, last.indices(run.frames))
+    height = found["stress-yy"].y[1] - found["stress-yy"].y[0]
+    low = extent.origin(frame) + found["stress-yy"].y[1] - 0.5 * height
+    area = Rectangle((around(run).low[0], low), (around(run).high[0], low + height))
+    table = in_region(run, area, last)
+    scale = (area.high[0] - area.low[0]) / plane_width(run, frame)
+    for name, of in (("solid_fraction", "solid-fraction"), ("stress_yy", "stress-yy"), ("stress_xy", "stress-xy")):
+        assert table.mean[name] * scale == pytest.approx(found[of].value[1], rel=2e-3)
+
+
+def test_parts_add_up_to_the_whole(run: Run) -> None:
+    """Layers that fill a rectangle; where nothing is periodic also its triangles and rings, but for corners and curvature."""
+    area = around(run)
+    (x, y), (u, v) = area.low, area.high
+    middle = float(run.frames[0].position[:, 1].mean())
+    parts: list[list[Area]] = [[Rectangle((x, y), (u, middle)), Rectangle((x, middle), (u, v))]]
+    if not run.model.period:
+        parts.append([Polygon(np.array(p)) for p in ([(x, y), (u, y), (u, v)], [(x, y), (u, v), (x, v)])])
+    whole = in_region(run, area, ALL)
+    for pieces in parts:
+        tables = [in_region(run, piece, ALL) for piece in pieces]
+        for name in ("solid_fraction", "stress_xx", "stress_yy", "stress_xy"):
+            together = sum(table.area * table.values[name] for table in tables) / whole.area
+            assert together == pytest.approx(whole.values[name], rel=1e-9, abs=1e-9, nan_ok=True)
+
+
+def test_rings_add_up_to_a_disc_but_for_their_curvature(run: Run) -> None:
+    area = around(run)
+    center, radius = tuple(0.5 * (np.array(area.low) + np.array(area.high))), 0.3 * (run.model.period or area.high[0] - area.low[0])
+    ring, core, disc = (
+        in_region(run, Annulus(center, *radii), ALL) for radii in ((radius, 0.5 * radius), (0.5 * radius,), (radius,))
+    )
+    together = 0.75 * ring.values["solid_fraction"] + 0.25 * core.values["solid_fraction"]
+    assert together == pytest.approx(disc.values["solid_fraction"], rel=1e-9)
+
+
+def test_where_nothing_is_it_says_so(run: Run) -> None:
+    with pytest.raises(PostError, match="no grain is in the region"):
+        in_region(run, Annulus((0.0, 1e3), 0.5), ALL)
