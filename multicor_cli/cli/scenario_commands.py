@@ -36,19 +36,24 @@ def new(
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an existing file.")] = False,
 ) -> None:
     """Write a commented scenario file to start from."""
-    from multicor_cli.scenario.templates import new_scenario
+    from multicor_cli.scenario.templates import new_scenario, template_table
     from multicor_cli.store.atomic import commit_result
 
     path = Path(f"{name}.toml")
     try:
-        text = new_scenario(path.stem, template)
+        texts = {path: new_scenario(path.stem, template)}
     except ValueError as error:
         raise typer.BadParameter(str(error)) from None
-    if os.path.lexists(path) and not overwrite:
-        say(f"multicor: {path} exists; choose another name, or give --overwrite")
-        raise typer.Exit(ExitCode.OCCUPIED)
-    commit_result(path, "scenario", text.encode())
-    say(f"wrote {path}; check it with:  multicor validate {path}")
+    table = template_table(template)
+    if table is not None:
+        texts[path.with_suffix(".csv")] = table
+    for file in texts:
+        if os.path.lexists(file) and not overwrite:
+            say(f"multicor: {file} exists; choose another name, or give --overwrite")
+            raise typer.Exit(ExitCode.OCCUPIED)
+    for file, text in reversed(texts.items()):
+        commit_result(file, "scenario", text.encode())
+    say(f"wrote {' and '.join(map(str, texts))}; check it with:  multicor validate {path}")
 
 
 def validate(

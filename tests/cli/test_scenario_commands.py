@@ -29,6 +29,20 @@ def test_new_scenarios_are_valid(template: str, tmp_path: Path, monkeypatch: pyt
     assert runner.invoke(app, ["new", "mine", "--overwrite"]).exit_code == 0
 
 
+def test_a_template_with_a_table_writes_it_beside(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "mine.csv").write_text("mine")
+    refused = runner.invoke(app, ["new", "mine", "--template", "sieve-curve"])
+    assert refused.exit_code == 6
+    assert "mine.csv exists" in refused.stderr
+    assert [path.name for path in tmp_path.iterdir()] == ["mine.csv"]
+    assert (tmp_path / "mine.csv").read_text() == "mine"
+    done = runner.invoke(app, ["new", "mine", "--template", "sieve-curve", "--overwrite"])
+    assert done.exit_code == 0
+    assert "wrote mine.toml and mine.csv" in done.stderr
+    assert runner.invoke(app, ["validate", "mine.toml"]).exit_code == 0
+
+
 def test_new_refuses_bad_names_and_templates(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     assert runner.invoke(app, ["new", "a b"]).exit_code == 2

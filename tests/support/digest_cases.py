@@ -51,6 +51,8 @@ SHIPPED = {
     ),
     "vibrated-bed": ("variables.cycles=1", "variables.layers=2"),
     "silo": ("loading.0.duration=0.03", "loading.1.duration=0.2", "variables.fill=150", "variables.drop=5"),
+    "heap": ("variables.plate=20", "loading.0.duration=0.02", "loading.1.duration=0.02"),
+    "sieve-curve": ("variables.count=300", "loading.0.duration=0.02", "loading.1.duration=0.02"),
     "intruder": ("particles.0.count=400", "variables.depth=13", "loading.0.duration=0.02", "loading.1.duration=0.02"),
     "annular-shear": ("variables.outer=14", "variables.turns=0.02"),
     "biaxial": (

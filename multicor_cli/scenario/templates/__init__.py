@@ -1,11 +1,11 @@
-"""Commented scenarios to start from."""
+"""Commented scenarios to start from; some read a table that belongs beside them."""
 
 from __future__ import annotations
 
 import re
 from importlib.resources import files
 
-COOKBOOK = ("chute", "dense-packing", "vibrated-bed", "intruder", "silo", "annular-shear", "biaxial")
+COOKBOOK = ("chute", "dense-packing", "vibrated-bed", "intruder", "silo", "annular-shear", "biaxial", "heap", "sieve-curve")
 """Templates that are shipped as scenarios, too (docs/cookbook.md)."""
 
 TEMPLATES = ("shear", "column", "hopper", "drum", *COOKBOOK)
@@ -29,5 +29,13 @@ def new_scenario(name: str, template: str = "shear") -> str:
         raise ValueError(f"there is no template '{template}': use one of {', '.join(TEMPLATES)}")
     if not _NAME.fullmatch(name):
         raise ValueError(f"'{name}' cannot name a scenario: use letters, digits and . _ - (a letter or digit first)")
-    text = files(__package__).joinpath(f"{template}.toml").read_text(encoding="utf-8")
-    return text.replace(_PLACE, name)
+    return _text(f"{template}.toml").replace(_PLACE, name)
+
+
+def template_table(template: str) -> str | None:
+    """Text of the file NAME.csv that a scenario made from a template reads; None if it reads none."""
+    return _text(f"{template}.csv") if files(__package__).joinpath(f"{template}.csv").is_file() else None
+
+
+def _text(file: str) -> str:
+    return files(__package__).joinpath(file).read_text(encoding="utf-8")

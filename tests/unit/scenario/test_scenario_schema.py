@@ -8,7 +8,7 @@ from places import ROOT
 
 from multicor_cli.scenario import TEMPLATES, new_scenario, parse_scenario, scenario_schema, schema_text
 from multicor_cli.scenario.models import ScenarioModel
-from multicor_cli.scenario.templates import COOKBOOK
+from multicor_cli.scenario.templates import COOKBOOK, template_table
 
 SCHEMA_FILE = ROOT / "schema" / "multicor.schema.json"
 
@@ -54,9 +54,12 @@ def test_editors_take_expressions_wherever_numbers_stand():
 
 
 @pytest.mark.parametrize("template", TEMPLATES)
-def test_each_template_is_a_right_scenario_that_explains_itself(template):
+def test_each_template_is_a_right_scenario_that_explains_itself(template, tmp_path):
     text = new_scenario("my-run.2", template)
-    scenario = parse_scenario(text, "my-run.2.toml")
+    table = template_table(template)
+    if table is not None:
+        (tmp_path / "my-run.2.csv").write_text(table, encoding="utf-8")
+    scenario = parse_scenario(text, tmp_path / "my-run.2.toml")
     assert scenario.name == "my-run.2"
     assert scenario.description
     assert text.count("#") >= 10
@@ -69,6 +72,8 @@ def test_scenarios_of_the_cookbook_are_their_templates(name):
     text = (ROOT / "configs" / f"{name}.toml").read_text(encoding="utf-8")
     shipped = text.partition("\n")[2].replace(f"configs/{name}.toml", f"{name}.toml")  # without the line for editors
     assert new_scenario(name, name) == shipped
+    table = ROOT / "configs" / f"{name}.csv"
+    assert template_table(name) == (table.read_text(encoding="utf-8") if table.exists() else None)
 
 
 @pytest.mark.parametrize(("name", "template"), [("a", "sheer"), ("../a", "shear"), ("", "shear"), ("a b", "drum"), (".a", "drum")])
