@@ -16,6 +16,9 @@ from multicor_cli.running.time_step import Scales, StepReview, largest_friction
 _SOLID_FRACTION = 0.8
 """Of a dense packing in the plane."""
 
+_DENSE = 0.5
+"""Contacts within reach per grain from which on grains are a dense flow. In a rain or a gas, P and γ̇ say nothing about the step."""
+
 
 def _compare(names: Sequence[str], steps: Sequence[float], reviews: Sequence[StepReview | None]) -> Iterator[Measured]:
     for name, dt, review in zip(names, steps, reviews, strict=True):
@@ -50,6 +53,8 @@ def _needed(run: Recorded) -> Iterator[Measured]:
         if rows.size < 2 or not used.size:
             continue
         weight = run.series("window_duration")[rows]
+        if total(weight * run.series("contacts_mean")[rows]) < _DENSE * model.grain_count * total(weight):
+            continue
         virial = run.series("virial_rate")[rows]
         trace = total(weight * (virial[:, 0, 0] + virial[:, 1, 1])) / total(weight)
         sliding = run.series("friction_sliding")
@@ -94,7 +99,8 @@ OF_RUN: tuple[Rule[Recorded], ...] = (
     Rule(
         "time step for the flow", _needed,
         "Time step over the longest that the flow of a stage would have needed, by the rules of the automatic one, with the mean "
-        "pressure and the work of friction that were recorded in place of those that the scenario lets expect.",
+        "pressure and the work of friction that were recorded in place of those that the scenario lets expect. Stages with fewer "
+        "contacts within reach than half of the grains (a rain, a gas) are left out.",
         "Give a shorter dt in this stage.", unit="of the longest step", warning=2.0, bad=5.0,
     ),
     Rule(

@@ -54,7 +54,7 @@ SHIPPED = {
     "heap": ("variables.plate=20", "loading.0.duration=0.02", "loading.1.duration=0.02"),
     "sieve-curve": ("variables.count=300", "loading.0.duration=0.02", "loading.1.duration=0.02"),
     "intruder": ("particles.0.count=400", "variables.depth=13", "loading.0.duration=0.02", "loading.1.duration=0.02"),
-    "annular-shear": ("variables.outer=14", "variables.turns=0.02"),
+    "annular-shear": ("variables.turns=0.02",),
     "biaxial": (
         "variables.side=16",
         "loading.0.duration=0.015",

@@ -70,7 +70,8 @@ def _bound(k: int, couples: Couples, impulse: Floats, general_impulse: Floats) -
 
 
 @loop_body
-def _velocity(k: int, couples: Couples, velocity: Floats) -> float:
+def couple_velocity(k: int, couples: Couples, velocity: Floats) -> float:
+    """u_r [m/s]; ``velocity`` as in `System`."""
     i, j = couples.body[k, FIRST], couples.body[k, SECOND]
     return couples.arm[k, FIRST] * velocity[i, SURFACE] - couples.arm[k, SECOND] * velocity[j, SURFACE]
 
@@ -98,12 +99,20 @@ def relax_couples(
         now = couples.impulse[k]
         p_r = now + extrapolation * (now - before[k])
         bound = _bound(k, couples, impulse, general_impulse)
-        new = solve_rolling(p_r, _velocity(k, couples, velocity), couples.inverse[k], bound)
+        new = solve_rolling(p_r, couple_velocity(k, couples, velocity), couples.inverse[k], bound)
         couples.impulse[k], before[k] = new, now
         push_couple(k, new - p_r, couples, velocity, inverse)
         correction = (new - p_r) / couples.inverse[k]
         total += correction * correction
     return total
+
+
+@loop_body
+def couple_square(k: int, couples: Couples, velocity: Floats, impulse: Floats, general_impulse: Floats) -> float:
+    """Square of e_r of one couple [m²/s²], arguments as `relax_couples`."""
+    p_r, bound = couples.impulse[k], _bound(k, couples, impulse, general_impulse)
+    correction = (solve_rolling(p_r, couple_velocity(k, couples, velocity), couples.inverse[k], bound) - p_r) / couples.inverse[k]
+    return correction * correction
 
 
 @loop_body
@@ -119,7 +128,7 @@ def measure_couples(
     for k in range(couples.impulse.size):
         p_r = couples.impulse[k]
         bound = _bound(k, couples, impulse, general_impulse)
-        new = solve_rolling(p_r, _velocity(k, couples, velocity), couples.inverse[k], bound)
+        new = solve_rolling(p_r, couple_velocity(k, couples, velocity), couples.inverse[k], bound)
         correction = (new - p_r) / couples.inverse[k]
         squares += correction * correction
         largest = max(largest, correction * correction)

@@ -39,3 +39,9 @@ def frame_place(lane: np.uint64) -> np.uint64:
 def impulse_place(lane: np.uint64) -> np.uint64:
     """Place of p_n of a contact among the impulses."""
     return _IMPULSE * (lane >> _SHIFT) + (lane & _MASK)
+
+
+@formula
+def lane_of_impulse(place: int) -> int:
+    """Lane of the contact with p_n at this place, the inverse of `impulse_place`."""
+    return place // (IMPULSE_ROWS * LANES) * LANES + place % LANES

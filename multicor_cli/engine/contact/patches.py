@@ -9,7 +9,8 @@ and u_t = u₊ − u₋,
     u₊  = q_t + W_tn p_n + W_tt (σ − μ p_n) + u₋         0 ≤ u₊ ⟂ σ ≥ 0
     τ   = 2 μ p_n − σ                                    0 ≤ τ ⟂ u₋ ≥ 0
 
-where W is the Delassus matrix of the cluster and q its velocities without its impulses. A finite number of pivots solves it.
+where W is the Delassus matrix of the cluster and q its velocities without its impulses. A finite number of pivots solves it. Couples
+of rolling resistance are further rows with friction: u_r and p_r in place of u_t and p_t, and μ_r of μ.
 """
 
 from __future__ import annotations
@@ -20,8 +21,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.engine.contact.complementarity import solve_complementarity
+from multicor_cli.engine.contact.couples import couple_square, couple_velocity, push_couple
 from multicor_cli.engine.contact.general import general_velocity, push_general
-from multicor_cli.engine.contact.lanes import MU_, NY_, TANGENTIAL_, frame_place, impulse_place
+from multicor_cli.engine.contact.lanes import MU_, NY_, TANGENTIAL_, frame_place, impulse_place, lane_of_impulse
 from multicor_cli.engine.contact.residual import lane_velocity, measure_general, measure_lane
 from multicor_cli.engine.contact.sweep import System, push_lane
 from multicor_cli.engine.jit.compile import kernel, loop_body
@@ -60,9 +62,16 @@ def _is_movable(body: int, s: System) -> bool:
     return _mobility(body, X, s) > 0.0 or _mobility(body, Y, s) > 0.0 or _mobility(body, SPIN, s) > 0.0
 
 
+@loop_body
+def _contact_of(couple: int, s: System) -> int:
+    """Number of the contact of a couple: a lane, or that of a general one."""
+    place = s.couples.place[couple]
+    return lane_of_impulse(place) if place >= 0 else s.slot.size - 1 - place
+
+
 @kernel
 def _measure(s: System) -> tuple[NDArray[np.bool_], Floats]:
-    """Contacts that carry an impulse or would, and e_c² of all [m²/s²]."""
+    """Contacts that carry an impulse or would, and e_c² of all, with e_r² of their couples [m²/s²]."""
     lanes = s.slot.size
     velocity, pair, frame, impulse = s.velocity.reshape(-1), s.pair.reshape(-1), s.frame.reshape(-1), s.impulse.reshape(-1)
     active = np.empty(lanes + s.general_pair.shape[0], np.bool_)
@@ -72,6 +81,8 @@ def _measure(s: System) -> tuple[NDArray[np.bool_], Floats]:
             square[k], _, _, active[k] = measure_lane(np.uint64(k), velocity, pair, frame, impulse, s.spin_factor)
         else:
             square[k], _, _, active[k] = measure_general(k - lanes, s)
+    for r in range(s.couples.impulse.size):
+        square[_contact_of(r, s)] += couple_square(r, s.couples, s.velocity, impulse, s.general_impulse)
     return active, square
 
 
@@ -136,19 +147,26 @@ def _around(worst: int, size: int, active: NDArray[np.bool_], s: System) -> NDAr
 
 
 class _Patch(NamedTuple):
-    """Contacts of a patch, ``k`` rows.
+    """Contacts of a patch, ``k`` of them, and their couples of rolling resistance, ``r``.
+
+    Its rows are u_n of all contacts, u_t of all contacts, then u_r of all couples: k + f of them, f = k + r with friction. What
+    counts rows has the shape ``(k + f,)``.
 
     Attributes:
-        contact: Their numbers, shape ``(k,)``.
-        body: Rows of their bodies, shape ``(k, 2)``.
+        contact: Numbers of the contacts, shape ``(k,)``.
+        couple: Rows of the couples in `Couples`, shape ``(r,)``.
+        owner: Contact of the patch to which a row belongs.
+        body: Rows of the bodies of each contact, shape ``(k, 2)``.
         normal: n_x, n_y, shape ``(k, 2)``.
-        lever: What the third velocities of both bodies add to u_n and u_t, shape ``(k, 2, 2)``.
-        friction: μ, shape ``(k,)``.
-        impulse: p_n, p_t [N s], shape ``(k, 2)``.
-        velocity: u_n + b, u_t [m/s], shape ``(k, 2)``.
+        lever: What the third velocities of both bodies add to a row, shape ``(k + f, 2)``.
+        friction: μ, or μ_r, of each row with friction, shape ``(f,)``.
+        impulse: p_n, p_t, p_r [N s].
+        velocity: u_n + b, u_t, u_r [m/s].
     """
 
     contact: Ints
+    couple: Ints
+    owner: Ints
     body: Ints
     normal: Floats
     lever: Floats
@@ -159,14 +177,21 @@ class _Patch(NamedTuple):
 
 @kernel
 def _gather(contact: Ints, s: System) -> _Patch:
-    count, lanes = contact.size, s.slot.size
+    count, lanes, couples = contact.size, s.slot.size, s.couples
     velocity, pair, frame, impulse = s.velocity.reshape(-1), s.pair.reshape(-1), s.frame.reshape(-1), s.impulse.reshape(-1)
+    place = np.full(lanes + s.general_pair.shape[0] if couples.impulse.size else 0, -1, np.int64)
+    for k in range(count if place.size else 0):
+        place[contact[k]] = k
+    couple = _couples_within(place, s)
+    with_friction = count + couple.size
+    rows = count + with_friction
     patch = _Patch(
-        contact, np.empty((count, 2), np.int64), np.empty((count, 2)), np.empty((count, 2, 2)), np.empty(count),
-        np.empty((count, 2)), np.empty((count, 2)),
+        contact, couple, np.empty(rows, np.int64), np.empty((count, 2), np.int64), np.empty((count, 2)), np.empty((rows, 2)),
+        np.empty(with_friction), np.empty(rows), np.empty(rows),
     )  # fmt: skip
     for k in range(count):
-        c = contact[k]
+        c, t = contact[k], count + k
+        patch.owner[k] = patch.owner[t] = k
         for side in range(2):
             patch.body[k, side] = _body(c, side, s)
         if c < lanes:
@@ -174,88 +199,109 @@ def _gather(contact: Ints, s: System) -> _Patch:
             f, p = frame_place(lane), impulse_place(lane)
             u_n, u_t = lane_velocity(lane, velocity, pair, frame)
             patch.normal[k, X], patch.normal[k, Y], patch.friction[k] = frame[f], frame[f + NY_], frame[f + MU_]
-            patch.lever[k, :, NORMAL], patch.lever[k, :, TANGENTIAL] = 0.0, -1.0
-            patch.impulse[k, NORMAL], patch.impulse[k, TANGENTIAL] = impulse[p], impulse[p + TANGENTIAL_]
+            patch.lever[k], patch.lever[t] = 0.0, -1.0
+            patch.impulse[k], patch.impulse[t] = impulse[p], impulse[p + TANGENTIAL_]
         else:
             g = c - lanes
             u_n, u_t = general_velocity(g, s.velocity, s.general_pair, s.general_frame, s.general_lever)
             patch.normal[k, X], patch.normal[k, Y] = s.general_frame[g, NX], s.general_frame[g, NY]
             patch.friction[k] = s.general_frame[g, MU]
-            patch.lever[k, FIRST], patch.lever[k, SECOND] = s.general_lever[g, FIRST], -s.general_lever[g, SECOND]
-            patch.impulse[k] = s.general_impulse[g]
-        patch.velocity[k, NORMAL], patch.velocity[k, TANGENTIAL] = u_n, u_t
+            for row, direction in ((k, NORMAL), (t, TANGENTIAL)):
+                patch.lever[row, FIRST] = s.general_lever[g, FIRST, direction]
+                patch.lever[row, SECOND] = -s.general_lever[g, SECOND, direction]
+            patch.impulse[k], patch.impulse[t] = s.general_impulse[g, NORMAL], s.general_impulse[g, TANGENTIAL]
+        patch.velocity[k], patch.velocity[t] = u_n, u_t
+    for r in range(couple.size):
+        row = 2 * count + r
+        patch.owner[row] = place[_contact_of(couple[r], s)]
+        patch.lever[row, FIRST], patch.lever[row, SECOND] = couples.arm[couple[r], FIRST], -couples.arm[couple[r], SECOND]
+        patch.friction[count + r] = couples.limit[couple[r]]
+        patch.impulse[row], patch.velocity[row] = couples.impulse[couple[r]], couple_velocity(couple[r], couples, s.velocity)
     return patch
 
 
+@kernel
+def _couples_within(place: Ints, s: System) -> NDArray[np.int64]:
+    """Couples of the contacts with a ``place`` in the patch that is not negative."""
+    found = np.empty(s.couples.impulse.size, np.int64)
+    count = 0
+    for r in range(found.size):
+        if place[_contact_of(r, s)] >= 0:
+            found[count] = r
+            count += 1
+    return found[:count]
+
+
 @loop_body
-def _row(k: int, side: int, direction: int, d: int, patch: _Patch) -> float:
-    """What degree of freedom ``d`` of a body adds to u_n or u_t of a contact."""
+def _row(row: int, side: int, d: int, patch: _Patch) -> float:
+    """What degree of freedom ``d`` of a body adds to the velocity of a row."""
+    count = patch.contact.size
     if d == SPIN:
-        return patch.lever[k, side, direction]
+        return patch.lever[row, side]
+    if row >= 2 * count:
+        return 0.0
     sign = 1.0 if side == FIRST else -1.0
-    if direction == NORMAL:
-        return sign * patch.normal[k, d]
-    return sign * (patch.normal[k, X] if d == Y else -patch.normal[k, Y])
+    if row < count:
+        return sign * patch.normal[row, d]
+    return sign * (patch.normal[row - count, X] if d == Y else -patch.normal[row - count, Y])
 
 
 @kernel
 def _delassus(patch: _Patch, s: System) -> Floats:
-    """W [1/kg], shape ``(2 k, 2 k)``: rows of u_n of all contacts, then those of u_t."""
-    count = patch.contact.size
-    matrix = np.zeros((2 * count, 2 * count))
-    for a in range(count):
-        for b in range(count):
+    """W [1/kg], shape ``(k + f, k + f)``."""
+    matrix = np.zeros((patch.owner.size, patch.owner.size))
+    for row in range(patch.owner.size):
+        for column in range(patch.owner.size):
+            a, b = patch.owner[row], patch.owner[column]
             for side in range(2):
                 for other in range(2):
                     body = patch.body[a, side]
-                    if body != patch.body[b, other]:
-                        continue
-                    for d in range(3):
-                        m = _mobility(body, d, s)
-                        for row in range(2):
-                            for column in range(2):
-                                entry = _row(a, side, row, d, patch) * m * _row(b, other, column, d, patch)
-                                matrix[row * count + a, column * count + b] += entry
+                    if body == patch.body[b, other]:
+                        for d in range(3):
+                            m = _mobility(body, d, s)
+                            matrix[row, column] += _row(row, side, d, patch) * m * _row(column, other, d, patch)
     return matrix
 
 
 @kernel
 def _solve(patch: _Patch, s: System) -> tuple[bool, Floats]:
-    """Impulses of the contacts with all others held, shape ``(k, 2)``, and whether they were found."""
-    count = patch.contact.size
+    """Impulses of the rows with all others held, shape ``(k + f,)``, and whether they were found."""
+    count, rows, with_friction = patch.contact.size, patch.owner.size, patch.friction.size
     w = _delassus(patch, s)
     mean = 0.0
     for k in range(count):
         mean += w[k, k] / count
     mass = 1.0 / mean  # impulses are found in units of this mass times a velocity: numbers are of order 1
-    q, scale = np.empty(2 * count), 0.0
-    for k in range(2 * count):
-        q[k] = patch.velocity[k % count, k // count]
-        for c in range(2 * count):
-            q[k] -= w[k, c] * patch.impulse[c % count, c // count]
+    q, scale = np.empty(rows), 0.0
+    for k in range(rows):
+        q[k] = patch.velocity[k]
+        for c in range(rows):
+            q[k] -= w[k, c] * patch.impulse[c]
         scale = max(scale, abs(q[k]))
-    new = np.zeros((count, 2))
+    new = np.zeros(rows)
     if scale == 0.0:
         return True, new
-    matrix, vector = np.zeros((3 * count, 3 * count)), np.zeros(3 * count)
-    vector[: 2 * count] = q / scale
-    for k in range(2 * count):
+    matrix, vector = np.zeros((rows + with_friction, rows + with_friction)), np.zeros(rows + with_friction)
+    vector[:rows] = q / scale
+    for k in range(rows):
         for c in range(count):
-            tangential = mass * w[k, count + c]
-            matrix[k, c] = mass * w[k, c] - patch.friction[c] * tangential
-            matrix[k, count + c] = tangential
-    for k in range(count):
-        matrix[count + k, 2 * count + k] = 1.0
-        matrix[2 * count + k, k] = 2.0 * patch.friction[k]
-        matrix[2 * count + k, count + k] = -1.0
-    z = np.empty(3 * count)
+            matrix[k, c] = mass * w[k, c]
+        for f in range(with_friction):
+            along = mass * w[k, count + f]
+            matrix[k, patch.owner[count + f]] -= patch.friction[f] * along
+            matrix[k, count + f] = along
+    for f in range(with_friction):
+        matrix[count + f, rows + f] = 1.0
+        matrix[rows + f, patch.owner[count + f]] = 2.0 * patch.friction[f]
+        matrix[rows + f, count + f] = -1.0
+    z = np.empty(rows + with_friction)
     if not solve_complementarity(matrix, vector, PIVOTS * z.size, z):
         return False, new
     for k in range(count):
-        p_n = mass * scale * max(z[k], 0.0)
-        bound = patch.friction[k] * p_n
-        new[k, NORMAL] = p_n
-        new[k, TANGENTIAL] = min(max(mass * scale * z[count + k] - bound, -bound), bound)
+        new[k] = mass * scale * max(z[k], 0.0)
+    for row in range(count, rows):
+        bound = patch.friction[row - count] * new[patch.owner[row]]
+        new[row] = min(max(mass * scale * z[row] - bound, -bound), bound)
     return True, new
 
 
@@ -281,10 +327,11 @@ def solve_patch(s: System, size: int) -> bool:
         return False
     lanes = s.slot.size
     velocity, pair, frame, impulse = s.velocity.reshape(-1), s.pair.reshape(-1), s.frame.reshape(-1), s.impulse.reshape(-1)
-    for k in range(patch.contact.size):
+    count = patch.contact.size
+    for k in range(count):
         c = patch.contact[k]
-        p_n, p_t = new[k, NORMAL], new[k, TANGENTIAL]
-        d_n, d_t = p_n - patch.impulse[k, NORMAL], p_t - patch.impulse[k, TANGENTIAL]
+        p_n, p_t = new[k], new[count + k]
+        d_n, d_t = p_n - patch.impulse[k], p_t - patch.impulse[count + k]
         if c < lanes:
             p = impulse_place(np.uint64(c))
             impulse[p], impulse[p + TANGENTIAL_] = p_n, p_t
@@ -293,4 +340,8 @@ def solve_patch(s: System, size: int) -> bool:
             g = c - lanes
             s.general_impulse[g, NORMAL], s.general_impulse[g, TANGENTIAL] = p_n, p_t
             push_general(g, d_n, d_t, s.velocity, s.inverse, s.general_pair, s.general_frame, s.general_lever)
+    for r in range(patch.couple.size):
+        row, couple = 2 * count + r, patch.couple[r]
+        s.couples.impulse[couple] = new[row]
+        push_couple(couple, new[row] - patch.impulse[row], s.couples, s.velocity, s.inverse)
     return True
