@@ -9,8 +9,8 @@ and u_t = u₊ − u₋,
     u₊  = q_t + W_tn p_n + W_tt (σ − μ p_n) + u₋         0 ≤ u₊ ⟂ σ ≥ 0
     τ   = 2 μ p_n − σ                                    0 ≤ τ ⟂ u₋ ≥ 0
 
-where W is the Delassus matrix of the cluster and q its velocities without its impulses. A finite number of pivots solves it. Couples
-of rolling resistance are further rows with friction: u_r and p_r in place of u_t and p_t, and μ_r of μ.
+where W is the Delassus matrix of the cluster and q its velocities without its impulses. A finite number of pivots solves it.
+Couples of rolling resistance are further rows with friction: u_r and p_r in place of u_t and p_t, and μ_r of μ.
 """
 
 from __future__ import annotations
