@@ -119,6 +119,7 @@ def test_step_that_a_known_pressure_and_rate_of_shear_need(pressure: float, rate
         "window_duration": np.full(rows, 0.01),
         "virial_rate": np.broadcast_to(pressure * volume * np.eye(2), (rows, 2, 2)),
         "friction_sliding": 0.4 * pressure * volume * rate * time * rows / (rows - 1),
+        "contacts_mean": np.full(rows, 0.6 * model.grain_count),
     }
     frames = SimpleNamespace(stage=np.zeros(3, int), column=lambda path: np.full(3, dt))
     run = SimpleNamespace(model=model, series=columns, frames=frames, stages=("only",))
@@ -127,6 +128,8 @@ def test_step_that_a_known_pressure_and_rate_of_shear_need(pressure: float, rate
     (measured,) = resolution._needed(made_up)
     limit = min(0.2 * math.sqrt(float(model.grains.mass.mean()) / pressure), 0.01 / rate)
     assert measured.value == pytest.approx(dt / limit)
+    columns["contacts_mean"] *= 0.5  # a rain
+    assert not list(resolution._needed(made_up))
 
 
 def test_steps_that_did_not_converge(tmp_path: Path) -> None:
