@@ -144,7 +144,7 @@ def test_a_slider_that_a_spring_pulls_sticks_and_slips():
     shapes = [*FLOOR, (ShapeKind.PLANE, 1, (0.0, 0.0, 0.0, -1.0))]
     k, speed, press, friction, mass = 50.0, 0.1, 10.0, 0.3, 2.0
     model = make_model(
-        [0.05], shapes, ("floor", "lid"), friction=friction, rolling=10.0, mass=mass, gravity=(0.0, 0.0), density=1e-3
+        [0.05], shapes, ("floor", "lid"), friction=friction, rolling=10.0, mass=mass, gravity=(0.0, 0.0), density=1.0
     )  # fmt: skip
     pull = DofDrive(spring=Spring(k, Ramp(0.0, 100.0 * speed, 100.0)))
     engine = make_engine(
