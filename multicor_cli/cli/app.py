@@ -18,6 +18,7 @@ from multicor_cli.cli import (
     report_command,
     run_command,
     scenario_commands,
+    study_commands,
 )
 from multicor_cli.cli.guard import guarded
 
@@ -46,7 +47,9 @@ def options(
     """Options before a command."""
 
 
-for module in (scenario_commands, run_command, reading_commands, post_commands, export_command, report_command, bench_command):
+for module in (
+    scenario_commands, run_command, study_commands, reading_commands, post_commands, export_command, report_command, bench_command,
+):  # fmt: skip
     module.register(app, guarded)
 
 

@@ -43,13 +43,13 @@ def load_scenario(path: str | Path, overrides: Sequence[str] = ()) -> Scenario:
         ScenarioError: The file cannot be read or the scenario is wrong; its ``problems`` say all that is wrong.
     """
     path = Path(path)
-    return parse_scenario(_read(path), path, overrides)
+    return parse_scenario(read_text(path), path, overrides)
 
 
 def parse_scenario(text: str, path: str | Path, overrides: Sequence[str] = ()) -> Scenario:
     """Check the text of a scenario file; as `load_scenario`, with ``path`` used for messages and relative paths only."""
     path, text = Path(path), text.removeprefix("\ufeff").replace("\r\n", "\n")
-    data = _parse(text, str(path))
+    data = parse_toml(text, str(path))
     applied, problems = apply_overrides(data, overrides)
     evaluated = evaluate_expressions(data)
     sources = Sources(str(path), text, applied, evaluated.shown)
@@ -103,10 +103,15 @@ def _is_within(path: KeyPath, known: set[KeyPath]) -> bool:
     return any(path[:end] in known for end in range(1, len(path) + 1))
 
 
-def _read(path: Path) -> str:
+def read_text(path: Path, *, kind: str = "scenario") -> str:
+    """Text of a file of some ``kind``.
+
+    Raises:
+        ScenarioError: It cannot be read, is too large, or is not UTF-8.
+    """
     try:
         if not path.is_file():
-            raise ScenarioError([_no_file(path)])
+            raise ScenarioError([_no_file(path, kind)])
         if path.stat().st_size > MAX_FILE_SIZE:
             size = f"the file is larger than {MAX_FILE_SIZE // 1_000_000} MB"
             raise ScenarioError([_whole_file(path, size, "put long tables of grains into a CSV file")])
@@ -126,12 +131,13 @@ def _whole_file(path: Path, message: str, remedy: str) -> Problem:
     return Problem(str(path), 0, 0, "", message, remedy)
 
 
-def _no_file(path: Path) -> Problem:
+def _no_file(path: Path, kind: str) -> Problem:
     if path.is_dir():
-        return _whole_file(path, "this is a directory", "give the path of a scenario file")
+        return _whole_file(path, "this is a directory", f"give the path of a {kind} file")
     if path.exists():
-        return _whole_file(path, "this is not a regular file", "give the path of a scenario file")
-    return _whole_file(path, "there is no such file", "check the path, or make one with: multicor new NAME")
+        return _whole_file(path, "this is not a regular file", f"give the path of a {kind} file")
+    hint = ", or make one with: multicor new NAME" if kind == "scenario" else ""
+    return _whole_file(path, "there is no such file", f"check the path{hint}")
 
 
 def _not_utf8(path: Path, content: bytes, offset: int) -> Problem:
@@ -142,7 +148,12 @@ def _not_utf8(path: Path, content: bytes, offset: int) -> Problem:
     return Problem(str(path), line, column, "", message, "save the file with the encoding UTF-8")
 
 
-def _parse(text: str, file: str) -> dict[str, Any]:
+def parse_toml(text: str, file: str) -> dict[str, Any]:
+    """The document of a text.
+
+    Raises:
+        ScenarioError: It is not TOML, or nested too deep.
+    """
     if (offset := find_deep_nesting(text)) is not None:
         message = f"nested more than {MAX_NESTING} deep"
         raise ScenarioError([_at_offset(file, text, offset, message, "use fewer levels")])

@@ -1,0 +1,330 @@
+"""The commands ``study …``: many runs of one scenario from one file."""
+
+from __future__ import annotations
+
+import os
+import signal
+import socket
+import sys
+import time
+from collections import Counter
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Optional
+
+import typer
+
+from multicor_cli.cli.bar import Bar
+from multicor_cli.cli.console import complain, emit, emit_json, emit_pairs, emit_table, format_seconds, say
+from multicor_cli.cli.listing import ListingCommand
+from multicor_cli.cli.options import count_noun
+from multicor_cli.text import format_bytes
+
+if TYPE_CHECKING:
+    from multicor_cli.study.cases import Case
+    from multicor_cli.study.directory import StudyDirectory
+    from multicor_cli.study.session import StudySession
+    from multicor_cli.study.table import StudyTable
+
+study = typer.Typer(no_args_is_help=True, help="Compute many runs of one scenario, and make their table and figures.")
+
+StudyFile = Annotated[Path, typer.Argument(metavar="STUDY.toml", help="Study file.", show_default=False)]
+Output = Annotated[
+    Optional[Path],  # noqa: UP045  (evaluated by typer)
+    typer.Option("--output", "-o", metavar="DIR", help="Directory of the study.", show_default="studies/NAME"),
+]
+Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
+
+_LINES = 60.0  # seconds between two lines in a log
+_SHOWN = 8  # running cases that are listed
+
+
+def register(app: typer.Typer, wrap: Callable[..., Any]) -> None:
+    """Add the commands."""
+    for command in (run, validate, status, table, plot, cancel):
+        study.command(cls=ListingCommand)(wrap(command))
+    app.add_typer(study, name="study")
+
+
+def run(
+    file: StudyFile,
+    output: Output = None,
+    retry: Annotated[bool, typer.Option("--retry", help="Try cases that failed once more.")] = False,
+    max_hours: Annotated[
+        Optional[float],  # noqa: UP045  (evaluated by typer)
+        typer.Option("--max-hours", min=0.0, metavar="H", help="Stop after this time, with checkpoints and exit code 75."),
+    ] = None,
+    is_quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show warnings and errors only.")] = False,
+) -> None:
+    """Compute the cases of a study that are not done yet: the same command begins a study and continues it.
+
+    Ctrl-C, SIGTERM and SIGHUP stop running cases after a checkpoint.
+    """
+    from multicor_cli.running.outcome import ExitCode
+    from multicor_cli.study.directory import CaseStatus
+    from multicor_cli.study.session import StudySession
+
+    session = StudySession.open(file, output)
+    predicted = None
+    if CaseStatus.WAITING in {state.status for state in session.states()}:
+        if not is_quiet:
+            say(f"checking {count_noun(len(session.cases), 'case')}")
+        predicted = session.check()
+    watcher = StudyProgress(session.directory, is_quiet=is_quiet)
+    try:
+        tally = session.compute(retry=retry, max_hours=max_hours, watcher=watcher, predicted=predicted)
+    finally:
+        watcher.closed()
+    counts = Counter(state.status for state in session.states())
+    for name, reason in tally.failed.items():
+        complain(f"case {name}: {reason}")
+    if not is_quiet:
+        say(f"{_summary(counts)}, in {session.directory.path}")
+        if counts[CaseStatus.FINISHED] == len(session.cases):
+            say(f"next:  multicor study table {file}")
+    if tally.stopped:
+        raise typer.Exit(ExitCode.STOPPED if max_hours is not None and not watcher.is_stopped else ExitCode.INTERRUPTED)
+    if counts[CaseStatus.FAILED]:
+        if not tally.failed:
+            say(
+                f"{count_noun(counts[CaseStatus.FAILED], 'case')} failed before; --retry tries again:  multicor study status {file}"
+            )
+        raise typer.Exit(ExitCode.PHYSICS)
+
+
+def validate(file: StudyFile, is_json: Json = False) -> None:
+    """Check a study and every case of it, and estimate what it will cost. Nothing is written."""
+    from multicor_cli.study.session import StudySession
+
+    session = StudySession.open(file)
+    found = session.check()
+    if is_json:
+        emit_json({
+            "valid": True, "study": str(file), "name": session.study.name, "cases": [case.name for case in session.cases],
+            "estimate": {
+                "core_hours": found.hours, "disk_bytes": found.disk, "memory_bytes_per_case": found.memory, "placed": found.placed
+            },
+        })  # fmt: skip
+        return
+    hours = "unknown: a stage has no known end" if found.hours is None else format_seconds(3600.0 * found.hours)
+    disk = "unknown" if found.disk is None else f"about {format_bytes(found.disk)}"
+    emit_pairs([
+        ("study", session.study.name),
+        ("scenario", str(session.study.scenario)),
+        ("cases", f"{len(session.cases)}, from {session.cases[0].name} to {session.cases[-1].name}"),
+        ("grains", f"{found.grains} at most"),
+        ("time", f"{hours} on one core, estimated from {count_noun(found.placed, 'case')}"),
+        ("disk", disk),
+        ("memory", f"{format_bytes(found.memory)} for each case at a time"),
+    ])  # fmt: skip
+
+
+def status(file: StudyFile, output: Output = None, is_json: Json = False) -> None:
+    """Show how far the cases of a study are."""
+    from multicor_cli.study.directory import CaseStatus
+    from multicor_cli.study.session import StudySession
+
+    session = StudySession.open(file, output)
+    states = session.states()
+    if is_json:
+        emit_json({
+            "directory": str(session.directory.path),
+            "cases": [
+                {
+                    "name": case.name, "values": dict(case.values), "status": state.status.value, "reason": state.reason,
+                    "step": state.step, "share": state.share, "remaining_seconds": state.remaining,
+                }
+                for case, state in zip(session.cases, states, strict=True)
+            ],
+        })  # fmt: skip
+        return
+    emit(_summary(Counter(state.status for state in states)))
+    for case, state in zip(session.cases, states, strict=True):
+        if state.status is CaseStatus.RUNNING:
+            emit(f"running  {case.name}{_how_far(state.share, state.remaining)}")
+        elif state.status is CaseStatus.FAILED:
+            emit(f"failed   {case.name}: {state.reason}")
+        elif state.status is CaseStatus.STOPPED:
+            emit(f"stopped  {case.name} at step {state.step}: {state.reason}")
+
+
+def table(
+    file: StudyFile,
+    output: Output = None,
+    is_mean: Annotated[bool, typer.Option("--mean", help="Means over the seeds, with the error between them.")] = False,
+    is_csv: Annotated[bool, typer.Option("--csv", help="Print CSV.")] = False,
+    is_json: Json = False,
+    parquet: Annotated[
+        Optional[Path],  # noqa: UP045  (evaluated by typer)
+        typer.Option("--parquet", metavar="FILE", help="Write a Parquet file; needs pandas and pyarrow.", show_default=False),
+    ] = None,
+) -> None:
+    """Print the table of a study: values, observables with their errors, verdict, digest and run directory of each case."""
+    from multicor_cli.study.session import StudySession
+
+    if is_csv and is_json:
+        raise typer.BadParameter("--json and --csv exclude each other")
+    session = StudySession.open(file, output)
+    found = _table(session, is_mean=is_mean)
+    if parquet is not None:
+        _write_parquet(found, parquet)
+    if is_json:
+        emit_json({"headings": found.headings, "rows": found.records})
+    elif is_csv:
+        sys.stdout.write(found.csv())
+    elif parquet is None:
+        emit_table(found.headings, [[_cell(value) for value in record] for record in found.records])
+    for row in found.rows:
+        for name, why in (row.problems or {}).items():
+            if name:
+                say(f"warning: case {row.case}: {name}: {why}")
+
+
+def plot(
+    file: StudyFile,
+    target: Annotated[Path, typer.Argument(metavar="FIGURE", help="File (.png, .svg, .pdf), or term.", show_default=False)],
+    of: Annotated[str, typer.Option("--of", metavar="NAME", help="Observable.", show_default=False)],
+    x: Annotated[str, typer.Option("--against", metavar="KEY", help="Key across.", show_default=False)],
+    by: Annotated[
+        Optional[str],  # noqa: UP045  (evaluated by typer)
+        typer.Option("--by", metavar="KEY", help="A series for each of its values; default: for all other keys."),
+    ] = None,
+    kind: Annotated[
+        Optional[str],  # noqa: UP045  (evaluated by typer)
+        typer.Option("--fit", metavar="KIND", help="line, power or mu-of-I.", show_default=False),
+    ] = None,
+    log: Annotated[str, typer.Option("--log", metavar="AXES", help="Logarithmic axes: x, y or xy.", show_default=False)] = "",
+    output: Output = None,
+) -> None:
+    """Draw an observable of a study against a value, means over seeds with their errors."""
+    from multicor_cli.study import figure
+    from multicor_cli.study.session import StudySession
+
+    if log not in ("", "x", "y", "xy"):
+        raise typer.BadParameter(f"'{log}' is not x, y or xy", param_hint="--log")
+    session = StudySession.open(file, output)
+    found = _table(session, is_mean=True)
+    series = figure.make_series(found, of, x, by)
+    fits = [figure.fit(kind, line) for line in series] if kind is not None else []
+    for line, curve in zip(series, fits, strict=bool(fits)):
+        say(f"{line.label}: {curve.text}" if line.label else curve.text)
+    if target == Path("term"):
+        emit(figure.draw_letters(found, series, of, x))
+        return
+    figure.draw(target, found, series, of, x, fits, log=log)
+    say(f"wrote {target}")
+
+
+def cancel(file: StudyFile, output: Output = None) -> None:
+    """Ask the program that computes a study on this machine to stop, with checkpoints."""
+    from multicor_cli.store.errors import DirectoryRefused
+    from multicor_cli.store.lock import is_alive, read_holder
+    from multicor_cli.study.directory import LOCK
+    from multicor_cli.study.session import StudySession
+
+    lock = StudySession.open(file, output).directory.path / LOCK
+    holder = read_holder(lock)
+    if not is_alive(lock):
+        say("nobody is at work on this study")
+        return
+    if holder.get("host") != socket.gethostname():
+        raise DirectoryRefused(
+            f"{lock.parent}: the study is computed by process {holder.get('pid')} on {holder.get('host')}; cancel it there"
+        )
+    os.kill(int(holder["pid"]), signal.SIGTERM)
+    say(f"asked process {holder['pid']} to stop")
+
+
+class StudyProgress:
+    """Shows how a study goes: a bar on a terminal, a line a minute in a log.
+
+    Args:
+        directory: The study.
+        is_quiet: Whether nothing is shown.
+    """
+
+    def __init__(self, directory: StudyDirectory, *, is_quiet: bool) -> None:
+        self._directory, self._is_quiet = directory, is_quiet
+        self._bar = Bar(is_transient=True) if sys.stderr.isatty() and not is_quiet else None
+        self._total = self._ended = 0
+        self._started = self._following = time.monotonic()
+        self.is_stopped = False
+
+    def began(self, text: str, cases: int) -> None:
+        """Say where cases are computed."""
+        self._total = cases
+        self._say(f"{count_noun(cases, 'case')} with {text}")
+
+    def warning(self, text: str) -> None:
+        """Show it."""
+        say(f"warning: {text}")
+
+    def ended(self, case: Case, outcome: dict[str, Any]) -> None:
+        """Count it."""
+        self._ended += 1
+        if outcome["status"] != "finished" and outcome["reason"] != "not begun":
+            self._say(f"{outcome['status']}: {case.name}: {outcome['reason']}")
+
+    def looked(self, running: Sequence[Case]) -> None:
+        """One line for all, and one for each that runs."""
+        now = time.monotonic()
+        if self._is_quiet or now < self._following:
+            return
+        self._following = now + (2.0 if self._bar is not None else _LINES)
+        states = [(case, self._directory.state(case)) for case in running[: 4 * _SHOWN]]
+        shares = [state.share or 0.0 for _, state in states if state.status.value == "running"]
+        done = (self._ended + sum(shares)) / max(self._total, 1)
+        left = f", {format_seconds((now - self._started) * (1.0 - done) / done)} left" if done > 0.01 else ""
+        text = f"{self._ended} of {self._total} cases{left}"
+        if self._bar is not None:
+            self._bar.update(done, text, "  ".join(f"{case.name} {100 * (state.share or 0):.0f} %" for case, state in states[:2]))
+            return
+        say(text)
+        for case, state in states[:_SHOWN]:
+            if state.status.value == "running":
+                say(f"  {case.name}{_how_far(state.share, state.remaining)}")
+
+    def stopping(self) -> None:
+        """Say that checkpoints are being written."""
+        self._say("stopping: running cases write their checkpoints")
+
+    def closed(self) -> None:
+        """Give the terminal back."""
+        if self._bar is not None:
+            self._bar.close()
+
+    def _say(self, text: str) -> None:
+        if not self._is_quiet:
+            say(text)
+
+
+def _table(session: StudySession, *, is_mean: bool) -> StudyTable:
+    from multicor_cli.study.table import over_seeds
+
+    session.directory.document()  # refuses a directory without a study
+    found = session.table()
+    return over_seeds(found) if is_mean else found
+
+
+def _write_parquet(found: StudyTable, path: Path) -> None:
+    from multicor_cli.store.errors import StoreError
+
+    try:
+        found.frame().to_parquet(path)
+    except ImportError as error:
+        raise StoreError(f"Parquet needs pandas and pyarrow: pip install 'multicor-cli[study]' ({error})") from None
+    say(f"wrote {path}")
+
+
+def _summary(counts: Counter[Any]) -> str:
+    parts = [f"{counts[state]} {state.value}" for state in sorted(counts, key=lambda state: state.value)]
+    return f"{count_noun(sum(counts.values()), 'case')}: {', '.join(parts)}"
+
+
+def _how_far(share: float | None, remaining: float | None) -> str:
+    text = "" if share is None else f"  {100.0 * share:.0f} %"
+    return text + ("" if remaining is None else f"  {format_seconds(remaining)} left")
+
+
+def _cell(value: Any) -> str:
+    return "–" if value is None else f"{value:.5g}" if isinstance(value, float) else str(value)

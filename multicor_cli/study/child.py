@@ -1,0 +1,99 @@
+"""The process of one case: it runs the case as `multicor run` would, and stops with a checkpoint when who started it is gone.
+
+What is to be done comes as JSON in the first line of standard input, which stays open: its end means that nobody waits any more.
+The last line of standard output says how it ended.
+"""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import sys
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+from multicor_cli.running.observer import SilentObserver, Status
+from multicor_cli.study.turns import CompilationTurn
+
+_PATIENCE = 180.0
+"""How long a run directory may be held by another process that is about to stop [s]."""
+
+_PAUSE = 0.5
+
+
+class _Released(SilentObserver):
+    """Gives the turn to compile to the next case once the first step is done."""
+
+    def __init__(self, turn: CompilationTurn) -> None:
+        self._turn = turn
+
+    def stepped(self, status: Status) -> None:
+        self._turn.done()
+
+    def closed(self) -> None:
+        self._turn.leave()
+
+
+def main() -> int:
+    """Run the case that standard input describes."""
+    task = json.loads(sys.stdin.buffer.readline())
+    threading.Thread(target=_leave_with_parent, daemon=True).start()
+    found = run_task(task)
+    print(json.dumps(found), flush=True)
+    return 0
+
+
+def _leave_with_parent() -> None:
+    """When the pipe from the worker closes, the worker has died: stop as on SIGTERM."""
+    while sys.stdin.buffer.read(4096):
+        pass
+    os.kill(os.getpid(), signal.SIGTERM)
+
+
+def run_task(task: dict[str, Any]) -> dict[str, Any]:
+    """Run, or go on with, a case.
+
+    Args:
+        task: ``scenario``, ``overrides``, ``directory``, ``threads``, ``turn`` (what cases share compiled kernels), ``max_hours``.
+
+    Returns:
+        ``status`` (finished, stopped or failed), ``reason``, ``exit_code``, ``step``.
+    """
+    import multicor_cli as multicor
+    from multicor_cli.running.outcome import exit_code_of
+    from multicor_cli.store.errors import RunLocked
+
+    deadline = time.monotonic() + _PATIENCE
+    turn = CompilationTurn(task["turn"])
+    while True:
+        try:
+            outcome = multicor.run(
+                task["scenario"], Path(task["directory"]), overrides=task["overrides"], threads=task["threads"],
+                max_hours=task.get("max_hours"), observer=_Released(turn),
+            )  # fmt: skip
+        except RunLocked as error:
+            if time.monotonic() > deadline:
+                return {"status": "stopped", "reason": str(error), "exit_code": 6, "step": 0}
+            time.sleep(_PAUSE)
+        except Exception as error:
+            code = int(exit_code_of(error))
+            if code == 1:
+                import traceback
+
+                traceback.print_exc()
+            return {"status": "failed", "reason": str(error) or type(error).__name__, "exit_code": code, "step": 0}
+        else:
+            status = "finished" if outcome.is_finished else "stopped"
+            return {
+                "status": status,
+                "reason": outcome.reason.value,
+                "exit_code": int(outcome.reason.exit_code),
+                "step": outcome.step,
+            }
+
+
+if __name__ == "__main__":
+    sys.exit(main())

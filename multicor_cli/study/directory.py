@@ -1,0 +1,214 @@
+"""The directory of a study: what it is, its cases, and how each of them stands.
+
+``study.json`` says which scenario and which cases; ``cases/NAME`` is the run of a case, an ordinary run directory, which alone says
+how far the case has come; ``failed/NAME.json`` tells why a case has no run; ``observed/NAME.json`` keeps numbers taken from a
+finished run. Nothing else is kept, so nothing can disagree.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from enum import Enum
+from pathlib import Path
+from typing import Any
+
+from multicor_cli.running.differences import Difference, find_differences
+from multicor_cli.scenario.problems import Finding
+from multicor_cli.store import layout
+from multicor_cli.store.atomic import commit_bytes, make_directory, storage_errors
+from multicor_cli.store.errors import DamagedRun, DirectoryRefused
+from multicor_cli.store.lock import RunLock, is_alive
+from multicor_cli.study.cases import Case
+from multicor_cli.study.load import Study
+
+FILETYPE, VERSION = "multicor-study", 1
+DOCUMENT, SOURCE, LOCK, CASES, FAILED, OBSERVED, LOGS = (
+    "study.json", "study.toml", "lock", "cases", "failed", "observed", "logs"
+)  # fmt: skip
+
+
+class CaseStatus(Enum):
+    """How a case stands."""
+
+    WAITING = "waiting"
+    RUNNING = "running"
+    STOPPED = "stopped"
+    FINISHED = "finished"
+    FAILED = "failed"
+
+
+@dataclass(frozen=True)
+class CaseState:
+    """How a case stands.
+
+    Attributes:
+        status: In a word.
+        reason: Why it failed or stopped; may be empty.
+        step: Steps done, at its last checkpoint.
+        share: Share of it that is done, while it runs; None if that is not known.
+        remaining: Seconds left, while it runs; None if that is not known.
+    """
+
+    status: CaseStatus
+    reason: str = ""
+    step: int = 0
+    share: float | None = None
+    remaining: float | None = None
+
+
+@dataclass(frozen=True)
+class StudyDirectory:
+    """Where a study is kept.
+
+    Attributes:
+        path: The directory.
+    """
+
+    path: Path
+
+    def case(self, name: str) -> Path:
+        """Run directory of a case."""
+        return self.path / CASES / name
+
+    def failure(self, name: str) -> Path:
+        """Where the reason is, if the case could not be computed."""
+        return self.path / FAILED / f"{name}.json"
+
+    def observed(self, name: str) -> Path:
+        """Numbers taken from a finished case."""
+        return self.path / OBSERVED / f"{name}.json"
+
+    @property
+    def exists(self) -> bool:
+        """Whether there is a study."""
+        return (self.path / DOCUMENT).is_file()
+
+    def document(self) -> dict[str, Any]:
+        """What ``study.json`` says.
+
+        Raises:
+            DirectoryRefused: There is no study.
+            DamagedRun: It is damaged, or of a newer version.
+        """
+        file = self.path / DOCUMENT
+        if not file.is_file():
+            raise DirectoryRefused(f"{self.path}: holds no study")
+        with storage_errors(file):
+            try:
+                found = json.loads(file.read_bytes())
+            except ValueError:
+                raise DamagedRun(f"{file}: is damaged; restore it from a copy") from None
+        if not isinstance(found, dict) or found.get("filetype") != FILETYPE or found.get("format_version") != VERSION:
+            raise DamagedRun(f"{file}: is not a study of this version of the program")
+        return found
+
+    def cases(self) -> list[Case]:
+        """The cases of the study, in its order."""
+        return [Case(name, values) for name, values in self.document()["cases"].items()]
+
+    def begin(self, study: Study, cases: Sequence[Case], resolved: str) -> list[str]:
+        """Write or renew ``study.json``; returns the names of the cases that are new.
+
+        Args:
+            study: The study.
+            cases: Its cases.
+            resolved: Its scenario with all defaults, as TOML.
+
+        Raises:
+            ScenarioError: A case or the scenario is another than when the study began.
+            DirectoryRefused: The directory holds something else.
+        """
+        known: dict[str, Any] = {}
+        if self.exists:
+            document = self.document()
+            self._refuse_changes(study, cases, document, resolved)
+            known = document["cases"]
+        else:
+            self._refuse_foreign()
+        for name in (CASES, FAILED, OBSERVED):
+            make_directory(self.path / name)
+        new = [case.name for case in cases if case.name not in known]
+        if new or not self.exists:
+            merged = {case.name: dict(case.values) for case in cases}
+            merged.update({name: values for name, values in known.items() if name not in merged})
+            commit_bytes(self.path / SOURCE, "study source", study.sources.text.encode())
+            document = {
+                "filetype": FILETYPE, "format_version": VERSION, "name": study.name, "scenario": str(study.scenario.absolute()),
+                "resolved": resolved, "observe": [row.model_dump(exclude_none=True) for row in study.model.observe],
+                "cases": merged,
+            }  # fmt: skip
+            commit_bytes(self.path / DOCUMENT, "study document", json.dumps(document, indent=1, ensure_ascii=False).encode())
+        return new
+
+    def _refuse_foreign(self) -> None:
+        with storage_errors(self.path):
+            if self.path.exists() and (not self.path.is_dir() or {entry.name for entry in self.path.iterdir()} - {LOCK}):
+                raise DirectoryRefused(f"{self.path}: exists and holds no study; choose another directory with -o")
+
+    def _refuse_changes(self, study: Study, cases: Sequence[Case], document: dict[str, Any], resolved: str) -> None:
+        findings = [_about_scenario(difference) for difference in find_differences(document["resolved"], resolved)]
+        for case in cases:
+            before = document["cases"].get(case.name)
+            if before is not None and before != dict(case.values):
+                changed = next(key for key in {**before, **case.values} if before.get(key) != case.values.get(key))
+                message = f"case {case.name} had {changed} = {before.get(changed)!r}, now {case.values.get(changed)!r}"
+                findings.append(Finding(("vary",), message, "choose another directory with -o"))
+        if findings:
+            raise study.refuse(*findings[:10])
+
+    @contextlib.contextmanager
+    def held(self, *, force: bool = False) -> Iterator[None]:
+        """Keep other clients away.
+
+        Raises:
+            RunLocked: Another client is at work on the study; the message names it.
+        """
+        make_directory(self.path)
+        lock = RunLock(self.path / LOCK, force=force)
+        try:
+            yield
+        finally:
+            lock.release()
+
+    def state(self, case: Case) -> CaseState:
+        """How a case stands; reads only its ``run.json`` and what is beside it."""
+        failure = _read_json(self.failure(case.name))
+        if failure:
+            return CaseState(CaseStatus.FAILED, str(failure.get("reason", "")))
+        run = self.case(case.name)
+        found = _read_json(run / layout.RUN)
+        if not found:
+            return CaseState(CaseStatus.WAITING)
+        step = int((found.get("summary") or {}).get("step", 0))
+        if found.get("status") == "finished":
+            return CaseState(CaseStatus.FINISHED, step=step)
+        if is_alive(run / layout.LOCK):
+            beat = _read_json(run / layout.PROGRESS)
+            return CaseState(
+                CaseStatus.RUNNING, "", int(beat.get("step", step)), beat.get("progress"), beat.get("remaining_seconds")
+            )
+        reason = str(found.get("stop_reason") or "interrupted")
+        return CaseState(CaseStatus.FAILED if found.get("status") == "failed" else CaseStatus.STOPPED, reason, step)
+
+    def record_failure(self, name: str, reason: str, exit_code: int) -> None:
+        """Keep why a case could not be computed."""
+        data = {"case": name, "reason": reason, "exit_code": exit_code}
+        commit_bytes(self.failure(name), "failure of a case", json.dumps(data, indent=1, ensure_ascii=False).encode())
+
+
+def _about_scenario(difference: Difference) -> Finding:
+    key = ".".join(map(str, difference.path))
+    message = f"the scenario has {key} = {difference.after}, it had {difference.before} when the study began"
+    return Finding(("study", "scenario"), message, "choose another directory with -o")
+
+
+def _read_json(file: Path) -> dict[str, Any]:
+    """The document in a file; empty if there is none, or none yet on a shared file system."""
+    try:
+        found = json.loads(file.read_bytes())
+    except (OSError, ValueError):
+        return {}
+    return found if isinstance(found, dict) else {}

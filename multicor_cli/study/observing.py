@@ -1,0 +1,170 @@
+"""Numbers taken from the runs of a study: each observable with its error, kept once the run is finished."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from multicor_cli.post.rheology import QUANTITIES
+from multicor_cli.scenario.problems import Finding
+from multicor_cli.scenario.translate import did_you_mean
+from multicor_cli.store.atomic import commit_bytes
+from multicor_cli.store.schema import SERIES
+from multicor_cli.study.cases import Case
+from multicor_cli.study.directory import StudyDirectory
+from multicor_cli.study.load import Study
+from multicor_cli.study.schema import After, Observable
+
+RHEOLOGY = [row.name for row in QUANTITIES]
+"""Quantities of `multicor post rheology`."""
+
+_BLOCKS = 10
+
+
+@dataclass(frozen=True)
+class Number:
+    """A number with its standard error; nan where it is not known."""
+
+    value: float
+    error: float = math.nan
+
+
+class Unobservable(Exception):
+    """An observable that a run does not have."""
+
+
+def observe(directory: StudyDirectory, case: Case, observables: Sequence[Observable]) -> dict[str, Any]:
+    """Numbers of a finished case, its digest and its worst verdict, from ``observed/NAME.json`` if they are there.
+
+    Returns:
+        ``values`` (name: ``[value, error]``), ``problems`` (name: why it could not be taken), ``verdict``, ``digest``, ``hours``.
+    """
+    file, wanted = directory.observed(case.name), _digest(observables)
+    try:
+        kept = json.loads(file.read_bytes())
+    except (OSError, ValueError):
+        kept = {}
+    if isinstance(kept, dict) and kept.get("observables") == wanted:
+        return kept
+    found = {"observables": wanted, **_take(directory, case, observables)}
+    commit_bytes(file, "observed numbers", json.dumps(found).encode())
+    return found
+
+
+def _digest(observables: Sequence[Observable]) -> str:
+    text = json.dumps([row.model_dump() for row in observables], sort_keys=True)
+    return hashlib.sha256(text.encode()).hexdigest()[:16]
+
+
+def _take(directory: StudyDirectory, case: Case, observables: Sequence[Observable]) -> dict[str, Any]:
+    import multicor_cli as multicor
+    from multicor_cli.checks import worst_verdict
+    from multicor_cli.store import run_info
+
+    path = directory.case(case.name)
+    info = run_info(path)
+    values: dict[str, list[float]] = {}
+    problems: dict[str, str] = {}
+    for row in observables:
+        try:
+            number = take_one(path, row, info)
+        except Exception as error:  # whatever a run lacks is told in the table; others are still taken
+            problems[row.name] = str(error) or type(error).__name__
+        else:
+            values[row.name] = [number.value, number.error]
+    verdict = worst_verdict(multicor.check_run(path)).value
+    hours = float((info["timings"] or {}).get("wall", math.nan)) / 3600.0
+    return {"values": values, "problems": problems, "verdict": verdict, "digest": info["state_digest"], "hours": hours}
+
+
+def unknown_observables(study: Study) -> list[Finding]:
+    """What no run of any scenario has."""
+    series = [spec.path.removeprefix("series/") for spec in SERIES if len(spec.dims) == 1]
+    findings = []
+    for number, row in enumerate(study.model.observe):
+        if row.value is not None and row.value not in RHEOLOGY:
+            known = did_you_mean(row.value, RHEOLOGY) or f"rheology has {', '.join(RHEOLOGY)}"
+            findings.append(Finding(("observe", number, "value"), f"rheology has no {row.value}", known))
+        if row.series is not None and row.series not in series:
+            known = did_you_mean(row.series, series) or f"it has {', '.join(series)}"
+            findings.append(Finding(("observe", number, "series"), f"the time series has no {row.series}", known))
+    return findings
+
+
+def take_one(path: Any, row: Observable, info: dict[str, Any]) -> Number:
+    """One observable of a run.
+
+    Raises:
+        Unobservable: The run does not have it.
+        PostError: It has too few frames.
+    """
+    import multicor_cli as multicor
+    from multicor_cli.post.source import Selection
+
+    if row.info is not None:
+        return Number(_field(info, row.info))
+    with multicor.open_run(path) as run:
+        start = _start(run, row.after)
+        if row.series is not None:
+            return _mean_of_series(run, row.series, start)
+        from multicor_cli.post.rheology import rheology
+
+        found = rheology(run, Selection(start=start))
+    if row.value not in found.mean:
+        raise Unobservable(f"rheology has no {row.value}; it has {', '.join(found.mean)}")
+    return Number(found.mean[row.value], found.error[row.value])
+
+
+def _field(info: dict[str, Any], name: str) -> float:
+    node: Any = info
+    for part in name.split("."):
+        if not isinstance(node, dict) or part not in node:
+            known = ", ".join(sorted(node)) if isinstance(node, dict) else "nothing"
+            raise Unobservable(f"info has no {name}; there is {known}")
+        node = node[part]
+    if isinstance(node, bool) or not isinstance(node, int | float):
+        raise Unobservable(f"{name} of info is no number")
+    return float(node)
+
+
+def _start(run: Any, after: After | None) -> float | None:
+    """Time from which on is averaged; None: the default of `multicor post`."""
+    if after is None:
+        return None
+    if after.time is not None:
+        return after.time
+    stage, strain = np.asarray(run.series["stage"]), np.asarray(run.series["strain"])
+    reached = np.flatnonzero((stage == stage.max()) & (strain >= float(after.strain or 0.0)))
+    if not reached.size:
+        raise Unobservable(
+            f"the strain of the last stage ends at {strain[stage == stage.max()].max():.3g}, before {after.strain:g}"
+        )
+    return float(run.series["time"][reached[0]])
+
+
+def _mean_of_series(run: Any, name: str, start: float | None) -> Number:
+    """Mean of a column, weighted by the windows, with the error of the means of ten blocks."""
+    if name not in run.series:
+        raise Unobservable(f"the time series has no {name}; it has {', '.join(run.series)}")
+    column = np.asarray(run.series[name], float)
+    if column.ndim != 1:
+        raise Unobservable(f"{name} of the time series has several columns for each row")
+    time, stage = np.asarray(run.series["time"]), np.asarray(run.series["stage"])
+    if start is None:
+        own = time[stage == stage.max()]
+        start = 0.5 * float(own[0] + own[-1])
+    rows = np.flatnonzero((time >= start) & (np.asarray(run.series["window_duration"]) > 0.0))
+    if not rows.size:
+        raise Unobservable(f"the time series has no row after {start:g} s")
+    weight = np.asarray(run.series["window_duration"])[rows]
+    mean = float((column[rows] * weight).sum() / weight.sum())
+    blocks = [block for block in np.array_split(rows, min(_BLOCKS, rows.size)) if block.size]
+    means = np.array([column[block].mean() for block in blocks])
+    error = float(means.std(ddof=1) / math.sqrt(means.size)) if means.size > 1 else math.nan
+    return Number(mean, error)

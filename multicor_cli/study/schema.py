@@ -1,0 +1,223 @@
+"""What a study file says: which scenario, what is varied, what is observed, and where it is computed."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Annotated, Any, Literal, Self
+
+from pydantic import Discriminator, Field, Strict, Tag, field_validator, model_validator
+
+from multicor_cli.scenario.base import Name, Table, refuse
+
+MAX_CASES = 100_000
+"""Most cases of a study."""
+
+Scalar = bool | int | float | str
+"""A value of a key of a scenario that a study may give."""
+
+Key = Annotated[str, Field(min_length=1, max_length=200)]
+
+
+class Range(Table):
+    """Evenly spaced numbers from one to another, both included."""
+
+    from_: int | float = Field(alias="from", description="first number")
+    to: int | float = Field(description="last number")
+    count: int = Field(ge=1, le=MAX_CASES, description="how many")
+    spacing: Literal["linear", "log"] = Field("linear", description="equal differences, or equal ratios")
+
+    @model_validator(mode="after")
+    def _is_a_range(self) -> Self:
+        if self.from_ == self.to and self.count > 1:
+            raise refuse(f"the range from {self.from_:g} to {self.to:g} has no length", "give two different ends, or a list", "to")
+        if self.spacing == "log" and min(self.from_, self.to) <= 0.0:
+            raise refuse("a range with spacing 'log' needs positive ends", 'use spacing = "linear"', "from")
+        return self
+
+
+class Sampled(Table):
+    """Points drawn from the box that the ranges of ``vary`` span."""
+
+    kind: Literal["latin-hypercube", "sobol"] = Field(description="how points are drawn")
+    count: int = Field(ge=1, le=MAX_CASES, description="number of points; for sobol a power of two is best")
+    seed: int = Field(1, ge=0, le=2**31 - 1, description="seed of the points")
+
+
+Values = Annotated[tuple[Scalar, ...], Strict(False), Field(min_length=1, max_length=MAX_CASES)]
+
+
+def _axis_tag(value: Any) -> str:
+    return "<range>" if isinstance(value, dict | Range) else "<list>"
+
+
+Axis = Annotated[Annotated[Values, Tag("<list>")] | Annotated[Range, Tag("<range>")], Discriminator(_axis_tag)]
+"""Values of one key."""
+
+
+OPTIONS = ("zip", "file", "sample")
+"""Keys of ``[vary]`` that are no keys of a scenario: those have a dot in them."""
+
+
+def _flat(path: tuple[str, ...], data: dict[str, Any]) -> Iterator[tuple[str, Any]]:
+    """Values by dotted key: what is a table and no range is a part of the key that was written without quotes."""
+    for key, value in data.items():
+        if isinstance(value, dict) and not value.keys() & {"from", "to", "count", "spacing"}:
+            yield from _flat((*path, key), value)
+        else:
+            yield ".".join((*path, key)), value
+
+
+class Vary(Table):
+    """What is varied: keys of the scenario as for ``--set``, each with its values; all combinations are cases.
+
+    Keys of the scenario are collected in ``keys``; the others say how they are combined.
+    """
+
+    zip: Annotated[tuple[Annotated[tuple[Key, ...], Strict(False), Field(min_length=2)], ...], Strict(False)] = Field(
+        (), description="groups of keys whose values go together, the first with the first, instead of being combined"
+    )
+    file: str | None = Field(None, min_length=1, description="CSV file: a column for each key, a row for each combination")
+    sample: Sampled | None = Field(None, description="draw points between the ends of all ranges instead of combining them")
+    keys: dict[Key, Axis] = Field(default_factory=dict, max_length=100, description="values of each key")
+
+    @model_validator(mode="before")
+    @classmethod
+    def _collect(cls, data: Any) -> Any:
+        if not isinstance(data, dict):
+            return data
+        own = {key: value for key, value in data.items() if key in OPTIONS}
+        return own | {"keys": dict(_flat((), {key: value for key, value in data.items() if key not in own}))}
+
+
+class After(Table):
+    """From when on an observable is averaged."""
+
+    time: float | None = Field(None, ge=0.0, description="time [s]")
+    strain: float | None = Field(None, ge=0.0, description="shear strain of the last stage")
+
+    @model_validator(mode="after")
+    def _one(self) -> Self:
+        if (self.time is None) == (self.strain is None):
+            raise refuse("either time or strain says from when on", "give one of them")
+        return self
+
+
+class Observable(Table):
+    """One number, with its error, from every run."""
+
+    name: Name = Field(description="its name in tables and figures")
+    post: Literal["rheology"] | None = Field(None, description="table of `multicor post` that it is a mean of")
+    info: str | None = Field(None, min_length=1, description="field of `multicor info --json`, as solver.sweeps_mean")
+    series: str | None = Field(None, min_length=1, description="column of the time series, averaged")
+    value: str | None = Field(None, min_length=1, description="quantity of the table")
+    after: After | None = Field(None, description="from when on; default: the later half of the last stage")
+
+    @model_validator(mode="after")
+    def _one_source(self) -> Self:
+        given = [name for name in ("post", "info", "series") if getattr(self, name) is not None]
+        if len(given) != 1:
+            raise refuse("post, info or series says where an observable comes from", "give one of them")
+        if (self.post is None) != (self.value is None):
+            raise refuse("post and value belong together", 'give both: post = "rheology", value = "friction_walls"')
+        if self.info is not None and self.after is not None:
+            raise refuse("a field of info is no mean", "leave after out", "after")
+        return self
+
+
+_UNITS = {"k": 3, "M": 6, "G": 9, "T": 12}
+
+
+def parse_memory(text: str) -> float:
+    """Bytes of a size as ``4GB`` or ``4GiB``."""
+    number = text.rstrip("kMGTiB ")
+    unit = text[len(number) :].strip()
+    power = _UNITS[unit[0]]
+    return float(number) * (1024.0 ** (power / 3) if unit[1:2] == "i" else 10.0**power)
+
+
+class Queue(Table):
+    """Jobs of a batch system; further keys are those of the class of dask-jobqueue."""
+
+    model_config = Table.model_config | {"extra": "allow"}
+
+    queue: str | None = Field(None, description="partition or queue")
+    walltime: str = Field("01:00:00", pattern=r"^\d+(-\d+)?:\d\d(:\d\d)?$", description="of a job, hh:mm:ss")
+    cores: int = Field(1, ge=1, le=4096, description="of a job")
+    memory: str = Field("4GB", pattern=r"^\d+(\.\d+)? ?[kMGT]i?B$", description="of a job")
+    jobs: int = Field(1, ge=1, le=10_000, description="number of jobs at a time")
+
+    @property
+    def seconds(self) -> float:
+        """Walltime [s]."""
+        days, _, clock = self.walltime.rpartition("-")
+        parts = [int(part) for part in clock.split(":")]
+        hours, minutes, seconds = parts if len(parts) == 3 else (parts[0], parts[1], 0)
+        return 86400.0 * int(days or 0) + 3600.0 * hours + 60.0 * minutes + seconds
+
+
+class Compute(Table):
+    """Where cases are computed."""
+
+    workers: int | None = Field(None, ge=1, le=1024, description="cases at a time on this machine; default: one for each core")
+    scheduler: str | None = Field(None, min_length=1, description="address of a Dask scheduler that runs, as tcp://host:8786")
+    slurm: Queue | None = Field(None, description="jobs of SLURM")
+    pbs: Queue | None = Field(None, description="jobs of PBS")
+    sge: Queue | None = Field(None, description="jobs of SGE")
+    lsf: Queue | None = Field(None, description="jobs of LSF")
+
+    @model_validator(mode="after")
+    def _one(self) -> Self:
+        given = [name for name, value in self if value is not None]
+        if len(given) > 1:
+            raise refuse(f"{' and '.join(given)} cannot be had together", "give one of them", given[1])
+        return self
+
+
+class About(Table):
+    """Name, scenario and seeds."""
+
+    name: Name = Field(description="name of the study; runs go into studies/NAME")
+    scenario: str = Field(min_length=1, description="path of the scenario, relative to this file")
+    seeds: int | Annotated[tuple[int, ...], Strict(False), Field(min_length=1)] | None = Field(
+        None, description="number of seeds, from that of the scenario on, or a list of them; default: that of the scenario"
+    )
+    description: str = Field("", max_length=1000, description="a line about the study")
+
+    @model_validator(mode="after")
+    def _different_seeds(self) -> Self:
+        if isinstance(self.seeds, int) and not 1 <= self.seeds <= MAX_CASES:
+            raise refuse(f"there cannot be {self.seeds} seeds", f"give 1 to {MAX_CASES}, or a list of seeds", "seeds")
+        if isinstance(self.seeds, tuple) and len(set(self.seeds)) < len(self.seeds):
+            raise refuse("a seed comes twice", "give each seed once", "seeds")
+        return self
+
+
+class StudyModel(Table):
+    """A study file."""
+
+    study: About = Field(description="name, scenario and seeds")
+    set: dict[Key, Scalar] = Field(default_factory=dict, max_length=100, description="keys of the scenario set in all cases")
+    vary: Vary = Field(default_factory=Vary, description="what is varied")
+    observe: Annotated[tuple[Observable, ...], Strict(False)] = Field(
+        (), max_length=100, description="numbers taken from every run"
+    )
+    compute: Compute = Field(default_factory=Compute, description="where cases are computed")
+
+    @field_validator("set", mode="before")
+    @classmethod
+    def _collect(cls, data: Any) -> Any:
+        return dict(_flat((), data)) if isinstance(data, dict) else data
+
+    @model_validator(mode="after")
+    def _different_keys(self) -> Self:
+        for key in self.set:
+            if key in self.vary.keys:
+                raise refuse(f"{key} is set and varied", "leave one of them out", "set")
+        return self
+
+    @model_validator(mode="after")
+    def _different_names(self) -> Self:
+        names = [observable.name for observable in self.observe]
+        if len(set(names)) < len(names):
+            raise refuse("two observables have the same name", "give each its own", "observe")
+        return self

@@ -1,0 +1,156 @@
+"""A study from its file to its table."""
+
+from __future__ import annotations
+
+import signal
+import threading
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from multicor_cli.scenario.load import load_scenario
+from multicor_cli.study.cases import Case, expand
+from multicor_cli.study.clusters import Site, connected, require_dask
+from multicor_cli.study.computing import Computation, Needs, Tally, Watcher
+from multicor_cli.study.directory import LOGS, CaseState, CaseStatus, StudyDirectory
+from multicor_cli.study.forecast import Forecast, check_cases, forecast
+from multicor_cli.study.load import Study, load_study
+from multicor_cli.study.observing import unknown_observables
+from multicor_cli.study.table import StudyTable, make_table
+
+
+class _Silent:
+    def warning(self, text: str) -> None:
+        """Ignore it."""
+
+    def began(self, text: str, cases: int) -> None:
+        """Ignore it."""
+
+    def ended(self, case: Case, outcome: dict[str, Any]) -> None:
+        """Ignore it."""
+
+    def looked(self, running: Sequence[Case]) -> None:
+        """Ignore it."""
+
+    def stopping(self) -> None:
+        """Ignore it."""
+
+
+@dataclass(frozen=True)
+class StudySession:
+    """A study, its cases and its directory.
+
+    Attributes:
+        study: What the file says.
+        cases: Its cases.
+        directory: Where their runs are, or will be.
+    """
+
+    study: Study
+    cases: list[Case]
+    directory: StudyDirectory
+
+    @classmethod
+    def open(cls, file: str | Path, directory: str | Path | None = None) -> StudySession:
+        """Load a study file and list its cases; writes nothing.
+
+        Raises:
+            ScenarioError: It is wrong.
+        """
+        study = load_study(file)
+        path = Path(directory) if directory is not None else Path("studies") / study.name
+        return cls(study, expand(study), StudyDirectory(path))
+
+    def check(self) -> Forecast:
+        """Look at every case, and estimate the study.
+
+        Raises:
+            ScenarioError: A case is wrong, or its grains cannot be placed.
+        """
+        if findings := unknown_observables(self.study):
+            raise self.study.refuse(*findings)
+        check_cases(self.study, self.cases)
+        return forecast(self.study, self.cases)
+
+    def states(self) -> list[CaseState]:
+        """How each case stands."""
+        return [self.directory.state(case) for case in self.cases]
+
+    def compute(
+        self,
+        *,
+        client: Any = None,
+        retry: bool = False,
+        max_hours: float | None = None,
+        watcher: Watcher | None = None,
+        predicted: Forecast | None = None,
+    ) -> Tally:
+        """Compute the cases that are left.
+
+        Args:
+            client: A `dask.distributed.Client` to use; default: what the file says.
+            retry: Whether cases that failed are tried again.
+            max_hours: Wall-clock time after which to stop with checkpoints [h].
+            watcher: Is told how it goes.
+            predicted: What `check` has found, if it has been called.
+
+        Raises:
+            ScenarioError: A case is wrong, or not as when the study began.
+            StoreError: The directory cannot be used, or Dask is missing.
+            RunLocked: Another client is at work on the study.
+        """
+        require_dask()
+        resolved = load_scenario(self.study.scenario, self.study.fixed).resolved_toml()
+        if predicted is None and any(self.directory.state(case).status is CaseStatus.WAITING for case in self.cases):
+            predicted = self.check()
+        with self.directory.held():
+            self.directory.begin(self.study, self.cases, resolved)
+            left = [case for case in self.cases if self._is_left(case, retry=retry)]
+            if not left:
+                return Tally()
+            needs = predicted.needs if predicted is not None else Needs()
+            with _stop_signals() as asked, self._site(client, len(left)) as site:
+                work = Computation(self.directory, self.study, site, needs, watcher or _Silent())
+                return work.run(left, asked.is_set, None if max_hours is None else 3600.0 * max_hours)
+
+    def _is_left(self, case: Case, *, retry: bool) -> bool:
+        status = self.directory.state(case).status
+        if status is CaseStatus.FAILED and retry:
+            self.directory.failure(case.name).unlink(missing_ok=True)
+            return True
+        return status not in (CaseStatus.FINISHED, CaseStatus.FAILED)
+
+    @contextmanager
+    def _site(self, client: Any, most: int) -> Iterator[Site]:
+        if client is not None:
+            yield Site(client, 1, "a Dask client")
+            return
+        with connected(self.study.model.compute, self.directory.path / LOGS, most=most) as site:
+            yield site
+
+    def table(self) -> StudyTable:
+        """A row for each case, finished or not."""
+        return make_table(self.directory, self.study.model.observe, self.cases)
+
+
+@contextmanager
+def _stop_signals() -> Iterator[threading.Event]:
+    """An event that Ctrl-C, SIGTERM and SIGHUP set; the second Ctrl-C interrupts at once."""
+    asked = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield asked
+        return
+
+    def note(number: int, _frame: Any) -> None:
+        if asked.is_set() and number == signal.SIGINT:
+            raise KeyboardInterrupt
+        asked.set()
+
+    before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
+    try:
+        yield asked
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)

@@ -1,0 +1,291 @@
+"""The commands ``study …`` with real worker processes."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import os
+import shutil
+import signal
+import subprocess
+import time
+from pathlib import Path
+
+import pytest
+from command_line import call, call_outside, start
+from places import ROOT
+from scenes import SMALL
+
+import multicor_cli as multicor
+from multicor_cli.study.cases import Case
+from multicor_cli.study.directory import CaseStatus, StudyDirectory
+from multicor_cli.study.figure import Series, fit
+
+pytest.importorskip("distributed")
+
+STUDY = """\
+[study]
+name = "s"
+scenario = "small.toml"
+seeds = 2
+
+[vary]
+"contacts.0.friction" = [0.2, 0.4]
+
+[[observe]]
+name = "mu"
+post = "rheology"
+value = "friction_walls"
+after = { time = 0.02 }
+
+[[observe]]
+name = "kinetic"
+series = "kinetic"
+
+[[observe]]
+name = "steps"
+info = "step"
+
+[compute]
+workers = 2
+"""
+NAMES = [f"friction={friction}_seed={seed}" for friction in (0.2, 0.4) for seed in (3, 4)]
+
+
+@pytest.fixture(scope="module")
+def digests(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+    """Of the ends of the cases, each run alone."""
+    folder = tmp_path_factory.mktemp("alone")
+    found = {}
+    for friction in (0.2, 0.4):
+        for seed in (3, 4):
+            changes = [f"contacts.0.friction={friction}", f"scenario.seed={seed}"]
+            (folder / "small.toml").write_text(SMALL)
+            path = folder / f"{friction}-{seed}"
+            multicor.run(folder / "small.toml", path, overrides=changes)
+            found[f"friction={friction}_seed={seed}"] = json.loads((path / "run.json").read_text())["summary"]["state_digest"]
+    return found
+
+
+@pytest.fixture(scope="module")
+def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A folder with a study that is finished."""
+    folder = tmp_path_factory.mktemp("finished")
+    write(folder)
+    done = call_outside("study", "run", "s.toml", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    assert "4 cases: 4 finished" in done.stderr
+    assert "multicor study table s.toml" in done.stderr
+    return folder
+
+
+def write(folder: Path, *changes: tuple[str, str], scenario: tuple[str, str] = ("", "")) -> None:
+    text = STUDY
+    for before, after in changes:
+        assert before in text
+        text = text.replace(before, after)
+    (folder / "s.toml").write_text(text)
+    (folder / "small.toml").write_text(SMALL.replace(*scenario))
+
+
+def rows(folder: Path, *options: str) -> list[dict[str, str]]:
+    done = call("study", "table", "s.toml", "--csv", *options, cwd=folder)
+    assert done.returncode == 0, done.stderr
+    return list(csv.DictReader(io.StringIO(done.stdout)))
+
+
+def states(folder: Path) -> dict[str, CaseStatus]:
+    directory = StudyDirectory(folder / "studies" / "s")
+    return {case.name: directory.state(case).status for case in directory.cases()}
+
+
+def digests_of(folder: Path) -> dict[str, str]:
+    return {row["directory"].rsplit("/", 1)[1]: row["digest"] for row in rows(folder)}
+
+
+def test_cases_are_the_runs_that_they_would_be_alone(finished: Path, digests: dict[str, str]) -> None:
+    assert digests_of(finished) == digests
+    for name in NAMES:
+        done = call("info", f"studies/s/cases/{name}", cwd=finished)
+        assert done.returncode == 0
+
+
+def test_the_same_command_does_nothing_more(finished: Path) -> None:
+    before = {path: path.stat().st_mtime_ns for path in (finished / "studies").rglob("run.json")}
+    done = call_outside("study", "run", "s.toml", cwd=finished)
+    assert done.returncode == 0, done.stderr
+    assert before == {path: path.stat().st_mtime_ns for path in (finished / "studies").rglob("run.json")}
+
+
+def test_table(finished: Path) -> None:
+    found = rows(finished)
+    assert [(row["friction"], row["seed"], row["status"]) for row in found] == [
+        (friction, seed, "finished") for friction in ("0.2", "0.4") for seed in ("3", "4")
+    ]
+    for row in found:
+        path = finished / row["directory"]
+        with multicor.open_run(path) as run:
+            from multicor_cli.post import Selection, rheology
+
+            expected = rheology(run, Selection(start=0.02))
+            assert float(row["mu"]) == expected.mean["friction_walls"]
+            assert float(row["mu_error"]) == expected.error["friction_walls"]
+            assert float(row["steps"]) == run.info["summary"]["step"]
+        assert float(row["kinetic"]) > 0.0
+        assert row["verdict"] in ("ok", "warning", "bad")
+    mean = rows(finished, "--mean")
+    assert [row["friction"] for row in mean] == ["0.2", "0.4"]
+    numbers = [float(row["mu"]) for row in found[:2]]
+    assert float(mean[0]["mu"]) == pytest.approx(sum(numbers) / 2.0)
+    assert float(mean[0]["mu_between"]) == pytest.approx(abs(numbers[0] - numbers[1]) / 2.0)
+    assert mean[0]["mu_seeds"] == "2"
+
+
+def test_table_as_pandas_and_parquet(finished: Path) -> None:
+    pandas = pytest.importorskip("pandas")
+    pytest.importorskip("pyarrow")
+    done = call("study", "table", "s.toml", "--parquet", "t.parquet", cwd=finished)
+    assert done.returncode == 0, done.stderr
+    found = pandas.read_parquet(finished / "t.parquet")
+    assert list(found["seed"]) == [3, 4, 3, 4]
+    assert found["mu"].notna().all()
+
+
+def test_figures(finished: Path) -> None:
+    done = call("study", "plot", "s.toml", "f.png", "--of", "mu", "--against", "friction", cwd=finished)
+    assert done.returncode == 0, done.stderr
+    assert (finished / "f.png").read_bytes().startswith(b"\x89PNG")
+    done = call("study", "plot", "s.toml", "term", "--of", "steps", "--against", "seed", cwd=finished)
+    assert done.returncode != 0
+    assert "varies no seed" in done.stderr  # means over seeds have none
+    done = call("study", "plot", "s.toml", "term", "--of", "mu", "--against", "friction", cwd=finished)
+    assert "friction" in done.stdout
+
+
+def test_status(finished: Path) -> None:
+    done = call("study", "status", "s.toml", "--json", cwd=finished)
+    found = json.loads(done.stdout)["cases"]
+    assert [case["name"] for case in found] == NAMES
+    assert {case["status"] for case in found} == {"finished"}
+    assert call("study", "cancel", "s.toml", cwd=finished).stderr.startswith("nobody")
+
+
+def test_more_cases_are_added_and_changed_ones_refused(finished: Path, tmp_path: Path) -> None:
+    shutil.copytree(finished, tmp_path, dirs_exist_ok=True)
+    write(tmp_path, ("seeds = 2", "seeds = [4, 5]"))
+    done = call_outside("study", "run", "s.toml", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "2 cases with" in done.stderr
+    assert {path.name for path in (tmp_path / "studies/s/cases").iterdir()} == {
+        *NAMES,
+        "friction=0.2_seed=5",
+        "friction=0.4_seed=5",
+    }
+    write(tmp_path, scenario=("count = 60", "count = 61"))
+    done = call("study", "run", "s.toml", cwd=tmp_path)
+    assert done.returncode == 3
+    assert "it had 60 when the study began" in done.stderr
+
+
+def test_a_case_that_fails_is_listed_and_tried_again_only_if_asked(tmp_path: Path) -> None:
+    """A floor that is not level cannot bear a stage that must come to rest in time."""
+    late = ("until = { kinetic_energy_ratio = 1e-2 }", 'until = { kinetic_energy_ratio = 1e-12 }\non_timeout = "stop"')
+    write(tmp_path, ("[0.2, 0.4]", "[0.2]"), ("seeds = 2", "seeds = 1"), scenario=late)
+    done = call_outside("study", "run", "s.toml", cwd=tmp_path)
+    assert done.returncode == 4
+    assert "friction=0.2_seed=3: " in done.stderr
+    assert states(tmp_path) == {"friction=0.2_seed=3": CaseStatus.FAILED}
+    done = call("study", "status", "s.toml", cwd=tmp_path)
+    assert "failed   friction=0.2_seed=3: stage settle" in done.stdout
+    again = call_outside("study", "run", "s.toml", cwd=tmp_path)
+    assert again.returncode == 4
+    assert "--retry" in again.stderr
+    assert "with 1 worker" not in again.stderr
+    assert "with 1 worker" in call_outside("study", "run", "s.toml", "--retry", cwd=tmp_path).stderr
+
+
+LONG = ("value = 0.15", "value = 2.0")
+
+
+def wait_until_running(folder: Path, process: subprocess.Popen[str]) -> None:
+    """Until a case has done a step."""
+    directory = StudyDirectory(folder / "studies" / "s")
+    for _ in range(1200):
+        assert process.poll() is None, process.communicate()
+        if directory.exists:
+            for case in directory.cases():
+                state = directory.state(case)
+                if state.status is CaseStatus.RUNNING and state.step > 0:
+                    return
+        time.sleep(0.05)
+    raise AssertionError("no case ran")
+
+
+@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
+def test_a_client_that_stops_or_dies_loses_nothing(number: int, tmp_path: Path) -> None:
+    write(tmp_path, scenario=LONG)
+    process = start("study", "run", "s.toml", cwd=tmp_path)
+    wait_until_running(tmp_path, process)
+    second = call("study", "run", "s.toml", cwd=tmp_path)
+    assert second.returncode == 6
+    assert str(process.pid) in second.stderr
+    os.kill(process.pid, number)
+    _, err = process.communicate(timeout=120)
+    assert process.returncode == (130 if number == signal.SIGINT else -signal.SIGKILL), err
+    assert CaseStatus.FAILED not in states(tmp_path).values()
+    done = call_outside("study", "run", "s.toml", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    whole = tmp_path / "whole"
+    whole.mkdir()
+    write(whole, scenario=LONG)
+    assert call_outside("study", "run", "s.toml", cwd=whole).returncode == 0
+    assert digests_of(tmp_path) == digests_of(whole)
+
+
+def test_a_case_whose_process_is_killed_goes_on(tmp_path: Path) -> None:
+    write(tmp_path, ("[0.2, 0.4]", "[0.2]"), ("seeds = 2", "seeds = 1"), scenario=LONG)
+    process = start("study", "run", "s.toml", cwd=tmp_path)
+    wait_until_running(tmp_path, process)
+    holder = json.loads((tmp_path / "studies/s/cases/friction=0.2_seed=3/lock").read_text())
+    os.kill(holder["pid"], signal.SIGKILL)
+    _, err = process.communicate(timeout=120)
+    assert process.returncode == 0, err
+    assert list(states(tmp_path).values()) == [CaseStatus.FINISHED]
+
+
+def test_a_time_limit_stops_with_its_exit_code(tmp_path: Path) -> None:
+    write(tmp_path, scenario=("value = 0.15", "value = 1000.0"))
+    done = call_outside("study", "run", "s.toml", "--max-hours", "0.003", cwd=tmp_path)
+    assert done.returncode == 75, done.stderr
+    assert set(states(tmp_path).values()) <= {CaseStatus.STOPPED, CaseStatus.WAITING}
+    assert CaseStatus.STOPPED in states(tmp_path).values()
+
+
+def test_a_directory_with_something_else_is_refused(tmp_path: Path) -> None:
+    write(tmp_path)
+    (tmp_path / "studies" / "s").mkdir(parents=True)
+    (tmp_path / "studies" / "s" / "thesis.tex").write_text("")
+    done = call("study", "run", "s.toml", cwd=tmp_path)
+    assert done.returncode == 6
+    assert "holds no study" in done.stderr
+
+
+def test_shipped_studies_are_valid() -> None:
+    for path in sorted((ROOT / "configs" / "studies").glob("*.toml")):
+        done = call("study", "validate", path, "--json", cwd=ROOT)
+        assert done.returncode == 0, done.stderr
+        assert json.loads(done.stdout)["cases"]
+
+
+def test_fits_find_the_curves_that_made_the_points() -> None:
+    import numpy as np
+
+    x = np.geomspace(0.003, 0.3, 12)
+    for kind, y in (("line", 1.0 + 2.0 * x), ("power", 3.0 * x**0.4), ("mu-of-I", 0.25 + 0.5 / (1.0 + 0.2 / x))):
+        found = fit(kind, Series("", x, y, np.full(12, 1e-3)))
+        assert found.curve(x) == pytest.approx(y, rel=1e-6), kind
+
+
+def test_a_case_in_words() -> None:
+    assert Case("a", {"x.y": "b c", "z.w": True}).overrides == ['x.y="b c"', "z.w=true"]
