@@ -3,5 +3,6 @@ from .checks import check_scenario as check_scenario
 from .running import run as run
 from .scenario.load import load_scenario as load_scenario
 from .store.reader import open_run as open_run
+from .studies import study as study
 
 __version__: str

@@ -21,10 +21,10 @@ from multicor_cli.cli.options import count_noun
 from multicor_cli.text import format_bytes
 
 if TYPE_CHECKING:
-    from multicor_cli.study.cases import Case
-    from multicor_cli.study.directory import StudyDirectory
-    from multicor_cli.study.session import StudySession
-    from multicor_cli.study.table import StudyTable
+    from multicor_cli.studies.cases import Case
+    from multicor_cli.studies.directory import StudyDirectory
+    from multicor_cli.studies.session import StudySession
+    from multicor_cli.studies.table import StudyTable
 
 study = typer.Typer(no_args_is_help=True, help="Compute many runs of one scenario, and make their table and figures.")
 
@@ -61,8 +61,8 @@ def run(
     Ctrl-C, SIGTERM and SIGHUP stop running cases after a checkpoint.
     """
     from multicor_cli.running.outcome import ExitCode
-    from multicor_cli.study.directory import CaseStatus
-    from multicor_cli.study.session import StudySession
+    from multicor_cli.studies.directory import CaseStatus
+    from multicor_cli.studies.session import StudySession
 
     session = StudySession.open(file, output)
     predicted = None
@@ -94,7 +94,7 @@ def run(
 
 def validate(file: StudyFile, is_json: Json = False) -> None:
     """Check a study and every case of it, and estimate what it will cost. Nothing is written."""
-    from multicor_cli.study.session import StudySession
+    from multicor_cli.studies.session import StudySession
 
     session = StudySession.open(file)
     found = session.check()
@@ -121,8 +121,8 @@ def validate(file: StudyFile, is_json: Json = False) -> None:
 
 def status(file: StudyFile, output: Output = None, is_json: Json = False) -> None:
     """Show how far the cases of a study are."""
-    from multicor_cli.study.directory import CaseStatus
-    from multicor_cli.study.session import StudySession
+    from multicor_cli.studies.directory import CaseStatus
+    from multicor_cli.studies.session import StudySession
 
     session = StudySession.open(file, output)
     states = session.states()
@@ -160,7 +160,7 @@ def table(
     ] = None,
 ) -> None:
     """Print the table of a study: values, observables with their errors, verdict, digest and run directory of each case."""
-    from multicor_cli.study.session import StudySession
+    from multicor_cli.studies.session import StudySession
 
     if is_csv and is_json:
         raise typer.BadParameter("--json and --csv exclude each other")
@@ -197,8 +197,8 @@ def plot(
     output: Output = None,
 ) -> None:
     """Draw an observable of a study against a value, means over seeds with their errors."""
-    from multicor_cli.study import figure
-    from multicor_cli.study.session import StudySession
+    from multicor_cli.studies import figure
+    from multicor_cli.studies.session import StudySession
 
     if log not in ("", "x", "y", "xy"):
         raise typer.BadParameter(f"'{log}' is not x, y or xy", param_hint="--log")
@@ -219,8 +219,8 @@ def cancel(file: StudyFile, output: Output = None) -> None:
     """Ask the program that computes a study on this machine to stop, with checkpoints."""
     from multicor_cli.store.errors import DirectoryRefused
     from multicor_cli.store.lock import is_alive, read_holder
-    from multicor_cli.study.directory import LOCK
-    from multicor_cli.study.session import StudySession
+    from multicor_cli.studies.directory import LOCK
+    from multicor_cli.studies.session import StudySession
 
     lock = StudySession.open(file, output).directory.path / LOCK
     holder = read_holder(lock)
@@ -299,7 +299,7 @@ class StudyProgress:
 
 
 def _table(session: StudySession, *, is_mean: bool) -> StudyTable:
-    from multicor_cli.study.table import over_seeds
+    from multicor_cli.studies.table import over_seeds
 
     session.directory.document()  # refuses a directory without a study
     found = session.table()

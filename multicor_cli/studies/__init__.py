@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from multicor_cli.study.computing import Watcher
+    from multicor_cli.studies.computing import Watcher
 
 
 def study(
@@ -29,13 +29,13 @@ def study(
         watcher: Is told how it goes; default: none.
 
     Returns:
-        A pandas DataFrame with a row for each case, or, where pandas is not installed, a `multicor_cli.study.table.StudyTable`.
+        A pandas DataFrame with a row for each case, or, where pandas is not installed, a `multicor_cli.studies.table.StudyTable`.
 
     Raises:
         ScenarioError: The study or a case of it is wrong, or not as when the study began.
         StoreError: The directory cannot be used, Dask is missing, or another client is at work on the study.
     """
-    from multicor_cli.study.session import StudySession
+    from multicor_cli.studies.session import StudySession
 
     session = StudySession.open(file, directory)
     session.compute(client=client, retry=retry, max_hours=max_hours, watcher=watcher)

@@ -14,7 +14,7 @@ from multicor_cli.scenario.load import parse_toml, read_text
 from multicor_cli.scenario.problems import Finding, KeyPath, ScenarioError
 from multicor_cli.scenario.sources import Sources
 from multicor_cli.scenario.translate import translate
-from multicor_cli.study.schema import StudyModel
+from multicor_cli.studies.schema import StudyModel
 
 
 @dataclass(frozen=True)
@@ -59,7 +59,7 @@ def arguments(values: Mapping[str, Any]) -> list[str]:
 
 
 def load_study(path: str | Path) -> Study:
-    """Load and check a study file; its scenario and cases are looked at by `multicor_cli.study.cases`.
+    """Load and check a study file; its scenario and cases are looked at by `multicor_cli.studies.cases`.
 
     Raises:
         ScenarioError: The file cannot be read or is wrong; its ``problems`` say all that is wrong.

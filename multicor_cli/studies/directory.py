@@ -21,8 +21,8 @@ from multicor_cli.store import layout
 from multicor_cli.store.atomic import commit_bytes, make_directory, storage_errors
 from multicor_cli.store.errors import DamagedRun, DirectoryRefused
 from multicor_cli.store.lock import RunLock, is_alive
-from multicor_cli.study.cases import Case
-from multicor_cli.study.load import Study
+from multicor_cli.studies.cases import Case
+from multicor_cli.studies.load import Study
 
 FILETYPE, VERSION = "multicor-study", 1
 DOCUMENT, SOURCE, LOCK, CASES, FAILED, OBSERVED, LOGS = (

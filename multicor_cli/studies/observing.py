@@ -16,10 +16,10 @@ from multicor_cli.scenario.problems import Finding
 from multicor_cli.scenario.translate import did_you_mean
 from multicor_cli.store.atomic import commit_bytes
 from multicor_cli.store.schema import SERIES
-from multicor_cli.study.cases import Case
-from multicor_cli.study.directory import StudyDirectory
-from multicor_cli.study.load import Study
-from multicor_cli.study.schema import After, Observable
+from multicor_cli.studies.cases import Case
+from multicor_cli.studies.directory import StudyDirectory
+from multicor_cli.studies.load import Study
+from multicor_cli.studies.schema import After, Observable
 
 RHEOLOGY = [row.name for row in QUANTITIES]
 """Quantities of `multicor post rheology`."""

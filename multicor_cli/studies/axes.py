@@ -11,7 +11,7 @@ from pathlib import Path
 
 from multicor_cli.scenario.csv_columns import MAX_BYTES
 from multicor_cli.scenario.problems import Finding
-from multicor_cli.study.schema import MAX_CASES, OPTIONS, Range, Sampled, Vary
+from multicor_cli.studies.schema import MAX_CASES, OPTIONS, Range, Sampled, Vary
 
 Value = bool | int | float | str
 Values = Mapping[str, Value]

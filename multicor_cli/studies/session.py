@@ -11,14 +11,14 @@ from pathlib import Path
 from typing import Any
 
 from multicor_cli.scenario.load import load_scenario
-from multicor_cli.study.cases import Case, expand
-from multicor_cli.study.clusters import Site, connected, require_dask
-from multicor_cli.study.computing import Computation, Needs, Tally, Watcher
-from multicor_cli.study.directory import LOGS, CaseState, CaseStatus, StudyDirectory
-from multicor_cli.study.forecast import Forecast, check_cases, forecast
-from multicor_cli.study.load import Study, load_study
-from multicor_cli.study.observing import unknown_observables
-from multicor_cli.study.table import StudyTable, make_table
+from multicor_cli.studies.cases import Case, expand
+from multicor_cli.studies.clusters import Site, connected, require_dask
+from multicor_cli.studies.computing import Computation, Needs, Tally, Watcher
+from multicor_cli.studies.directory import LOGS, CaseState, CaseStatus, StudyDirectory
+from multicor_cli.studies.forecast import Forecast, check_cases, forecast
+from multicor_cli.studies.load import Study, load_study
+from multicor_cli.studies.observing import unknown_observables
+from multicor_cli.studies.table import StudyTable, make_table
 
 
 class _Silent:

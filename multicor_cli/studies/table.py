@@ -9,11 +9,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from multicor_cli.study.axes import Values
-from multicor_cli.study.cases import SEED, Case, short_names
-from multicor_cli.study.directory import CaseStatus, StudyDirectory
-from multicor_cli.study.observing import observe
-from multicor_cli.study.schema import Observable
+from multicor_cli.studies.axes import Values
+from multicor_cli.studies.cases import SEED, Case, short_names
+from multicor_cli.studies.directory import CaseStatus, StudyDirectory
+from multicor_cli.studies.observing import observe
+from multicor_cli.studies.schema import Observable
 
 
 @dataclass(frozen=True)

@@ -9,9 +9,9 @@ from typing import TYPE_CHECKING
 
 from multicor_cli.scenario.problems import Problem, ScenarioError
 from multicor_cli.scenario.scenario import Scenario
-from multicor_cli.study.cases import SEED, Case, check_case
-from multicor_cli.study.computing import Needs
-from multicor_cli.study.load import Study
+from multicor_cli.studies.cases import SEED, Case, check_case
+from multicor_cli.studies.computing import Needs
+from multicor_cli.studies.load import Study
 
 if TYPE_CHECKING:
     from multicor_cli.running.estimate import Estimate

@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Any
 
 from multicor_cli.running.observer import SilentObserver, Status
-from multicor_cli.study.turns import CompilationTurn
+from multicor_cli.studies.turns import CompilationTurn
 
 _PATIENCE = 180.0
 """How long a run directory may be held by another process that is about to stop [s]."""

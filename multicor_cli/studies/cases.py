@@ -11,9 +11,9 @@ from dataclasses import dataclass
 from multicor_cli.scenario.load import load_scenario
 from multicor_cli.scenario.problems import Finding, ScenarioError
 from multicor_cli.scenario.scenario import Scenario
-from multicor_cli.study.axes import BadAxes, Value, Values, combine, differing
-from multicor_cli.study.load import Study, arguments
-from multicor_cli.study.schema import MAX_CASES
+from multicor_cli.studies.axes import BadAxes, Value, Values, combine, differing
+from multicor_cli.studies.load import Study, arguments
+from multicor_cli.studies.schema import MAX_CASES
 
 SEED = "scenario.seed"
 """The key that ``seeds`` varies."""

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from multicor_cli.running.memory import available_memory
 from multicor_cli.store.errors import StoreError
-from multicor_cli.study.schema import Compute, Queue, parse_memory
+from multicor_cli.studies.schema import Compute, Queue, parse_memory
 
 if TYPE_CHECKING:
     from distributed import Client

@@ -16,7 +16,7 @@ _stopping: set[str] = set()
 
 
 def run_case(task: dict[str, Any]) -> dict[str, Any]:
-    """Run a case in a process of its own; see `multicor_cli.study.child.run_task`.
+    """Run a case in a process of its own; see `multicor_cli.studies.child.run_task`.
 
     Args:
         task: As there, with ``study`` and ``name``.
@@ -29,7 +29,7 @@ def run_case(task: dict[str, Any]) -> dict[str, Any]:
         if task["study"] in _stopping:
             return {"status": "stopped", "reason": "not begun", "exit_code": 75, "step": 0}
         child = subprocess.Popen(
-            [sys.executable, "-m", "multicor_cli.study.child"],
+            [sys.executable, "-m", "multicor_cli.studies.child"],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.PIPE,

@@ -12,11 +12,11 @@ from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
 
 import multicor_cli
-from multicor_cli.study.cases import Case
-from multicor_cli.study.clusters import MEMORY, Site
-from multicor_cli.study.directory import StudyDirectory
-from multicor_cli.study.load import Study
-from multicor_cli.study.task import run_case, stop_cases
+from multicor_cli.studies.cases import Case
+from multicor_cli.studies.clusters import MEMORY, Site
+from multicor_cli.studies.directory import StudyDirectory
+from multicor_cli.studies.load import Study
+from multicor_cli.studies.task import run_case, stop_cases
 
 if TYPE_CHECKING:
     from distributed import Future

@@ -13,9 +13,9 @@ import numpy as np
 from multicor_cli.model.model import Floats
 from multicor_cli.plots.style import COLORS, COLUMN, PlotError, figure_file
 from multicor_cli.plots.text_chart import TextLine, draw_text
-from multicor_cli.study.axes import Value
-from multicor_cli.study.cases import short_names, shown
-from multicor_cli.study.table import StudyTable
+from multicor_cli.studies.axes import Value
+from multicor_cli.studies.cases import short_names, shown
+from multicor_cli.studies.table import StudyTable
 
 _MARKERS = "os^Dv<>ph*"
 
