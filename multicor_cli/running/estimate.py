@@ -5,39 +5,25 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 from multicor_cli.engine.heat.hertz import largest_deflection
 from multicor_cli.engine.motion.drives import WallDrive
-from multicor_cli.engine.step import PARALLEL_GRAINS
 from multicor_cli.model import Model, State
 from multicor_cli.running.conditions import StrainReached
 from multicor_cli.running.plan import RunPlan, StagePlan
-from multicor_cli.running.time_step import largest_gravity, largest_pressure
+from multicor_cli.running.step_cost import seconds_per_step, sweeps_of_stage
+from multicor_cli.running.time_step import find_scales, largest_gravity, largest_pressure
 from multicor_cli.scenario.scenario import Scenario
 from multicor_cli.scenario.settings import Output
 from multicor_cli.store import schema
 from multicor_cli.store.schema import Dataset
 
-CONTACTS_PER_GRAIN = 2.0
-"""Contacts within reach, loaded or not, per grain of a dense packing."""
-
-LOADED_PER_GRAIN = 1.25
+LOADED_PER_GRAIN = 1.1
 """Contacts that carry a force, per grain, on average over a run: those that frames hold. 1.05 in fast flows, 1.7 in beds."""
 
-SWEEPS = 300.0
-"""Sweeps of a step of a dense flow under gravity at the default tolerances: 150 to 500 in the shipped scenarios."""
-
-SECONDS_PER_CONTACT = 15e-9
-"""One sweep over one contact on one core [s]."""
-
-SECONDS_PER_GRAIN = 2.5e-6
-"""Everything but the sweeps, per grain and step, on one core [s]."""
-
-SECONDS_PER_FROZEN_STEP = 0.5e-6
-"""Heat flow in one step of a frozen stage, per grain, on one core [s]."""
-
-SECONDS_PER_STEP = 0.6e-3
-"""What a step costs however few grains there are [s]."""
+SECONDS_TO_START = 1.5
+"""From the command to the first step: modules and compiled kernels are loaded [s]."""
 
 BYTES_AT_REST = 220e6
 """Memory of the interpreter with its libraries and kernels [bytes]."""
@@ -84,6 +70,7 @@ def estimate(scenario: Scenario, plan: RunPlan, model: Model, state: State, thre
     """Estimate the cost of a run that starts in ``state``."""
     n = model.grain_count
     steps = estimate_steps(plan, model, state)
+    paces = _paces(scenario, plan, model, threads)
     known = None if None in steps else [count for count in steps if count is not None]
     frame = _frame_bytes(model, plan.output)
     frames = rows = disk = peak = seconds = None
@@ -94,10 +81,7 @@ def estimate(scenario: Scenario, plan: RunPlan, model: Model, state: State, thre
         results = frames * frame + series + n * 32.0
         disk = results + 2.0 * _checkpoint_bytes(model)
         peak = disk + results
-        seconds = math.fsum(
-            count * (seconds_per_frozen_step(n) if stage.is_frozen else seconds_per_step(n, threads))
-            for count, stage in zip(known, plan.stages, strict=True)
-        )
+        seconds = SECONDS_TO_START + math.fsum(count * pace.seconds for count, pace in zip(known, paces, strict=True))
     return Estimate(
         steps=None if known is None else sum(known),
         frames=frames,
@@ -107,26 +91,35 @@ def estimate(scenario: Scenario, plan: RunPlan, model: Model, state: State, thre
         disk_peak=peak,
         seconds=seconds,
         deflection=_deflection(scenario, plan, model),
-        basis=_basis(n, threads) + (", as if all of them were there from the start" if model.outlets is not None else ""),
+        basis=_basis(paces) + (", as if all of them were there from the start" if model.outlets is not None else ""),
     )
 
 
-def seconds_per_step(grains: int, threads: int) -> float:
-    """Rough wall-clock time of a step [s]; small problems do not profit from threads."""
-    work = grains * (CONTACTS_PER_GRAIN * SWEEPS * SECONDS_PER_CONTACT + SECONDS_PER_GRAIN)
-    return SECONDS_PER_STEP + (work / (0.8 * threads) if threads > 1 and grains >= PARALLEL_GRAINS else work)
+class _Pace(NamedTuple):
+    """What a step of a stage will take: sweeps and time [s]."""
+
+    name: str
+    sweeps: float
+    seconds: float
 
 
-def seconds_per_frozen_step(grains: int) -> float:
-    """Rough wall-clock time of a step in which only heat flows [s]."""
-    return SECONDS_PER_STEP + grains * SECONDS_PER_FROZEN_STEP
+def _paces(scenario: Scenario, plan: RunPlan, model: Model, threads: int) -> list[_Pace]:
+    paces, zeros = [], [0.0] * len(plan.stages)
+    for stage in plan.stages:
+        scales = find_scales(scenario, model, stage.drives.started(zeros), largest_gravity(stage, model), stage.laws)
+        sweeps = 0.0 if stage.is_frozen else sweeps_of_stage(scales, stage.settings.tolerance_rms)
+        seconds = seconds_per_step(model.grain_count, sweeps, stage, threads, comes_and_goes=model.outlets is not None)
+        paces.append(_Pace(stage.name, sweeps, seconds))
+    return paces
 
 
-def _basis(grains: int, threads: int) -> str:
+def _basis(paces: list[_Pace]) -> str:
+    """What the time of the slowest stage rests on."""
+    slowest = max(paces, key=lambda pace: pace.seconds)
+    step = f"{1e3 * slowest.seconds:.2g} ms" + (f" and {slowest.sweeps:.2g} sweeps" if slowest.sweeps else "")
     return (
-        f"rough, to a factor of two or three: {1e3 * seconds_per_step(grains, threads):.3g} ms per step from "
-        f"{CONTACTS_PER_GRAIN:g} contacts per grain, {SWEEPS:g} sweeps per step and {1e9 * SECONDS_PER_CONTACT:g} ns per "
-        f"contact and sweep; dilute flows need fewer sweeps, cold starts more. Memory: {BYTES_PER_GRAIN:g} B per grain"
+        f"rough, to a factor of 1.5 in the shipped scenarios: {step} a step in stage {slowest.name}; "
+        f"dilute flows need fewer sweeps, slow ones and tight tolerances more. Memory: {BYTES_PER_GRAIN:g} B per grain"
     )
 
 
