@@ -83,7 +83,7 @@ def run(
         if counts[CaseStatus.FINISHED] == len(session.cases):
             say(f"next:  multicor study table {file}")
     if tally.stopped:
-        raise typer.Exit(ExitCode.STOPPED if max_hours is not None and not watcher.is_stopped else ExitCode.INTERRUPTED)
+        raise typer.Exit(ExitCode.STOPPED if max_hours is not None else ExitCode.INTERRUPTED)
     if counts[CaseStatus.FAILED]:
         if not tally.failed:
             say(
@@ -248,7 +248,6 @@ class StudyProgress:
         self._bar = Bar(is_transient=True) if sys.stderr.isatty() and not is_quiet else None
         self._total = self._ended = 0
         self._started = self._following = time.monotonic()
-        self.is_stopped = False
 
     def began(self, text: str, cases: int) -> None:
         """Say where cases are computed."""

@@ -118,7 +118,7 @@ def _basis(paces: list[_Pace]) -> str:
     slowest = max(paces, key=lambda pace: pace.seconds)
     step = f"{1e3 * slowest.seconds:.2g} ms" + (f" and {slowest.sweeps:.2g} sweeps" if slowest.sweeps else "")
     return (
-        f"rough, to a factor of 1.5 in the shipped scenarios: {step} a step in stage {slowest.name}; "
+        f"rough, to a factor of 1.5 in most shipped scenarios: {step} a step in stage {slowest.name}; "
         f"dilute flows need fewer sweeps, slow ones and tight tolerances more. Memory: {BYTES_PER_GRAIN:g} B per grain"
     )
 

@@ -1,7 +1,7 @@
 """What a step will cost, from what the stage is about to do: sweeps of the contact solver, and the time of everything.
 
-Fitted to the shipped scenarios on one core of an AMD EPYC (AVX2): whole runs then take 0.72 to 1.4 times what is said here, for the
-steps that they do. Most of the rest is the number of sweeps.
+Fitted to the shipped scenarios on one core of an AMD EPYC (AVX2): what is said here is 0.72 to 1.4 times what whole runs
+take, for the steps that they do. Most of the rest is the number of sweeps.
 """
 
 from __future__ import annotations

@@ -41,8 +41,7 @@ def combine(vary: Vary, directory: Path) -> list[Values]:
     """
     axes: list[Sequence[Values]] = []
     ranges = {key: axis for key, axis in vary.keys.items() if isinstance(axis, Range)}
-    is_sampled = set(ranges) if vary.sample is not None else set()
-    groups = _groups(vary, is_sampled)
+    groups = _groups(vary, set(ranges) if vary.sample is not None else set())
     for group in groups:
         columns = [numbers(vary.keys[key]) for key in group]
         axes.append([dict(zip(group, row, strict=True)) for row in zip(*columns, strict=True)])

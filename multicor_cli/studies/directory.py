@@ -1,7 +1,7 @@
 """The directory of a study: what it is, its cases, and how each of them stands.
 
 ``study.json`` says which scenario and which cases; ``cases/NAME`` is the run of a case, an ordinary run directory, which alone says
-how far the case has come; ``failed/NAME.json`` tells why a case has no run; ``observed/NAME.json`` keeps numbers taken from a
+how far the case has come; ``failed/NAME.json`` tells why a case failed; ``observed/NAME.json`` keeps numbers taken from a
 finished run. Nothing else is kept, so nothing can disagree.
 """
 
@@ -74,7 +74,7 @@ class StudyDirectory:
         return self.path / CASES / name
 
     def failure(self, name: str) -> Path:
-        """Where the reason is, if the case could not be computed."""
+        """Where the reason is, if the case failed; `--retry` removes it."""
         return self.path / FAILED / f"{name}.json"
 
     def observed(self, name: str) -> Path:
@@ -137,8 +137,7 @@ class StudyDirectory:
             commit_bytes(self.path / SOURCE, "study source", study.sources.text.encode())
             document = {
                 "filetype": FILETYPE, "format_version": VERSION, "name": study.name, "scenario": str(study.scenario.absolute()),
-                "resolved": resolved, "observe": [row.model_dump(exclude_none=True) for row in study.model.observe],
-                "cases": merged,
+                "resolved": resolved, "cases": merged,
             }  # fmt: skip
             commit_bytes(self.path / DOCUMENT, "study document", json.dumps(document, indent=1, ensure_ascii=False).encode())
         return new

@@ -189,7 +189,7 @@ def test_more_cases_are_added_and_changed_ones_refused(finished: Path, tmp_path:
 
 
 def test_a_case_that_fails_is_listed_and_tried_again_only_if_asked(tmp_path: Path) -> None:
-    """A floor that is not level cannot bear a stage that must come to rest in time."""
+    """Of a stage that has to come further to rest than it can in its time."""
     late = ("until = { kinetic_energy_ratio = 1e-2 }", 'until = { kinetic_energy_ratio = 1e-12 }\non_timeout = "stop"')
     write(tmp_path, ("[0.2, 0.4]", "[0.2]"), ("seeds = 2", "seeds = 1"), scenario=late)
     done = call_outside("study", "run", "s.toml", cwd=tmp_path)
