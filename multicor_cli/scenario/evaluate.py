@@ -47,7 +47,7 @@ def evaluate_expressions(data: dict[str, Any]) -> Evaluated:
     Args:
         data: The document. **Modified.**
     """
-    places = list(_places((), data, [ScenarioModel]))
+    places = list(_places((), data))
     return _Document(data).evaluate(places) if places else Evaluated()
 
 
@@ -71,19 +71,23 @@ class _Place(NamedTuple):
     is_whole: bool
 
 
-def _places(path: KeyPath, node: Any, types: list[Any]) -> Iterator[_Place]:
-    """The expressions in a node that may have these types, in the order of the document."""
-    is_array = isinstance(node, list)
-    inside = types_inside(types, 0) if is_array else []
-    for key, value in enumerate(node) if is_array else node.items():
-        if not isinstance(value, str | dict | list) or (isinstance(value, str) and not value.startswith("=")):
-            continue
-        if not is_array:
-            inside = types_inside(types, key)
-        if not isinstance(value, str):
-            yield from _places((*path, key), value, inside)
-        elif int in inside or float in inside:
-            yield _Place((*path, key), value, float not in inside)
+def _places(path: KeyPath, node: Any) -> Iterator[_Place]:
+    """The expressions in a node, in the order of the document."""
+    for key, value in enumerate(node) if isinstance(node, list) else node.items():
+        if isinstance(value, dict | list):
+            yield from _places((*path, key), value)
+        elif isinstance(value, str) and value.startswith("="):
+            types = _types_at((*path, key))
+            if int in types or float in types:
+                yield _Place((*path, key), value, float not in types)
+
+
+def _types_at(path: KeyPath) -> list[Any]:
+    """The types that the models allow at a place."""
+    types: list[Any] = [ScenarioModel]
+    for part in path:
+        types = types_inside(types, part)
+    return types
 
 
 def _is_number(value: Any) -> bool:

@@ -5,6 +5,8 @@ from __future__ import annotations
 import re
 import tomllib
 from collections.abc import Sequence
+from copy import deepcopy
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -49,7 +51,7 @@ def load_scenario(path: str | Path, overrides: Sequence[str] = ()) -> Scenario:
 def parse_scenario(text: str, path: str | Path, overrides: Sequence[str] = ()) -> Scenario:
     """Check the text of a scenario file; as `load_scenario`, with ``path`` used for messages and relative paths only."""
     path, text = Path(path), text.removeprefix("\ufeff").replace("\r\n", "\n")
-    data = parse_toml(text, str(path))
+    data = deepcopy(parse_toml(text, str(path)))
     applied, problems = apply_overrides(data, overrides)
     evaluated = evaluate_expressions(data)
     sources = Sources(str(path), text, applied, evaluated.shown)
@@ -148,8 +150,9 @@ def _not_utf8(path: Path, content: bytes, offset: int) -> Problem:
     return Problem(str(path), line, column, "", message, "save the file with the encoding UTF-8")
 
 
+@lru_cache(maxsize=4)  # a study makes all its cases from one text
 def parse_toml(text: str, file: str) -> dict[str, Any]:
-    """The document of a text.
+    """The document of a text, which must not be modified.
 
     Raises:
         ScenarioError: It is not TOML, or nested too deep.
