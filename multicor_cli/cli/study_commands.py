@@ -23,6 +23,7 @@ from multicor_cli.text import format_bytes
 if TYPE_CHECKING:
     from multicor_cli.studies.cases import Case
     from multicor_cli.studies.directory import StudyDirectory
+    from multicor_cli.studies.forecast import Forecast
     from multicor_cli.studies.session import StudySession
     from multicor_cli.studies.table import StudyTable
 
@@ -55,6 +56,7 @@ def run(
         typer.Option("--max-hours", min=0.0, metavar="H", help="Stop after this time, with checkpoints and exit code 75."),
     ] = None,
     is_quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show warnings and errors only.")] = False,
+    is_json: Json = False,
 ) -> None:
     """Compute the cases of a study that are not done yet: the same command begins a study and continues it.
 
@@ -66,10 +68,11 @@ def run(
 
     session = StudySession.open(file, output)
     predicted = None
-    if CaseStatus.WAITING in {state.status for state in session.states()}:
+    if any(state.status is CaseStatus.WAITING for state in session.states()):
         if not is_quiet:
             say(f"checking {count_noun(len(session.cases), 'case')}")
         predicted = session.check()
+        _show_doubtful(predicted)
     watcher = StudyProgress(session.directory, is_quiet=is_quiet)
     try:
         tally = session.compute(retry=retry, max_hours=max_hours, watcher=watcher, predicted=predicted)
@@ -78,12 +81,17 @@ def run(
     counts = Counter(state.status for state in session.states())
     for name, reason in tally.failed.items():
         complain(f"case {name}: {reason}")
+    if is_json:
+        emit_json({
+            "directory": str(session.directory.path), "cases": {state.value: counts[state] for state in CaseStatus},
+            "failed": tally.failed, "stopped": tally.stopped, "reason": "" if tally.reason is None else tally.reason.value,
+        })  # fmt: skip
     if not is_quiet:
         say(f"{_summary(counts)}, in {session.directory.path}")
         if counts[CaseStatus.FINISHED] == len(session.cases):
-            say(f"next:  multicor study table {file}")
+            say(f"next:  multicor study table {file}\n       multicor study report {file}")
     if tally.stopped:
-        raise typer.Exit(ExitCode.STOPPED if max_hours is not None else ExitCode.INTERRUPTED)
+        raise typer.Exit(ExitCode.STOPPED if tally.reason is None else tally.reason.exit_code)
     if counts[CaseStatus.FAILED]:
         if not tally.failed:
             say(
@@ -92,18 +100,20 @@ def run(
         raise typer.Exit(ExitCode.PHYSICS)
 
 
-def validate(file: StudyFile, is_json: Json = False) -> None:
+def validate(file: StudyFile, output: Output = None, is_json: Json = False) -> None:
     """Check a study and every case of it, and estimate what it will cost. Nothing is written."""
     from multicor_cli.studies.session import StudySession
 
-    session = StudySession.open(file)
+    session = StudySession.open(file, output)
     found = session.check()
     if is_json:
         emit_json({
             "valid": True, "study": str(file), "name": session.study.name, "cases": [case.name for case in session.cases],
             "estimate": {
-                "core_hours": found.hours, "disk_bytes": found.disk, "memory_bytes_per_case": found.memory, "placed": found.placed
+                "core_hours": found.hours, "disk_bytes": found.disk, "memory_bytes_per_case": found.memory, "placed": found.placed,
+                "cases_left": found.cases,
             },
+            "doubtful": [{"case": name, **check.as_dict()} for name, check in found.doubtful],
         })  # fmt: skip
         return
     hours = "unknown: a stage has no known end" if found.hours is None else format_seconds(3600.0 * found.hours)
@@ -113,10 +123,12 @@ def validate(file: StudyFile, is_json: Json = False) -> None:
         ("scenario", str(session.study.scenario)),
         ("cases", f"{len(session.cases)}, from {session.cases[0].name} to {session.cases[-1].name}"),
         ("grains", f"{found.grains} at most"),
+        ("left", count_noun(found.cases, "case")),
         ("time", f"{hours} on one core, estimated from {count_noun(found.placed, 'case')}"),
         ("disk", disk),
         ("memory", f"{format_bytes(found.memory)} for each case at a time"),
     ])  # fmt: skip
+    _show_doubtful(found)
 
 
 def status(file: StudyFile, output: Output = None, is_json: Json = False) -> None:
@@ -247,7 +259,8 @@ class StudyProgress:
         self._directory, self._is_quiet = directory, is_quiet
         self._bar = Bar(is_transient=True) if sys.stderr.isatty() and not is_quiet else None
         self._total = self._ended = 0
-        self._started = self._following = time.monotonic()
+        self._following = time.monotonic()
+        self._first: tuple[float, float] | None = None
 
     def began(self, text: str, cases: int) -> None:
         """Say where cases are computed."""
@@ -264,24 +277,29 @@ class StudyProgress:
         if outcome["status"] != "finished" and outcome["reason"] != "not begun":
             self._say(f"{outcome['status']}: {case.name}: {outcome['reason']}")
 
-    def looked(self, running: Sequence[Case]) -> None:
+    def looked(self, running: Callable[[], Sequence[Case]]) -> None:
         """One line for all, and one for each that runs."""
         now = time.monotonic()
         if self._is_quiet or now < self._following:
             return
         self._following = now + (2.0 if self._bar is not None else _LINES)
-        states = [(case, self._directory.state(case)) for case in running[: 4 * _SHOWN]]
-        shares = [state.share or 0.0 for _, state in states if state.status.value == "running"]
-        done = (self._ended + sum(shares)) / max(self._total, 1)
-        left = f", {format_seconds((now - self._started) * (1.0 - done) / done)} left" if done > 0.01 else ""
-        text = f"{self._ended} of {self._total} cases{left}"
+        states = [(case, self._directory.state(case)) for case in running()]
+        states = [(case, state) for case, state in states if state.status.value == "running"]
+        done = (self._ended + sum(state.share or 0.0 for _, state in states)) / max(self._total, 1)
+        text = f"{self._ended} of {self._total} cases{self._left(now, done)}"
         if self._bar is not None:
             self._bar.update(done, text, "  ".join(f"{case.name} {100 * (state.share or 0):.0f} %" for case, state in states[:2]))
             return
         say(text)
         for case, state in states[:_SHOWN]:
-            if state.status.value == "running":
-                say(f"  {case.name}{_how_far(state.share, state.remaining)}")
+            say(f"  {case.name}{_how_far(state.share, state.remaining)}")
+
+    def _left(self, now: float, done: float) -> str:
+        """The time that is left, at the speed since the first look: what was done before is not this session's."""
+        if self._first is None:
+            self._first = now, done
+        since, before = now - self._first[0], done - self._first[1]
+        return f", {format_seconds(since * (1.0 - done) / before)} left" if before > 0.01 else ""
 
     def stopping(self) -> None:
         """Say that checkpoints are being written."""
@@ -313,6 +331,12 @@ def _write_parquet(found: StudyTable, path: Path) -> None:
     except ImportError as error:
         raise StoreError(f"Parquet needs pandas and pyarrow: pip install 'multicor-cli[study]' ({error})") from None
     say(f"wrote {path}")
+
+
+def _show_doubtful(found: Forecast) -> None:
+    """What `multicor validate` doubts of the cases that were placed, each doubt once."""
+    for name, check in found.doubtful:
+        say(f"{check.verdict.value}: {check.name}: {check.text} [{check.limit}] (case {name}). {check.remedy}")
 
 
 def _summary(counts: Counter[Any]) -> str:

@@ -49,6 +49,11 @@ class RunLock:
             os.close(self._descriptor)
             raise
 
+    def require(self) -> None:
+        """Raise `RunLocked` if the file is not there any more, or another: someone has taken this process for dead."""
+        if self._descriptor < 0 or not _is_current(self.path, self._descriptor):
+            raise _lost(self.path, read_holder(self.path))
+
     def release(self) -> None:
         """Give the lock back; does nothing the second time. If the file cannot be emptied, it names a holder that has died."""
         if self._descriptor < 0:
@@ -155,3 +160,9 @@ def _locked(path: Path, holder: dict[str, Any], *, is_elsewhere: bool) -> RunLoc
     who = f"process {pid} on {host or 'an unknown host'}" if holder else "another process"
     remedy = f"; if it is no longer alive, delete {path}" if is_elsewhere else "; wait for it, or use another directory with -o"
     return RunLocked(f"{path.parent}: in use by {who}{remedy}", pid, host)
+
+
+def _lost(path: Path, holder: dict[str, Any]) -> RunLocked:
+    pid, host = holder.get("pid", -1), str(holder.get("host", ""))
+    who = f"process {pid} on {host} goes on with the run" if holder else f"{path.name} was removed"
+    return RunLocked(f"{path.parent}: taken away from this process: {who}; nothing more is written", pid, host)

@@ -264,6 +264,7 @@ class RunDirectory:
             version=self.version,
             committed=checkpoint.segments if checkpoint else (),
             last_steps=checkpoint.last_steps if checkpoint else (-1, -1),
+            require_lock=self._lock.require,
         )
         return self._writer
 
@@ -287,9 +288,11 @@ class RunDirectory:
             StorageFull: If there is not enough space; what was committed before stays.
             StorageError: For any other error of the system.
             DamagedRun: If the checkpoint does not read back as written.
+            RunLocked: If another process has taken the run over.
         """
         if self._model is None:
             raise ValueError("checkpoint before writer")
+        self._lock.require()
         writer.flush()
         identity = (state.digest(), len(writer.segments))
         if identity == self._newest:
@@ -333,6 +336,7 @@ class RunDirectory:
             StorageError: For any other error of the system.
             DamagedRun: If a segment is damaged.
         """
+        self._lock.require()
         self._document |= {"stop_reason": stop_reason, "exit_code": exit_code, "timings": dict(timings or {})}
         if status == "finished":
             self.consolidate()

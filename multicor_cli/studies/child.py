@@ -6,9 +6,11 @@ The last line of standard output says how it ended.
 
 from __future__ import annotations
 
+import contextlib
 import json
 import os
 import signal
+import socket
 import sys
 import threading
 import time
@@ -16,10 +18,15 @@ from pathlib import Path
 from typing import Any
 
 from multicor_cli.running.observer import SilentObserver, Status
+from multicor_cli.store.layout import LOCK, PROGRESS, RUN
 from multicor_cli.studies.turns import CompilationTurn
 
 _PATIENCE = 180.0
 """How long a run directory may be held by another process that is about to stop [s]."""
+
+SILENCE = 180.0
+"""How long nothing may move in a case that another machine holds before it is taken over [s]: a dozen beats of a living worker,
+and three times as long as shared file systems keep what they know of files."""
 
 _PAUSE = 0.5
 
@@ -67,15 +74,20 @@ def run_task(task: dict[str, Any]) -> dict[str, Any]:
     from multicor_cli.store.errors import RunLocked
 
     deadline = time.monotonic() + _PATIENCE
-    turn = CompilationTurn(task["turn"])
+    path, turn = Path(task["directory"]), CompilationTurn(task["turn"])
+    elsewhere: Silence | None = None
     while True:
         try:
             outcome = multicor.run(
-                task["scenario"], Path(task["directory"]), overrides=task["overrides"], threads=task["threads"],
+                task["scenario"], path, overrides=task["overrides"], threads=task["threads"],
                 max_hours=task.get("max_hours"), observer=_Released(turn),
             )  # fmt: skip
         except RunLocked as error:
-            if time.monotonic() > deadline:
+            if error.host not in ("", socket.gethostname()):
+                elsewhere = elsewhere or Silence(path, task.get("silence", SILENCE))
+                if elsewhere.is_over():
+                    (path / LOCK).unlink(missing_ok=True)
+            elif time.monotonic() > deadline:
                 return {"status": "stopped", "reason": str(error), "exit_code": 6, "step": 0}
             time.sleep(_PAUSE)
         except Exception as error:
@@ -93,6 +105,37 @@ def run_task(task: dict[str, Any]) -> dict[str, Any]:
                 "exit_code": int(outcome.reason.exit_code),
                 "step": outcome.step,
             }
+
+
+class Silence:
+    """Whether nothing has moved in the directory of a run for so long that the machine which held it must be gone.
+
+    Clocks of machines are not compared: what counts is that files change, seen from here. While a case runs, its worker touches
+    its lock. Should the other process live after all, it finds its lock gone and writes nothing more.
+
+    Args:
+        path: The run directory.
+        seconds: How long nothing may move [s].
+    """
+
+    def __init__(self, path: Path, seconds: float) -> None:
+        self._path, self._seconds = path, seconds
+        self._seen, self._since = self._look(), time.monotonic()
+
+    def is_over(self) -> bool:
+        """Whether nothing has moved for so long; to be asked again and again."""
+        seen, now = self._look(), time.monotonic()
+        if seen != self._seen:
+            self._seen, self._since = seen, now
+        return now - self._since >= self._seconds
+
+    def _look(self) -> list[tuple[int, int]]:
+        found = []
+        for name in (LOCK, PROGRESS, RUN):
+            with contextlib.suppress(OSError):
+                status = (self._path / name).stat()
+                found.append((status.st_mtime_ns, status.st_ino))
+        return found
 
 
 if __name__ == "__main__":

@@ -11,8 +11,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from multicor_cli.running.memory import available_memory
+from multicor_cli.scenario.problems import Finding
 from multicor_cli.store.errors import StoreError
+from multicor_cli.studies.forecast import Needs
 from multicor_cli.studies.schema import Compute, Queue, parse_memory
+from multicor_cli.text import format_bytes
 
 if TYPE_CHECKING:
     from distributed import Client
@@ -23,8 +26,11 @@ DEATHS = 100
 _FAREWELL = 45
 """How long before its walltime a job stops its case, which then has time for a checkpoint [s]; half of a shorter walltime."""
 
-MEMORY = "memory"
-"""Resource that workers have, and cases take [bytes]."""
+MEMORY, CORES = "memory", "cores"
+"""Resources that workers have, and cases take [bytes, 1]."""
+
+_SHARE = 0.9
+"""Part of the free memory that cases may take."""
 
 INSTALL = "pip install 'multicor-cli[study]'"
 _CLASSES = {"slurm": "SLURMCluster", "pbs": "PBSCluster", "sge": "SGECluster", "lsf": "LSFCluster"}
@@ -39,13 +45,29 @@ class Site(NamedTuple):
 
     Attributes:
         client: Of the Dask scheduler.
-        cores: Cores that one worker has.
+        threads: Of a case.
+        slots: Cases that can run at a time, as far as that is known beforehand.
+        asked: Resources that a case takes of a worker.
         text: In words.
     """
 
     client: Client
-    cores: int
+    threads: int
+    slots: int
+    asked: dict[str, float]
     text: str
+
+
+class DoesNotFit(Exception):
+    """A case needs more memory than there is.
+
+    Attributes:
+        finding: What to say about the study file.
+    """
+
+    def __init__(self, finding: Finding) -> None:
+        super().__init__(finding.message)
+        self.finding = finding
 
 
 def require_dask() -> None:
@@ -57,21 +79,22 @@ def require_dask() -> None:
 
 
 @contextlib.contextmanager
-def connected(compute: Compute, logs: Path, *, most: int) -> Iterator[Site]:
+def connected(compute: Compute, logs: Path, needs: Needs, *, most: int) -> Iterator[Site]:
     """Workers, started if need be and ended afterwards.
 
     Args:
         compute: Table of the study.
         logs: Directory for the messages of jobs.
+        needs: What a case takes.
         most: Number of cases: more workers are not started.
 
     Raises:
         MissingDask: Dask, or dask-jobqueue, is not installed.
-        StorageError: The scheduler cannot be reached.
+        DoesNotFit: A case needs more memory than the machine, a job or the workers have.
+        StoreError: The scheduler cannot be reached.
     """
     require_dask()
     import dask
-    from distributed import Client
 
     quiet = {
         **{f"distributed.worker.memory.{what}": False for what in ("target", "spill", "pause", "terminate")},
@@ -81,39 +104,59 @@ def connected(compute: Compute, logs: Path, *, most: int) -> Iterator[Site]:
     with dask.config.set(quiet), contextlib.ExitStack() as stack:
         queue = next(((name, getattr(compute, name)) for name in _CLASSES if getattr(compute, name) is not None), None)
         if compute.scheduler is not None:
-            try:
-                client = stack.enter_context(Client(compute.scheduler, timeout=20, set_as_default=False))
-            except (OSError, ValueError) as error:
-                raise StoreError(f"the Dask scheduler {compute.scheduler} cannot be reached: {error}") from None
-            yield Site(client, 1, f"Dask at {compute.scheduler}")
-            return
-        if queue is not None:
-            name, table = queue
-            cluster = stack.enter_context(_queued(name, table, logs))
-            jobs = min(table.jobs, most)
-            cluster.adapt(minimum_jobs=jobs, maximum_jobs=jobs)  # jobs that end before the study are followed by others
-            client = stack.enter_context(Client(cluster, set_as_default=False))
-            text = f"{jobs} job{'s' if jobs > 1 else ''} of {name}, which leave their messages in {logs}"
-            yield Site(client, table.cores, text + _dashboard(cluster))
-            return
-        yield _here(stack, compute.workers, most)
+            yield _there(stack, compute.scheduler, compute.threads or 1, needs)
+        elif queue is not None:
+            yield _queued(stack, *queue, compute.threads, logs, needs, most)
+        else:
+            yield _here(stack, compute, needs, most)
 
 
-def _here(stack: contextlib.ExitStack, asked: int | None, most: int) -> Site:
+def existing(client: Any, compute: Compute, needs: Needs) -> Site:
+    """The workers of a client that somebody else has made.
+
+    Raises:
+        DoesNotFit: They say how much memory they have, and it is not enough.
+    """
+    workers = client.scheduler_info(n_workers=-1)["workers"].values()
+    offered = [worker.get("resources", {}).get(MEMORY, 0.0) for worker in workers]
+    if any(offered) and max(offered) < needs.memory:
+        message = f"a case takes about {format_bytes(needs.memory)}, workers offer {format_bytes(max(offered))} at most"
+        raise DoesNotFit(Finding(("study", "scenario"), message, "use larger workers, or fewer grains"))
+    asked = {MEMORY: needs.memory} if offered and all(offered) and needs.memory > 0.0 else {}
+    slots = sum(int(worker.get("nthreads", 1)) for worker in workers)
+    return Site(client, compute.threads or 1, slots, asked, "a Dask client")
+
+
+def _there(stack: contextlib.ExitStack, address: str, threads: int, needs: Needs) -> Site:
+    from distributed import Client
+
+    try:
+        client = stack.enter_context(Client(address, timeout=20, set_as_default=False))
+    except (OSError, ValueError) as error:
+        raise StoreError(f"the Dask scheduler {address} cannot be reached: {error}") from None
+    return existing(client, Compute(threads=threads), needs)._replace(text=f"Dask at {address}{_dashboard(client)}")
+
+
+def _here(stack: contextlib.ExitStack, compute: Compute, needs: Needs, most: int) -> Site:
     from distributed import Client, LocalCluster
 
     there = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    workers = max(1, min(asked or there, most))
-    cores = max(1, there // workers)
+    workers = min(compute.workers or max(1, there // (compute.threads or 1)), most)
     free = available_memory()
-    resources = {} if free is None else {MEMORY: 0.9 * free / workers}
+    if free is not None and needs.memory > 0.0:
+        fitting = int(_SHARE * free / needs.memory)
+        if fitting < 1:
+            message = f"a case takes about {format_bytes(needs.memory)} of memory, {format_bytes(free)} are free here"
+            raise DoesNotFit(Finding(("study", "scenario"), message, "use fewer grains, or a machine with more memory"))
+        workers = min(workers, fitting)
     cluster = LocalCluster(
-        n_workers=workers, threads_per_worker=1, processes=True, memory_limit=None, resources=resources,
+        n_workers=workers, threads_per_worker=1, processes=True, memory_limit=None,
         dashboard_address="127.0.0.1:0" if _has_dashboard() else None, silence_logs=50, host="127.0.0.1",
     )  # fmt: skip
     stack.enter_context(cluster)
     client = stack.enter_context(Client(cluster, set_as_default=False))
-    return Site(client, cores, f"{workers} worker{'s' if workers > 1 else ''} here{_dashboard(cluster)}")
+    threads = compute.threads or min(needs.threads, max(1, there // workers))
+    return Site(client, threads, workers, {}, f"{workers} worker{'s' if workers > 1 else ''} here{_dashboard(cluster)}")
 
 
 def _dashboard(cluster: Any) -> str:
@@ -128,7 +171,28 @@ def _has_dashboard() -> bool:
     return True
 
 
-def _queued(name: str, table: Queue, logs: Path) -> Any:
+def _queued(
+    stack: contextlib.ExitStack, name: str, table: Queue, threads: int | None, logs: Path, needs: Needs, most: int
+) -> Site:
+    """Jobs, each a worker that computes as many cases at a time as its cores and its memory allow."""
+    from distributed import Client
+
+    memory = parse_memory(table.memory)
+    if needs.memory > memory:
+        message = f"a case takes about {format_bytes(needs.memory)}, a job has {format_bytes(memory)}"
+        raise DoesNotFit(Finding(("compute", name, "memory"), message, "give jobs more memory"))
+    threads = threads or min(needs.threads, table.cores)
+    asked = {CORES: float(threads), MEMORY: needs.memory}
+    fitting = min(table.cores // threads, int(memory / needs.memory) if needs.memory > 0.0 else table.cores)
+    cluster = stack.enter_context(_cluster(name, table, logs, memory))
+    jobs = min(table.jobs, -(-most // max(1, fitting)))
+    cluster.adapt(minimum_jobs=jobs, maximum_jobs=jobs)  # jobs that end before the study are followed by others
+    client = stack.enter_context(Client(cluster, set_as_default=False))
+    text = f"{jobs} job{'s' if jobs > 1 else ''} of {name}, which leave their messages in {logs}{_dashboard(cluster)}"
+    return Site(client, threads, jobs * max(1, fitting), asked, text)
+
+
+def _cluster(name: str, table: Queue, logs: Path, memory: float) -> Any:
     try:
         jobqueue = importlib.import_module("dask_jobqueue")
     except ImportError:
@@ -142,7 +206,7 @@ def _queued(name: str, table: Queue, logs: Path) -> Any:
         "processes": 1,
         "log_directory": str(logs),
         "local_directory": tempfile.gettempdir(),
-        "worker_extra_args": ["--lifetime", f"{lasts:.0f}s", "--resources", f"{MEMORY}={parse_memory(table.memory):.0f}"],
+        "worker_extra_args": ["--lifetime", f"{lasts:.0f}s", "--resources", f"{CORES}={table.cores},{MEMORY}={memory:.0f}"],
         **(table.model_extra or {}),
     }
     options["scheduler_options"] = {"dashboard_address": ":0", **options.get("scheduler_options", {})}

@@ -6,14 +6,16 @@ import contextlib
 import hashlib
 import queue
 import time
-from collections import Counter
-from collections.abc import Sequence
+from collections import Counter, deque
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from typing import TYPE_CHECKING, Any, Protocol
 
 import multicor_cli
+from multicor_cli.running.outcome import StopReason
+from multicor_cli.store.errors import StoreError
 from multicor_cli.studies.cases import Case
-from multicor_cli.studies.clusters import MEMORY, Site
+from multicor_cli.studies.clusters import Site
 from multicor_cli.studies.directory import StudyDirectory
 from multicor_cli.studies.load import Study
 from multicor_cli.studies.task import run_case, stop_cases
@@ -22,7 +24,11 @@ if TYPE_CHECKING:
     from distributed import Future
 
 _INTERVAL = 0.5
+_SPARE = 2
+"""Cases that wait at a worker beside each that runs: it need not ask for the next. The others wait here, at no cost."""
+
 _LONELY = 60.0
+_LOST = "the Dask scheduler does not answer any more; cases stop with a checkpoint, and the same command goes on"
 _AGAIN = 3
 """How often a case that stopped without having come any further, or whose process was killed, is tried again."""
 
@@ -39,11 +45,15 @@ class Watcher(Protocol):
     def ended(self, case: Case, outcome: dict[str, Any]) -> None:
         """A case has finished, failed, or was stopped."""
 
-    def looked(self, running: Sequence[Case]) -> None:
-        """Twice a second; ``running`` may have finished in the meantime."""
+    def looked(self, running: Callable[[], Sequence[Case]]) -> None:
+        """About twice a second; ``running()`` gives the cases that workers have begun, which may have finished in the meantime."""
 
     def stopping(self) -> None:
         """Cases have been asked to stop."""
+
+
+class LostScheduler(StoreError):
+    """The Dask scheduler has gone."""
 
 
 @dataclass
@@ -54,24 +64,13 @@ class Tally:
         finished: Number of them.
         failed: Reasons by name.
         stopped: Names of those that go on with the same command.
+        reason: Why cases were stopped; None if they were not.
     """
 
     finished: int = 0
     failed: dict[str, str] = field(default_factory=dict)
     stopped: list[str] = field(default_factory=list)
-
-
-@dataclass(frozen=True)
-class Needs:
-    """What a case takes.
-
-    Attributes:
-        threads: Threads that it can use.
-        memory: Memory [bytes].
-    """
-
-    threads: int = 1
-    memory: float = 0.0
+    reason: StopReason | None = None
 
 
 class Computation:
@@ -81,54 +80,78 @@ class Computation:
         directory: The study.
         study: What its file says.
         site: Where it is computed.
-        needs: What a case takes.
         watcher: Is told how it goes.
     """
 
-    def __init__(self, directory: StudyDirectory, study: Study, site: Site, needs: Needs, watcher: Watcher) -> None:
-        self._directory, self._study, self._site, self._needs, self._watcher = directory, study, site, needs, watcher
+    def __init__(self, directory: StudyDirectory, study: Study, site: Site, watcher: Watcher) -> None:
+        self._directory, self._study, self._site, self._watcher = directory, study, site, watcher
         self._id = hashlib.sha256(f"{directory.path.absolute()} {multicor_cli.__version__}".encode()).hexdigest()[:16]
-        self._cases: dict[Future, Case] = {}
+        self._waiting: deque[Case] = deque()
+        self._submitted: dict[Future, Case] = {}
         self._next_look = time.monotonic() + _LONELY
-        self._asked: dict[str, float] | None = None
+        self._deadline: float | None = None
         self._tries: Counter[str] = Counter()
         self._steps: dict[str, int] = {}
         self._ended: queue.SimpleQueue[Future] = queue.SimpleQueue()
 
-    def run(self, cases: Sequence[Case], should_stop: Any, seconds: float | None = None) -> Tally:
-        """Compute cases until all are done, or ``should_stop()`` says so; then running ones stop with a checkpoint.
+    def run(self, cases: Iterable[Case], should_stop: Callable[[], StopReason | None], seconds: float | None = None) -> Tally:
+        """Compute cases until all are done, or ``should_stop()`` gives a reason; then running ones stop with a checkpoint.
 
         Args:
             cases: Those that are left.
             should_stop: Asked twice a second.
             seconds: Wall-clock time after which to stop [s].
+
+        Raises:
+            LostScheduler: The scheduler does not answer any more.
         """
-        tally, deadline, is_stopping = Tally(), None if seconds is None else time.monotonic() + seconds, False
-        self._watcher.began(self._site.text, len(cases))
-        self._asked = self._resources()
-        for case in cases:
-            self._submit(case, deadline)
-        while self._cases:
-            for future in self._done():
-                case = self._cases.pop(future)
-                self._take(case, _result(future), tally, deadline, is_stopping=is_stopping)
-            if not is_stopping and (should_stop() or (deadline is not None and time.monotonic() > deadline)):
-                is_stopping = True
-                self._watcher.stopping()
-                self._stop(tally)
-            self._warn_without_workers()
-            self._watcher.looked([case for future, case in self._cases.items() if future.status == "pending"])
+        self._waiting.extend(cases)
+        self._deadline = None if seconds is None else time.monotonic() + seconds
+        self._watcher.began(self._site.text, len(self._waiting))
+        tally = Tally()
+        try:
+            self._fill()
+            while self._submitted:
+                for future in self._done():
+                    self._take(self._submitted.pop(future), _result(future), tally)
+                self._stop_if_asked(should_stop, tally)
+                self._fill()
+                self._warn_without_workers()
+                self._watcher.looked(self._running)
+                self._require_scheduler()
+        except OSError as error:
+            raise LostScheduler(f"{_LOST} ({error})") from None
         return tally
+
+    def _require_scheduler(self) -> None:
+        if self._site.client.status in ("closed", "closing"):
+            raise LostScheduler(_LOST)
+
+    def _fill(self) -> None:
+        """Give the workers enough to do, but no more: of ten thousand cases the scheduler knows a few."""
+        if not self._waiting:
+            return
+        slots = max(self._site.slots, sum(self._site.client.nthreads().values()))
+        while self._waiting and len(self._submitted) < _SPARE * (slots + 1):
+            self._submit(self._waiting.popleft())
+
+    def _running(self) -> list[Case]:
+        """Cases that workers have begun."""
+        by_key = {future.key: case for future, case in self._submitted.items()}
+        with contextlib.suppress(OSError):
+            keys = [key for keys in self._site.client.processing().values() for key in keys]
+            return [by_key[key] for key in keys if key in by_key]
+        return []
 
     def _warn_without_workers(self) -> None:
         """Say once a minute that nobody computes anything, if that is so."""
         if time.monotonic() < self._next_look:
             return
         self._next_look = time.monotonic() + _LONELY
-        if not self._site.client.scheduler_info(n_workers=-1)["workers"]:
+        if not self._site.client.nthreads():
             self._watcher.warning(f"no worker has come for {_LONELY:.0f} s ({self._site.text})")
 
-    def _submit(self, case: Case, deadline: float | None) -> None:
+    def _submit(self, case: Case) -> None:
         task = {
             "study": self._id,
             "name": case.name,
@@ -136,21 +159,16 @@ class Computation:
             "overrides": [*self._study.fixed, *case.overrides],
             "turn": self._id,
             "directory": str(self._directory.case(case.name).absolute()),
-            "threads": min(self._needs.threads, self._site.cores),
-            "max_hours": None if deadline is None else max(0.0, deadline - time.monotonic()) / 3600.0,
+            "threads": self._site.threads,
+            "max_hours": None if self._deadline is None else max(0.0, self._deadline - time.monotonic()) / 3600.0,
         }
         self._tries[case.name] += 1
         future = self._site.client.submit(
-            run_case, task, key=f"{case.name}-{self._id}-{self._tries[case.name]}", resources=self._asked, retries=0, pure=False
-        )
-        self._cases[future] = case
+            run_case, task, key=f"{case.name}-{self._id}-{self._tries[case.name]}", resources=self._site.asked or None,
+            retries=0, pure=False,
+        )  # fmt: skip
+        self._submitted[future] = case
         future.add_done_callback(self._ended.put)
-
-    def _resources(self) -> dict[str, float] | None:
-        """What a case asks of a worker: memory, if all workers say how much they have, and it is enough."""
-        workers = self._site.client.scheduler_info(n_workers=-1)["workers"].values()
-        offered = [worker.get("resources", {}).get(MEMORY, 0.0) for worker in workers]
-        return {MEMORY: self._needs.memory} if offered and min(offered) >= self._needs.memory > 0.0 else None
 
     def _done(self) -> list[Future]:
         """Futures that are done, after half a second at most."""
@@ -159,25 +177,25 @@ class Computation:
             found.append(self._ended.get(timeout=_INTERVAL))
             while True:
                 found.append(self._ended.get_nowait())
-        return [future for future in found if future in self._cases]
+        return [future for future in found if future in self._submitted]
 
-    def _take(self, case: Case, outcome: dict[str, Any], tally: Tally, deadline: float | None, *, is_stopping: bool) -> None:
+    def _take(self, case: Case, outcome: dict[str, Any], tally: Tally) -> None:
         status = outcome["status"]
-        if status in ("stopped", "killed") and not is_stopping and self._may_go_on(case, outcome, deadline):
-            self._submit(case, deadline)
+        if status in ("stopped", "killed") and tally.reason is None and self._may_go_on(case):
+            self._submit(case)
             return
         if status == "finished":
             tally.finished += 1
-        elif status == "stopped" or is_stopping:
+        elif status == "stopped" or tally.reason is not None:
             tally.stopped.append(case.name)
         else:
             tally.failed[case.name] = outcome["reason"]
             self._directory.record_failure(case.name, outcome["reason"], int(outcome["exit_code"]))
         self._watcher.ended(case, outcome)
 
-    def _may_go_on(self, case: Case, outcome: dict[str, Any], deadline: float | None) -> bool:
+    def _may_go_on(self, case: Case) -> bool:
         """Whether a case that a worker could not end is tried again: if it has come further, or has not been tried often."""
-        if deadline is not None and time.monotonic() > deadline:
+        if self._deadline is not None and time.monotonic() > self._deadline:
             return False
         step = self._directory.state(case).step
         if step > self._steps.get(case.name, -1):
@@ -185,14 +203,25 @@ class Computation:
             return True
         return self._tries[case.name] <= _AGAIN
 
+    def _stop_if_asked(self, should_stop: Callable[[], StopReason | None], tally: Tally) -> None:
+        if tally.reason is not None:
+            return
+        tally.reason = should_stop()
+        if tally.reason is None and self._deadline is not None and time.monotonic() > self._deadline:
+            tally.reason = StopReason.TIME_LIMIT
+        if tally.reason is not None:
+            self._watcher.stopping()
+            self._stop(tally)
+
     def _stop(self, tally: Tally) -> None:
-        """Cancel what has not begun; stop what runs."""
+        """Forget what has not been given out, cancel what has not begun, stop what runs."""
+        tally.stopped += [case.name for case in self._waiting]
+        self._waiting.clear()
         told = self._site.client.run(stop_cases, self._id, on_error="ignore")
-        running = sum(count for count in told.values() if isinstance(count, int))
-        if not running:
-            tally.stopped += [case.name for case in self._cases.values()]
-            self._site.client.cancel(list(self._cases))
-            self._cases.clear()
+        if not sum(count for count in told.values() if isinstance(count, int)):
+            tally.stopped += [case.name for case in self._submitted.values()]
+            self._site.client.cancel(list(self._submitted))
+            self._submitted.clear()
 
 
 def _result(future: Future) -> dict[str, Any]:

@@ -159,6 +159,7 @@ class Compute(Table):
     """Where cases are computed."""
 
     workers: int | None = Field(None, ge=1, le=1024, description="cases at a time on this machine; default: one for each core")
+    threads: int | None = Field(None, ge=1, le=1024, description="of a case; default: as many as it can use")
     scheduler: str | None = Field(None, min_length=1, description="address of a Dask scheduler that runs, as tcp://host:8786")
     slurm: Queue | None = Field(None, description="jobs of SLURM")
     pbs: Queue | None = Field(None, description="jobs of PBS")
@@ -167,7 +168,7 @@ class Compute(Table):
 
     @model_validator(mode="after")
     def _one(self) -> Self:
-        given = [name for name, value in self if value is not None]
+        given = [name for name, value in self if name != "threads" and value is not None]
         if len(given) > 1:
             raise refuse(f"{' and '.join(given)} cannot be had together", "give one of them", given[1])
         return self

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import signal
 import threading
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from multicor_cli.running.outcome import StopReason
 from multicor_cli.scenario.load import load_scenario
 from multicor_cli.studies.cases import Case, expand
-from multicor_cli.studies.clusters import Site, connected, require_dask
-from multicor_cli.studies.computing import Computation, Needs, Tally, Watcher
+from multicor_cli.studies.clusters import DoesNotFit, Site, connected, existing, require_dask
+from multicor_cli.studies.computing import Computation, Tally, Watcher
 from multicor_cli.studies.directory import LOGS, CaseState, CaseStatus, StudyDirectory
-from multicor_cli.studies.forecast import Forecast, check_cases, forecast
+from multicor_cli.studies.forecast import Forecast, Needs, check_cases, forecast
 from multicor_cli.studies.load import Study, load_study
 from multicor_cli.studies.observing import unknown_observables
 from multicor_cli.studies.table import StudyTable, make_table
@@ -31,7 +32,7 @@ class _Silent:
     def ended(self, case: Case, outcome: dict[str, Any]) -> None:
         """Ignore it."""
 
-    def looked(self, running: Sequence[Case]) -> None:
+    def looked(self, running: Callable[[], Sequence[Case]]) -> None:
         """Ignore it."""
 
     def stopping(self) -> None:
@@ -64,15 +65,19 @@ class StudySession:
         return cls(study, expand(study), StudyDirectory(path))
 
     def check(self) -> Forecast:
-        """Look at every case, and estimate the study.
+        """Look at every case that has not begun, and estimate what is left of the study.
 
         Raises:
-            ScenarioError: A case is wrong, or its grains cannot be placed.
+            ScenarioError: A case is wrong, its grains cannot be placed, or there is no space for the runs.
         """
         if findings := unknown_observables(self.study):
             raise self.study.refuse(*findings)
-        check_cases(self.study, self.cases)
-        return forecast(self.study, self.cases)
+        by_status: dict[CaseStatus, list[Case]] = {}
+        for case in self.cases:
+            by_status.setdefault(self.directory.state(case).status, []).append(case)
+        check_cases(self.study, by_status.get(CaseStatus.WAITING, []))
+        left = [case for status, cases in by_status.items() if status is not CaseStatus.FINISHED for case in cases]
+        return forecast(self.study, left, self.directory.path)
 
     def states(self) -> list[CaseState]:
         """How each case stands."""
@@ -97,23 +102,22 @@ class StudySession:
             predicted: What `check` has found, if it has been called.
 
         Raises:
-            ScenarioError: A case is wrong, or not as when the study began.
-            StoreError: The directory cannot be used, or Dask is missing.
+            ScenarioError: A case is wrong, or not as when the study began; or one needs more memory than there is.
+            StoreError: The directory cannot be used, Dask is missing, or its scheduler is lost.
             RunLocked: Another client is at work on the study.
         """
         require_dask()
         resolved = load_scenario(self.study.scenario, self.study.fixed).resolved_toml()
-        if predicted is None and any(self.directory.state(case).status is CaseStatus.WAITING for case in self.cases):
+        if predicted is None:
             predicted = self.check()
         with self.directory.held():
             self.directory.begin(self.study, self.cases, resolved)
             left = [case for case in self.cases if self._is_left(case, retry=retry)]
             if not left:
                 return Tally()
-            needs = predicted.needs if predicted is not None else Needs()
-            with _stop_signals() as asked, self._site(client, len(left)) as site:
-                work = Computation(self.directory, self.study, site, needs, watcher or _Silent())
-                return work.run(left, asked.is_set, None if max_hours is None else 3600.0 * max_hours)
+            with _stop_signals() as asked, self._site(client, predicted.needs, len(left)) as site:
+                work = Computation(self.directory, self.study, site, watcher or _Silent())
+                return work.run(left, asked, None if max_hours is None else 3600.0 * max_hours)
 
     def _is_left(self, case: Case, *, retry: bool) -> bool:
         status = self.directory.state(case).status
@@ -123,12 +127,16 @@ class StudySession:
         return status not in (CaseStatus.FINISHED, CaseStatus.FAILED)
 
     @contextmanager
-    def _site(self, client: Any, most: int) -> Iterator[Site]:
-        if client is not None:
-            yield Site(client, 1, "a Dask client")
-            return
-        with connected(self.study.model.compute, self.directory.path / LOGS, most=most) as site:
-            yield site
+    def _site(self, client: Any, needs: Needs, most: int) -> Iterator[Site]:
+        compute = self.study.model.compute
+        try:
+            if client is not None:
+                yield existing(client, compute, needs)
+                return
+            with connected(compute, self.directory.path / LOGS, needs, most=most) as site:
+                yield site
+        except DoesNotFit as error:
+            raise self.study.refuse(error.finding) from None
 
     def table(self) -> StudyTable:
         """A row for each case, finished or not."""
@@ -136,21 +144,21 @@ class StudySession:
 
 
 @contextmanager
-def _stop_signals() -> Iterator[threading.Event]:
-    """An event that Ctrl-C, SIGTERM and SIGHUP set; the second Ctrl-C interrupts at once."""
-    asked = threading.Event()
+def _stop_signals() -> Iterator[Callable[[], StopReason | None]]:
+    """Why to stop, if Ctrl-C, SIGTERM or SIGHUP has come; the second Ctrl-C interrupts at once."""
+    came: list[int] = []
     if threading.current_thread() is not threading.main_thread():
-        yield asked
+        yield lambda: None
         return
 
     def note(number: int, _frame: Any) -> None:
-        if asked.is_set() and number == signal.SIGINT:
+        if came and number == signal.SIGINT:
             raise KeyboardInterrupt
-        asked.set()
+        came.append(number)
 
     before = {number: signal.signal(number, note) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
     try:
-        yield asked
+        yield lambda: StopReason.of_signal(came[0]) if came else None
     finally:
         for number, handler in before.items():
             signal.signal(number, handler)

@@ -2,12 +2,21 @@
 
 from __future__ import annotations
 
+import contextlib
 import json
+import os
 import signal
 import subprocess
 import sys
 import threading
+from collections import deque
+from pathlib import Path
 from typing import Any
+
+from multicor_cli.store.layout import LOCK
+
+BEAT = 15.0
+"""How often the lock of a case is touched while its process lives [s]."""
 
 _TAIL = 2000
 _running: dict[str, subprocess.Popen[bytes]] = {}
@@ -37,37 +46,46 @@ def run_case(task: dict[str, Any]) -> dict[str, Any]:
         )
         _running[name] = child
     try:
-        assert child.stdin is not None
-        assert child.stdout is not None
-        assert child.stderr is not None
-        errors: list[bytes] = []
-        listener = threading.Thread(target=_keep_tail, args=(child.stderr, errors), daemon=True)
-        listener.start()
-        try:
+        said, errors = _Listener(child.stdout), _Listener(child.stderr)
+        with contextlib.suppress(BrokenPipeError):
+            assert child.stdin is not None
             child.stdin.write(json.dumps(task).encode() + b"\n")
             child.stdin.flush()
-            lines = child.stdout.read().splitlines()
-        except BrokenPipeError:
-            lines = []
-        code = child.wait()
-        listener.join(5.0)
+        code = _wait(child, Path(task["directory"]) / LOCK)
     finally:
         with _lock:
             _running.pop(name, None)
-    for line in reversed(lines):
-        try:
+    for line in reversed(said.lines()):
+        with contextlib.suppress(ValueError):
             found = json.loads(line)
-        except ValueError:
-            continue
-        if isinstance(found, dict) and "status" in found:
-            return found
-    return _unsaid(code, b"".join(errors)[-_TAIL:].decode(errors="replace").strip())
+            if isinstance(found, dict) and "status" in found:
+                return found
+    return _unsaid(code, b"".join(errors.lines())[-_TAIL:].decode(errors="replace").strip())
 
 
-def _keep_tail(stream: Any, into: list[bytes]) -> None:
-    for line in stream:
-        into.append(line)
-        del into[:-50]
+def _wait(child: subprocess.Popen[bytes], lock: Path) -> int:
+    """Wait for the process; meanwhile show other machines that it is alive: the time of its lock moves on."""
+    while True:
+        try:
+            return child.wait(BEAT)
+        except subprocess.TimeoutExpired:
+            with contextlib.suppress(OSError):
+                if lock.stat().st_size:
+                    os.utime(lock)
+
+
+class _Listener:
+    """Keeps the last lines of a stream."""
+
+    def __init__(self, stream: Any) -> None:
+        self._lines: deque[bytes] = deque(maxlen=50)
+        self._thread = threading.Thread(target=lambda: self._lines.extend(stream), daemon=True)
+        self._thread.start()
+
+    def lines(self) -> list[bytes]:
+        """What the process has said last, once it has ended."""
+        self._thread.join(5.0)
+        return list(self._lines)
 
 
 def _unsaid(code: int, said: str) -> dict[str, Any]:

@@ -178,7 +178,7 @@ def test_observables_that_no_run_has(read: Read) -> None:
 
 def test_what_a_study_costs_is_the_sum_of_its_cases(read: Read) -> None:
     text = '[set]\n"loading.0.until.kinetic_energy_ratio" = 1e-3\n[vary]\n"loading.2.duration" = [0.004, 0.008]\n'
-    one, both = (forecast(study, expand(study)) for study in (read(text.replace(", 0.008", "")), read("seeds = 3\n" + text)))
+    one, both = (forecast(study, expand(study), Path()) for study in (read(text.replace(", 0.008", "")), read("seeds = 3\n" + text)))
     assert one.hours is not None
     assert both.hours is not None
     assert (one.cases, both.cases) == (1, 6)

@@ -1,0 +1,90 @@
+"""A case whose lock names another machine: taken over once nothing moves there any more, and then out of reach of the other."""
+
+from __future__ import annotations
+
+import json
+import os
+import threading
+import time
+from pathlib import Path
+from typing import Any
+
+import pytest
+from scenes import SMALL
+
+import multicor_cli as multicor
+from multicor_cli.running.observer import SilentObserver, Status
+from multicor_cli.store.errors import RunLocked
+from multicor_cli.studies.child import Silence, run_task
+
+
+def task(tmp_path: Path, **more: Any) -> dict[str, Any]:
+    scenario = tmp_path / "small.toml"
+    scenario.write_text(SMALL)
+    return {
+        "scenario": str(scenario), "overrides": [], "directory": str(tmp_path / "run"), "threads": 1, "turn": "test",
+        "max_hours": None, **more,
+    }  # fmt: skip
+
+
+class _Stopping(SilentObserver):
+    """Has another machine take the run at a step, or stops it there."""
+
+    def __init__(self, step: int, act: Any) -> None:
+        self._step, self._act = step, act
+
+    def stepped(self, status: Status) -> None:
+        if status.state.step == self._step:
+            self._act()
+
+
+def name_other_host(lock: Path) -> None:
+    lock.write_text(json.dumps({"pid": 4711, "host": "node-that-died", "started": "", "start_ticks": 1}))
+
+
+def test_a_case_of_a_machine_that_died_goes_on(tmp_path: Path) -> None:
+    given = task(tmp_path, silence=1.0)
+    multicor.run(given["scenario"], tmp_path / "whole", threads=1)
+    with pytest.raises(ZeroDivisionError):
+        multicor.run(given["scenario"], given["directory"], threads=1, observer=_Stopping(50, lambda: 1 // 0))
+    lock = tmp_path / "run" / "lock"
+    name_other_host(lock)
+    with pytest.raises(RunLocked, match="node-that-died"):
+        multicor.run(given["scenario"], given["directory"], threads=1)
+    started = time.monotonic()
+    assert run_task(given)["status"] == "finished"
+    assert time.monotonic() - started >= 1.0
+    digests = [json.loads((tmp_path / name / "run.json").read_text())["summary"]["state_digest"] for name in ("whole", "run")]
+    assert digests[0] == digests[1]
+
+
+def test_as_long_as_something_moves_nothing_is_taken(tmp_path: Path) -> None:
+    (tmp_path / "lock").write_text("{}")
+    silence, ended = Silence(tmp_path, 0.4), threading.Event()
+
+    def beat() -> None:
+        for moment in range(20):
+            os.utime(tmp_path / "lock", (moment, moment))
+            time.sleep(0.1)
+        ended.set()
+
+    threading.Thread(target=beat).start()
+    while not silence.is_over():
+        time.sleep(0.05)
+    assert ended.wait(0.0)
+
+
+def test_a_process_that_was_taken_for_dead_writes_nothing_more(tmp_path: Path) -> None:
+    given = task(tmp_path)
+    path = tmp_path / "run"
+    kept: dict[str, bytes] = {}
+
+    def take() -> None:
+        (path / "lock").unlink()
+        name_other_host(path / "lock")
+        kept.update({str(file): file.read_bytes() for file in path.rglob("*") if file.is_file() and file.name != "progress.json"})
+
+    with pytest.raises(RunLocked, match="process 4711 on node-that-died goes on with the run"):
+        multicor.run(given["scenario"], path, threads=1, observer=_Stopping(50, take))
+    now = {str(file): file.read_bytes() for file in path.rglob("*") if file.is_file() and file.name != "progress.json"}
+    assert now == kept
