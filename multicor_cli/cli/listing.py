@@ -31,5 +31,7 @@ class ListingCommand(TyperCommand):
 
 def _filled(text: str) -> str:
     """A help text with its lists."""
-    used = {key: place for key, place in _LISTS.items() if f"{{{key}}}" in text}
-    return text.format(**{key: ", ".join(getattr(import_module(module), name)) for key, (module, name) in used.items()})
+    for key, (module, name) in _LISTS.items():
+        if (place := f"{{{key}}}") in text:
+            text = text.replace(place, ", ".join(getattr(import_module(module), name)))
+    return text

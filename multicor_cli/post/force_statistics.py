@@ -19,6 +19,9 @@ FORCE_BINS = 40
 ANGLE_BINS = 36
 """Bins of the directions over the full circle."""
 
+MOMENTS = ("a_c", "a_n", "a_t", "theta_c", "theta_n", "theta_t")
+"""Names of the moments of an `AngularDistribution`."""
+
 _SMALLEST, _LARGEST = 1e-3, 20.0  # range of f/⟨f⟩ that is looked at
 
 

@@ -13,6 +13,12 @@ from multicor_cli.post.contacts import loaded_contacts, with_forces
 from multicor_cli.post.scene import GrainScene, make_scene
 from multicor_cli.post.source import FrameSource, frame_index, model_of, rows_of
 
+SUMMARY = (
+    "contacts", "wall_contacts", "normal_force_mean", "normal_force_max", "tangential_force_mean", "coordination", "rattler_share",
+    "sliding_share",
+)  # fmt: skip
+"""Names of the numbers of a whole network."""
+
 
 @dataclass(frozen=True)
 class ForceNetwork:
@@ -69,16 +75,17 @@ class ForceNetwork:
         """The numbers of `rows` by name; nan where there is no contact."""
         normal, tangential = self.force.T
         none = not normal.size
-        return {
-            "contacts": normal.size,
-            "wall_contacts": int(np.count_nonzero(self.is_wall)),
-            "normal_force_mean": np.nan if none else float(normal.mean()),
-            "normal_force_max": np.nan if none else float(normal.max()),
-            "tangential_force_mean": np.nan if none else float(np.abs(tangential).mean()),
-            "coordination": self.coordination,
-            "rattler_share": self.rattler_share,
-            "sliding_share": np.nan if none else float(self.sliding.mean()),
-        }
+        values = (
+            normal.size,
+            int(np.count_nonzero(self.is_wall)),
+            np.nan if none else float(normal.mean()),
+            np.nan if none else float(normal.max()),
+            np.nan if none else float(np.abs(tangential).mean()),
+            self.coordination,
+            self.rattler_share,
+            np.nan if none else float(self.sliding.mean()),
+        )
+        return dict(zip(SUMMARY, values, strict=True))
 
     @property
     def rows(self) -> list[tuple[str, float]]:

@@ -19,6 +19,9 @@ _UNITS = {
     "stress_xx": "N/m", "stress_xy": "N/m", "stress_yx": "N/m", "stress_yy": "N/m",
     "kinetic_stress_xx": "N/m", "kinetic_stress_xy": "N/m", "kinetic_stress_yy": "N/m",
 }  # fmt: skip
+QUANTITIES = tuple(_UNITS)
+"""What is measured in a region; temperature in runs with heat only."""
+
 _ROUNDING = 1e-9
 _PIECES = 8  # of a branch: narrow regions and corners lie between its ends
 _AXES = ((0, 0, "xx"), (0, 1, "xy"), (1, 0, "yx"), (1, 1, "yy"))

@@ -143,7 +143,7 @@ class FrameWriter:
         return sum(len(rows["series/step"]) for rows in self._rows)
 
     def flush(self) -> None:
-        """Commit what is pending; raises `StorageFull`, `StorageError`, or what ``require_lock`` does, and then keeps it pending."""
+        """Commit what is pending; raises `StorageFull`, `StorageError` or what ``require_lock`` does, and then keeps it pending."""
         if not self._frames and not self._rows:
             return
         self._require_lock()

@@ -171,9 +171,7 @@ def _has_dashboard() -> bool:
     return True
 
 
-def _queued(
-    stack: contextlib.ExitStack, name: str, table: Queue, threads: int | None, logs: Path, needs: Needs, most: int
-) -> Site:
+def _queued(stack: contextlib.ExitStack, name: str, table: Queue, threads: int | None, logs: Path, needs: Needs, most: int) -> Site:
     """Jobs, each a worker that computes as many cases at a time as its cores and its memory allow."""
     from distributed import Client
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 from multicor_cli.scenario.problems import Finding, Problem, ScenarioError
 from multicor_cli.studies.cases import SEED, Case, check_case
 from multicor_cli.studies.load import Study
+from multicor_cli.studies.observable import missing
 from multicor_cli.text import format_bytes
 
 if TYPE_CHECKING:
@@ -76,7 +77,9 @@ def check_cases(study: Study, cases: Sequence[Case]) -> None:
     problems: dict[tuple[str, str], Problem] = {}
     for case in cases:
         try:
-            check_case(study, case)
+            scenario = check_case(study, case)
+            if findings := list(missing(study.model.observe, scenario)):
+                raise study.refuse(*(finding._replace(message=f"{finding.message} (case {case.name})") for finding in findings))
         except ScenarioError as error:
             for problem in error.problems:
                 problems.setdefault((problem.key, problem.message.split(" (case ")[0]), problem)

@@ -6,37 +6,19 @@ import hashlib
 import json
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from multicor_cli.post.rheology import QUANTITIES
-from multicor_cli.scenario.problems import Finding
-from multicor_cli.scenario.translate import did_you_mean
+from multicor_cli.post.source import Selection
 from multicor_cli.store.atomic import commit_bytes
-from multicor_cli.store.schema import SERIES
 from multicor_cli.studies.cases import Case
 from multicor_cli.studies.directory import StudyDirectory
-from multicor_cli.studies.load import Study
 from multicor_cli.studies.schema import After, Observable
-
-RHEOLOGY = [row.name for row in QUANTITIES]
-"""Quantities of `multicor post rheology`."""
+from multicor_cli.studies.tables import SOURCES, Number, Unobservable
 
 _BLOCKS = 10
-
-
-@dataclass(frozen=True)
-class Number:
-    """A number with its standard error; nan where it is not known."""
-
-    value: float
-    error: float = math.nan
-
-
-class Unobservable(Exception):
-    """An observable that a run does not have."""
 
 
 def observe(directory: StudyDirectory, case: Case, observables: Sequence[Observable]) -> dict[str, Any]:
@@ -83,21 +65,7 @@ def _take(directory: StudyDirectory, case: Case, observables: Sequence[Observabl
     return {"values": values, "problems": problems, "verdict": verdict, "digest": info["state_digest"], "hours": hours}
 
 
-def unknown_observables(study: Study) -> list[Finding]:
-    """What no run of any scenario has."""
-    series = [spec.path.removeprefix("series/") for spec in SERIES if len(spec.dims) == 1]
-    findings = []
-    for number, row in enumerate(study.model.observe):
-        if row.value is not None and row.value not in RHEOLOGY:
-            known = did_you_mean(row.value, RHEOLOGY) or f"rheology has {', '.join(RHEOLOGY)}"
-            findings.append(Finding(("observe", number, "value"), f"rheology has no {row.value}", known))
-        if row.series is not None and row.series not in series:
-            known = did_you_mean(row.series, series) or f"it has {', '.join(series)}"
-            findings.append(Finding(("observe", number, "series"), f"the time series has no {row.series}", known))
-    return findings
-
-
-def take_one(path: Any, row: Observable, info: dict[str, Any]) -> Number:
+def take_one(path: Path, row: Observable, info: dict[str, Any]) -> Number:
     """One observable of a run.
 
     Raises:
@@ -105,7 +73,6 @@ def take_one(path: Any, row: Observable, info: dict[str, Any]) -> Number:
         PostError: It has too few frames.
     """
     import multicor_cli as multicor
-    from multicor_cli.post.source import Selection
 
     if row.info is not None:
         return Number(_field(info, row.info))
@@ -113,12 +80,8 @@ def take_one(path: Any, row: Observable, info: dict[str, Any]) -> Number:
         start = _start(run, row.after)
         if row.series is not None:
             return _mean_of_series(run, row.series, start)
-        from multicor_cli.post.rheology import rheology
-
-        found = rheology(run, Selection(start=start))
-    if row.value not in found.mean:
-        raise Unobservable(f"rheology has no {row.value}; it has {', '.join(found.mean)}")
-    return Number(found.mean[row.value], found.error[row.value])
+        assert row.post is not None
+        return SOURCES[row.post].take(run, row, Selection(start=start))
 
 
 def _field(info: dict[str, Any], name: str) -> float:

@@ -8,6 +8,7 @@ from typing import Annotated, Any, Literal, Self
 from pydantic import Discriminator, Field, Strict, Tag, field_validator, model_validator
 
 from multicor_cli.scenario.base import Name, Table, refuse
+from multicor_cli.scenario.region import AnyRegion
 
 MAX_CASES = 100_000
 """Most cases of a study."""
@@ -106,11 +107,17 @@ class Observable(Table):
     """One number, with its error, from every run."""
 
     name: Name = Field(description="its name in tables and figures")
-    post: Literal["rheology"] | None = Field(None, description="table of `multicor post` that it is a mean of")
+    post: Literal["rheology", "region", "profile", "theta-eta", "map", "forces", "energy"] | None = Field(
+        None, description="command `multicor post` whose table it is taken from"
+    )
     info: str | None = Field(None, min_length=1, description="field of `multicor info --json`, as solver.sweeps_mean")
     series: str | None = Field(None, min_length=1, description="column of the time series, averaged")
     value: str | None = Field(None, min_length=1, description="quantity of the table")
     after: After | None = Field(None, description="from when on; default: the later half of the last stage")
+    at: float | None = Field(None, description="where in a profile: height above the lower wall [m]; in theta-eta: η")
+    bins: int | None = Field(None, ge=1, le=10_000, description="number of bins of a profile or of theta-eta")
+    inside: AnyRegion | None = Field(None, description="the region, as of a group of grains")
+    statistic: Literal["mean", "min", "max", "std"] | None = Field(None, description="of the grains of a map; default: mean")
 
     @model_validator(mode="after")
     def _one_source(self) -> Self:
@@ -122,6 +129,31 @@ class Observable(Table):
         if self.info is not None and self.after is not None:
             raise refuse("a field of info is no mean", "leave after out", "after")
         return self
+
+    @model_validator(mode="after")
+    def _own_keys(self) -> Self:
+        for key, (needing, allowing) in _KEYS_OF_TABLES.items():
+            is_given = getattr(self, key) is not None
+            if is_given and self.post not in (*needing, *allowing):
+                known = " or ".join(f'post = "{name}"' for name in (*needing, *allowing))
+                raise refuse(f"{key} belongs to {known}", f"leave {key} out", key)
+            if not is_given and self.post in needing:
+                raise refuse(f'post = "{self.post}" needs {key}', _EXAMPLES[key])
+        return self
+
+
+_KEYS_OF_TABLES: dict[str, tuple[tuple[str, ...], tuple[str, ...]]] = {
+    "at": (("profile", "theta-eta"), ()),
+    "bins": ((), ("profile", "theta-eta")),
+    "inside": (("region",), ()),
+    "statistic": ((), ("map",)),
+}
+"""Keys of an observable: the tables that need them, and those that may have them."""
+
+_EXAMPLES = {
+    "at": "say where: at = 0.5",
+    "inside": 'say where: inside = { kind = "circle", center = [0.02, 0.01], radius = 0.005 }',
+}
 
 
 _UNITS = {"k": 3, "M": 6, "G": 9, "T": 12}

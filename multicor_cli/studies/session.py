@@ -18,7 +18,7 @@ from multicor_cli.studies.computing import Computation, Tally, Watcher
 from multicor_cli.studies.directory import LOGS, CaseState, CaseStatus, StudyDirectory
 from multicor_cli.studies.forecast import Forecast, Needs, check_cases, forecast
 from multicor_cli.studies.load import Study, load_study
-from multicor_cli.studies.observing import unknown_observables
+from multicor_cli.studies.observable import unknown
 from multicor_cli.studies.table import StudyTable, make_table
 
 
@@ -70,7 +70,7 @@ class StudySession:
         Raises:
             ScenarioError: A case is wrong, its grains cannot be placed, or there is no space for the runs.
         """
-        if findings := unknown_observables(self.study):
+        if findings := list(unknown(self.study.model.observe)):
             raise self.study.refuse(*findings)
         by_status: dict[CaseStatus, list[Case]] = {}
         for case in self.cases:

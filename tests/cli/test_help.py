@@ -5,6 +5,7 @@ from __future__ import annotations
 import subprocess
 import sys
 from pathlib import Path
+from typing import Any
 
 import pytest
 import scenes
@@ -13,7 +14,7 @@ from command_line import call, environment
 from multicor_cli import __version__
 
 HEAVY = {"numpy", "numba", "h5py", "pydantic", "matplotlib", "scipy", "simpleeval"}
-COMMANDS = ["new", "validate", "run", "info", "verify", "post", "export", "report", "bench", "schema", "doctor"]
+COMMANDS = ["new", "validate", "run", "info", "verify", "post", "export", "report", "bench", "schema", "doctor", "study"]
 
 
 SCRIPT = """
@@ -77,6 +78,30 @@ def test_help_lists_what_there_is(command: str, word: str, tmp_path: Path) -> No
     done = call(*command.split(), "--help", cwd=tmp_path)
     assert word in done.stdout
     assert "--normalised" not in done.stdout
+
+
+def commands() -> list[str]:
+    """Every command, with those inside groups."""
+    from typer.main import get_command
+
+    from multicor_cli.cli.app import app
+
+    def inside(group: Any, prefix: str) -> list[str]:
+        names = [(f"{prefix}{name}", command) for name, command in group.commands.items()]
+        return [
+            found
+            for name, command in names
+            for found in (name, *(inside(command, f"{name} ") if hasattr(command, "commands") else ()))
+        ]
+
+    return inside(get_command(app), "")
+
+
+@pytest.mark.parametrize("name", commands())
+def test_every_command_has_help(name: str, tmp_path: Path) -> None:
+    done = call(*name.split(), "--help", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert "Usage" in done.stdout
 
 
 def test_version(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from multicor_cli.scenario.problems import ScenarioError
 from multicor_cli.studies.cases import Case, check_case, expand, short_names
 from multicor_cli.studies.forecast import check_cases, forecast
 from multicor_cli.studies.load import Study, load_study
-from multicor_cli.studies.observing import unknown_observables
+from multicor_cli.studies.observable import unknown
 
 HEAD = '[study]\nname = "s"\nscenario = "small.toml"\n'
 FRICTION, RESTITUTION = "contacts.0.friction", "contacts.0.restitution"
@@ -170,7 +170,7 @@ def test_every_case_is_looked_at(read: Read) -> None:
 def test_observables_that_no_run_has(read: Read) -> None:
     text = '[[observe]]\nname = "a"\npost = "rheology"\nvalue = "frction_walls"\n[[observe]]\nname = "b"\nseries = "kinetik"\n'
     study = read(text)
-    found = [str(problem) for problem in study.refuse(*unknown_observables(study)).problems]
+    found = [str(problem) for problem in study.refuse(*unknown(study.model.observe)).problems]
     assert "s.toml:7:" in found[0]
     assert "did you mean 'friction_walls'?" in found[0]
     assert "did you mean 'kinetic'?" in found[1]
@@ -178,7 +178,9 @@ def test_observables_that_no_run_has(read: Read) -> None:
 
 def test_what_a_study_costs_is_the_sum_of_its_cases(read: Read) -> None:
     text = '[set]\n"loading.0.until.kinetic_energy_ratio" = 1e-3\n[vary]\n"loading.2.duration" = [0.004, 0.008]\n'
-    one, both = (forecast(study, expand(study), Path()) for study in (read(text.replace(", 0.008", "")), read("seeds = 3\n" + text)))
+    one, both = (
+        forecast(study, expand(study), Path()) for study in (read(text.replace(", 0.008", "")), read("seeds = 3\n" + text))
+    )
     assert one.hours is not None
     assert both.hours is not None
     assert (one.cases, both.cases) == (1, 6)
