@@ -42,7 +42,7 @@ _SHOWN = 8  # running cases that are listed
 
 def register(app: typer.Typer, wrap: Callable[..., Any]) -> None:
     """Add the commands."""
-    for command in (run, validate, status, table, plot, cancel):
+    for command in (run, validate, status, table, plot, report, cancel):
         study.command(cls=ListingCommand)(wrap(command))
     app.add_typer(study, name="study")
 
@@ -185,7 +185,8 @@ def table(
     elif is_csv:
         sys.stdout.write(found.csv())
     elif parquet is None:
-        emit_table(found.headings, [[_cell(value) for value in record] for record in found.records])
+        headings, lines = found.lines
+        emit_table(headings, lines)
     for row in found.rows:
         for name, why in (row.problems or {}).items():
             if name:
@@ -196,34 +197,100 @@ def plot(
     file: StudyFile,
     target: Annotated[Path, typer.Argument(metavar="FIGURE", help="File (.png, .svg, .pdf), or term.", show_default=False)],
     of: Annotated[str, typer.Option("--of", metavar="NAME", help="Observable.", show_default=False)],
-    x: Annotated[str, typer.Option("--against", metavar="KEY", help="Key across.", show_default=False)],
+    against: Annotated[str, typer.Option("--against", metavar="NAME", help="Key or observable across.", show_default=False)],
     by: Annotated[
         Optional[str],  # noqa: UP045  (evaluated by typer)
         typer.Option("--by", metavar="KEY", help="A series for each of its values; default: for all other keys."),
     ] = None,
+    facet: Annotated[
+        Optional[str],  # noqa: UP045
+        typer.Option("--facet", metavar="KEY", help="A panel for each of its values.", show_default=False),
+    ] = None,
+    where: Annotated[
+        Optional[list[str]],  # noqa: UP045
+        typer.Option("--where", metavar="KEY=VALUE", help="Cases with this value only; may be repeated.", show_default=False),
+    ] = None,
     kind: Annotated[
-        Optional[str],  # noqa: UP045  (evaluated by typer)
+        Optional[str],  # noqa: UP045
         typer.Option("--fit", metavar="KIND", help="line, power or mu-of-I.", show_default=False),
+    ] = None,
+    curves: Annotated[
+        Optional[list[str]],  # noqa: UP045
+        typer.Option(
+            "--curve", metavar="'NAME: FORMULA'", help="A formula in x beside the points; may be repeated.", show_default=False
+        ),
     ] = None,
     log: Annotated[str, typer.Option("--log", metavar="AXES", help="Logarithmic axes: x, y or xy.", show_default=False)] = "",
     output: Output = None,
+    is_overwriting: Annotated[bool, typer.Option("--overwrite", help="Replace the file if it is there.")] = False,
 ) -> None:
-    """Draw an observable of a study against a value, means over seeds with their errors."""
-    from multicor_cli.studies import figure
+    """Draw an observable of a study against a value or another observable, means over seeds with their errors.
+
+    The name of a curve stands in the legend: --curve 'da Cruz 2005: 0.25 + 1.1*x'.
+    """
+    from multicor_cli.export.target import check_output
+    from multicor_cli.studies import figure, fits
+    from multicor_cli.studies.series import Question, make_panels
     from multicor_cli.studies.session import StudySession
 
     if log not in ("", "x", "y", "xy"):
         raise typer.BadParameter(f"'{log}' is not x, y or xy", param_hint="--log")
+    is_file = target != Path("term")
+    if is_file:
+        check_output(target, is_overwriting=is_overwriting)
+    question = Question(of, against, by, facet, tuple(_pair(text) for text in where or ()))
+    formulas = [fits.formula(text) for text in curves or ()]
     session = StudySession.open(file, output)
     found = _table(session, is_mean=True)
-    series = figure.make_series(found, of, x, by)
-    fits = [figure.fit(kind, line) for line in series] if kind is not None else []
-    for line, curve in zip(series, fits, strict=bool(fits)):
-        say(f"{line.label}: {curve.text}" if line.label else curve.text)
-    if target == Path("term"):
-        emit(figure.draw_letters(found, series, of, x))
+    panels = make_panels(found, question)
+    lines = [[fits.fit(kind, line) for line in panel.series] for panel in panels] if kind is not None else []
+    for panel, own in zip(panels, lines, strict=bool(lines)):
+        for line, curve in zip(panel.series, own, strict=True):
+            say(": ".join(text for text in (panel.title, line.label, curve.text) if text))
+    if not is_file:
+        emit(figure.draw_letters(found, panels, question))
         return
-    figure.draw(target, found, series, of, x, fits, log=log)
+    figure.draw(target, found, panels, question, lines, formulas, log=log)
+    say(f"wrote {target}")
+
+
+def _pair(text: str) -> tuple[str, str]:
+    key, sign, value = text.partition("=")
+    if not sign:
+        raise typer.BadParameter(f"'{text}' is not KEY=VALUE", param_hint="--where")
+    return key, value
+
+
+def report(
+    file: StudyFile,
+    output: Output = None,
+    page: Annotated[
+        Optional[Path],  # noqa: UP045  (evaluated by typer)
+        typer.Option(
+            "--page", metavar="FILE.html", help="File to write.", show_default="NAME-report.html in the study's directory"
+        ),
+    ] = None,
+    has_runs: Annotated[bool, typer.Option("--runs", help="Write a page about each finished run that has none as well.")] = False,
+    frames: Annotated[
+        int, typer.Option("--frames", min=1, metavar="N", help="Largest number of frames in the page of a run.")
+    ] = 20,
+    is_overwriting: Annotated[bool, typer.Option("--overwrite", help="Replace the file if it is a report.")] = False,
+) -> None:
+    """Write one HTML page about a study: how far it is, figures, means over seeds, and all cases with links to their runs."""
+    from multicor_cli.cli.progress import show_progress
+    from multicor_cli.studies.report import report_path, write_study_report
+    from multicor_cli.studies.session import StudySession
+
+    session = StudySession.open(file, output)
+    target = page if page is not None else report_path(session)
+    if target.suffix.lower() not in (".html", ".htm"):
+        raise typer.BadParameter(f"'{target}' does not end in .html", param_hint="--page")
+    with show_progress("run") as progress:
+        written = write_study_report(
+            session, target, is_overwriting=is_overwriting, run_frames=frames if has_runs else None, progress=progress
+        )
+    if written:
+        say(f"wrote {count_noun(written, 'page')} about runs")
     say(f"wrote {target}")
 
 
@@ -347,7 +414,3 @@ def _summary(counts: Counter[Any]) -> str:
 def _how_far(share: float | None, remaining: float | None) -> str:
     text = "" if share is None else f"  {100.0 * share:.0f} %"
     return text + ("" if remaining is None else f"  {format_seconds(remaining)} left")
-
-
-def _cell(value: Any) -> str:
-    return "–" if value is None else f"{value:.5g}" if isinstance(value, float) else str(value)

@@ -67,11 +67,33 @@ def make_figures(run: Run, books: EnergyTable | None) -> list[Figure] | None:
         StoreError: If the run cannot be read.
     """
     try:
-        with house_style():
-            _recolor()
-            return [*_profiles(run), *([] if books is None else _histories(run, books))]
+        return [*_profiles(run), *([] if books is None else _histories(run, books))]
     except PlotError:
         return None
+
+
+def make_figure(title: str, size: tuple[float, float], fill: Callable[[Any], None]) -> Figure:
+    """A figure for a page: its texts and axes take the colors of the page, its background is empty.
+
+    Args:
+        title: What it shows.
+        size: Width and height [inch].
+        fill: Draws into a figure of matplotlib.
+
+    Raises:
+        PlotError: If matplotlib is not installed.
+    """
+    with house_style():
+        from matplotlib.figure import Figure as Canvas
+
+        _recolor()
+        canvas = Canvas(figsize=size, layout="constrained", facecolor="none")
+        fill(canvas)
+        for axes in canvas.axes:
+            axes.set_facecolor("none")
+        buffer = io.StringIO()
+        canvas.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
+        return Figure(title, _inline(buffer.getvalue()))
 
 
 def _recolor() -> None:
@@ -219,14 +241,7 @@ def _count_from_reference(axes: Any, label: str, lines: list[Line]) -> None:
 
 
 def _draw(title: str, draw: Callable[[Any], None]) -> Figure:
-    from matplotlib.figure import Figure as Canvas
-
-    canvas = Canvas(figsize=_SIZE, layout="constrained", facecolor="none")
-    axes = canvas.add_subplot(facecolor="none")
-    draw(axes)
-    buffer = io.StringIO()
-    canvas.savefig(buffer, format="svg", metadata={"Date": None, "Creator": None, "Format": None, "Type": None})
-    return Figure(title, _inline(buffer.getvalue()))
+    return make_figure(title, _SIZE, lambda canvas: draw(canvas.add_subplot()))
 
 
 def _inline(svg: str) -> str:

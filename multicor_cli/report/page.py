@@ -70,7 +70,7 @@ def make_page(
         _header(name, str(scenario.get("description") or ""), info),
         _file("view.html").replace("NOTE_ON_FRAMES", escape(_note(packing))),
         _tables(info, checks, books),
-        _figures(figures),
+        figure_cards(figures),
         _scenario(source, resolved),
         f"<footer><p>Made by multicor {escape(__version__)} from {escape(run.path.resolve().name)}.</p></footer>",
         _data("meta", "application/json", _json(_meta(run, packing))),
@@ -78,15 +78,15 @@ def make_page(
         *(_data(f"frame-{k}", "text/plain", _base64(chunk.data)) for k, chunk in enumerate(packing.chunks)),
         f"<script>{program}</script>",
     ]
-    return "\n".join([_head(name, program), "<body>", *body, "</body>", "</html>", ""]).encode(errors="backslashreplace")
+    return "\n".join([make_head(name, program), "<body>", *body, "</body>", "</html>", ""]).encode(errors="backslashreplace")
 
 
 def _shorten(text: str) -> str:
     return text if len(text) <= _LONGEST else text[: _LONGEST - 1] + "…"
 
 
-def _head(name: str, program: str) -> str:
-    """The head; its policy lets the browser run the one program of the page, known by its digest, and load nothing."""
+def make_head(name: str, program: str = "") -> str:
+    """The head of a page; its policy lets the browser run the one program of the page, known by its digest, and load nothing."""
     policy = _POLICY.format(_base64(hashlib.sha256(program.encode()).digest()))
     return (
         f'<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n{MARK}\n'
@@ -133,10 +133,10 @@ def _up(value: float) -> str:
 
 def _tables(info: dict[str, Any], checks: Sequence[Check], books: EnergyTable | None) -> str:
     parts = [
-        _table("What was run", describe_run(info)),
-        _table("Checks", describe_checks(checks)),
-        _table("Ends of the stages", describe_stages(info)),
-        _table("Contact solver", describe_solver(info)),
+        table_card("What was run", describe_run(info)),
+        table_card("Checks", describe_checks(checks)),
+        table_card("Ends of the stages", describe_stages(info)),
+        table_card("Contact solver", describe_solver(info)),
         *_book_tables(books),
     ]
     return f'<section class="cards">{"".join(parts)}</section>'
@@ -145,10 +145,13 @@ def _tables(info: dict[str, Any], checks: Sequence[Check], books: EnergyTable | 
 def _book_tables(books: EnergyTable | None) -> list[str]:
     if books is None:
         return []
-    return [_table(title, describe_books(books, lines)) for title, lines in (("Energy books", MECHANICAL), ("Books of heat", HEAT))]
+    return [
+        table_card(title, describe_books(books, lines)) for title, lines in (("Energy books", MECHANICAL), ("Books of heat", HEAT))
+    ]
 
 
-def _table(title: str, rows: list[ReportRow]) -> str:
+def table_card(title: str, rows: list[ReportRow]) -> str:
+    """Names and values under a title; nothing if there are none."""
     if not rows:
         return ""
     return f'<div class="card"><h2>{escape(title)}</h2><table>{"".join(map(_row, rows))}</table></div>'
@@ -160,7 +163,8 @@ def _row(row: ReportRow) -> str:
     return f'<tr><th scope="row">{escape(row.name)}</th><td dir="auto">{escape(_shorten(row.value))}{mark}</td></tr>{note}'
 
 
-def _figures(figures: list[Figure] | None) -> str:
+def figure_cards(figures: Sequence[Figure] | None) -> str:
+    """Figures side by side; None: there is no matplotlib."""
     if figures is None:
         text = "<p>There are no figures here: the installation that made this page has no matplotlib.</p>"
     else:

@@ -64,7 +64,8 @@ def run_task(task: dict[str, Any]) -> dict[str, Any]:
     """Run, or go on with, a case.
 
     Args:
-        task: ``scenario``, ``overrides``, ``directory``, ``threads``, ``turn`` (what cases share compiled kernels), ``max_hours``.
+        task: ``scenario``, ``overrides``, ``directory``, ``threads``, ``turn`` (what cases share compiled kernels), ``max_hours``,
+            ``observe`` (the observables of the study).
 
     Returns:
         ``status`` (finished, stopped or failed), ``reason``, ``exit_code``, ``step``.
@@ -99,12 +100,27 @@ def run_task(task: dict[str, Any]) -> dict[str, Any]:
             return {"status": "failed", "reason": str(error) or type(error).__name__, "exit_code": code, "step": 0}
         else:
             status = "finished" if outcome.is_finished else "stopped"
+            if outcome.is_finished:
+                _observe(task)
             return {
                 "status": status,
                 "reason": outcome.reason.value,
                 "exit_code": int(outcome.reason.exit_code),
                 "step": outcome.step,
             }
+
+
+def _observe(task: dict[str, Any]) -> None:
+    """Take the numbers of the case that are asked for, here rather than one case after the other when the table is made."""
+    from multicor_cli.studies.cases import Case
+    from multicor_cli.studies.directory import StudyDirectory
+    from multicor_cli.studies.observing import observe
+    from multicor_cli.studies.schema import Observable
+
+    path = Path(task["directory"])
+    rows = [Observable.model_validate(row) for row in task.get("observe", [])]
+    with contextlib.suppress(Exception):  # a disk that is full: the table tries again, and says what is wrong
+        observe(StudyDirectory(path.parent.parent), Case(path.name, {}), rows)
 
 
 class Silence:

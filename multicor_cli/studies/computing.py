@@ -158,6 +158,7 @@ class Computation:
             "scenario": str(self._study.scenario.absolute()),
             "overrides": [*self._study.fixed, *case.overrides],
             "turn": self._id,
+            "observe": [row.model_dump(mode="json", exclude_none=True) for row in self._study.model.observe],
             "directory": str(self._directory.case(case.name).absolute()),
             "threads": self._site.threads,
             "max_hours": None if self._deadline is None else max(0.0, self._deadline - time.monotonic()) / 3600.0,

@@ -2,7 +2,7 @@
 
 ``study.json`` says which scenario and which cases; ``cases/NAME`` is the run of a case, an ordinary run directory, which alone says
 how far the case has come; ``failed/NAME.json`` tells why a case failed; ``observed/NAME.json`` keeps numbers taken from a
-finished run. Nothing else is kept, so nothing can disagree.
+finished run; ``pages/NAME.html`` are reports about runs, if they were asked for. Nothing else is kept, so nothing can disagree.
 """
 
 from __future__ import annotations
@@ -25,8 +25,8 @@ from multicor_cli.studies.cases import Case
 from multicor_cli.studies.load import Study
 
 FILETYPE, VERSION = "multicor-study", 1
-DOCUMENT, SOURCE, LOCK, CASES, FAILED, OBSERVED, LOGS = (
-    "study.json", "study.toml", "lock", "cases", "failed", "observed", "logs"
+DOCUMENT, SOURCE, LOCK, CASES, FAILED, OBSERVED, LOGS, PAGES = (
+    "study.json", "study.toml", "lock", "cases", "failed", "observed", "logs", "pages"
 )  # fmt: skip
 
 
@@ -80,6 +80,10 @@ class StudyDirectory:
     def observed(self, name: str) -> Path:
         """Numbers taken from a finished case."""
         return self.path / OBSERVED / f"{name}.json"
+
+    def page(self, name: str) -> Path:
+        """The report about the run of a case, if there is one."""
+        return self.path / PAGES / f"{name}.html"
 
     @property
     def exists(self) -> bool:

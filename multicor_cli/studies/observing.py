@@ -22,47 +22,54 @@ _BLOCKS = 10
 
 
 def observe(directory: StudyDirectory, case: Case, observables: Sequence[Observable]) -> dict[str, Any]:
-    """Numbers of a finished case, its digest and its worst verdict, from ``observed/NAME.json`` if they are there.
+    """Numbers of a finished case, its digest and its worst verdict, from ``observed/NAME.json`` as far as they are there.
 
     Returns:
         ``values`` (name: ``[value, error]``), ``problems`` (name: why it could not be taken), ``verdict``, ``digest``, ``hours``.
     """
-    file, wanted = directory.observed(case.name), _digest(observables)
+    file = directory.observed(case.name)
     try:
         kept = json.loads(file.read_bytes())
     except (OSError, ValueError):
         kept = {}
-    if isinstance(kept, dict) and kept.get("observables") == wanted:
-        return kept
-    found = {"observables": wanted, **_take(directory, case, observables)}
-    commit_bytes(file, "observed numbers", json.dumps(found).encode())
-    return found
+    kept = kept if isinstance(kept, dict) and isinstance(kept.get("numbers"), dict) else {}
+    wanted = {row.name: _digest(row) for row in observables}
+    new = [row for row in observables if wanted[row.name] not in kept.get("numbers", {})]
+    if new or not kept:
+        kept = _take(directory.case(case.name), new, kept)
+        commit_bytes(file, "observed numbers", json.dumps(kept).encode())
+    found = {name: kept["numbers"][digest] for name, digest in wanted.items()}
+    return {
+        **{name: kept[name] for name in ("verdict", "digest", "hours")},
+        "values": {name: number for name, number in found.items() if not isinstance(number, str)},
+        "problems": {name: number for name, number in found.items() if isinstance(number, str)},
+    }
 
 
-def _digest(observables: Sequence[Observable]) -> str:
-    text = json.dumps([row.model_dump() for row in observables], sort_keys=True)
+def _digest(row: Observable) -> str:
+    """What is observed, whatever it is called."""
+    text = json.dumps(row.model_dump(exclude={"name", "label"}), sort_keys=True)
     return hashlib.sha256(text.encode()).hexdigest()[:16]
 
 
-def _take(directory: StudyDirectory, case: Case, observables: Sequence[Observable]) -> dict[str, Any]:
+def _take(path: Path, observables: Sequence[Observable], kept: dict[str, Any]) -> dict[str, Any]:
+    """What is kept of a case, with these observables: ``[value, error]``, or in words why a number could not be taken."""
     import multicor_cli as multicor
     from multicor_cli.checks import worst_verdict
     from multicor_cli.store import run_info
 
-    path = directory.case(case.name)
     info = run_info(path)
-    values: dict[str, list[float]] = {}
-    problems: dict[str, str] = {}
+    numbers = dict(kept.get("numbers", {}))
     for row in observables:
         try:
-            number = take_one(path, row, info)
+            numbers[_digest(row)] = list(take_one(path, row, info))
         except Exception as error:  # whatever a run lacks is told in the table; others are still taken
-            problems[row.name] = str(error) or type(error).__name__
-        else:
-            values[row.name] = [number.value, number.error]
+            numbers[_digest(row)] = str(error) or type(error).__name__
+    if kept:
+        return {**kept, "numbers": numbers}
     verdict = worst_verdict(multicor.check_run(path)).value
     hours = float((info["timings"] or {}).get("wall", math.nan)) / 3600.0
-    return {"values": values, "problems": problems, "verdict": verdict, "digest": info["state_digest"], "hours": hours}
+    return {"numbers": numbers, "verdict": verdict, "digest": info["state_digest"], "hours": hours}
 
 
 def take_one(path: Path, row: Observable, info: dict[str, Any]) -> Number:

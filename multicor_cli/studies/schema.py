@@ -106,7 +106,8 @@ class After(Table):
 class Observable(Table):
     """One number, with its error, from every run."""
 
-    name: Name = Field(description="its name in tables and figures")
+    name: Name = Field(description="its name in tables")
+    label: str = Field("", max_length=200, description="its name in figures; TeX between dollar signs")
     post: Literal["rheology", "region", "profile", "theta-eta", "map", "forces", "energy"] | None = Field(
         None, description="command `multicor post` whose table it is taken from"
     )

@@ -5,12 +5,12 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Sequence
-from dataclasses import dataclass
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 from multicor_cli.studies.axes import Values
-from multicor_cli.studies.cases import SEED, Case, short_names
+from multicor_cli.studies.cases import SEED, Case, short_names, shown
 from multicor_cli.studies.directory import CaseStatus, StudyDirectory
 from multicor_cli.studies.observing import observe
 from multicor_cli.studies.schema import Observable
@@ -53,6 +53,7 @@ class StudyTable:
         rows: The rows.
         is_mean: Whether rows are means over seeds.
         directory: That of the study.
+        labels: What observables are called in figures, where that is not their name.
     """
 
     keys: tuple[str, ...]
@@ -60,6 +61,7 @@ class StudyTable:
     rows: tuple[Row, ...]
     is_mean: bool
     directory: StudyDirectory
+    labels: Mapping[str, str] = field(default_factory=dict)
 
     @property
     def headings(self) -> list[str]:
@@ -86,6 +88,23 @@ class StudyTable:
                 found += [_known(row.between.get(name, math.nan)), count]
         found += [row.verdict, _known(row.hours)]
         return found if self.is_mean else [*found, row.digest, str(self.directory.case(row.case))]
+
+    @property
+    def lines(self) -> tuple[list[str], list[list[str]]]:
+        """Headings and rows for people: numbers with their errors, the larger one where there are two, in one column."""
+        names = short_names(self.keys)
+        headings = [*(names[key] for key in self.keys), "status", *self.observables, "verdict", "hours"]
+        return headings, [self._line(row) for row in self.rows]
+
+    def _line(self, row: Row) -> list[str]:
+        values = [shown(row.values[key]) if key in row.values else "" for key in self.keys]
+        numbers = []
+        for name in self.observables:
+            value, error, _ = row.numbers.get(name, (math.nan, math.nan, 0))
+            numbers.append(
+                with_error(value, max(error, row.between.get(name, math.nan), key=lambda e: e if math.isfinite(e) else -1.0))
+            )
+        return [*values, row.status, *numbers, row.verdict, "–" if math.isnan(row.hours) else f"{row.hours:.3g}"]
 
     def csv(self) -> str:
         """As CSV."""
@@ -119,7 +138,8 @@ def make_table(directory: StudyDirectory, observables: Sequence[Observable], cas
             )
         )  # fmt: skip
     keys = tuple(dict.fromkeys(key for case in cases for key in case.values))
-    return StudyTable(keys, tuple(row.name for row in observables), tuple(rows), is_mean=False, directory=directory)
+    labels = {row.name: row.label for row in observables if row.label}
+    return StudyTable(keys, tuple(row.name for row in observables), tuple(rows), is_mean=False, directory=directory, labels=labels)
 
 
 def over_seeds(table: StudyTable) -> StudyTable:
@@ -132,7 +152,7 @@ def over_seeds(table: StudyTable) -> StudyTable:
     for row in table.rows:
         groups.setdefault(tuple(row.values.get(key) for key in keys), []).append(row)
     rows = [_mean(dict(zip(keys, values, strict=True)), group, table.observables) for values, group in groups.items()]
-    return StudyTable(keys, table.observables, tuple(rows), is_mean=True, directory=table.directory)
+    return replace(table, keys=keys, rows=tuple(rows), is_mean=True)
 
 
 def _mean(values: Values, group: Sequence[Row], observables: Sequence[str]) -> Row:
@@ -152,6 +172,20 @@ def _mean(values: Values, group: Sequence[Row], observables: Sequence[str]) -> R
     verdict = max((row.verdict for row in group), key=lambda text: order.index(text) if text in order else 0)
     hours = math.fsum(row.hours for row in group if math.isfinite(row.hours))
     return Row(values, f"{done} of {len(group)} finished", numbers, between, verdict, hours)
+
+
+def with_error(value: float, error: float) -> str:
+    """A number with its error, to two digits of the error, as 0.2592 ± 0.0018; with five digits if the error is not known."""
+    if not math.isfinite(value):
+        return "–"
+    if not math.isfinite(error) or error <= 0.0:
+        return f"{value:.5g}"
+    digits = 1 - math.floor(math.log10(error))
+    if digits < 0 or (digits > 6 and abs(value) < 1e-4):
+        power = math.floor(math.log10(max(abs(value), error)))
+        digits = max(0, digits + power)
+        return f"({value / 10.0**power:.{digits}f} ± {error / 10.0**power:.{digits}f})e{power:+d}"
+    return f"{value:.{digits}f} ± {error:.{digits}f}"
 
 
 def _known(value: float) -> float | None:

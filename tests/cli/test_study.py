@@ -11,6 +11,7 @@ import signal
 import subprocess
 import time
 from pathlib import Path
+from urllib.parse import quote
 
 import pytest
 from command_line import call, call_outside, start
@@ -20,7 +21,6 @@ from scenes import SMALL
 import multicor_cli as multicor
 from multicor_cli.studies.cases import Case
 from multicor_cli.studies.directory import CaseStatus, StudyDirectory
-from multicor_cli.studies.figure import Series, fit
 
 pytest.importorskip("distributed")
 
@@ -163,6 +163,33 @@ def test_figures(finished: Path) -> None:
     assert "friction" in done.stdout
 
 
+def test_figures_in_panels_and_against_a_measured_number(finished: Path) -> None:
+    options = ("--of", "mu", "--against", "kinetic", "--curve", "a law: 0.3 + x")
+    done = call("study", "plot", "s.toml", "g.svg", *options, cwd=finished)
+    assert done.returncode == 0, done.stderr
+    assert "a law" in (finished / "g.svg").read_text()
+    again = call("study", "plot", "s.toml", "g.svg", *options, cwd=finished)
+    assert again.returncode == 6
+    assert "--overwrite" in again.stderr
+    assert call("study", "plot", "s.toml", "g.svg", *options, "--overwrite", cwd=finished).returncode == 0
+    done = call("study", "plot", "s.toml", "term", "--of", "mu", "--against", "friction", "--where", "friction=0.4", cwd=finished)
+    assert done.returncode == 0, done.stderr
+
+
+def test_report(finished: Path) -> None:
+    done = call("study", "report", "s.toml", "--runs", "--frames", "2", cwd=finished)
+    assert done.returncode == 0, done.stderr
+    assert "wrote 4 pages about runs" in done.stderr
+    page = (finished / "studies" / "s" / "s-report.html").read_text()
+    for name in NAMES:
+        assert f'href="pages/{quote(name)}.html"' in page
+        assert f'href="cases/{quote(name)}"' in page
+        assert (finished / "studies" / "s" / "pages" / f"{name}.html").is_file()
+    assert "4: 4 finished" in page
+    again = call("study", "report", "s.toml", cwd=finished)
+    assert again.returncode == 6
+
+
 def test_status(finished: Path) -> None:
     done = call("study", "status", "s.toml", "--json", cwd=finished)
     found = json.loads(done.stdout)["cases"]
@@ -231,8 +258,11 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     return digests_of(folder)
 
 
-@pytest.mark.parametrize("number", [signal.SIGINT, signal.SIGKILL])
-def test_a_client_that_stops_or_dies_loses_nothing(number: int, tmp_path: Path, undisturbed: dict[str, str]) -> None:
+ENDS = {signal.SIGINT: 130, signal.SIGTERM: 143, signal.SIGKILL: -signal.SIGKILL}
+
+
+@pytest.mark.parametrize("number", ENDS)
+def test_a_client_that_stops_or_dies_loses_nothing(number: signal.Signals, tmp_path: Path, undisturbed: dict[str, str]) -> None:
     write(tmp_path, ("seeds = 2", "seeds = 1"), scenario=LONG)
     process = start("study", "run", "s.toml", cwd=tmp_path)
     wait_until_running(tmp_path, process)
@@ -241,7 +271,7 @@ def test_a_client_that_stops_or_dies_loses_nothing(number: int, tmp_path: Path, 
     assert str(process.pid) in second.stderr
     os.kill(process.pid, number)
     _, err = process.communicate(timeout=120)
-    assert process.returncode == (130 if number == signal.SIGINT else -signal.SIGKILL), err
+    assert process.returncode == ENDS[number], err
     assert CaseStatus.FAILED not in states(tmp_path).values()
     done = call_outside("study", "run", "s.toml", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
@@ -261,10 +291,52 @@ def test_a_case_whose_process_is_killed_goes_on(tmp_path: Path) -> None:
 
 def test_a_time_limit_stops_with_its_exit_code(tmp_path: Path) -> None:
     write(tmp_path, scenario=("value = 0.15", "value = 1000.0"))
-    done = call_outside("study", "run", "s.toml", "--max-hours", "0.003", cwd=tmp_path)
+    done = call_outside("study", "run", "s.toml", "--max-hours", "0.003", "--json", cwd=tmp_path)
     assert done.returncode == 75, done.stderr
+    assert json.loads(done.stdout)["reason"] == "time limit reached"
     assert set(states(tmp_path).values()) <= {CaseStatus.STOPPED, CaseStatus.WAITING}
     assert CaseStatus.STOPPED in states(tmp_path).values()
+
+
+def test_without_space_nothing_is_started(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write(tmp_path)
+    monkeypatch.setattr("shutil.disk_usage", lambda _: shutil._ntuple_diskusage(10, 9, 1))
+    done = call("study", "run", "s.toml", cwd=tmp_path)
+    assert done.returncode == 3
+    assert "s.toml:3:" in done.stderr
+    assert "4 runs will take about" in done.stderr
+    assert not (tmp_path / "studies").exists()
+
+
+@pytest.mark.parametrize(
+    ("compute", "what"),
+    [
+        ("workers = 2", "of memory, 1 kB are free here"),
+        ('slurm = { memory = "1MB" }', ": compute.slurm.memory: a case takes about"),
+    ],
+)
+def test_without_memory_nothing_is_started(compute: str, what: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    write(tmp_path, ("workers = 2", compute))
+    monkeypatch.setattr("multicor_cli.studies.clusters.available_memory", lambda: 1000)
+    done = call("study", "run", "s.toml", cwd=tmp_path)
+    assert done.returncode == 3, done.stderr
+    assert what in done.stderr
+    assert not list((tmp_path / "studies" / "s" / "cases").iterdir())
+
+
+def test_from_python_with_a_client_of_ones_own(tmp_path: Path, digests: dict[str, str]) -> None:
+    distributed = pytest.importorskip("distributed")
+    write(tmp_path)
+    with (
+        distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as cluster,
+        distributed.Client(cluster, set_as_default=False) as client,
+    ):
+        found = multicor.study(tmp_path / "s.toml", tmp_path / "here", client=client)
+        assert client.status == "running"  # it is not ours to close
+    pandas = pytest.importorskip("pandas")
+    assert isinstance(found, pandas.DataFrame)
+    assert dict(zip(found["directory"].str.rsplit("/").str[-1], found["digest"], strict=True)) == digests
+    assert found["mu"].between(0.1, 1.0).all()
 
 
 def test_a_directory_with_something_else_is_refused(tmp_path: Path) -> None:
@@ -281,15 +353,6 @@ def test_shipped_studies_are_valid() -> None:
         done = call("study", "validate", path, "--json", cwd=ROOT)
         assert done.returncode == 0, done.stderr
         assert json.loads(done.stdout)["cases"]
-
-
-def test_fits_find_the_curves_that_made_the_points() -> None:
-    import numpy as np
-
-    x = np.geomspace(0.003, 0.3, 12)
-    for kind, y in (("line", 1.0 + 2.0 * x), ("power", 3.0 * x**0.4), ("mu-of-I", 0.25 + 0.5 / (1.0 + 0.2 / x))):
-        found = fit(kind, Series("", x, y, np.full(12, 1e-3)))
-        assert found.curve(x) == pytest.approx(y, rel=1e-6), kind
 
 
 def test_a_case_in_words() -> None:

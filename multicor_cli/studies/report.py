@@ -1,0 +1,221 @@
+"""One page about a study: how far it is, figures, means over seeds, and all cases with links to their runs."""
+
+from __future__ import annotations
+
+import contextlib
+from collections import Counter
+from collections.abc import Sequence
+from html import escape
+from pathlib import Path
+from urllib.parse import quote
+
+import numpy as np
+
+from multicor_cli import __version__
+from multicor_cli.plots.style import PlotError
+from multicor_cli.post.source import PostError
+from multicor_cli.report.figures import Figure, make_figure
+from multicor_cli.report.page import figure_cards, make_head, table_card
+from multicor_cli.report.tables import ReportRow
+from multicor_cli.report.write import check_target, write_report
+from multicor_cli.store.atomic import commit_result, make_directory
+from multicor_cli.store.progress import Progress, no_progress
+from multicor_cli.studies.cases import SEED, short_names, shown
+from multicor_cli.studies.directory import PAGES, CaseStatus
+from multicor_cli.studies.figure import draw_into
+from multicor_cli.studies.series import Panel, Question, make_panels
+from multicor_cli.studies.session import StudySession
+from multicor_cli.studies.table import StudyTable, over_seeds
+
+_FIGURES = 12
+"""Most figures of a page."""
+
+_SIZE = (3.7, 2.8)
+_LOGARITHMIC = 20.0
+"""Values whose largest is this many times the smallest are shown on a logarithmic axis."""
+
+
+def report_path(session: StudySession) -> Path:
+    """Where the page of a study is unless told: in its directory, so that its links lead to the runs."""
+    return session.directory.path / f"{session.study.name}-report.html"
+
+
+def write_study_report(
+    session: StudySession,
+    path: Path,
+    *,
+    is_overwriting: bool = False,
+    run_frames: int | None = None,
+    progress: Progress = no_progress,
+) -> int:
+    """Write the page of a study, finished or not.
+
+    Args:
+        session: The study.
+        path: File to write.
+        is_overwriting: Whether an existing report may be replaced.
+        run_frames: Write a page about each finished run that has none as well, with this many frames at most; None: do not.
+        progress: Is told how many pages of runs are done, and of how many.
+
+    Returns:
+        Number of pages of runs that have been written.
+
+    Raises:
+        ExportRefused: If the file exists and may not be replaced, or is no report.
+        StoreError: If there is no study, or a file cannot be written.
+    """
+    check_target(path, is_overwriting=is_overwriting)
+    session.directory.document()  # refuses a directory without a study
+    table = session.table()
+    written = 0 if run_frames is None else _write_pages(session, run_frames, progress)
+    body = [
+        _header(session, table),
+        f'<section class="cards">{"".join(_cards(session, table))}</section>',
+        figure_cards(_figures(table)),
+        _means(table),
+        _cases(table, path.parent),
+        _details("Study file", f'<pre tabindex="0">{escape(session.study.sources.text)}</pre>'),
+        f"<footer><p>Made by multicor {escape(__version__)} from {escape(session.directory.path.resolve().name)}.</p></footer>",
+    ]
+    page = "\n".join([make_head(session.study.name), "<body>", *body, "</body>", "</html>", ""])
+    commit_result(path, "report", page.encode(errors="backslashreplace"))
+    return written
+
+
+def _write_pages(session: StudySession, frames: int, progress: Progress) -> int:
+    """Pages of finished runs that have none; those whose run cannot be shown are left out."""
+    directory = session.directory
+    finished = [case.name for case in session.cases if directory.state(case).status is CaseStatus.FINISHED]
+    missing = [name for name in finished if not directory.page(name).exists()]
+    make_directory(directory.path / PAGES)
+    written = 0
+    for number, name in enumerate(missing):
+        progress(number, len(missing))
+        with contextlib.suppress(PostError):
+            write_report(directory.case(name), directory.page(name), frames=frames)
+            written += 1
+    return written
+
+
+def _header(session: StudySession, table: StudyTable) -> str:
+    about = session.study.model.study.description
+    done = sum(row.status == CaseStatus.FINISHED.value for row in table.rows)
+    status = "finished" if done == len(table.rows) else f"{done} of {len(table.rows)} finished"
+    return (
+        f'<header><div><h1 dir="auto">{escape(session.study.name)}</h1>'
+        f'{f"""<p dir="auto">{escape(about)}</p>""" if about else ""}</div>'
+        f'<div class="corner"><span class="badge" data-status="{escape(status)}">{escape(status)}</span></div></header>'
+    )
+
+
+def _cards(session: StudySession, table: StudyTable) -> list[str]:
+    counts = Counter(row.status for row in table.rows)
+    hours = float(np.nansum([row.hours for row in table.rows])) if table.rows else 0.0
+    names = short_names(table.keys)
+    verdicts = Counter(row.verdict for row in table.rows if row.verdict)
+    bad = "bad" if verdicts["bad"] else "warning" if verdicts["warning"] else "ok"
+    rows = [
+        ReportRow("scenario", session.study.model.study.scenario),
+        ReportRow("cases", f"{len(table.rows)}: " + ", ".join(f"{count} {status}" for status, count in sorted(counts.items()))),
+        ReportRow("time of the runs", f"{hours:.3g} h"),
+        ReportRow("checks of the runs", ", ".join(f"{verdicts[name]} {name}" for name in ("ok", "warning", "bad")), "worst", bad),
+    ]
+    varied = [ReportRow(names[key], _range(table, key)) for key in table.keys]
+    fixed = [ReportRow(key, shown(value)) for key, value in session.study.model.set.items()]
+    lost = [row for row in table.rows if row.status == CaseStatus.FAILED.value]
+    failed = [ReportRow(row.case, (row.problems or {}).get("", "")) for row in lost]
+    cards = {"Study": rows, "Varied": varied, "Set for all cases": fixed, "Failed": failed}
+    return [table_card(title, lines) for title, lines in cards.items()]
+
+
+def _range(table: StudyTable, key: str) -> str:
+    values = list(dict.fromkeys(row.values[key] for row in table.rows if key in row.values))
+    texts = [shown(value) for value in values]
+    return ", ".join(texts) if len(texts) <= 12 else f"{', '.join(texts[:6])} … {texts[-1]} ({len(texts)} values)"
+
+
+def _figures(table: StudyTable) -> list[Figure] | None:
+    """Each observable against the number with the most values, a series for each combination of the others."""
+    mean = over_seeds(table)
+    across = _longest_axis(mean)
+    if across is None:
+        return []
+    found = []
+    for name in table.observables[:_FIGURES]:
+        question = Question(name, across)
+        try:
+            panels = make_panels(mean, question)
+        except PlotError:  # none has finished
+            continue
+        try:
+            found.append(_figure(mean, question, panels))
+        except PlotError:  # there is no matplotlib
+            return None
+    return found
+
+
+def _figure(mean: StudyTable, question: Question, panels: list[Panel]) -> Figure:
+    x = np.concatenate([line.x for panel in panels for line in panel.series])
+    log = "x" if x.min() > 0.0 and x.max() > _LOGARITHMIC * x.min() else ""
+    title = f"{question.of} against {short_names(mean.keys)[question.against]}"
+    return make_figure(title, _SIZE, lambda canvas: draw_into(canvas, mean, panels, question, [], log=log))
+
+
+def _longest_axis(mean: StudyTable) -> str | None:
+    """The key with the most values, all of them numbers; None if no key has two."""
+    lengths = {}
+    for key in mean.keys:
+        values = {row.values.get(key) for row in mean.rows}
+        if not any(isinstance(value, str | bool) or value is None for value in values):
+            lengths[key] = len(values)
+    best = max(lengths, key=lambda key: lengths[key], default=None)
+    return best if best is not None and lengths[best] > 1 else None
+
+
+def _means(table: StudyTable) -> str:
+    if SEED not in table.keys:
+        return ""
+    headings, lines = over_seeds(table).lines
+    return _wide("Means over seeds", headings, [_cells(line) for line in lines])
+
+
+def _cases(table: StudyTable, base: Path) -> str:
+    headings, lines = table.lines
+    rows = [[*_cells(line), _links(table, row.case, base)] for line, row in zip(lines, table.rows, strict=True)]
+    return _wide("Cases", [*headings, "run"], rows)
+
+
+def _cells(line: Sequence[str]) -> list[str]:
+    """Cells of a table; verdicts, which are the last but one, in their colors."""
+    found = [escape(cell) for cell in line]
+    if line[-2] in ("ok", "warning", "bad"):
+        found[-2] = f'<span class="{line[-2]}">{line[-2]}</span>'
+    return found
+
+
+def _links(table: StudyTable, name: str, base: Path) -> str:
+    """Links to the page of a run, if there is one, and to its directory."""
+    run = table.directory.case(name)
+    page = table.directory.page(name)
+    found = [(page, "report")] if page.exists() else []
+    if run.exists():
+        found.append((run, "files"))
+    links = []
+    for path, text in found:
+        try:
+            address = path.resolve().relative_to(base.resolve()).as_posix()
+        except ValueError:  # the page lies elsewhere
+            address = path.resolve().as_posix()
+        links.append(f'<a href="{quote(address)}">{text}</a>')
+    return " ".join(links)
+
+
+def _wide(title: str, headings: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    head = "".join(f'<th scope="col">{escape(text)}</th>' for text in headings)
+    body = "".join(f"<tr>{''.join(f'<td>{cell}</td>' for cell in row)}</tr>" for row in rows)
+    table = f"<table><thead><tr>{head}</tr></thead><tbody>{body}</tbody></table>"
+    return _details(title, f'<div class="wide" tabindex="0">{table}</div>', is_open=True)
+
+
+def _details(title: str, body: str, *, is_open: bool = False) -> str:
+    return f'<details class="card"{" open" if is_open else ""}><summary>{escape(title)}</summary>{body}</details>'
