@@ -6,20 +6,20 @@ import contextlib
 import json
 import os
 import signal
-import subprocess
-import sys
 import threading
 from collections import deque
 from pathlib import Path
-from typing import Any
+from typing import IO, Any
 
 from multicor_cli.store.layout import LOCK
+from multicor_cli.studies.forking import CaseProcess, Nursery
 
 BEAT = 15.0
 """How often the lock of a case is touched while its process lives [s]."""
 
 _TAIL = 2000
-_running: dict[str, subprocess.Popen[bytes]] = {}
+_running: dict[str, CaseProcess] = {}
+_nurseries: list[Nursery] = []
 _lock = threading.Lock()
 _stopping: set[str] = set()
 
@@ -37,55 +37,56 @@ def run_case(task: dict[str, Any]) -> dict[str, Any]:
     with _lock:
         if task["study"] in _stopping:
             return {"status": "stopped", "reason": "not begun", "exit_code": 75, "step": 0}
-        child = subprocess.Popen(
-            [sys.executable, "-m", "multicor_cli.studies.child"],
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=subprocess.PIPE,
-            start_new_session=True,  # Ctrl-C is for the client, which stops cases in order
-        )
-        _running[name] = child
+        process = _nursery(task["threads"]).start()
+        _running[name] = process
     try:
-        said, errors = _Listener(child.stdout), _Listener(child.stderr)
+        said, errors = _Listener(process.stdout), _Listener(process.stderr)
         with contextlib.suppress(BrokenPipeError):
-            assert child.stdin is not None
-            child.stdin.write(json.dumps(task).encode() + b"\n")
-            child.stdin.flush()
-        code = _wait(child, Path(task["directory"]) / LOCK)
+            process.stdin.write(json.dumps(task).encode() + b"\n")
+            process.stdin.flush()
+        while not said.has_ended(BEAT):
+            _touch(Path(task["directory"]) / LOCK)
     finally:
         with _lock:
             _running.pop(name, None)
-    for line in reversed(said.lines()):
+        code = process.wait()
+    for line in reversed(said.lines):
         with contextlib.suppress(ValueError):
             found = json.loads(line)
             if isinstance(found, dict) and "status" in found:
                 return found
-    return _unsaid(code, b"".join(errors.lines())[-_TAIL:].decode(errors="replace").strip())
+    errors.has_ended(5.0)
+    return _unsaid(code, b"".join(errors.lines)[-_TAIL:].decode(errors="replace").strip())
 
 
-def _wait(child: subprocess.Popen[bytes], lock: Path) -> int:
-    """Wait for the process; meanwhile show other machines that it is alive: the time of its lock moves on."""
-    while True:
-        try:
-            return child.wait(BEAT)
-        except subprocess.TimeoutExpired:
-            with contextlib.suppress(OSError):
-                if lock.stat().st_size:
-                    os.utime(lock)
+def _nursery(threads: int) -> Nursery:
+    """The one that starts processes here; another one if it has died, or made too little room for threads."""
+    while _nurseries and not (_nurseries[-1].is_alive and _nurseries[-1].threads >= threads):
+        _nurseries.pop()
+    if not _nurseries:
+        _nurseries.append(Nursery(threads))
+    return _nurseries[-1]
+
+
+def _touch(lock: Path) -> None:
+    """Show other machines that the process of a case is alive: the time of its lock moves on."""
+    with contextlib.suppress(OSError):
+        if lock.stat().st_size:
+            os.utime(lock)
 
 
 class _Listener:
     """Keeps the last lines of a stream."""
 
-    def __init__(self, stream: Any) -> None:
-        self._lines: deque[bytes] = deque(maxlen=50)
-        self._thread = threading.Thread(target=lambda: self._lines.extend(stream), daemon=True)
+    def __init__(self, stream: IO[bytes]) -> None:
+        self.lines: deque[bytes] = deque(maxlen=50)
+        self._thread = threading.Thread(target=self.lines.extend, args=(stream,), daemon=True)
         self._thread.start()
 
-    def lines(self) -> list[bytes]:
-        """What the process has said last, once it has ended."""
-        self._thread.join(5.0)
-        return list(self._lines)
+    def has_ended(self, seconds: float) -> bool:
+        """Whether the stream has ended, or does within so many seconds."""
+        self._thread.join(seconds)
+        return not self._thread.is_alive()
 
 
 def _unsaid(code: int, said: str) -> dict[str, Any]:
@@ -102,7 +103,7 @@ def stop_cases(study: str) -> int:
     """Ask the cases of a study that this worker runs to stop with a checkpoint; returns how many there are."""
     with _lock:
         _stopping.add(study)
-        found = [child for name, child in _running.items() if name.startswith(f"{study}/")]
-    for child in found:
-        child.send_signal(signal.SIGTERM)
+        found = [process for name, process in _running.items() if name.startswith(f"{study}/")]
+    for process in found:
+        process.send_signal(signal.SIGTERM)
     return len(found)

@@ -140,12 +140,13 @@ def victims(client: subprocess.Popen[str], there: Cluster | None) -> dict[str, l
     for root in roots.values():
         try:
             children = psutil.Process(root).children(recursive=True)
-            lines = [(child.pid, " ".join(child.cmdline())) for child in children]
+            lines = {child.pid: (" ".join(child.cmdline()), child.ppid()) for child in children}
         except psutil.Error:
             continue
-        for pid, line in lines:
-            if "multicor_cli.studies.child" in line:
-                found.setdefault("case", []).append(pid)
+        for pid, (line, parent) in lines.items():
+            if "studies.forking" in line:  # cases are forked from it
+                is_case = "studies.forking" in lines.get(parent, ("", 0))[0]
+                found.setdefault("case" if is_case else "nursery", []).append(pid)
             elif "spawn_main" in line:
                 found.setdefault("worker", []).append(pid)
     return found

@@ -1,0 +1,81 @@
+"""Processes of cases are forked from one that has loaded the program; nobody is missed, whoever dies."""
+
+from __future__ import annotations
+
+import json
+import os
+import signal
+import time
+from collections.abc import Iterator
+from pathlib import Path
+
+import pytest
+from scenes import SMALL
+
+from multicor_cli.studies.forking import Nursery
+
+
+@pytest.fixture(scope="module")
+def nursery() -> Iterator[Nursery]:
+    found = Nursery(1)
+    yield found
+    os.kill(found._process.pid, signal.SIGKILL)
+
+
+def task(folder: Path, name: str = "run") -> bytes:
+    (folder / "small.toml").write_text(SMALL)
+    given = {"scenario": str(folder / "small.toml"), "overrides": [], "directory": str(folder / name), "threads": 1, "turn": "test"}
+    return json.dumps(given).encode() + b"\n"
+
+
+def test_a_case(nursery: Nursery, tmp_path: Path) -> None:
+    process = nursery.start()
+    process.stdin.write(task(tmp_path))
+    process.stdin.flush()
+    assert json.loads(process.stdout.read())["status"] == "finished"
+    assert process.wait() == 0
+    assert json.loads((tmp_path / "run" / "run.json").read_text())["status"] == "finished"
+
+
+def test_several_at_a_time_each_with_streams_of_its_own(nursery: Nursery, tmp_path: Path) -> None:
+    processes = [nursery.start() for _ in range(3)]
+    for number, process in enumerate(processes):
+        process.stdin.write(task(tmp_path, f"run-{number}"))
+        process.stdin.flush()
+    for process in reversed(processes):
+        assert json.loads(process.stdout.read())["status"] == "finished"
+        assert process.wait() == 0
+    ids = {json.loads((tmp_path / f"run-{number}" / "run.json").read_text())["run_id"] for number in range(3)}
+    assert len(ids) == 3
+
+
+@pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
+def test_how_a_process_ended(number: signal.Signals, nursery: Nursery) -> None:
+    process = nursery.start()
+    process.send_signal(number)
+    assert process.stdout.read() == b""
+    assert process.wait() == -number
+    process.send_signal(number)  # nobody is there any more
+
+
+def test_whoever_waits_for_a_case_dies(nursery: Nursery, tmp_path: Path) -> None:
+    process = nursery.start()
+    process.stdin.write(task(tmp_path).replace(b'"overrides": []', b'"overrides": ["loading.1.until.strain.value=1e3"]'))
+    process.stdin.flush()
+    while not (tmp_path / "run" / "progress.json").exists():
+        time.sleep(0.05)
+    process.stdin.close()
+    assert json.loads(process.stdout.read())["status"] == "stopped"
+
+
+def test_a_nursery_that_dies_leaves_its_cases_alone(tmp_path: Path) -> None:
+    nursery = Nursery(1)
+    process = nursery.start()
+    os.kill(nursery._process.pid, signal.SIGKILL)
+    process.stdin.write(task(tmp_path))
+    process.stdin.flush()
+    assert json.loads(process.stdout.read())["status"] == "finished"
+    assert process.wait() == -signal.SIGKILL  # nobody knows
+    assert not nursery.is_alive
+    with pytest.raises(OSError, match="no process could be started"):
+        nursery.start()
