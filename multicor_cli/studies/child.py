@@ -14,6 +14,7 @@ import socket
 import sys
 import threading
 import time
+import traceback
 from pathlib import Path
 from typing import Any
 
@@ -71,8 +72,8 @@ def run_task(task: dict[str, Any]) -> dict[str, Any]:
         ``status`` (finished, stopped or failed), ``reason``, ``exit_code``, ``step``.
     """
     import multicor_cli as multicor
-    from multicor_cli.running.outcome import exit_code_of
-    from multicor_cli.store.errors import RunLocked
+    from multicor_cli.store import RunDirectory
+    from multicor_cli.store.errors import DirectoryRefused, RunLocked
 
     deadline = time.monotonic() + _PATIENCE
     path, turn = Path(task["directory"]), CompilationTurn(task["turn"])
@@ -91,13 +92,13 @@ def run_task(task: dict[str, Any]) -> dict[str, Any]:
             elif time.monotonic() > deadline:
                 return {"status": "stopped", "reason": str(error), "exit_code": 6, "step": 0}
             time.sleep(_PAUSE)
+        except DirectoryRefused as error:
+            # A process of this case that is about to stop, for its worker has died, may have begun the run just now.
+            if not RunDirectory.is_run(path) or time.monotonic() > deadline:
+                return _failed(error)
+            time.sleep(_PAUSE)
         except Exception as error:
-            code = int(exit_code_of(error))
-            if code == 1:
-                import traceback
-
-                traceback.print_exc()
-            return {"status": "failed", "reason": str(error) or type(error).__name__, "exit_code": code, "step": 0}
+            return _failed(error)
         else:
             status = "finished" if outcome.is_finished else "stopped"
             if outcome.is_finished:
@@ -108,6 +109,15 @@ def run_task(task: dict[str, Any]) -> dict[str, Any]:
                 "exit_code": int(outcome.reason.exit_code),
                 "step": outcome.step,
             }
+
+
+def _failed(error: Exception) -> dict[str, Any]:
+    from multicor_cli.running.outcome import exit_code_of
+
+    code = int(exit_code_of(error))
+    if code == 1:
+        traceback.print_exception(error)
+    return {"status": "failed", "reason": str(error) or type(error).__name__, "exit_code": code, "step": 0}
 
 
 def _observe(task: dict[str, Any]) -> None:

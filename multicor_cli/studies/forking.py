@@ -119,7 +119,7 @@ class Nursery:
 
 def main() -> int:
     """The other side: loads the program, then answers until nobody asks any more."""
-    with socket.socket(fileno=os.dup(0)) as asking:
+    with socket.socket(fileno=os.dup(0)) as asking, contextlib.suppress(OSError):  # whoever has asked may be dead by now
         _load()
         gc.collect()
         gc.freeze()  # objects that are there stay in memory that all processes share

@@ -37,7 +37,10 @@ def run_case(task: dict[str, Any]) -> dict[str, Any]:
     with _lock:
         if task["study"] in _stopping:
             return {"status": "stopped", "reason": "not begun", "exit_code": 75, "step": 0}
-        process = _nursery(task["threads"]).start()
+        try:
+            process = _start(task["threads"])
+        except OSError as error:
+            return {"status": "killed", "reason": str(error), "exit_code": 5, "step": 0}
         _running[name] = process
     try:
         said, errors = _Listener(process.stdout), _Listener(process.stderr)
@@ -57,6 +60,15 @@ def run_case(task: dict[str, Any]) -> dict[str, Any]:
                 return found
     errors.has_ended(5.0)
     return _unsaid(code, b"".join(errors.lines)[-_TAIL:].decode(errors="replace").strip())
+
+
+def _start(threads: int) -> CaseProcess:
+    """A process of a case; if the one that starts them has just died, another one starts it."""
+    try:
+        return _nursery(threads).start()
+    except OSError:
+        _nurseries.clear()
+        return _nursery(threads).start()
 
 
 def _nursery(threads: int) -> Nursery:

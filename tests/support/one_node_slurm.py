@@ -18,6 +18,8 @@ KEY = Path("/etc/munge/munge.key")
 CONFIGURATION = """\
 ClusterName=one
 SlurmctldHost={host}
+SlurmctldPort={ports[0]}
+SlurmdPort={ports[1]}
 SlurmUser=root
 SlurmdUser=root
 AuthType=auth/munge
@@ -54,7 +56,7 @@ def one_node_slurm(folder: Path) -> Iterator[dict[str, str]]:
     for name in ("state", "spool"):
         (folder / name).mkdir()
     configuration = folder / "slurm.conf"
-    configuration.write_text(CONFIGURATION.format(host=host, folder=folder, cpus=os.cpu_count()))
+    configuration.write_text(CONFIGURATION.format(host=host, folder=folder, cpus=os.cpu_count(), ports=_free_ports()))
     _start_munge()
     daemons = [
         subprocess.Popen([name, "-D", "-f", configuration], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL)
@@ -73,6 +75,13 @@ def one_node_slurm(folder: Path) -> Iterator[dict[str, str]]:
                 daemon.wait(10.0)
             except subprocess.TimeoutExpired:
                 daemon.kill()
+
+
+def _free_ports() -> list[int]:
+    with socket.socket() as one, socket.socket() as two:
+        for found in (one, two):
+            found.bind(("127.0.0.1", 0))
+        return [found.getsockname()[1] for found in (one, two)]
 
 
 def _start_munge() -> None:

@@ -12,7 +12,9 @@ from pathlib import Path
 import pytest
 from scenes import SMALL
 
+from multicor_cli.studies import task as task_module
 from multicor_cli.studies.forking import Nursery
+from multicor_cli.studies.task import run_case
 
 
 @pytest.fixture(scope="module")
@@ -79,3 +81,12 @@ def test_a_nursery_that_dies_leaves_its_cases_alone(tmp_path: Path) -> None:
     assert not nursery.is_alive
     with pytest.raises(OSError, match="no process could be started"):
         nursery.start()
+
+
+def test_a_worker_starts_another_nursery_if_its_own_has_died(tmp_path: Path) -> None:
+    given = {**json.loads(task(tmp_path)), "study": "s", "name": "run"}
+    assert run_case(given)["status"] == "finished"
+    (nursery,) = task_module._nurseries
+    os.kill(nursery._process.pid, signal.SIGKILL)
+    assert run_case({**given, "directory": str(tmp_path / "again")})["status"] == "finished"
+    assert task_module._nurseries != [nursery]
