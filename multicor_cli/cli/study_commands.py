@@ -89,7 +89,8 @@ def run(
     if not is_quiet:
         say(f"{_summary(counts)}, in {session.directory.path}")
         if counts[CaseStatus.FINISHED] == len(session.cases):
-            say(f"next:  multicor study table {file}\n       multicor study report {file}")
+            again = f"{file}" if output is None else f"{file} -o {output}"
+            say(f"next:  multicor study table {again}\n       multicor study report {again}")
     if tally.stopped:
         raise typer.Exit(ExitCode.STOPPED if tally.reason is None else tally.reason.exit_code)
     if counts[CaseStatus.FAILED]:

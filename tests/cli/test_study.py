@@ -355,5 +355,16 @@ def test_shipped_studies_are_valid() -> None:
         assert json.loads(done.stdout)["cases"]
 
 
+def test_the_quick_study_that_is_shipped(tmp_path: Path) -> None:
+    file = ROOT / "configs" / "studies" / "quick.toml"
+    done = call_outside("study", "run", file, "-o", tmp_path / "quick", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert f"multicor study report {file} -o {tmp_path / 'quick'}" in done.stderr
+    done = call("study", "table", file, "-o", tmp_path / "quick", "--mean", "--json", cwd=tmp_path)
+    found = json.loads(done.stdout)
+    friction = [dict(zip(found["headings"], row, strict=True))["mu"] for row in found["rows"]]
+    assert 0.25 < friction[0] < friction[1] + 0.05 < friction[2] + 0.1 < 0.6
+
+
 def test_a_case_in_words() -> None:
     assert Case("a", {"x.y": "b c", "z.w": True}).overrides == ['x.y="b c"', "z.w=true"]
