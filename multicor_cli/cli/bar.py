@@ -10,7 +10,7 @@ INTERVAL = 0.2
 
 
 class Bar:
-    """A bar on stderr, from the first update on; a terminal that is gone stops nothing.
+    """One bar or several on stderr, from the first update on; a terminal that is gone stops nothing.
 
     Args:
         is_transient: Whether it disappears at the end.
@@ -30,7 +30,7 @@ class Bar:
             auto_refresh=False,
             transient=is_transient,
         )
-        self._task = self._progress.add_task("", total=1.0, line="")
+        self._tasks = [self._progress.add_task("", total=1.0, line="")]
         self._is_running = False
         self._next = 0.0
 
@@ -38,11 +38,24 @@ class Bar:
         """Whether it is time for an update; at the end it always is."""
         return share >= 1.0 or time.monotonic() >= self._next
 
-    def update(self, share: float, description: str, line: str) -> None:
-        """Show how much is done: a share from 0 to 1, with a text before and one behind the bar."""
+    def update(self, share: float, description: str, line: str, *more: tuple[float, str, str]) -> None:
+        """Show how much is done: a share from 0 to 1, with a text before and one behind the bar.
+
+        Args:
+            share: How much is done.
+            description: The text before the bar.
+            line: The text behind it.
+            more: The same for further bars, below the first.
+        """
         self._next = time.monotonic() + INTERVAL
+        rows = ((share, description, line), *more)
         with contextlib.suppress(OSError):
-            self._progress.update(self._task, completed=share, description=description, line=line)
+            while len(self._tasks) < len(rows):
+                self._tasks.append(self._progress.add_task("", total=1.0, line=""))
+            for task, row in zip(self._tasks, rows, strict=False):
+                self._progress.update(task, completed=row[0], description=row[1], line=row[2], visible=True)
+            for task in self._tasks[len(rows) :]:
+                self._progress.update(task, visible=False)
             if not self._is_running:
                 self._is_running = True
                 self._progress.start()

@@ -354,20 +354,21 @@ class StudyProgress:
         states = [(case, self._directory.state(case)) for case in running()]
         states = [(case, state) for case, state in states if state.status.value == "running"]
         done = (self._ended + sum(state.share or 0.0 for _, state in states)) / max(self._total, 1)
-        text = f"{self._ended} of {self._total} cases{self._left(now, done)}"
+        all_cases, left = f"{self._ended} of {self._total} cases", self._time_left(now, done)
         if self._bar is not None:
-            self._bar.update(done, text, "  ".join(f"{case.name} {100 * (state.share or 0):.0f} %" for case, state in states[:2]))
+            more = [(state.share or 0.0, case.name, _left(state.remaining)) for case, state in states[:_SHOWN]]
+            self._bar.update(done, all_cases, left, *more)
             return
-        say(text)
+        say(f"{all_cases}, {left}" if left else all_cases)
         for case, state in states[:_SHOWN]:
             say(f"  {case.name}{_how_far(state.share, state.remaining)}")
 
-    def _left(self, now: float, done: float) -> str:
+    def _time_left(self, now: float, done: float) -> str:
         """The time that is left, at the speed since the first look: what was done before is not this session's."""
         if self._first is None:
             self._first = now, done
         since, before = now - self._first[0], done - self._first[1]
-        return f", {format_seconds(since * (1.0 - done) / before)} left" if before > 0.01 else ""
+        return _left(since * (1.0 - done) / before) if before > 0.01 else ""
 
     def stopping(self) -> None:
         """Say that checkpoints are being written."""
@@ -414,4 +415,8 @@ def _summary(counts: Counter[Any]) -> str:
 
 def _how_far(share: float | None, remaining: float | None) -> str:
     text = "" if share is None else f"  {100.0 * share:.0f} %"
-    return text + ("" if remaining is None else f"  {format_seconds(remaining)} left")
+    return f"{text}  {_left(remaining)}".rstrip()
+
+
+def _left(seconds: float | None) -> str:
+    return "" if seconds is None else f"{format_seconds(seconds)} left"

@@ -119,15 +119,21 @@ class Nursery:
 
 def main() -> int:
     """The other side: loads the program, then answers until nobody asks any more."""
-    with socket.socket(fileno=os.dup(0)) as asking, contextlib.suppress(OSError):  # whoever has asked may be dead by now
+    with socket.socket(fileno=os.dup(0)) as asking:
         _load()
         gc.collect()
         gc.freeze()  # objects that are there stay in memory that all processes share
-        while True:
-            text, descriptors, _, _ = socket.recv_fds(asking, _WORD, 3)
-            if not text:
-                return 0
-            asking.sendall(str(_do(text.decode().split(), descriptors, asking)).encode().ljust(_WORD))
+        with contextlib.suppress(OSError):  # whoever has asked may be dead by now
+            _answer_all(asking)
+    return 0
+
+
+def _answer_all(asking: socket.socket) -> None:
+    while True:
+        text, descriptors, _, _ = socket.recv_fds(asking, _WORD, 3)
+        if not text:
+            return
+        asking.sendall(str(_do(text.decode().split(), descriptors, asking)).encode().ljust(_WORD))
 
 
 def _load() -> None:
