@@ -10,7 +10,7 @@ from listening import Problem
 
 from multicor_cli.engine.contact import acceleration as loops
 from multicor_cli.engine.contact.one_by_one import flatten
-from multicor_cli.engine.contact.patches import SIZES, has_clusters, solve_patch
+from multicor_cli.engine.contact.patches import SIZES, choose_patch, has_clusters, solve_patch
 from multicor_cli.engine.contact.solve import ResidualScale, Settings, solve_system
 from multicor_cli.engine.contact.sweep import EXACT, Relaxation, System, sweep
 from multicor_cli.engine.contact.thread_choice import ThreadChoice
@@ -72,7 +72,7 @@ def trace(problem: Problem, truth: Floats, limit: int) -> Floats:
         if loop["is_stuck"]:
             is_clustered = has_clusters(s)
             if is_clustered:
-                solve_patch(s, SIZES[min(int(loop["patches"]), len(SIZES) - 1)])
+                solve_patch(s, choose_patch(s, SIZES[min(int(loop["patches"]), len(SIZES) - 1)]))
             loops.begin_again(s, m, is_clustered, loop)
         else:
             loops.move_on(s, m, change, loops._growth(loop), loop, False)

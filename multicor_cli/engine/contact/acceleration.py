@@ -82,6 +82,9 @@ class Tolerances(NamedTuple):
     energy: float
 
 
+NEVER = Tolerances(-1.0, -1.0, -1.0)
+"""With these the residual is not looked at."""
+
 _CROSS, _SQUARE = 0, 1  # columns of partial products
 
 FAST, CALM = 0, 1
@@ -289,8 +292,8 @@ def move_on(s: System, m: Momentum, change: float, growth: float, loop: Any, par
 
 
 @kernel
-def _is_converged(s: System, tolerance: Tolerances, loop: Any, parallel: bool) -> bool:
-    """Evaluate the residual; decides alone when the loop ends."""
+def is_converged(s: System, tolerance: Tolerances, loop: Any, parallel: bool) -> bool:
+    """Evaluate the residual; decides alone when the loop ends. No contact may be held."""
     rms, largest, energy, active = measure_residual(s, parallel)
     loop["checks"] += 1.0
     loop["rms"], loop["maximum"], loop["energy"] = rms, largest, energy
@@ -340,7 +343,7 @@ def iterate(
         # The change per sweep is cheap; the residual is evaluated only where it may pass.
         is_end = is_last and loop["sweeps"] == limit
         may_pass = change <= 2.0 * tolerance.rms and loop["sweeps"] >= loop["next_check"]
-        if ((may_pass or is_end) and _is_converged(s, tolerance, loop, parallel)) or is_end:
+        if ((may_pass or is_end) and is_converged(s, tolerance, loop, parallel)) or is_end:
             return
         if accelerated:
             _choose_mode(change, tolerance.rms, loop)

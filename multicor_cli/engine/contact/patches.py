@@ -23,20 +23,18 @@ from numpy.typing import NDArray
 from multicor_cli.engine.contact.complementarity import solve_complementarity
 from multicor_cli.engine.contact.couples import couple_square, couple_velocity, push_couple
 from multicor_cli.engine.contact.general import general_velocity, push_general
-from multicor_cli.engine.contact.lanes import MU_, NY_, TANGENTIAL_, frame_place, impulse_place, lane_of_impulse
+from multicor_cli.engine.contact.lanes import MASS_, MU_, NY_, TANGENTIAL_, frame_place, impulse_place, lane_of_impulse
 from multicor_cli.engine.contact.residual import lane_velocity, measure_general, measure_lane
 from multicor_cli.engine.contact.sweep import System, push_lane
 from multicor_cli.engine.jit.compile import kernel, loop_body
 from multicor_cli.model.columns import FIRST, INVERSE_MASS, MU, NORMAL, NX, NY, SECOND, SPIN, TANGENTIAL, X, Y
 from multicor_cli.model.model import Floats, Ints
 
-SIZES = (50, 50, 70, 70, 100, 140, 200, 280, 400)
-"""Contacts of the first patch of a solve, of the second, and so on; of all others the last. The work grows with the third power.
+SIZES = (50, 50, 70, 70, 100)
+"""Contacts of the first patch of a solve, of the second, and so on. The work grows with the third power."""
 
-Most clusters are small. Slow flows of rough grains have some of a hundred to three hundred contacts, which smaller patches chase
-from one end to the other: plane shear at μ = 0.8, I = 0.003 had a step in two thousand that 50,000 sweeps with patches of 100 at
-most did not solve; such steps now take one to three thousand.
-"""
+BLOCKS = (50, 70, 100)
+"""The same of those after these, which are solved by turns with sweeps over all other contacts; further ones are as the last."""
 
 SMALL = 100
 """A system with no more contacts than that is one cluster."""
@@ -314,22 +312,28 @@ def _solve(patch: _Patch, s: System) -> tuple[bool, Floats]:
 
 
 @kernel
-def solve_patch(s: System, size: int) -> bool:
-    """Solve up to ``size`` contacts around the worst one.
-
-    Args:
-        s: The problem. **Impulses and velocities modified.**
-        size: Number of contacts.
-
-    Returns:
-        Whether they were solved. If not nothing has changed.
-    """
+def choose_patch(s: System, size: int) -> Ints:
+    """Up to ``size`` contacts around the worst one."""
     active, square = _measure(s)
     worst = 0
     for k in range(square.size):
         if square[k] > square[worst]:
             worst = k
-    patch = _gather(_around(worst, size, active, s), s)
+    return _around(worst, size, active, s)
+
+
+@kernel
+def solve_patch(s: System, contact: Ints) -> bool:
+    """Solve some contacts.
+
+    Args:
+        s: The problem. **Impulses and velocities modified.**
+        contact: Their numbers, from `choose_patch`.
+
+    Returns:
+        Whether they were solved. If not nothing has changed.
+    """
+    patch = _gather(contact, s)
     is_solved, new = _solve(patch, s)
     if not is_solved:
         return False
@@ -353,3 +357,31 @@ def solve_patch(s: System, size: int) -> bool:
         s.couples.impulse[couple] = new[row]
         push_couple(couple, new[row] - patch.impulse[row], s.couples, s.velocity, s.inverse)
     return True
+
+
+@kernel
+def hold(s: System, contact: Ints) -> Floats:
+    """Let sweeps leave light contacts as they are: a contact without mass changes nothing.
+
+    Args:
+        s: The problem. **Frames modified.**
+        contact: Numbers of contacts; general ones among them are not held.
+
+    Returns:
+        What `release` needs, shape ``(k,)`` [kg].
+    """
+    frame, mass = s.frame.reshape(-1), np.zeros(contact.size)
+    for k in range(contact.size):
+        if contact[k] < s.slot.size:
+            place = frame_place(np.uint64(contact[k])) + MASS_
+            mass[k], frame[place] = frame[place], 0.0
+    return mass
+
+
+@kernel
+def release(s: System, contact: Ints, mass: Floats) -> None:
+    """Undo `hold`."""
+    frame = s.frame.reshape(-1)
+    for k in range(contact.size):
+        if contact[k] < s.slot.size:
+            frame[frame_place(np.uint64(contact[k])) + MASS_] = mass[k]

@@ -9,12 +9,24 @@ from typing import Literal
 
 import numba
 import numpy as np
+from numpy.typing import NDArray
 
-from multicor_cli.engine.contact.acceleration import Tolerances, begin_again, iterate, start_loop, start_momentum
-from multicor_cli.engine.contact.patches import SIZES, has_clusters, solve_patch
+from multicor_cli.engine.contact.acceleration import (
+    GAIN,
+    NEVER,
+    Momentum,
+    Tolerances,
+    begin_again,
+    is_converged,
+    iterate,
+    start_loop,
+    start_momentum,
+)
+from multicor_cli.engine.contact.patches import BLOCKS, SIZES, choose_patch, has_clusters, hold, release, solve_patch
 from multicor_cli.engine.contact.report import PhysicsError
 from multicor_cli.engine.contact.sweep import BIPOTENTIAL, EXACT, System
 from multicor_cli.engine.contact.thread_choice import SLICE, ThreadChoice
+from multicor_cli.model.model import Floats, Ints
 
 Method = Literal["accelerated", "gauss-seidel"]
 Local = Literal["exact", "bipotential"]
@@ -126,8 +138,12 @@ def solve_system(
             pace.note(count, parallel, (float(loop["sweeps"]) - done) * count, time.perf_counter() - started)
             if loop["is_stuck"]:
                 is_clustered = has_clusters(system)
-                if is_clustered:
-                    solve_patch(system, SIZES[min(int(loop["patches"]), len(SIZES) - 1)])
+                done = int(loop["patches"])
+                if is_clustered and done < len(SIZES):
+                    solve_patch(system, choose_patch(system, SIZES[done]))
+                elif is_clustered:
+                    contact = choose_patch(system, BLOCKS[min(done - len(SIZES), len(BLOCKS) - 1)])
+                    _take_turns(system, contact, momentum, local, parallel, tolerance, memory, partial)
                 begin_again(system, momentum, is_clustered, loop)
             if should_stop is not None and should_stop():
                 raise Interrupted
@@ -141,3 +157,36 @@ def solve_system(
         float(loop["maximum"] / scale.velocity),
         float(loop["energy"] / scale.energy),
     )
+
+
+TURNS, SWEEPS, FUTILE = 40, 10, 12
+"""Turns of a block at most; sweeps in each; turns without gain after which it is given up."""
+
+
+def _take_turns(
+    system: System,
+    contact: Ints,
+    momentum: Momentum,
+    local: int,
+    parallel: bool,
+    tolerance: Tolerances,
+    memory: NDArray[np.void],
+    partial: Floats,
+) -> None:
+    """Solve a patch exactly and sweep over all other contacts, by turns: block Gauss–Seidel with one block that is not a contact.
+
+    A patch that is solved once and then swept over like everything else is left again, because its solution is an unstable fixed
+    point of the sweep. Held, it cannot be left. Slow shear of rough grains (μ = 0.8, I = 0.003) had a step in two thousand that
+    50,000 sweeps and patches of all sizes did not solve; these take one to three thousand sweeps.
+    """
+    loop, best, since = memory[0], np.inf, 0
+    for _ in range(TURNS):
+        if not solve_patch(system, contact) or is_converged(system, tolerance, loop, parallel):
+            return
+        best, since = (loop["rms"], 0) if loop["rms"] < GAIN * best else (best, since + 1)
+        if since >= FUTILE:
+            return
+        begin_again(system, momentum, False, loop)
+        mass = hold(system, contact)
+        iterate(system, momentum, local, True, parallel, int(loop["sweeps"]) + SWEEPS, False, NEVER, memory, partial)
+        release(system, contact, mass)

@@ -4,15 +4,21 @@ import itertools
 
 import numpy as np
 import pytest
+from places import DATA
 from scene_parts import advance, shear_engine
 
-from multicor_cli.engine.contact import patches
+from multicor_cli.engine.contact import patches, solve
+from multicor_cli.engine.contact.acceleration import NEVER, iterate, start_loop, start_momentum
 from multicor_cli.engine.contact.complementarity import solve_complementarity
+from multicor_cli.engine.contact.couples import NO_COUPLES
 from multicor_cli.engine.contact.law import solve_full
-from multicor_cli.engine.contact.patches import solve_patch
+from multicor_cli.engine.contact.patches import choose_patch, solve_patch
 from multicor_cli.engine.contact.problem import ContactProblem, _general_system
 from multicor_cli.engine.contact.residual import measure_residual
-from multicor_cli.engine.contact.sweep import add_impulses
+from multicor_cli.engine.contact.solve import ResidualScale, Settings, solve_system
+from multicor_cli.engine.contact.sweep import EXACT, System, add_impulses
+from multicor_cli.engine.contact.thread_choice import ThreadChoice
+from multicor_cli.engine.jit.chunks import aligned
 
 
 def solved(matrix, vector):
@@ -82,7 +88,7 @@ def test_one_contact_is_solved_as_by_enumeration(bias, tangential, friction):
     system = _general_system(problem, np.zeros((1, 2)))
     w_nn, w_nt, w_tt = problem.delassus()[0]
     u_n, u_t = -1.0 + bias + 0.3 * problem.levers()[0, 0, 0], -tangential + 0.3 * problem.levers()[0, 0, 1]
-    assert solve_patch(system, 5)
+    assert solve_patch(system, choose_patch(system, 5))
     expected = solve_full(0.0, 0.0, u_n, u_t, w_nn, w_nt, w_tt, friction)
     assert system.general_impulse[0] == pytest.approx(expected, abs=1e-12)
 
@@ -98,7 +104,7 @@ def test_a_patch_of_all_contacts_is_the_solution():
     system = layer(8)
     assert measure_residual(system, False)[1] > 1e-9
     for _ in range(3):  # contacts that were open may have closed
-        assert solve_patch(system, 10_000)
+        assert solve_patch(system, choose_patch(system, 10_000))
     rms, largest, energy, _ = measure_residual(system, False)
     assert largest < 1e-12 * abs(system.velocity[:, :3]).max()
     assert rms <= largest
@@ -113,7 +119,7 @@ def test_a_patch_mends_the_worst_contact_and_leaves_the_rest():
     assert len(set(chosen)) == 6
     assert chosen[0] == worst
     before = system.impulse.copy()
-    assert solve_patch(system, 6)
+    assert solve_patch(system, choose_patch(system, 6))
     contacts = (system.impulse != before).any(axis=1).reshape(-1)
     assert np.count_nonzero(contacts) > 0
     assert set(np.flatnonzero(contacts).tolist()) <= set(chosen)
@@ -136,6 +142,54 @@ def test_a_patch_keeps_velocities_and_impulses_together():
     system = layer(30)
     free = system._replace(velocity=system.velocity.copy())
     add_impulses(free._replace(impulse=-system.impulse, general_impulse=-system.general_impulse))
-    assert solve_patch(system, 60)
+    assert solve_patch(system, choose_patch(system, 60))
     add_impulses(free._replace(impulse=system.impulse, general_impulse=system.general_impulse))
     assert free.velocity == pytest.approx(system.velocity, rel=1e-9, abs=1e-9 * abs(system.velocity).max())
+
+
+def test_held_contacts_stay_as_they_are():
+    system = layer(30)
+    chosen = choose_patch(system, 60)
+    frame, kept = system.frame.copy(), system.impulse.copy()
+    mass = patches.hold(system, chosen)
+    loop, momentum = start_loop(system.contacts), start_momentum(system)
+    iterate(system, momentum, EXACT, True, False, 10, False, NEVER, loop, np.empty(system.tile_start.size - 1))
+    changed = np.flatnonzero((system.impulse != kept).any(axis=1).reshape(-1))
+    assert changed.size > 0
+    assert not set(changed.tolist()) & set(chosen.tolist())
+    patches.release(system, chosen, mass)
+    assert np.array_equal(system.frame, frame)
+
+
+def hard_step():
+    """A step of plane shear at μ = 0.8, I = 0.003, that sweeps and patches which are swept over again do not solve."""
+    with np.load(DATA / "hard-step.npz") as file:
+        stored = {name: file[name] for name in file.files}
+    arrays = {}
+    for name in System._fields[:12]:
+        arrays[name] = stored[name].copy()
+        if stored[name].dtype == float:
+            arrays[name] = aligned(stored[name].shape)
+            arrays[name][...] = stored[name]
+    scale = ResidualScale(*stored["scale"].tolist())
+    return System(**arrays, spin_factor=float(stored["spin"][0]), contacts=int(stored["contacts"][0]), couples=NO_COUPLES), scale
+
+
+def test_a_cluster_that_sweeps_leave_is_solved_by_turns(monkeypatch):
+    system, scale = hard_step()
+    found = solve_system(system, scale, Settings(), ThreadChoice())
+    assert found.converged
+    assert found.sweeps < 10_000
+    monkeypatch.setattr(solve, "TURNS", 0)
+    system, scale = hard_step()
+    assert not solve_system(system, scale, Settings(max_sweeps=10_000), ThreadChoice()).converged
+
+
+def test_turns_give_the_same_bits_for_any_number_of_threads(monkeypatch):
+    found = []
+    for parallel in (False, True):
+        monkeypatch.setattr(ThreadChoice, "choose", lambda _, contacts, parallel=parallel: parallel)
+        system, scale = hard_step()
+        solve_system(system, scale, Settings(), ThreadChoice(2))
+        found.append(system.impulse.tobytes() + system.velocity.tobytes())
+    assert found[0] == found[1]
