@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import hashlib
 import queue
+import secrets
 import time
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Sequence
@@ -85,7 +86,8 @@ class Computation:
 
     def __init__(self, directory: StudyDirectory, study: Study, site: Site, watcher: Watcher) -> None:
         self._directory, self._study, self._site, self._watcher = directory, study, site, watcher
-        self._id = hashlib.sha256(f"{directory.path.absolute()} {multicor_cli.__version__}".encode()).hexdigest()[:16]
+        self._kernels = hashlib.sha256(f"{directory.path.absolute()} {multicor_cli.__version__}".encode()).hexdigest()[:16]
+        self._id = secrets.token_hex(8)  # workers that live longer than this client are not to mix it up with the next
         self._waiting: deque[Case] = deque()
         self._submitted: dict[Future, Case] = {}
         self._next_look = time.monotonic() + _LONELY
@@ -153,11 +155,11 @@ class Computation:
 
     def _submit(self, case: Case) -> None:
         task = {
-            "study": self._id,
+            "client": self._id,
             "name": case.name,
             "scenario": str(self._study.scenario.absolute()),
             "overrides": [*self._study.fixed, *case.overrides],
-            "turn": self._id,
+            "turn": self._kernels,
             "observe": [row.model_dump(mode="json", exclude_none=True) for row in self._study.model.observe],
             "directory": str(self._directory.case(case.name).absolute()),
             "threads": self._site.threads,

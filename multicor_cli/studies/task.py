@@ -28,14 +28,14 @@ def run_case(task: dict[str, Any]) -> dict[str, Any]:
     """Run a case in a process of its own; see `multicor_cli.studies.child.run_task`.
 
     Args:
-        task: As there, with ``study`` and ``name``.
+        task: As there, with ``client`` (who wants it) and ``name``.
 
     Returns:
         As there; what the process did not say itself (killed, out of memory) is a failure with the end of its messages.
     """
-    name = f"{task['study']}/{task['name']}"
+    name = f"{task['client']}/{task['name']}"
     with _lock:
-        if task["study"] in _stopping:
+        if task["client"] in _stopping:
             return {"status": "stopped", "reason": "not begun", "exit_code": 75, "step": 0}
         try:
             process = _start(task["threads"])
@@ -111,11 +111,11 @@ def _unsaid(code: int, said: str) -> dict[str, Any]:
     return {"status": "failed", "reason": last or f"its process ended with exit code {code}", "exit_code": abs(code), "step": 0}
 
 
-def stop_cases(study: str) -> int:
-    """Ask the cases of a study that this worker runs to stop with a checkpoint; returns how many there are."""
+def stop_cases(client: str) -> int:
+    """Ask the cases that this worker runs for a client to stop with a checkpoint; returns how many there are."""
     with _lock:
-        _stopping.add(study)
-        found = [process for name, process in _running.items() if name.startswith(f"{study}/")]
+        _stopping.add(client)
+        found = [process for name, process in _running.items() if name.startswith(f"{client}/")]
     for process in found:
         process.send_signal(signal.SIGTERM)
     return len(found)

@@ -17,13 +17,13 @@ class CompilationTurn:
     """
 
     def __init__(self, name: str) -> None:
-        directory = Path(tempfile.gettempdir()) / f"multicor-turns-{os.getuid()}"
-        directory.mkdir(mode=0o700, exist_ok=True)
-        self._marker = directory / f"{name}.done"
+        # Beside the kernels: where these are removed, the next one has to compile again.
+        directory = Path(os.environ.get("NUMBA_CACHE_DIR") or tempfile.gettempdir())
+        self._marker = directory / f"turn-{name}.done"
         self._descriptor = -1
-        if self._marker.exists():
+        if self._marker.exists() or not os.access(directory, os.W_OK):
             return
-        self._descriptor = os.open(directory / f"{name}.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        self._descriptor = os.open(directory / f"turn-{name}.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
         fcntl.flock(self._descriptor, fcntl.LOCK_EX)  # given back by the kernel if the process dies
         if self._marker.exists():
             self.leave()

@@ -14,7 +14,7 @@ from scenes import SMALL
 
 from multicor_cli.studies import task as task_module
 from multicor_cli.studies.forking import Nursery
-from multicor_cli.studies.task import run_case
+from multicor_cli.studies.task import run_case, stop_cases
 
 
 @pytest.fixture(scope="module")
@@ -84,9 +84,16 @@ def test_a_nursery_that_dies_leaves_its_cases_alone(tmp_path: Path) -> None:
 
 
 def test_a_worker_starts_another_nursery_if_its_own_has_died(tmp_path: Path) -> None:
-    given = {**json.loads(task(tmp_path)), "study": "s", "name": "run"}
+    given = {**json.loads(task(tmp_path)), "client": "a", "name": "run"}
     assert run_case(given)["status"] == "finished"
     (nursery,) = task_module._nurseries
     os.kill(nursery._process.pid, signal.SIGKILL)
     assert run_case({**given, "directory": str(tmp_path / "again")})["status"] == "finished"
     assert task_module._nurseries != [nursery]
+
+
+def test_a_worker_that_was_asked_to_stop_works_for_the_next_client(tmp_path: Path) -> None:
+    given = {**json.loads(task(tmp_path)), "client": "first", "name": "run"}
+    assert stop_cases("first") == 0
+    assert run_case(given)["reason"] == "not begun"
+    assert run_case({**given, "client": "second"})["status"] == "finished"
