@@ -90,7 +90,7 @@ def check_cases(study: Study, cases: Sequence[Case]) -> None:
 
 
 def forecast(study: Study, cases: Sequence[Case], directory: Path) -> Forecast:
-    """Estimate some cases of a study from a few of them, evenly spread; those that differ by the seed alone cost the same.
+    """Estimate some cases of a study from a few of them; those that differ by the seed alone cost the same.
 
     Args:
         study: The study.
@@ -101,7 +101,7 @@ def forecast(study: Study, cases: Sequence[Case], directory: Path) -> Forecast:
         ScenarioError: Grains of a case cannot be placed, or there is not enough space for all runs.
     """
     different = list({str({key: value for key, value in case.values.items() if key != SEED}): case for case in cases}.values())
-    chosen = different[:: max(1, math.ceil(len(different) / SAMPLES))]
+    chosen = _spread(different)
     prepared = [_prepare(study, case, directory) for case in chosen]
     costs = [run.cost for run in prepared]
     share = len(cases) / len(chosen) if chosen else 0.0
@@ -118,6 +118,12 @@ def forecast(study: Study, cases: Sequence[Case], directory: Path) -> Forecast:
     )
     _refuse_without_space(study, found, directory)
     return found
+
+
+def _spread(cases: Sequence[Case]) -> list[Case]:
+    """A few cases from all over the grid: by the golden ratio, which keeps step with no key, unlike every second case."""
+    order = sorted(range(len(cases)), key=lambda k: (k * 0.6180339887498949) % 1.0)
+    return [cases[k] for k in sorted(order[:SAMPLES])]
 
 
 def _sum(values: Sequence[float | None]) -> float | None:
