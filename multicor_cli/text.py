@@ -23,3 +23,8 @@ def format_bytes(size: float) -> str:
             return f"{size:.0f} {unit}" if unit == "B" else f"{size:.3g} {unit}"
         size /= 1000.0
     raise AssertionError
+
+
+def count_noun(number: int, noun: str) -> str:
+    """A number with its noun: ``1 stage``, ``2 stages``."""
+    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"

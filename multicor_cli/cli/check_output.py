@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
-from multicor_cli.cli.options import count_noun
+from multicor_cli.text import count_noun
 
 if TYPE_CHECKING:
     from multicor_cli.checks import Check

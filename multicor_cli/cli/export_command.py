@@ -8,10 +8,10 @@ from typing import Annotated, Any
 import typer
 
 from multicor_cli.cli.console import say
-from multicor_cli.cli.options import RunPath, count_noun
+from multicor_cli.cli.options import RunPath
 from multicor_cli.cli.post_options import Frames, OneFrame, parse_frames
 from multicor_cli.cli.progress import show_progress
-from multicor_cli.text import format_bytes
+from multicor_cli.text import count_noun, format_bytes
 
 export = typer.Typer(
     no_args_is_help=True,

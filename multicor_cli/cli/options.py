@@ -20,8 +20,3 @@ Overrides = Annotated[
         show_default=False,
     ),
 ]
-
-
-def count_noun(number: int, noun: str) -> str:
-    """A number with its noun: ``1 stage``, ``2 stages``."""
-    return f"{number} {noun}" if number == 1 else f"{number} {noun}s"

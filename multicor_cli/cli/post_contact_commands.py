@@ -7,9 +7,10 @@ from typing import Annotated, Any, Optional
 
 import typer
 
-from multicor_cli.cli.options import RunPath, count_noun
+from multicor_cli.cli.options import RunPath
 from multicor_cli.cli.post_options import AsCsv, AsJson, End, FigureFile, Frames, OneFrame, Start, parse_frames
 from multicor_cli.cli.post_output import TableOutput
+from multicor_cli.text import count_noun
 
 Distribution = Annotated[bool, typer.Option("--distribution", help="Show how many contacts carry which force instead.")]
 Angles = Annotated[bool, typer.Option("--angles", help="Show contacts and forces by direction instead.")]

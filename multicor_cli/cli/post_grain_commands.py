@@ -6,9 +6,10 @@ from typing import Annotated, Optional
 
 import typer
 
-from multicor_cli.cli.options import RunPath, count_noun
+from multicor_cli.cli.options import RunPath
 from multicor_cli.cli.post_options import AsCsv, AsJson, Bins, End, FigureFile, Frames, OneFrame, Start, parse_frames
 from multicor_cli.cli.post_output import TableOutput
+from multicor_cli.text import count_noun
 
 ProfileOf = Annotated[
     str,

@@ -7,9 +7,10 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from multicor_cli.cli.options import RunPath, count_noun
+from multicor_cli.cli.options import RunPath
 from multicor_cli.cli.post_options import AsCsv, AsJson, End, FigureFile, Frames, Start, parse_frames
 from multicor_cli.cli.post_output import TableOutput
+from multicor_cli.text import count_noun
 
 if TYPE_CHECKING:
     from multicor_cli.model.areas import Area

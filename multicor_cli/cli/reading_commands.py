@@ -8,8 +8,9 @@ import typer
 
 from multicor_cli.cli.check_output import Strict, checks_as_json, refuse_bad, show_all
 from multicor_cli.cli.console import emit, emit_json, emit_pairs, format_seconds, say
-from multicor_cli.cli.options import RunPath, count_noun
+from multicor_cli.cli.options import RunPath
 from multicor_cli.running.outcome import ExitCode
+from multicor_cli.text import count_noun
 
 _HEAT_LABELS = {
     "friction": "  of friction",

@@ -14,6 +14,7 @@ from multicor_cli.cli.check_output import Strict, count_verdicts, refuse_bad, sh
 from multicor_cli.cli.console import format_seconds, say
 from multicor_cli.cli.guard import set_crash_directory
 from multicor_cli.cli.options import Overrides, ScenarioFile
+from multicor_cli.text import count_noun
 
 if TYPE_CHECKING:
     from multicor_cli.model import Model, State
@@ -150,7 +151,7 @@ def _dry_run(job: _Job) -> None:
 
     say("placing the grains")
     model, state = build(job.scenario)
-    say(f"{model.grain_count} grains, {model.wall_count} walls; compiling and doing one step")
+    say(f"{count_noun(model.grain_count, 'grain')}, {count_noun(model.wall_count, 'wall')}; compiling and doing one step")
     started = time.monotonic()
     report = try_step(job.scenario, model, state, job.threads)
     took = format_seconds(time.monotonic() - started)

@@ -14,9 +14,9 @@ import typer
 from multicor_cli.cli.check_output import Strict, checks_as_json, refuse_bad, show_all
 from multicor_cli.cli.console import emit, emit_json, emit_pairs, format_seconds, say
 from multicor_cli.cli.listing import ListingCommand
-from multicor_cli.cli.options import Overrides, ScenarioFile, count_noun
+from multicor_cli.cli.options import Overrides, ScenarioFile
 from multicor_cli.running.outcome import ExitCode
-from multicor_cli.text import format_bytes
+from multicor_cli.text import count_noun, format_bytes
 
 if TYPE_CHECKING:
     from multicor_cli.checks import Prepared

@@ -17,8 +17,7 @@ import typer
 from multicor_cli.cli.bar import Bar
 from multicor_cli.cli.console import complain, emit, emit_json, emit_pairs, emit_table, format_seconds, say
 from multicor_cli.cli.listing import ListingCommand
-from multicor_cli.cli.options import count_noun
-from multicor_cli.text import format_bytes
+from multicor_cli.text import count_noun, format_bytes
 
 if TYPE_CHECKING:
     from multicor_cli.studies.cases import Case

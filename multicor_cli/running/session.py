@@ -43,6 +43,7 @@ from multicor_cli.store.origin import Origin
 from multicor_cli.store.prepare import check_usable, read_scenario
 from multicor_cli.store.provenance import current_command
 from multicor_cli.store.run_document import read_run_document
+from multicor_cli.text import count_noun
 
 _UNCONVERGED = TALLY_NAMES.index("unconverged_steps")
 
@@ -237,9 +238,8 @@ class Session:
         return RunOutcome(reason, self._path, state.step, state.time, unconverged, directory.stage_ends)
 
     def _announce(self, model: Model, engine: CoupledEngine | OpenEngine) -> None:
-        threads = engine.threads
-        plural = "thread" if threads == 1 else "threads"
-        self._observer.message(f"{model.grain_count} grains, {model.wall_count} walls, {threads} {plural}")
+        counts = ((model.grain_count, "grain"), (model.wall_count, "wall"), (engine.threads, "thread"))
+        self._observer.message(", ".join(count_noun(number, noun) for number, noun in counts))
         if not is_compiled():
             self._observer.message("compiling the kernels; this happens once and takes up to half a minute")
 

@@ -12,6 +12,7 @@ from pydantic_core import ErrorDetails
 
 from multicor_cli.scenario.describe import Spot, find_spot
 from multicor_cli.scenario.problems import Finding, KeyPath, name_list, show
+from multicor_cli.text import count_noun
 
 _UNIT_SUFFIX = re.compile(
     r"(.+?)_(mm|cm|um|nm|km|ms|us|min|h|hours|deg|degrees|g|mpa|gpa|kpa|celsius|m|s|kg|pa|rad|k)", re.IGNORECASE
@@ -167,8 +168,9 @@ def _not_exactly_one(spot: Spot, error: ErrorDetails) -> Finding:
 
 def _wrong_length(spot: Spot, error: ErrorDetails) -> Finding:
     context, value = error["ctx"], error["input"]
-    bound = f"at most {context['max_length']}" if "max_length" in context else f"at least {context['min_length']}"
-    return Finding(spot.path, f"must have {bound} elements, has {len(value)}", _expected(spot))
+    side, key = ("at most", "max_length") if "max_length" in context else ("at least", "min_length")
+    bound = f"{side} {count_noun(context[key], 'element')}"
+    return Finding(spot.path, f"must have {bound}, has {len(value)}", _expected(spot))
 
 
 def _wrong_text_length(spot: Spot, error: ErrorDetails) -> Finding:

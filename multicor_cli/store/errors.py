@@ -40,6 +40,11 @@ class DirectoryRefused(StoreError):
     exit_code = 6
 
 
+def no_run(path: Path) -> DirectoryRefused:
+    """What is said of a place where a run should be and is none."""
+    return DirectoryRefused(f"{path}: holds no run" if path.exists() else f"{path}: there is no such directory")
+
+
 class RunLocked(StoreError):
     """Another process is running in this directory (exit code 6).
 

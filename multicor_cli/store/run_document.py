@@ -14,7 +14,7 @@ from multicor_cli.model import EXCHANGE_NAMES
 from multicor_cli.store import layout
 from multicor_cli.store.checked import check_version
 from multicor_cli.store.documents import Document, plain, read_document
-from multicor_cli.store.errors import DamagedRun, DirectoryRefused
+from multicor_cli.store.errors import DamagedRun, no_run
 from multicor_cli.store.hdf5 import Precision
 from multicor_cli.store.origin import Origin, is_origin
 from multicor_cli.store.provenance import current_command
@@ -37,7 +37,7 @@ def read_run_document(path: Path) -> Document:
     """
     file = path / layout.RUN
     if not file.is_file():
-        raise DirectoryRefused(f"{path}: holds no run")
+        raise no_run(path)
     document = read_document(file)
     if document.get("filetype") != FILETYPE:
         raise DamagedRun(f"{file}: not the description of a run")

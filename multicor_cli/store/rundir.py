@@ -15,7 +15,7 @@ from multicor_cli.store import layout
 from multicor_cli.store.atomic import file_digest, kill_point, make_directory, storage_errors
 from multicor_cli.store.checkpoint import Checkpoint, Identity, load_newest, prune, write_checkpoint
 from multicor_cli.store.documents import Document, plain, write_document
-from multicor_cli.store.errors import DamagedRun, DirectoryRefused, StoreError
+from multicor_cli.store.errors import DamagedRun, StoreError, no_run
 from multicor_cli.store.extension import Extension, extend
 from multicor_cli.store.hdf5 import Precision
 from multicor_cli.store.lock import RunLock
@@ -121,7 +121,7 @@ class RunDirectory:
         """
         path = Path(path)
         if not (path / layout.RUN).is_file():
-            raise DirectoryRefused(f"{path}: holds no run")
+            raise no_run(path)
         lock = RunLock(path / layout.LOCK, force=force_unlock)
         try:
             document = read_run_document(path)
