@@ -162,7 +162,3 @@ class Silence:
                 status = (self._path / name).stat()
                 found.append((status.st_mtime_ns, status.st_ino))
         return found
-
-
-if __name__ == "__main__":
-    sys.exit(main())
