@@ -1,6 +1,6 @@
 """One list of checks, before a run and of a run: each with its value, limit, verdict, meaning and remedy.
 
-A new check is a `Rule` in the table of its module, which is in one of the two lists below; docs/checks.md is made of them
+A new check is a `Rule` in the table of its module, which is in one of the two lists below; docs/reference/checks.md is made of them
 (``python tests/support/check_tables.py``).
 """
 

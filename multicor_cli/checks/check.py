@@ -1,7 +1,7 @@
 """What a check is: a number, its limits, and what follows if it is beyond them.
 
 A `Rule` is one kind of check, with everything about it in one place: how its number is found, its limits, what it means, what to
-do. Judging a subject by it gives a `Check`. The page docs/checks.md is made of the rules.
+do. Judging a subject by it gives a `Check`. The page docs/reference/checks.md is made of the rules.
 """
 
 from __future__ import annotations

@@ -36,7 +36,7 @@ def _heat(unit: str, meaning: str, exports: tuple[Export, ...] = ("vtk",)) -> An
 class ContactTable:
     """Contacts of one step, sorted by (i, j); every array has a row for each of the ``c`` contacts.
 
-    Each field says its unit and meaning, as docs/formats/results.md lists them. Normals and gaps are those at mid-step.
+    Each field says its unit and meaning, as docs/reference/formats/results.md lists them. Normals and gaps are those at mid-step.
     """
 
     i: Ints = _column("1", "first shape of the contact: a grain", "i4", exports=())

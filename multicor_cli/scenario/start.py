@@ -12,7 +12,7 @@ from multicor_cli.scenario.base import Table, refuse
 from multicor_cli.scenario.packings import FilePath
 
 RECORD = "scenario.resolved.toml"
-"""The scenario of a run in its directory, with all defaults (docs/formats/run-directory.md)."""
+"""The scenario of a run in its directory, with all defaults (docs/reference/formats/run-directory.md)."""
 
 KIND = "start"
 """Kind of packing of the groups whose grains come from the run of ``[start]``."""

@@ -1,4 +1,4 @@
-"""The tables of docs/checks.md: ``python tests/support/check_tables.py`` writes them anew."""
+"""The tables of docs/reference/checks.md: ``python tests/support/check_tables.py`` writes them anew."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 from multicor_cli import checks
 from multicor_cli.checks import Rule
 
-PAGE = Path(__file__).resolve().parents[2] / "docs" / "checks.md"
+PAGE = Path(__file__).resolve().parents[2] / "docs" / "reference" / "checks.md"
 
 _TABLE = re.compile(r"(<!-- table (\w+) -->\n).*?(\n<!-- end -->)", re.DOTALL)
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from multicor_cli.model import shapes
 from multicor_cli.store import schema
 
-FORMATS = Path(__file__).resolve().parents[2] / "docs" / "formats"
+FORMATS = Path(__file__).resolve().parents[2] / "docs" / "reference" / "formats"
 PAGES = tuple(FORMATS / f"{name}.md" for name in ("results", "checkpoint", "run-directory"))
 
 _TABLE = re.compile(r"(<!-- table (\w+) -->\n).*?(\n<!-- end -->)", re.DOTALL)

@@ -1,4 +1,4 @@
-"""The packages are as docs/architecture.md says: contracts about imports, and a table with every package."""
+"""The packages are as docs/explanation/architecture.md says: contracts about imports, and a table with every package."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 
 from places import ROOT
 
-LISTED = set(re.findall(r"^\| `([\w/]+)` \|", (ROOT / "docs" / "architecture.md").read_text(encoding="utf-8"), re.MULTILINE))
+LISTED = set(re.findall(r"^\| `([\w/]+)` \|", (ROOT / "docs" / "explanation" / "architecture.md").read_text(encoding="utf-8"), re.MULTILINE))
 """Packages in the table."""
 
 

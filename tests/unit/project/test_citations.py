@@ -1,4 +1,4 @@
-"""Whatever the repository cites is in it: sections of docs/theory.md, files and headings behind links, no private documents."""
+"""Whatever the repository cites is in it: sections of docs/explanation/theory.md, files and headings behind links, no private documents."""
 
 import re
 from pathlib import Path
@@ -8,7 +8,7 @@ from places import ROOT
 
 FOLDERS = (".ci", "benchmarks", "configs", "docs", "multicor_cli", "schema", "tests")
 ENDINGS = {"", ".c", ".css", ".html", ".js", ".json", ".md", ".py", ".pyi", ".sh", ".toml"}
-THEORY = "docs/theory.md"
+THEORY = "docs/explanation/theory.md"
 THIS = "tests/unit/project/test_citations.py"  # holds what it forbids
 
 SECTION = r"§\d+(?:\.\d+)?"
@@ -107,8 +107,8 @@ def test_links_lead_somewhere(texts):
 GOOD = {
     THEORY: "# Theory\n## 1 Bodies\nSee §2.1.\n## 2 Steps\n### 2.1 Walls\n```sh\n## 9 no heading\n```\n"
     "[1](#1-bodies), [2](heat.md#what-s-it)\n",
-    "docs/heat.md": "# Heat\n## What `s-it`?\n[up](../README.md) [web](https://example.org/no.md)\n",
-    "README.md": "[theory](docs/theory.md#21-walls) [folder](docs)\n```python\nframes[0](no.md)\n```\n",
+    "docs/explanation/heat.md": "# Heat\n## What `s-it`?\n[up](../../README.md) [web](https://example.org/no.md)\n",
+    "README.md": "[theory](docs/explanation/theory.md#21-walls) [folder](docs)\n```python\nframes[0](no.md)\n```\n",
     "multicor_cli/a.py": '"""As in theory §1 and §2.1 (theory.md\n§2), redesign."""\n',
 }
 
@@ -116,7 +116,7 @@ GOOD = {
 def faults_of(tmp_path, name="README.md", more=""):
     """What is found in a small repository with something added to one of its files."""
     for path, text in GOOD.items():
-        (tmp_path / path).parent.mkdir(exist_ok=True)
+        (tmp_path / path).parent.mkdir(parents=True, exist_ok=True)
         (tmp_path / path).write_text(text + (more if path == name else ""), encoding="utf-8")
     found = repository(tmp_path)
     assert found.keys() == GOOD.keys()
@@ -138,9 +138,9 @@ def test_a_right_repository_passes(tmp_path):
         ("multicor_cli/a.py", "# see checkvalues.py\n", "multicor_cli/a.py: checkvalues"),
         (THEORY, "As §4 says.\n", f"{THEORY}: theory §4"),
         ("README.md", "[a](docs/none.md)\n", "README.md: docs/none.md"),
-        ("docs/heat.md", "[a](docs/heat.md)\n", "docs/heat.md: docs/heat.md"),
-        ("docs/heat.md", "[a](theory.md#walls)\n", "docs/heat.md: theory.md#walls (no such heading)"),
-        ("docs/heat.md", "[a](#9-no-heading)\n", "docs/heat.md: #9-no-heading (no such heading)"),
+        ("docs/explanation/heat.md", "[a](docs/explanation/heat.md)\n", "docs/explanation/heat.md: docs/explanation/heat.md"),
+        ("docs/explanation/heat.md", "[a](theory.md#walls)\n", "docs/explanation/heat.md: theory.md#walls (no such heading)"),
+        ("docs/explanation/heat.md", "[a](#9-no-heading)\n", "docs/explanation/heat.md: #9-no-heading (no such heading)"),
     ],
 )
 def test_every_fault_is_found(tmp_path, name, more, expected):
