@@ -48,7 +48,9 @@ class Presence(IntEnum):
 
 @dataclass
 class State:
-    """State of a run between two steps. Each field says its shape, unit and meaning, as docs/reference/formats/checkpoint.md lists them.
+    """State of a run between two steps.
+
+    Each field says its shape, unit and meaning, as docs/reference/formats/checkpoint.md lists them.
 
     Without arguments it is the state of a model without anything.
     """

@@ -9,7 +9,8 @@ from pathlib import Path
 
 from places import ROOT
 
-LISTED = set(re.findall(r"^\| `([\w/]+)` \|", (ROOT / "docs" / "explanation" / "architecture.md").read_text(encoding="utf-8"), re.MULTILINE))
+PAGE = (ROOT / "docs" / "explanation" / "architecture.md").read_text(encoding="utf-8")
+LISTED = set(re.findall(r"^\| `([\w/]+)` \|", PAGE, re.MULTILINE))
 """Packages in the table."""
 
 

@@ -1,4 +1,4 @@
-"""Whatever the repository cites is in it: sections of docs/explanation/theory.md, files and headings behind links, no private documents."""
+"""Whatever the repository cites is in it: sections of the theory, files and headings behind links, no private documents."""
 
 import re
 from pathlib import Path
