@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import multiprocessing
 import platform
+import signal
 from collections.abc import Callable, Sequence
 from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
@@ -65,6 +66,14 @@ def run_benchmark(tasks: Sequence[Task], *, has_compilation: bool, say: Callable
 
 
 def _apart(function: Callable[..., T], *arguments: Any) -> T:
-    """Call a function in a process of its own, which shares neither memory nor threads with anything else."""
-    with ProcessPoolExecutor(1, mp_context=multiprocessing.get_context("spawn")) as pool:
-        return pool.submit(function, *arguments).result()
+    """Call a function in a process of its own, which shares neither memory nor threads with anything else.
+
+    Ctrl-C reaches both processes. Machine code knows no exceptions, so this one answers, and ends the other.
+    """
+    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), signal.signal, (signal.SIGINT, signal.SIG_IGN)) as pool:
+        try:
+            return pool.submit(function, *arguments).result()
+        except BaseException:
+            for process in multiprocessing.active_children():
+                process.terminate()
+            raise

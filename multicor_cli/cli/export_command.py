@@ -8,7 +8,7 @@ from typing import Annotated, Any
 import typer
 
 from multicor_cli.cli.console import say
-from multicor_cli.cli.options import RunPath
+from multicor_cli.cli.options import RunPath, output_option
 from multicor_cli.cli.post_options import Frames, OneFrame, parse_frames
 from multicor_cli.cli.progress import show_progress
 from multicor_cli.text import count_noun, format_bytes
@@ -18,9 +18,9 @@ export = typer.Typer(
     help="A run in the formats of other programs. ParaView opens results.vtkhdf in the run directory as it is.",
 )
 
-GsdFile = Annotated[Path, typer.Option("-o", "--output", metavar="FILE.gsd", help="File to write.", show_default=False)]
-CsvDirectory = Annotated[Path, typer.Option("-o", "--output", metavar="DIR", help="Directory to write.", show_default=False)]
-FclibFile = Annotated[Path, typer.Option("-o", "--output", metavar="FILE.hdf5", help="File to write.", show_default=False)]
+GsdFile = Annotated[Path, output_option(metavar="FILE.gsd", help="File to write.", show_default=False)]
+CsvDirectory = Annotated[Path, output_option(metavar="DIR", help="Directory to write.", show_default=False)]
+FclibFile = Annotated[Path, output_option(metavar="FILE.hdf5", help="File to write.", show_default=False)]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace what an export has written there before.")]
 
 
@@ -59,9 +59,11 @@ def to_fclib(directory: RunPath, output: FclibFile, frame: OneFrame = -1, is_ove
     After the last frame of a finished run, the step is the one that its last stage would take next.
     """
     from multicor_cli.export import export_fclib
+    from multicor_cli.running.signals import Switchboard
     from multicor_cli.store import open_run
 
-    with open_run(directory) as run:
+    # Kernels are compiled: an exception would have to find its way through machine code. The file appears complete or not at all.
+    with open_run(directory) as run, Switchboard(may_exit=True).installed() as switchboard, switchboard.impatient():
         found = export_fclib(run, output, frame, is_overwriting=is_overwriting)
     contacts = count_noun(len(found.problem.pair), "contact")
     where = "beyond the end of the run" if found.is_beyond else f"in stage '{found.stage}'"

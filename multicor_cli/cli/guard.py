@@ -63,6 +63,10 @@ def _failures() -> Iterator[None]:
     except BrokenPipeError:
         _close_stdout()
         raise SystemExit(ExitCode.DONE) from None
+    except SystemExit as error:
+        if isinstance(error.__context__, BrokenPipeError):  # rich has met it first, and calls it a failure
+            raise SystemExit(ExitCode.DONE) from None
+        raise
     except (KeyboardInterrupt, Exception) as error:
         if _is_control_flow(error):
             raise

@@ -25,11 +25,11 @@ class ListingCommand(TyperCommand):
         for parameter in self.params:
             text = getattr(parameter, "help", None) or ""
             if "{" in text:
-                parameter.help = _filled(text)  # type: ignore[attr-defined]
+                parameter.help = filled(text)  # type: ignore[attr-defined]
         super().format_help(ctx, formatter)
 
 
-def _filled(text: str) -> str:
+def filled(text: str) -> str:
     """A help text with its lists."""
     for key, (module, name) in _LISTS.items():
         if (place := f"{{{key}}}") in text:

@@ -3,9 +3,22 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Annotated, Optional
+from typing import Annotated, Any, Optional
 
 import typer
+
+
+def output_option(*, metavar: str, help: str, show_default: str | bool = False) -> Any:  # noqa: A002  (Typer's name)
+    """The option ``-o``, which names what is written."""
+    return typer.Option("--output", "-o", parser=_named_path, metavar=metavar, help=help, show_default=show_default)
+
+
+def _named_path(text: str) -> Path:
+    """A path as it was given; an empty one, as of a variable of the shell that is not set, would mean the current directory."""
+    if not text.strip():
+        raise typer.BadParameter("the name is empty; write . for the current directory")
+    return Path(text)
+
 
 ScenarioFile = Annotated[Path, typer.Argument(metavar="SCENARIO.toml", help="Scenario file.", show_default=False)]
 

@@ -7,7 +7,18 @@ from typing import Annotated, Optional
 import typer
 
 from multicor_cli.cli.options import RunPath
-from multicor_cli.cli.post_options import AsCsv, AsJson, Bins, End, FigureFile, Frames, OneFrame, Start, parse_frames
+from multicor_cli.cli.post_options import (
+    AsCsv,
+    AsJson,
+    Bins,
+    End,
+    FigureFile,
+    Frames,
+    OneFrame,
+    OverwriteFigure,
+    Start,
+    parse_frames,
+)
 from multicor_cli.cli.post_output import TableOutput
 from multicor_cli.text import count_noun
 
@@ -73,6 +84,7 @@ def profile(
     is_json: AsJson = False,
     is_csv: AsCsv = False,
     plot: FigureFile = None,
+    is_overwriting: OverwriteFigure = False,
 ) -> None:
     """Average a field over horizontal bins and over frames, with standard errors from block averages.
 
@@ -81,7 +93,7 @@ def profile(
     on a grain times the branch towards it, spread along the branch, per area of the plane (force per length, compression positive);
     "kinetic-stress" is what fluctuations of the velocity add to it.
     """
-    output = TableOutput(is_json, is_csv, plot)
+    output = TableOutput(is_json, is_csv, plot, is_overwriting=is_overwriting)
     if bins is not None and bin_width is not None:
         raise typer.BadParameter("--bins and --bin-width exclude each other")
     from multicor_cli.post import Selection, profiles
@@ -111,12 +123,13 @@ def theta_eta(
     is_json: AsJson = False,
     is_csv: AsCsv = False,
     plot: FigureFile = None,
+    is_overwriting: OverwriteFigure = False,
 ) -> None:
     """Temperature θ = (T − T₀)/(T_wall − T₀) against the distance η = y/H from a heated wall, and its spread.
 
     y is measured from the surface of the wall, where the nearest grain touches it.
     """
-    output = TableOutput(is_json, is_csv, plot)
+    output = TableOutput(is_json, is_csv, plot, is_overwriting=is_overwriting)
     if has_grains and not (is_json or is_csv):
         raise typer.BadParameter("--grains needs --json or --csv", param_hint="--grains")
     from multicor_cli.post import theta_eta as make_table
@@ -140,6 +153,7 @@ def map_grains(
     is_json: AsJson = False,
     is_csv: AsCsv = False,
     plot: FigureFile = None,
+    is_overwriting: OverwriteFigure = False,
 ) -> None:
     """Show a quantity of every grain of one frame: a table of its distribution, the grains as data, a map as figure.
 
@@ -147,7 +161,7 @@ def map_grains(
     impacts have generated since the frame before; "stress" the mean pressure in a grain by its contact forces, their sum over the
     circumference.
     """
-    output = TableOutput(is_json, is_csv, plot)
+    output = TableOutput(is_json, is_csv, plot, is_overwriting=is_overwriting)
     from multicor_cli.post import grain_map
     from multicor_cli.store import open_run
 

@@ -9,8 +9,9 @@ import typer
 
 from multicor_cli.cli.console import say
 from multicor_cli.cli.options import RunPath
-from multicor_cli.cli.post_options import AsCsv, AsJson, Bins, End, FigureFile, Frames, Start, parse_frames
+from multicor_cli.cli.post_options import AsCsv, AsJson, Bins, End, FigureFile, Frames, OverwriteFigure, Start, parse_frames
 from multicor_cli.cli.post_output import TableOutput
+from multicor_cli.text import count_noun
 
 Earliest = Annotated[
     Optional[float],  # noqa: UP045  (evaluated by typer)
@@ -35,12 +36,13 @@ def energy(
     is_json: AsJson = False,
     is_csv: AsCsv = False,
     plot: FigureFile = None,
+    is_overwriting: OverwriteFigure = False,
 ) -> None:
     """Show the energy books, mechanical and of heat: at the end as a table; over time as CSV, JSON and figure.
 
     They count from the start of the run. The closure is the largest imbalance so far over the sum of all terms.
     """
-    output = TableOutput(is_json, is_csv, plot)
+    output = TableOutput(is_json, is_csv, plot, is_overwriting=is_overwriting)
     from multicor_cli.post import energy as make_table
     from multicor_cli.store import open_run
 
@@ -62,13 +64,14 @@ def compare(
     is_json: AsJson = False,
     is_csv: AsCsv = False,
     plot: FigureFile = None,
+    is_overwriting: OverwriteFigure = False,
 ) -> None:
     """Compare two runs: scenario keys that differ, books, rheology if both are sheared between two walls, profiles of fields.
 
     Differences are given over their standard errors where these are known: beyond 2 or 3 they are not chance. Profiles have the
     same number of bins in both runs and are matched by y/H; CSV and figure show them.
     """
-    output = TableOutput(is_json, is_csv, plot)
+    output = TableOutput(is_json, is_csv, plot, is_overwriting=is_overwriting)
     from multicor_cli.post import Selection
     from multicor_cli.post import compare as make_comparison
     from multicor_cli.store import open_run
@@ -78,7 +81,8 @@ def compare(
         found = make_comparison(first, second, of or ["velocity"], selection, bins, names=(str(directory), str(other)))
     output.draw(found)
     if not is_json:
-        say(f"{len(found.keys)} keys of the scenarios differ" + (":" if found.keys else ""))
+        differ = "differs" if len(found.keys) == 1 else "differ"
+        say(f"{count_noun(len(found.keys), 'key')} of the scenarios {differ}" + (":" if found.keys else ""))
         for key, one, two in found.keys:
             say(f"  {key}: {one} | {two}")
     output.deliver(found, f"{directory} and {other}", is_detailed=True)

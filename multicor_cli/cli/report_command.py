@@ -8,13 +8,13 @@ from typing import Annotated, Any, Optional
 import typer
 
 from multicor_cli.cli.console import say
-from multicor_cli.cli.options import RunPath
+from multicor_cli.cli.options import RunPath, output_option
 from multicor_cli.cli.progress import show_progress
 from multicor_cli.text import format_bytes
 
 PageFile = Annotated[
     Optional[Path],  # noqa: UP045  (evaluated by typer)
-    typer.Option("-o", "--output", metavar="FILE.html", help="File to write.", show_default="DIR-report.html beside DIR"),
+    output_option(metavar="FILE.html", help="File to write.", show_default="DIR-report.html beside DIR"),
 ]
 FrameLimit = Annotated[
     Optional[int],  # noqa: UP045

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import shlex
 import time
 from collections.abc import Sequence
 from pathlib import Path
@@ -12,8 +13,9 @@ import typer
 
 from multicor_cli.cli.check_output import Strict, count_verdicts, refuse_bad, show_doubtful
 from multicor_cli.cli.console import format_seconds, say
+from multicor_cli.cli.following import following
 from multicor_cli.cli.guard import set_crash_directory
-from multicor_cli.cli.options import Overrides, ScenarioFile
+from multicor_cli.cli.options import Overrides, ScenarioFile, output_option
 from multicor_cli.text import count_noun
 
 if TYPE_CHECKING:
@@ -25,7 +27,7 @@ if TYPE_CHECKING:
 
 Directory = Annotated[
     Optional[Path],  # noqa: UP045  (evaluated by typer)
-    typer.Option("--output", "-o", metavar="DIR", help="Run directory.", show_default="runs/NAME"),
+    output_option(metavar="DIR", help="Run directory.", show_default="runs/NAME"),
 ]
 Threads = Annotated[
     int,
@@ -140,8 +142,10 @@ def _conclude(outcome: RunOutcome, *, is_quiet: bool, is_strict: bool) -> None:
     if not is_quiet:
         for end in outcome.stage_ends:
             say(f"stage {end.name}: {end.text}")
-        say(f"{count_verdicts(checks)}; see multicor info {outcome.directory}")
+        say(f"{count_verdicts(checks)}; see multicor info {shlex.quote(str(outcome.directory))}")
         say(str(outcome))
+        if outcome.is_finished:
+            say("next:  " + "\n       ".join(following(outcome.directory)))
     refuse_bad(checks, is_strict=is_strict and outcome.is_finished)
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shlex
 import signal
 import socket
 import sys
@@ -17,6 +18,7 @@ import typer
 from multicor_cli.cli.bar import Bar
 from multicor_cli.cli.console import complain, emit, emit_json, emit_pairs, emit_table, format_seconds, say
 from multicor_cli.cli.listing import ListingCommand
+from multicor_cli.cli.options import output_option
 from multicor_cli.text import count_noun, format_bytes
 
 if TYPE_CHECKING:
@@ -31,7 +33,7 @@ study = typer.Typer(no_args_is_help=True, help="Compute many runs of one scenari
 StudyFile = Annotated[Path, typer.Argument(metavar="STUDY.toml", help="Study file.", show_default=False)]
 Output = Annotated[
     Optional[Path],  # noqa: UP045  (evaluated by typer)
-    typer.Option("--output", "-o", metavar="DIR", help="Directory of the study.", show_default="studies/NAME"),
+    output_option(metavar="DIR", help="Directory of the study.", show_default="studies/NAME"),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
 
@@ -88,7 +90,7 @@ def run(
     if not is_quiet:
         say(f"{_summary(counts)}, in {session.directory.path}")
         if counts[CaseStatus.FINISHED] == len(session.cases):
-            again = f"{file}" if output is None else f"{file} -o {output}"
+            again = shlex.join([str(file), *([] if output is None else ["-o", str(output)])])
             say(f"next:  multicor study table {again}\n       multicor study report {again}")
     if tally.stopped:
         raise typer.Exit(ExitCode.STOPPED if tally.reason is None else tally.reason.exit_code)

@@ -13,7 +13,7 @@ from multicor_cli.export.errors import ExportRefused
 from multicor_cli.store import layout
 from multicor_cli.store.atomic import fsync_path, storage_errors, temporary_beside
 
-_REMEDY = "choose another name with -o, or give --overwrite"
+_REMEDY = "choose another name, or give --overwrite"
 
 
 def refuse_files_of_runs(path: Path) -> None:
@@ -27,7 +27,7 @@ def refuse_files_of_runs(path: Path) -> None:
         whole = path.parent.resolve() / path.name  # a link at the place itself would be replaced, not followed
         for directory, name in ((whole.parent, whole.name), (whole.parent.parent, whole.parent.name)):
             if (directory / layout.RUN).is_file() and layout.is_file_name(name.removesuffix(".tmp")):
-                raise ExportRefused(f"{path}: is the name of a file of the run; choose another with -o")
+                raise ExportRefused(f"{path}: is the name of a file of the run; choose another")
 
 
 def check_output(path: Path, *, is_overwriting: bool) -> None:
@@ -41,9 +41,9 @@ def check_output(path: Path, *, is_overwriting: bool) -> None:
     refuse_files_of_runs(path)
     with storage_errors(path):
         if path.is_dir():
-            raise ExportRefused(f"{path}: is a directory; choose the name of a file with -o")
+            raise ExportRefused(f"{path}: is a directory; choose the name of a file")
         if path.exists() and not path.is_file():
-            raise ExportRefused(f"{path}: is not an ordinary file, and is not replaced; choose another name with -o")
+            raise ExportRefused(f"{path}: is not an ordinary file, and is not replaced; choose another name")
         if os.path.lexists(path) and not is_overwriting:
             raise ExportRefused(f"{path}: exists; {_REMEDY}")
 
@@ -108,11 +108,11 @@ def new_directory(path: Path, names: re.Pattern[str], *, is_overwriting: bool) -
 def _check_directory(path: Path, names: re.Pattern[str], *, is_overwriting: bool) -> None:
     with storage_errors(path):
         if path.is_symlink() or (path.exists() and not path.is_dir()):
-            raise ExportRefused(f"{path}: exists and is not a directory; choose another name with -o")
+            raise ExportRefused(f"{path}: exists and is not a directory; choose another name")
         found = sorted(entry.name for entry in path.iterdir()) if path.exists() else []
         foreign = [name for name in found if not names.fullmatch(name)]
         if foreign:
-            raise ExportRefused(f"{path}: holds files that no export has made ({foreign[0]} …); choose another name with -o")
+            raise ExportRefused(f"{path}: holds files that no export has made ({foreign[0]} …); choose another name")
         if found and not is_overwriting:
             raise ExportRefused(f"{path}: holds an export; {_REMEDY}")
 

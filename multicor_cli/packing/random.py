@@ -105,9 +105,12 @@ def _insert(radius: Floats, region: PackingRegion, obstacles: Obstacles, attempt
 
 
 def _refusal(count: int, fraction: float, why: str) -> PackingError:
-    fits = int(count * _USUAL_FRACTION / fraction)
     text = f"{count} grains do not fit: they would fill {fraction:.3f} of the free area of the region, {why}"
-    remedy = f"about {fits} would fit (fraction {_USUAL_FRACTION:.2f}): enlarge the region or ask for fewer grains"
+    if fraction > _USUAL_FRACTION:
+        fits = int(count * _USUAL_FRACTION / fraction)
+        remedy = f"about {fits} would fit (fraction {_USUAL_FRACTION:.2f}): enlarge the region or ask for fewer grains"
+    else:  # what usually fits does not where sides and corners are near
+        remedy = f"enlarge the region, in which sides and corners leave less room, or ask for fewer grains, {int(0.9 * count)} say"
     return PackingError(text, remedy)
 
 

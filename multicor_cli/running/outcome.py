@@ -6,25 +6,41 @@ import signal
 from dataclasses import dataclass
 from enum import Enum, IntEnum
 from pathlib import Path
+from typing import Self
 
 from multicor_cli.store.stage_ends import StageEnd
 
 
 class ExitCode(IntEnum):
-    """Exit codes of the command line; ``run.json`` records them too. Classes of errors have theirs as ``exit_code``."""
+    """Exit codes of the command line; ``run.json`` records them too. Classes of errors have theirs as ``exit_code``.
 
-    DONE = 0  # done, or already finished
-    BUG = 1  # an internal error; the traceback is in crash.txt
-    USAGE = 2  # the command line is wrong
-    SCENARIO = 3  # the scenario is invalid, or not the one that the run began with
-    PHYSICS = 4  # non-finite state, no admissible positions; by request: solver failed, condition of a stage not reached in time
-    ENVIRONMENT = 5  # disk full, no permission, out of memory, missing library, environment variable with a wrong value
-    OCCUPIED = 6  # the output exists, or another live run holds it
-    DAMAGED = 7  # data damaged, or made by an incompatible version
-    STOPPED = 75  # time limit reached, resumable (EX_TEMPFAIL: schedulers may requeue)
-    HUNG_UP = 129  # SIGHUP: the terminal was closed, after a checkpoint
-    INTERRUPTED = 130  # Ctrl-C, after a checkpoint
-    TERMINATED = 143  # SIGTERM, after a checkpoint
+    Attributes:
+        meaning: What the documentation says of it.
+    """
+
+    meaning: str
+
+    def __new__(cls, value: int, meaning: str = "") -> Self:
+        """A code with its meaning; ``ExitCode(3)`` finds the one that there is."""
+        code = int.__new__(cls, value)
+        code._value_, code.meaning = value, meaning
+        return code
+
+    DONE = 0, "done, or already finished"
+    BUG = 1, "an internal error; the traceback is in `crash.txt`"
+    USAGE = 2, "the command line is wrong"
+    SCENARIO = 3, "the scenario is invalid, or not the one that the run began with"
+    PHYSICS = (
+        4,
+        "non-finite state, no admissible positions; by request: solver failed, a stage timed out, bad check",
+    )
+    ENVIRONMENT = 5, "disk full, no permission, out of memory, missing library, environment variable with a wrong value"
+    OCCUPIED = 6, "the output exists, or another live run holds it"
+    DAMAGED = 7, "data damaged, or made by an incompatible version"
+    STOPPED = 75, "time limit reached, resumable (EX_TEMPFAIL: schedulers may requeue)"
+    HUNG_UP = 129, "SIGHUP: the terminal was closed, after a checkpoint"
+    INTERRUPTED = 130, "Ctrl-C, after a checkpoint"
+    TERMINATED = 143, "SIGTERM, after a checkpoint"
 
 
 def exit_code_of(error: BaseException) -> ExitCode:

@@ -91,7 +91,7 @@ class ScenarioModel(Table):
         min_length=1, max_length=1000, description="loading stages in time order"
     )
     heat: Heat | None = Field(None, description="heat: its presence switches temperatures on")
-    solver: Solver = Field(description="time step and contact solver")
+    solver: Solver = Field(default_factory=Solver, description="time step and contact solver; default: all of its defaults")
     output: Output = Field(description="what is written, and how often")
 
     @field_validator("particles")

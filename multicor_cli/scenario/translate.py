@@ -5,6 +5,7 @@ from __future__ import annotations
 import difflib
 import re
 from collections.abc import Callable, Iterable, Sequence
+from copy import deepcopy
 from typing import Any
 
 from pydantic import BaseModel
@@ -51,6 +52,32 @@ def translate(model: type[BaseModel], errors: Iterable[ErrorDetails]) -> list[Fi
         finding = _translate_one(spot, error)
         found.setdefault(finding.path, finding)
     return list(found.values())
+
+
+def without_unknown_keys(model: type[BaseModel], table: Any, errors: Iterable[ErrorDetails]) -> Any:
+    """What a table says apart from keys that nobody knows: misspelled ones get their names, others are left out.
+
+    None if a key is meant that cannot be told: one with a unit, whose value may be a thousand times too large.
+    """
+    unknown = [find_spot(model, error["loc"]) for error in errors if error["type"] == "extra_forbidden"]
+    if not unknown:
+        return None
+    known = deepcopy(table)
+    for spot in unknown:
+        place, key = _at(known, spot.path[:-1]), str(spot.path[-1])
+        value = place.pop(key)
+        intended = _intended(key, spot.known_keys)
+        if intended is not None and _UNIT_SUFFIX.fullmatch(key):
+            return None
+        if intended is not None:
+            place.setdefault(intended, value)
+    return known
+
+
+def _at(table: Any, path: KeyPath) -> Any:
+    for key in path:
+        table = table[key]
+    return table
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:

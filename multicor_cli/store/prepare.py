@@ -49,7 +49,10 @@ def check_usable(path: Path, *, overwrite: bool) -> None:
     """
     with storage_errors(path):
         if not path.exists() and not path.is_symlink():
-            _require_writable(next(parent for parent in path.absolute().parents if parent.exists()))
+            nearest = next(parent for parent in path.absolute().parents if parent.exists())
+            if not nearest.is_dir():
+                raise DirectoryRefused(f"{path}: {nearest} is not a directory; choose another with -o")
+            _require_writable(nearest)
             return
         if not path.is_dir():
             raise DirectoryRefused(f"{path}: exists and is not a directory; choose another with -o")

@@ -10,7 +10,7 @@ from scenes import SMALL
 from multicor_cli.scenario import parse_scenario
 from multicor_cli.scenario.start import Start
 
-PAGE = (ROOT / "docs" / "going-on.md").read_text(encoding="utf-8")
+PAGE = (ROOT / "docs" / "how-to" / "going-on.md").read_text(encoding="utf-8")
 
 
 def test_example_is_right() -> None:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import subprocess
 import sys
 from pathlib import Path
@@ -9,7 +10,7 @@ from typing import Any
 
 import pytest
 import scenes
-from command_line import call, environment
+from command_line import call, command, environment
 
 from multicor_cli import __version__
 
@@ -102,6 +103,17 @@ def test_every_command_has_help(name: str, tmp_path: Path) -> None:
     done = call(*name.split(), "--help", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert "Usage" in done.stdout
+
+
+@pytest.mark.parametrize("arguments", [("--help",), ("schema",)])
+def test_a_pipe_that_nobody_reads_is_no_failure(arguments: tuple[str, ...], tmp_path: Path) -> None:
+    reading, writing = os.pipe()
+    os.close(reading)
+    done = subprocess.run(
+        command(*arguments), cwd=tmp_path, env=environment(), stdout=writing, stderr=subprocess.PIPE, text=True, check=False
+    )
+    os.close(writing)
+    assert (done.returncode, done.stderr) == (0, "")
 
 
 def test_version(tmp_path: Path) -> None:

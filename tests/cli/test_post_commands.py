@@ -25,10 +25,20 @@ def heated(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def outputs(*arguments: object) -> tuple[dict, list[list[str]], str]:
     """JSON, CSV and table of a command."""
-    words = ["post", *map(str, arguments)]
+    words = ["post", *map(str, arguments), *(["--overwrite"] if "--plot" in arguments else [])]
     found = [runner.invoke(app, [*words, *extra]) for extra in (["--json"], ["--csv"], [])]
     assert [done.exit_code for done in found] == [0, 0, 0], found[0].stderr
     return json.loads(found[0].stdout), list(csv.reader(found[1].stdout.splitlines())), found[2].stdout
+
+
+def test_a_figure_is_not_replaced_unasked(finished: Path, tmp_path: Path) -> None:
+    figure = tmp_path / "mine.png"
+    figure.write_text("mine")
+    words = ["post", "energy", str(finished), "--plot", str(figure)]
+    done = runner.invoke(app, words)
+    assert (done.exit_code, figure.read_text()) == (6, "mine")
+    assert runner.invoke(app, [*words, "--overwrite"]).exit_code == 0
+    assert figure.read_bytes().startswith(b"\x89PNG")
 
 
 def test_rheology(finished: Path, tmp_path: Path) -> None:

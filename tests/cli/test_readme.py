@@ -1,4 +1,4 @@
-"""The README tells the truth: its Python runs as it stands there, and the commands and files that it names exist."""
+"""The README and the pages that belong to it tell the truth: their Python runs as it stands, what they name exists."""
 
 from __future__ import annotations
 
@@ -16,28 +16,40 @@ from multicor_cli.cli.post_commands import COMMANDS
 from multicor_cli.scenario import parse_scenario
 
 README = (ROOT / "README.md").read_text(encoding="utf-8")
+LANGUAGE = (ROOT / "docs" / "reference" / "scenario-language.md").read_text(encoding="utf-8")
+PYTHON = (ROOT / "docs" / "reference" / "python" / "index.md").read_text(encoding="utf-8")
+FILES = (ROOT / "docs" / "how-to" / "reading-files.md").read_text(encoding="utf-8")
+RESULTS = (ROOT / "docs" / "how-to" / "looking-at-results.md").read_text(encoding="utf-8")
 
 
 def test_python_example_runs(tmp_path: Path) -> None:
-    (code,) = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+    (code,) = re.findall(r"```python\n(.*?)```", PYTHON, re.DOTALL)
     (tmp_path / "configs").symlink_to(ROOT / "configs")
     done = subprocess.run(
         [sys.executable, "-c", code], cwd=tmp_path, env=environment(), capture_output=True, text=True, timeout=300, check=False
     )
     assert done.returncode == 0, done.stderr
     assert "298.1" in done.stdout  # the temperature of the walls
-    assert (tmp_path / "runs" / "short-shear" / "results.h5").exists()
+    results = tmp_path / "runs" / "short-shear" / "results.h5"
+    assert results.exists()
+    (reading,) = re.findall(r"<!-- executed -->\n```python\n(.*?)```", FILES, re.DOTALL)
+    done = subprocess.run([sys.executable, "-c", reading], cwd=results.parent, capture_output=True, text=True, check=False)
+    assert re.match(r"\d+ frames, the last at [\d.]+ s; mean v_x -?[\d.e-]+ m/s\n", done.stdout), done.stderr
+
+
+def test_the_readme_is_short() -> None:
+    assert len(README.splitlines()) <= 134  # half of what it once was
 
 
 def test_example_of_variables_is_right() -> None:
-    text, _ = re.findall(r"```toml\n(.*?)```", README, re.DOTALL)
+    text, _ = re.findall(r"```toml\n(.*?)```", LANGUAGE, re.DOTALL)
     scenario = parse_scenario(changed(SMALL, ("[domain]\nsize = [0.02, 0.02]\nperiodic = true\n", text)), "README.md")
     assert scenario.domain.size == pytest.approx((0.06, 0.06))
     assert scenario.domain.gravity == pytest.approx((3.990, -8.962), abs=1e-3)
 
 
 def test_example_of_stages_is_right() -> None:
-    _, stages = re.findall(r"```toml\n(.*?)```", README, re.DOTALL)
+    _, stages = re.findall(r"```toml\n(.*?)```", LANGUAGE, re.DOTALL)
     before, after = ONE.split("[[loading]]", 1)[0], ONE[ONE.index("[solver]") :]
     walls = before.replace('"floor"', '"bottom"').replace('"lid"', '"top"').replace("[[walls]]", "[[walls]]\nmass = 1.0")
     slider = '[[walls]]\nname = "slider"\nmass = 1.0\nmaterial = "glass"\n'
@@ -54,4 +66,4 @@ def test_what_it_names_exists() -> None:
         assert (ROOT / path).exists(), path
     for path in re.findall(r"python (benchmarks/[\w./]+)", README):
         assert (ROOT / path).exists(), path
-    assert all(f"`{name}`" in README for name in COMMANDS)
+    assert all(f"`{name}`" in RESULTS for name in COMMANDS)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import random
+import shlex
 import shutil
 import signal
 import subprocess
@@ -214,6 +215,28 @@ def test_two_runs_on_one_directory(tmp_path: Path) -> None:
     assert process.returncode == 143
     assert second.returncode == 6
     assert f"process {process.pid}" in second.stderr
+
+
+def test_an_output_without_a_name_is_refused(tmp_path: Path) -> None:
+    done = call("run", "small.toml", "-o", "", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "the name is empty" in " ".join(done.stderr.replace("│", " ").split())
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_directory_below_a_file_is_refused(finished: Path) -> None:
+    done = call("run", "small.toml", "-o", "small.toml/run", cwd=finished.parent)
+    assert done.returncode == 6
+    assert "small.toml is not a directory; choose another with -o" in done.stderr
+
+
+def test_a_finished_run_names_the_next_two_commands(finished: Path) -> None:
+    done = call("run", "small.toml", "-o", "full", cwd=finished.parent)
+    said = done.stderr[done.stderr.index("next:  ") + 7 :].splitlines()
+    assert [line.split()[:3] for line in said] == [["multicor", "post", "map"], ["multicor", "report", "full"]]
+    assert call(*shlex.split(said[0])[1:], cwd=finished.parent).returncode == 0
+    (finished.parent / "map.png").unlink()
+    assert "next:" not in call("run", "small.toml", "-o", "full", "-q", cwd=finished.parent).stderr
 
 
 def test_foreign_directory_is_code_6_and_stays_as_it_is(tmp_path: Path) -> None:

@@ -16,6 +16,7 @@ from multicor_cli.scenario.materials import ContactPair, Material
 from multicor_cli.scenario.models import ScenarioModel
 from multicor_cli.scenario.particles import ParticleGroup
 from multicor_cli.scenario.settings import Domain, Output, Solver
+from multicor_cli.scenario.translate import without_unknown_keys
 from multicor_cli.scenario.walls import Wall
 
 T = TypeVar("T", bound=Table)
@@ -100,7 +101,7 @@ class Draft:
             _tables(Stage, data.get("loading"), context),
             "heat" in data,
             _table(Heat, data.get("heat"), context),
-            _table(Solver, data.get("solver"), context),
+            _table(Solver, data.get("solver", {}), context),
             _table(Output, data.get("output"), context),
         )
 
@@ -111,6 +112,10 @@ _MAX_TABLES = 1000  # more are refused by the models
 def _table(model: type[T], raw: Any, context: Context) -> T | None:
     try:
         return model.model_validate(raw, context=context)
+    except ValidationError as error:
+        known = without_unknown_keys(model, raw, error.errors(include_url=False))
+    try:
+        return None if known is None else model.model_validate(known, context=context)
     except ValidationError:
         return None
 

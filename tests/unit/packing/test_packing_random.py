@@ -1,10 +1,13 @@
 """Random packings: no overlaps at any fill that is reached, clear of obstacles, reproducible, refused where impossible."""
 
+import re
+
 import numpy as np
 import pytest
 from packing_support import generator, smallest_gap
 
 from multicor_cli.model import ShapeKind
+from multicor_cli.packing import random
 from multicor_cli.packing.errors import PackingError
 from multicor_cli.packing.obstacles import Obstacles
 from multicor_cli.packing.random import random_packing
@@ -90,3 +93,9 @@ def test_impossible_fill_is_refused_with_the_number_that_fits(fill, words):
     fits = int(caught.value.remedy.split()[1])
     assert fits == pytest.approx(0.8 / fill * radius.size, rel=0.02)
     pack(radius[:fits], True)
+
+
+def test_a_remedy_never_promises_more_grains_than_were_refused():
+    for fraction in (0.7, 0.785, 0.8, 0.81, 0.9):
+        words = random._refusal(622, fraction, "and so on").remedy
+        assert all(int(number) < 622 for number in re.findall(r"\b\d{3}\b", words)), words

@@ -60,7 +60,7 @@ MISTAKES = {
     ),
     "wrong word": (('side = "left"', 'side = "up"'), "walls.0.geometry.side", 'side = "up"', "'left', 'right'"),
     "missing key": (('material = "glass"\nshape', "shape"), "particles.0.material", "[[particles]]", "missing", "[materials.NAME]"),
-    "missing table": (("[solver]\ndt = 2e-4\n", ""), "solver", "[scenario]", "missing", "add [solver]"),
+    "missing table": (("[output]\nframe_interval = 0.01\n", ""), "output", "[scenario]", "missing", "add [output]"),
     "short vector": (("size = [0.03, 0.05]", "size = [0.03]"), "domain.size", "size = [0.03]", "too few"),
     "long vector": (("size = [0.03, 0.05]", "size = [0.03, 0.05, 1]"), "domain.size", "size = [0.03", "at most 2", "has 3"),
     "single table": (("[[particles]]", "[particles]"), "particles", "[particles]", "[[particles]]"),
@@ -608,6 +608,23 @@ def test_all_problems_are_told_at_once_in_the_order_of_the_file():
         "output.frame_interval",
     ]
     assert [problem.line for problem in problems] == sorted(problem.line for problem in problems)
+
+
+def test_an_unknown_key_does_not_hide_what_else_is_wrong_with_its_table():
+    text = changed(SHEAR, ('material = "steel"\ngeometry', 'color = "red"\nmaterial = "stel"\ngeometry'))
+    assert [problem.key for problem in problems_of(text)] == ["walls.2.color", "walls.2.material"]
+
+
+def test_a_misspelled_key_is_taken_for_the_one_it_means_in_further_checks():
+    text = changed(SHEAR, ('material = "steel"\ngeometry', 'materal = "stel"\ngeometry'))
+    assert {problem.key for problem in problems_of(text)} == {"walls.2.materal", "walls.2.material"}
+    text = changed(SHEAR, ("thickness = 1e-3\n", "thicknes = 1e-3\n"))
+    assert [problem.key for problem in problems_of(text)] == ["particles.0.thicknes"]
+
+
+def test_a_key_with_a_unit_hides_the_checks_of_its_table():
+    text = changed(SHEAR, ("thickness = 1e-3\n", "thickness_mm = 1\n"))
+    assert [problem.key for problem in problems_of(text)] == ["particles.0.thickness_mm"]
 
 
 def test_very_many_problems_are_cut_short():

@@ -1,0 +1,21 @@
+"""The two commands that are worth giving after a run."""
+
+from __future__ import annotations
+
+import shlex
+from pathlib import Path
+
+
+def following(directory: Path) -> tuple[str, str]:
+    """The report of a finished run, and the table that shows best what it is about.
+
+    Args:
+        directory: The run directory.
+    """
+    from multicor_cli.store import open_run
+
+    place = shlex.quote(str(directory))
+    with open_run(directory) as run:
+        is_heated = run.model.thermal is not None
+    table = f"multicor post map {place} --of {'temperature' if is_heated else 'speed'} --plot map.png"
+    return table, f"multicor report {place}"

@@ -1,0 +1,83 @@
+"""The documentation: the site is built without a warning, and every key and command stands in it."""
+
+import json
+import os
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip("material")
+pytest.importorskip("mkdocstrings")
+
+ROOT = Path(__file__).resolve().parents[3]
+sys.path.insert(0, str(ROOT / "docs" / "generate"))
+
+from commands import command_pages  # noqa: E402
+from examples import FOLDERS, examples, in_line  # noqa: E402
+from keys import SINCE, key_pages  # noqa: E402
+
+SCHEMA = json.loads((ROOT / "schema" / "multicor.schema.json").read_text(encoding="utf-8"))
+KEYS = [(model, key, node) for model, table in SCHEMA["$defs"].items() for key, node in table.get("properties", {}).items()]
+
+
+@pytest.fixture(scope="module")
+def site(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("site")
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(folder)]
+    environment = {**os.environ, "PYTHONPATH": str(ROOT), "NO_MKDOCS_2_WARNING": "1"}
+    done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    assert "WARNING" not in done.stderr
+    return folder
+
+
+def test_nothing_comes_from_elsewhere(site):
+    for page in site.rglob("*.html"):
+        text = page.read_text(encoding="utf-8")
+        loaded = [part.split('"')[0] for mark in ('src="', '<link rel="stylesheet" href="') for part in text.split(mark)[1:]]
+        assert not [address for address in loaded if "//" in address], page
+
+
+def test_every_page_has_a_title(site):
+    for page in site.rglob("*.html"):
+        assert "<h1" in page.read_text(encoding="utf-8"), page
+
+
+@pytest.mark.parametrize(("model", "key", "node"), KEYS, ids=[f"{model}.{key}" for model, key, _ in KEYS])
+def test_every_key_says_what_it_is_and_is_used_in_a_scenario_that_loads(model, key, node):
+    assert key == "kind" or node.get("description")
+    assert (model, key) in examples()
+
+
+def test_every_key_stands_on_a_page():
+    text = "\n".join(key_pages().values())
+    assert [key for _, key, _ in KEYS if f"### `{key}`" not in text] == []
+    assert text.count(f"since {SINCE}") == len(KEYS)
+    for table in SCHEMA["properties"]:
+        assert f"reference/scenario/{table}.md" in key_pages()
+
+
+def test_a_key_says_its_unit_range_and_default():
+    page = key_pages()["reference/scenario/contacts.md"]
+    assert "number · [N] · 0 to 1e+12" in page
+    assert "number · 0 to 1 · default `0.0`" in page
+    assert "**required**" in page
+
+
+def test_every_command_stands_on_a_page():
+    pages = command_pages()
+    assert {"reference/commands/run.md", "reference/commands/post.md"} < set(pages)
+    assert "`--max-hours`" in pages["reference/commands/run.md"]
+    assert "## rheology" in pages["reference/commands/post.md"]
+    assert "| 75 | time limit reached" in pages["reference/commands/index.md"]
+
+
+def test_values_are_written_as_toml():
+    value = {"walls": ("a", "b"), "value": 1.0, "on": True, "n": 3, "deep": {"x": 1e-9}}
+    assert in_line(value) == '{ walls = ["a", "b"], value = 1.0, on = true, n = 3, deep = { x = 1e-09 } }'
+
+
+def test_examples_come_from_files_that_are_there():
+    assert all((ROOT / example.file).is_file() and example.file.startswith(FOLDERS) for example in examples().values())
