@@ -2,9 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import secrets
+from collections.abc import Mapping
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
+
+import tomli_w
 
 from multicor_cli.scenario.checks.grains import region_of
 from multicor_cli.scenario.drives import StageDrives, stage_drives
@@ -48,6 +53,39 @@ class Scenario:
         if self.model.scenario.seed == "random":
             header = self.model.scenario.model_copy(update={"seed": secrets.randbits(SEED_BITS)})
             object.__setattr__(self, "model", self.model.model_copy(update={"scenario": header}))
+
+    @classmethod
+    def from_dict(cls, data: Mapping[str, Any], directory: str | Path = ".") -> Scenario:
+        """A scenario from tables as TOML has them, checked like a file.
+
+        Args:
+            data: Tables by name, of numbers, strings, lists and dictionaries; NumPy's arrays and numbers are taken for theirs.
+            directory: The directory to which paths in it are relative.
+
+        Raises:
+            ScenarioError: The scenario is wrong; its ``problems`` name keys, and lines of the file that it would be.
+            TypeError: There is something in it that TOML does not have, as None.
+        """
+        from multicor_cli.scenario.load import parse_scenario
+
+        return parse_scenario(tomli_w.dumps(_plain(data)), Path(directory) / "<dict>")
+
+    def with_(self, changes: Mapping[str, Any]) -> Scenario:
+        """The scenario with other values, evaluated and checked anew.
+
+        What expressions make of a changed variable changes with it, as with ``--set`` on the command line.
+
+        Args:
+            changes: New values by dotted keys, as ``{"loading.1.duration": 2.0, "variables.angle": 26}``; indices from 0.
+
+        Raises:
+            ScenarioError: The changed scenario is wrong, or there is no such key.
+        """
+        from multicor_cli.scenario.load import parse_scenario
+
+        drawn = [f"scenario.seed={self.seed}"]  # once "random" has been drawn it is a number
+        arguments = [f"{key}={_inline(_plain(value))}" for key, value in changes.items()]
+        return parse_scenario(self.source, self.path, [*self.sources.applied.values(), *drawn, *arguments])
 
     @property
     def source(self) -> str:
@@ -203,3 +241,21 @@ class Scenario:
         import tomli_w
 
         return tomli_w.dumps(self.model.model_dump(by_alias=True, exclude_none=True))
+
+
+def _plain(value: Any) -> Any:
+    """Python's own types, of which TOML is made."""
+    if isinstance(value, Mapping):
+        return {str(key): _plain(entry) for key, entry in value.items()}
+    if hasattr(value, "tolist"):
+        value = value.tolist()
+    return [_plain(entry) for entry in value] if isinstance(value, list | tuple) else value
+
+
+def _inline(value: Any) -> str:
+    """A value as TOML in one line."""
+    if isinstance(value, dict):
+        return "{" + ", ".join(f"{json.dumps(key)} = {_inline(entry)}" for key, entry in value.items()) + "}"
+    if isinstance(value, list):
+        return "[" + ", ".join(map(_inline, value)) + "]"
+    return tomli_w.dumps({"value": value}).removeprefix("value = ").strip()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 from typing import Any, TypeVar, cast, overload
@@ -10,7 +11,9 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model import Model, Presence
+from multicor_cli.model.model import Grains
 from multicor_cli.store import schema
+from multicor_cli.store.data_frames import columns_of, data_frame
 from multicor_cli.store.errors import DamagedRun, frame_number
 from multicor_cli.store.parts import Parts
 from multicor_cli.store.schema.frames import ContactColumns, GrainColumns, KeptColumns, StepColumns, WallColumns
@@ -32,6 +35,17 @@ class Contacts(ContactColumns):
 
     def __len__(self) -> int:
         return len(self.gap)
+
+    def __repr__(self) -> str:
+        return f"<Contacts: {len(self)} of frame {self._frame.index}>"
+
+    def to_pandas(self) -> Any:
+        """A DataFrame with a row for each contact; units are in its ``attrs["units"]``.
+
+        Raises:
+            MissingPandas: If pandas is not installed.
+        """
+        return data_frame(columns_of(self, "contact_row"))
 
     @property
     def count(self) -> int:
@@ -83,6 +97,23 @@ class Frame(StepColumns, GrainColumns, WallColumns, KeptColumns):
     def __init__(self, parts: Parts, index: int, facts: ModelFacts) -> None:
         self._parts, self.facts = parts, facts
         self.index = index
+
+    def __repr__(self) -> str:
+        return f"<Frame {self.index}: {self.number.size} grains at t = {self.time:g} s, step {self.step}>"
+
+    @property
+    def grains(self) -> Grains:
+        """What grains are made of and how large they are: radius [m], mass [kg] and so on, each of shape ``(n,)``."""
+        return self.model.grains
+
+    def to_pandas(self) -> Any:
+        """A DataFrame with a row for each grain, its radius and mass included; units are in its ``attrs["units"]``.
+
+        Raises:
+            MissingPandas: If pandas is not installed.
+        """
+        made_of = [("number", "1", self.number), ("radius", "m", self.grains.radius), ("mass", "kg", self.grains.mass)]
+        return data_frame(itertools.chain(made_of, columns_of(self, "particle_row")))
 
     def column(self, path: str) -> Array:
         """The rows of any dataset of ``schema.FRAME_TABLE`` that belong to this frame, as stored.
@@ -187,6 +218,9 @@ class Frames(Sequence[Frame]):
 
     def __len__(self) -> int:
         return self._parts.frame_count
+
+    def __repr__(self) -> str:
+        return f"<Frames: {len(self)}>"
 
     @overload
     def __getitem__(self, index: int) -> Frame: ...

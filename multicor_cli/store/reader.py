@@ -12,10 +12,12 @@ from typing import Any
 from numpy.typing import NDArray
 
 from multicor_cli.model import Model, State
+from multicor_cli.model.model import Grains
 from multicor_cli.store import layout, schema
 from multicor_cli.store.checked import CheckedFile
 from multicor_cli.store.checkpoint import Identity, load_newest
 from multicor_cli.store.committed import committed_segments
+from multicor_cli.store.data_frames import data_frame
 from multicor_cli.store.documents import Document
 from multicor_cli.store.errors import DamagedRun
 from multicor_cli.store.frame_view import Frames, ModelFacts
@@ -58,6 +60,18 @@ class Series(Mapping[str, NDArray[Any]]):
     def __len__(self) -> int:
         return len(self._specs)
 
+    def __repr__(self) -> str:
+        return f"<Series: {self.row_count} points of {', '.join(self)}>"
+
+    def to_pandas(self) -> Any:
+        """A DataFrame with a row for each point and the time [s] as its index; what has a value for each wall is left out.
+
+        Raises:
+            MissingPandas: If pandas is not installed.
+        """
+        kept = ((name, self._specs[name].unit, self[name]) for name in self if self[name].ndim == 1)
+        return data_frame(kept).set_index("time")
+
     @property
     def row_count(self) -> int:
         """Number of points."""
@@ -83,6 +97,9 @@ class Run:
         self._parts = Parts(self._find_parts(), self.run_id, self._find_parts_again)
         self.frames = Frames(self._parts, ModelFacts(lambda: self.model))
         self.series = Series(self._parts, lambda: self.rows(schema.SERIES))
+
+    def __repr__(self) -> str:
+        return f"<Run {self.path}: {self.status}, {self.model.grain_count} grains, {len(self.frames)} frames>"
 
     def __enter__(self) -> Run:
         return self
@@ -120,6 +137,11 @@ class Run:
         assert self._results is not None
         with CheckedFile(self._results, RESULTS_FILETYPE, run_id=self.run_id) as file:
             return read_model(file)
+
+    @property
+    def grains(self) -> Grains:
+        """All grains of the run: radius [m], mass [kg], material and group of each, of shape ``(n,)``."""
+        return self.model.grains
 
     @property
     def features(self) -> frozenset[str]:
