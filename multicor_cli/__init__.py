@@ -19,6 +19,11 @@ __version__ = "0.1.0"
 __getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)
 
 
+def _picture(shown: object) -> bytes | None:
+    drawn: bytes | None = __getattr__("picture")(shown)  # loaded when it is first needed, as everything
+    return drawn
+
+
 def _show_pictures() -> None:
     """Tell IPython, if this is a notebook or a console of its, that runs and frames look like a map of their grains."""
     ipython = sys.modules.get("IPython")
@@ -26,7 +31,7 @@ def _show_pictures() -> None:
     if shell is not None:
         pictures = shell.display_formatter.formatters["image/png"]
         for module, name in (("multicor_cli.store.reader", "Run"), ("multicor_cli.store.frame_view", "Frame")):
-            pictures.for_type_by_name(module, name, lambda shown: __getattr__("picture")(shown))
+            pictures.for_type_by_name(module, name, _picture)
 
 
 _show_pictures()
