@@ -292,6 +292,20 @@ def move_on(s: System, m: Momentum, change: float, growth: float, loop: Any, par
 
 
 @kernel
+def step_back(s: System, m: Momentum) -> None:
+    """Take velocities back to where the impulses are, after a call of `iterate` that its limit has ended.
+
+    `move_on` moves velocities on and leaves the impulses to the next sweep. Whoever does not sweep next, but solves some contacts
+    or begins again, would work with velocities that no impulses have made, and that no book knows of.
+
+    Args:
+        s: The problem. **Velocities modified.**
+        m: Momentum, with the velocities after the last sweep.
+    """
+    s.velocity[: m.velocity.shape[0]] = m.velocity
+
+
+@kernel
 def is_converged(s: System, tolerance: Tolerances, loop: Any, parallel: bool) -> bool:
     """Evaluate the residual; decides alone when the loop ends. No contact may be held."""
     rms, largest, energy, active = measure_residual(s, parallel)

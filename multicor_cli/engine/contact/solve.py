@@ -21,6 +21,7 @@ from multicor_cli.engine.contact.acceleration import (
     iterate,
     start_loop,
     start_momentum,
+    step_back,
 )
 from multicor_cli.engine.contact.patches import BLOCKS, SIZES, choose_patch, has_clusters, hold, release, solve_patch
 from multicor_cli.engine.contact.report import PhysicsError
@@ -189,4 +190,5 @@ def _take_turns(
         begin_again(system, momentum, False, loop)
         mass = hold(system, contact)
         iterate(system, momentum, local, True, parallel, int(loop["sweeps"]) + SWEEPS, False, NEVER, memory, partial)
+        step_back(system, momentum)
         release(system, contact, mass)
