@@ -147,7 +147,7 @@ def test_output_that_cannot_be_written(copy: Path, tmp_path: Path, arguments: st
 def test_figures_do_not_replace_pipes(finished: Path, tmp_path: Path) -> None:
     os.mkfifo(tmp_path / "map.png")
     done = call("post", "map", finished, "--of", "velocity", "--plot", "map.png", cwd=tmp_path)
-    assert done.returncode == 5
+    assert done.returncode == 6
     assert "map.png: is not an ordinary file" in done.stderr
     assert [path.is_fifo() for path in tmp_path.iterdir()] == [True]
 
