@@ -58,7 +58,7 @@ def _described(path: str, command: Any) -> list[str]:
 
 
 def _usage(param: Any) -> str:
-    name = (param.metavar or param.name).upper() + ("..." if param.nargs == -1 else "")
+    name = (param.metavar or param.name.upper()) + ("..." if param.nargs == -1 else "")
     return name if param.required else f"[{name}]"
 
 
