@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from multicor_cli.plots.dispatch import Ways
-from multicor_cli.plots.rheology import draw_panel, explain_bands
+from multicor_cli.plots.rheology import draw_panel
 from multicor_cli.plots.style import PAGE
 from multicor_cli.plots.text_chart import TextLine, draw_text
 from multicor_cli.plots.text_picture import Terminal
@@ -35,7 +35,6 @@ def draw_region(figure: Any, table: RegionTable) -> None:
         draw_panel(panel, table, label, quantities)
     for panel in grid[-1]:
         panel.set_xlabel("time $t$ [s]")
-    explain_bands(figure)
 
 
 def region_text(table: RegionTable, _terminal: Terminal) -> str:

@@ -21,8 +21,6 @@ _PANELS: tuple[tuple[str, tuple[tuple[str, str], ...]], ...] = (
     ("contacts per grain [–]", (("coordination", "$Z$, all"), ("coordination_loaded", "Z′, no rattlers"))),
     ("anisotropy $a_c$ [–]", (("fabric_anisotropy", ""),)),
     (r"spin $\langle\omega\rangle/\dot\gamma$ [–]", (("spin_ratio", ""),)),
-    ("pressure [N/m]", (("pressure", "$P$, walls"), ("bulk_stress_yy", r"$\sigma_{yy}$, bulk"))),
-    (r"granular temp. $T_g$ [m²/s²]", (("granular_temperature", ""),)),
 )
 """Label of the axis, and the quantities of each panel with their names."""
 
@@ -59,12 +57,11 @@ class OverTime(Protocol):
 
 def draw_rheology(figure: Any, table: Rheology) -> None:
     """Draw the panels of a rheology into a matplotlib figure."""
-    grid = figure.subplots(2, 4, sharex=True)
+    grid = figure.subplots(2, 3, sharex=True)
     for panel, (label, quantities) in zip(grid.flat, _PANELS, strict=True):
         draw_panel(panel, table, label, quantities)
     for panel in grid[-1]:
         panel.set_xlabel("time $t$ [s]")
-    explain_bands(figure)
 
 
 def draw_panel(panel: Any, table: OverTime, label: str, quantities: Sequence[tuple[str, str]]) -> None:
@@ -75,24 +72,8 @@ def draw_panel(panel: Any, table: OverTime, label: str, quantities: Sequence[tup
     panel.margins(y=0.12)
     _widen(panel, [table.mean[name] for name, _ in quantities])
     panel.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
-    if len(quantities) > 1:  # above the panel, where no line runs
-        panel.legend(
-            loc="lower right",
-            bbox_to_anchor=(1.0, 1.0),
-            ncols=len(quantities),
-            borderaxespad=0.1,
-            columnspacing=1.0,
-            handlelength=1.4,
-        )
-
-
-def explain_bands(figure: Any) -> None:
-    """Say below the panels what dashed lines and bands are."""
-    from matplotlib.lines import Line2D
-    from matplotlib.patches import Patch
-
-    handles = [Line2D([], [], color="0.4", linewidth=0.7, linestyle="--"), Patch(color="0.4", alpha=0.2, linewidth=0.0)]
-    figure.legend(handles, ["mean", "its standard error"], loc="outside lower center", ncols=2)
+    if len(quantities) > 1:
+        panel.legend(loc="best")
 
 
 def _widen(panel: Any, means: list[float]) -> None:
