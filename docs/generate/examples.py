@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cache
@@ -9,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from multicor_cli.scenario.base import Table
+from multicor_cli.scenario.inline import in_line
 from multicor_cli.scenario.load import load_scenario
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -36,48 +38,50 @@ def examples() -> dict[tuple[str, str], Example]:
     for folder in FOLDERS:
         for path in sorted((ROOT / folder).glob("*.toml")):
             file = path.relative_to(ROOT).as_posix()
-            for model, key, value in _uses(load_scenario(path).model):
+            for model, key, value in _uses(load_scenario(path).model, tomllib.loads(path.read_text(encoding="utf-8"))):
                 found.setdefault((model, key), Example(_written(key, value), file))
     return found
 
 
-def _uses(node: Any) -> Iterator[tuple[str, str, Any]]:
-    """Model, key and value of all keys that a scenario gives."""
+def _uses(node: Any, written: Any) -> Iterator[tuple[str, str, Any]]:
+    """Model, key and value of all keys that a scenario gives.
+
+    Args:
+        node: What has been loaded.
+        written: What the document says there: the value of keys that name files, of which loading leaves the contents only.
+    """
     if isinstance(node, Table):
-        for name in _given(node):
-            value = getattr(node, name)
-            yield type(node).__name__, type(node).model_fields[name].alias or name, value
-            yield from _uses(value)
+        for name in (name for name in type(node).model_fields if name in node.model_fields_set):
+            key, value = type(node).model_fields[name].alias or name, getattr(node, name)
+            said = written.get(key) if isinstance(written, dict) else None
+            if value is not None or said is not None:
+                yield type(node).__name__, key, said if value is None else value
+                yield from _uses(value, said)
     elif isinstance(node, dict):
-        for value in node.values():
-            yield from _uses(value)
+        for key, value in node.items():
+            yield from _uses(value, written.get(key) if isinstance(written, dict) else None)
     elif isinstance(node, list | tuple):
-        for value in node:
-            yield from _uses(value)
+        for place, value in enumerate(node):
+            yield from _uses(value, written[place] if isinstance(written, list) and place < len(written) else None)
 
 
 def _written(key: str, value: Any) -> str:
     """A line of TOML; what is too long for one is left out."""
-    text = f"{key} = {in_line(value)}"
+    text = f"{key} = {in_line(shortened(value))}"
     return text if len(text) <= _LONG else f"{key} = …"
 
 
-def in_line(value: Any) -> str:
-    """A value as it stands in a line of TOML; numbers, which may come from expressions, with six digits."""
+def shortened(value: Any) -> Any:
+    """A value with what the document gives of tables, and with six digits of numbers, which may come from expressions."""
     if isinstance(value, Table):
         value = {type(value).model_fields[name].alias or name: getattr(value, name) for name in _given(value)}
     if isinstance(value, dict):
-        return "{ " + ", ".join(f"{key} = {in_line(entry)}" for key, entry in value.items()) + " }"
+        return {key: shortened(entry) for key, entry in value.items()}
     if isinstance(value, list | tuple):
-        return "[" + ", ".join(map(in_line, value)) + "]"
-    if isinstance(value, bool):
-        return str(value).lower()
-    if isinstance(value, float):
-        text = f"{value:.6g}"
-        return text if any(sign in text for sign in ".e") else f"{text}.0"
-    return f'"{value}"' if isinstance(value, str) else str(value)
+        return [shortened(entry) for entry in value]
+    return float(f"{value:.6g}") if isinstance(value, float) else value
 
 
 def _given(table: Table) -> list[str]:
-    """Keys that the document gives, in the order of the model."""
-    return [name for name in type(table).model_fields if name in table.model_fields_set]
+    """Keys that the document gives, in the order of the model, and that loading has kept."""
+    return [name for name in type(table).model_fields if name in table.model_fields_set and getattr(table, name) is not None]

@@ -85,7 +85,8 @@ frozen = true
 temperature = 293.15
 
 [output]
-frame_interval = 0.05
+frame_interval = 1000.0
+series_interval = 0.1
 """
 
 
@@ -94,8 +95,7 @@ def main() -> None:
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder) / "front.toml"
         file.write_text(SCENARIO, encoding="utf-8")
-        scenario = multicor.load_scenario(file, overrides=["output.frame_interval=1000.0", "output.series_interval=0.1"])
-        multicor.run(scenario, Path(folder) / "run")
+        multicor.run(file, Path(folder) / "run")
         with multicor.open_run(Path(folder) / "run") as run:
             heat, network = post.grain_map(run, "temperature"), post.force_network(run)
     figure, axes = plt.subplots(figsize=(8.0, 3.6))

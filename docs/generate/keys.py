@@ -6,8 +6,9 @@ import re
 from collections.abc import Iterator
 from typing import Any
 
-from examples import Example, examples, in_line
+from examples import Example, examples
 
+from multicor_cli.scenario.inline import in_line
 from multicor_cli.scenario.schema import scenario_schema
 
 SINCE = "0.1"

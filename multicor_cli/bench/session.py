@@ -70,10 +70,11 @@ def _apart(function: Callable[..., T], *arguments: Any) -> T:
 
     Ctrl-C reaches both processes. Machine code knows no exceptions, so this one answers, and ends the other.
     """
+    others = set(multiprocessing.active_children())
     with ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), signal.signal, (signal.SIGINT, signal.SIG_IGN)) as pool:
         try:
             return pool.submit(function, *arguments).result()
         except BaseException:
-            for process in multiprocessing.active_children():
+            for process in set(multiprocessing.active_children()) - others:
                 process.terminate()
             raise

@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Annotated, Any
 
 import typer
 
-from multicor_cli.cli.console import say
+from multicor_cli.cli.console import complain, say
 from multicor_cli.cli.options import RunPath, output_option
 from multicor_cli.cli.post_options import Frames, OneFrame, parse_frames
 from multicor_cli.cli.progress import show_progress
@@ -18,9 +20,9 @@ export = typer.Typer(
     help="A run in the formats of other programs. ParaView opens results.vtkhdf in the run directory as it is.",
 )
 
-GsdFile = Annotated[Path, output_option(metavar="FILE.gsd", help="File to write.", show_default=False)]
-CsvDirectory = Annotated[Path, output_option(metavar="DIR", help="Directory to write.", show_default=False)]
-FclibFile = Annotated[Path, output_option(metavar="FILE.hdf5", help="File to write.", show_default=False)]
+GsdFile = Annotated[Path, output_option(metavar="FILE.gsd", help="File to write.")]
+CsvDirectory = Annotated[Path, output_option(metavar="DIR", help="Directory to write.")]
+FclibFile = Annotated[Path, output_option(metavar="FILE.hdf5", help="File to write.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace what an export has written there before.")]
 
 
@@ -59,15 +61,24 @@ def to_fclib(directory: RunPath, output: FclibFile, frame: OneFrame = -1, is_ove
     After the last frame of a finished run, the step is the one that its last stage would take next.
     """
     from multicor_cli.export import export_fclib
-    from multicor_cli.running.signals import Switchboard
     from multicor_cli.store import open_run
 
-    # Kernels are compiled: an exception would have to find its way through machine code. The file appears complete or not at all.
-    with open_run(directory) as run, Switchboard(may_exit=True).installed() as switchboard, switchboard.impatient():
-        found = export_fclib(run, output, frame, is_overwriting=is_overwriting)
+    with open_run(directory) as run:
+        found = export_fclib(run, output, frame, is_overwriting=is_overwriting, computing=_may_be_left())
     contacts = count_noun(len(found.problem.pair), "contact")
     where = "beyond the end of the run" if found.is_beyond else f"in stage '{found.stage}'"
     say(f"wrote {output}: {contacts} of the step after frame {found.frame} (t = {found.time:g} s), {where}")
+
+
+@contextlib.contextmanager
+def _may_be_left() -> Iterator[None]:
+    """Leave at once when a signal says so: an exception would have to find its way through the machine code of a compiler."""
+    from multicor_cli.running.signals import Switchboard
+
+    switchboard = Switchboard(may_exit=True)
+    switchboard.farewell = lambda number: complain("interrupted")
+    with switchboard.installed(), switchboard.impatient():
+        yield
 
 
 def register(app: typer.Typer, wrap: Any) -> None:

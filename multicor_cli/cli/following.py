@@ -7,7 +7,7 @@ from pathlib import Path
 
 
 def following(directory: Path) -> tuple[str, str]:
-    """The report of a finished run, and the table that shows best what it is about.
+    """A look at a finished run, and the report of it.
 
     Args:
         directory: The run directory.
@@ -17,5 +17,5 @@ def following(directory: Path) -> tuple[str, str]:
     place = shlex.quote(str(directory))
     with open_run(directory) as run:
         is_heated = run.model.thermal is not None
-    table = f"multicor post map {place} --of {'temperature' if is_heated else 'speed'} --plot map.png"
-    return table, f"multicor report {place}"
+    look = f"multicor post map {place} --of {'temperature' if is_heated else 'speed'} --plot map.png"
+    return look, f"multicor report {place}"

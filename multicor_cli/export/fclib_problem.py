@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+from contextlib import AbstractContextManager, nullcontext
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
@@ -64,7 +66,9 @@ class _Moment:
     is_beyond: bool
 
 
-def export_fclib(run: Run, path: Path, frame: int = -1, *, is_overwriting: bool = False) -> FrameProblem:
+def export_fclib(
+    run: Run, path: Path, frame: int = -1, *, is_overwriting: bool = False, computing: AbstractContextManager[Any] | None = None
+) -> FrameProblem:
     """Write the contact problem of the step after a frame in the format of FCLib.
 
     Args:
@@ -72,6 +76,7 @@ def export_fclib(run: Run, path: Path, frame: int = -1, *, is_overwriting: bool 
         path: The file.
         frame: Number of the frame; negative counts from the end.
         is_overwriting: Whether a file that is there may be replaced.
+        computing: Context in which kernels are compiled and run, before anything is written.
 
     Raises:
         ExportError: If there is no such frame, the step is one in which nothing moves, there is no contact, or contacts have
@@ -80,7 +85,8 @@ def export_fclib(run: Run, path: Path, frame: int = -1, *, is_overwriting: bool 
         StoreError: If the run cannot be read, or the file not be written.
     """
     check_output(path, is_overwriting=is_overwriting)
-    found = frame_problem(run, frame)
+    with computing or nullcontext():
+        found = frame_problem(run, frame)
     name = parse_scenario(run.scenario_resolved, run.path).model.scenario.name
     after = ", one step after the end of the run" if found.is_beyond else ""
     write_fclib(

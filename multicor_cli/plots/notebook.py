@@ -2,11 +2,18 @@
 
 from __future__ import annotations
 
-import contextlib
 import io
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
+
+from multicor_cli.plots.grain_map import draw_map
+from multicor_cli.plots.scene import place_scene
+from multicor_cli.plots.style import house_style
+from multicor_cli.post import grain_map
+
+_DPI = 150  # of a notebook
 
 
 def picture(shown: Any) -> bytes | None:
@@ -14,22 +21,17 @@ def picture(shown: Any) -> bytes | None:
 
     Temperatures where there is heat, else speeds.
     """
-    with contextlib.suppress(ImportError):
+    run: Any = shown if hasattr(shown, "frames") else _Single(shown)
+    if not len(run.frames.time) or find_spec("matplotlib") is None:
+        return None
+    table = grain_map(run, "temperature" if run.frames[-1].has_heat else "speed")
+    with house_style():
         from matplotlib.figure import Figure
 
-        from multicor_cli.plots.grain_map import draw_map
-        from multicor_cli.plots.scene import place_scene
-        from multicor_cli.post import grain_map
-
-        run: Any = shown if hasattr(shown, "frames") else _Single(shown)
-        if not len(run.frames.time):
-            return None
-        table = grain_map(run, "temperature" if run.frames[-1].has_heat else "speed")
         figure, buffer = Figure(), io.BytesIO()
         draw_map(place_scene(figure, table.scene), table)
-        figure.savefig(buffer, dpi=100, format="png")
-        return buffer.getvalue()
-    return None
+        figure.savefig(buffer, dpi=_DPI, format="png")
+    return buffer.getvalue()
 
 
 class _Single:

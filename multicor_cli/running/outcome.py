@@ -30,10 +30,7 @@ class ExitCode(IntEnum):
     BUG = 1, "an internal error; the traceback is in `crash.txt`"
     USAGE = 2, "the command line is wrong"
     SCENARIO = 3, "the scenario is invalid, or not the one that the run began with"
-    PHYSICS = (
-        4,
-        "non-finite state, no admissible positions; by request: solver failed, a stage timed out, bad check",
-    )
+    PHYSICS = 4, "non-finite state, no admissible positions; by request: solver failed, a stage timed out, bad check"
     ENVIRONMENT = 5, "disk full, no permission, out of memory, missing library, environment variable with a wrong value"
     OCCUPIED = 6, "the output exists, or another live run holds it"
     DAMAGED = 7, "data damaged, or made by an incompatible version"

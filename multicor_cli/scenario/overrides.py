@@ -37,6 +37,7 @@ def apply_overrides(data: dict[str, Any], overrides: Sequence[str]) -> tuple[dic
         except _BadOverrideError as error:
             problems.append(Problem(OVERRIDE, 0, 0, error.key, error.message, error.remedy, argument))
             continue
+        applied.pop(path, None)  # what is set again is set last: overrides are kept in the order in which they hold
         applied[path] = argument
     return applied, problems
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import secrets
 from collections.abc import Mapping
 from dataclasses import dataclass, field
@@ -15,6 +14,7 @@ from multicor_cli.scenario.checks.grains import region_of
 from multicor_cli.scenario.drives import StageDrives, stage_drives
 from multicor_cli.scenario.exchange import Outlet
 from multicor_cli.scenario.heat import Heat
+from multicor_cli.scenario.inline import in_line
 from multicor_cli.scenario.loading import Stage, frozen_dt
 from multicor_cli.scenario.materials import ContactPair, Material
 from multicor_cli.scenario.models import ScenarioModel
@@ -84,7 +84,7 @@ class Scenario:
         from multicor_cli.scenario.load import parse_scenario
 
         drawn = [f"scenario.seed={self.seed}"]  # once "random" has been drawn it is a number
-        arguments = [f"{key}={_inline(_plain(value))}" for key, value in changes.items()]
+        arguments = [f"{key}={in_line(_plain(value))}" for key, value in changes.items()]
         return parse_scenario(self.source, self.path, [*self.sources.applied.values(), *drawn, *arguments])
 
     @property
@@ -238,8 +238,6 @@ class Scenario:
 
     def resolved_toml(self) -> str:
         """The scenario as TOML with all defaults and overrides filled in; loads back to an equal scenario."""
-        import tomli_w
-
         return tomli_w.dumps(self.model.model_dump(by_alias=True, exclude_none=True))
 
 
@@ -250,12 +248,3 @@ def _plain(value: Any) -> Any:
     if hasattr(value, "tolist"):
         value = value.tolist()
     return [_plain(entry) for entry in value] if isinstance(value, list | tuple) else value
-
-
-def _inline(value: Any) -> str:
-    """A value as TOML in one line."""
-    if isinstance(value, dict):
-        return "{" + ", ".join(f"{json.dumps(key)} = {_inline(entry)}" for key, entry in value.items()) + "}"
-    if isinstance(value, list):
-        return "[" + ", ".join(map(_inline, value)) + "]"
-    return tomli_w.dumps({"value": value}).removeprefix("value = ").strip()

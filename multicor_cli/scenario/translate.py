@@ -59,11 +59,11 @@ def without_unknown_keys(model: type[BaseModel], table: Any, errors: Iterable[Er
 
     None if a key is meant that cannot be told: one with a unit, whose value may be a thousand times too large.
     """
-    unknown = [find_spot(model, error["loc"]) for error in errors if error["type"] == "extra_forbidden"]
-    if not unknown:
+    spots = [find_spot(model, error["loc"]) for error in errors if error["type"] == "extra_forbidden"]
+    if not spots:
         return None
     known = deepcopy(table)
-    for spot in unknown:
+    for spot in {spot.path: spot for spot in spots}.values():  # each form that a table may have complains of the same key
         place, key = _at(known, spot.path[:-1]), str(spot.path[-1])
         value = place.pop(key)
         intended = _intended(key, spot.known_keys)

@@ -15,8 +15,10 @@ ROOT = Path(__file__).resolve().parents[3]
 sys.path.insert(0, str(ROOT / "docs" / "generate"))
 
 from commands import command_pages  # noqa: E402
-from examples import FOLDERS, examples, in_line  # noqa: E402
+from examples import FOLDERS, examples, shortened  # noqa: E402
 from keys import SINCE, key_pages  # noqa: E402
+
+from multicor_cli.scenario.inline import in_line  # noqa: E402
 
 SCHEMA = json.loads((ROOT / "schema" / "multicor.schema.json").read_text(encoding="utf-8"))
 KEYS = [(model, key, node) for model, table in SCHEMA["$defs"].items() for key, node in table.get("properties", {}).items()]
@@ -75,8 +77,9 @@ def test_every_command_stands_on_a_page():
 
 
 def test_values_are_written_as_toml():
-    value = {"walls": ("a", "b"), "value": 1.0, "on": True, "n": 3, "deep": {"x": 1e-9}}
-    assert in_line(value) == '{ walls = ["a", "b"], value = 1.0, on = true, n = 3, deep = { x = 1e-09 } }'
+    value = {"walls": ("a", "b"), "value": 1.0, "on": True, "n": 3, "deep": {"x": 1e-9, "third": 1.0 / 3.0}}
+    written = '{ walls = ["a", "b"], value = 1.0, on = true, n = 3, deep = { x = 1e-09, third = 0.333333 } }'
+    assert in_line(shortened(value)) == written
 
 
 def test_examples_come_from_files_that_are_there():

@@ -37,6 +37,13 @@ def test_changes_add_up_and_change_what_is_made_of_them() -> None:
     assert steeper.with_({}) == steeper
 
 
+def test_what_is_set_again_is_set_last():
+    table, other = {"speed": [0, 1], "values": [0.5, 0.4]}, {"speed": [0, 2], "values": [0.3, 0.1]}
+    scenario = parse_scenario(SHEAR, "shear.toml").with_({"contacts.1.friction": table})
+    scenario = scenario.with_({"contacts.1.friction.values": [0.9, 0.8]}).with_({"contacts.1.friction": other})
+    assert scenario.with_({}).contacts[1].friction.values == (0.3, 0.1)
+
+
 def test_a_drawn_seed_stays() -> None:
     drawn = parse_scenario(SHEAR.replace("seed = 7", 'seed = "random"'), "shear.toml")
     assert drawn.with_({"solver.dt": 1e-4}).seed == drawn.seed
