@@ -8,7 +8,7 @@ from typing import Annotated, Any, Optional
 import typer
 
 from multicor_cli.cli.options import RunPath
-from multicor_cli.cli.post_options import AsCsv, AsJson, End, FigureFile, Frames, OneFrame, Start, parse_frames
+from multicor_cli.cli.post_options import AsCsv, AsJson, End, FigureFile, Frames, OneFrame, Overwrite, Start, parse_frames
 from multicor_cli.cli.post_output import TableOutput
 from multicor_cli.text import count_noun
 
@@ -43,13 +43,14 @@ def forces(
     is_json: AsJson = False,
     is_csv: AsCsv = False,
     plot: FigureFile = None,
+    is_overwriting: Overwrite = False,
 ) -> None:
     """Show the contact forces of one frame: their numbers as a table, the single contacts as CSV, the network as figure.
 
     Forces are means of the step before the frame. With --distribution: the probability density of forces between grains over their
     mean. With --angles: the directions of contacts between grains, the mean forces along them, and their anisotropies.
     """
-    output = TableOutput(is_json, is_csv, plot)
+    output = TableOutput(is_json, is_csv, plot, is_overwriting)
     if has_distribution and has_angles:
         raise typer.BadParameter("--distribution and --angles exclude each other")
     if not (has_distribution or has_angles):
@@ -71,7 +72,10 @@ def forces(
         f"{found.contacts} contacts between grains in {count_noun(found.frames.size, 'frame')} from t = {first:g} s to {last:g} s"
     )
     if has_angles:
-        about += "; " + ", ".join(f"{name} = {value:.4g}" for name, value in found.moments.items())
+        about += "; " + ", ".join(
+            f"{name} = {value:.4g}" + (f" (± {found.moments_scatter[name]:.2g} between frames)" if found.frames.size > 1 else "")
+            for name, value in found.moments.items()
+        )
     output.deliver(found, about, run=directory)
 
 
@@ -95,6 +99,7 @@ def rheology(
     is_json: AsJson = False,
     is_csv: AsCsv = False,
     plot: FigureFile = None,
+    is_overwriting: Overwrite = False,
 ) -> None:
     """Measure the rheology of a layer between two walls that shear it: averages with errors; over time as CSV, JSON and figure.
 
@@ -102,7 +107,7 @@ def rheology(
     is rate × d/√(P/ρ), with the mass ρ of the grains per area they cover. Friction μ* is shear over normal stress. Rattlers are
     grains with fewer than two contacts that carry a force.
     """
-    output = TableOutput(is_json, is_csv, plot)
+    output = TableOutput(is_json, is_csv, plot, is_overwriting)
     from multicor_cli.post import Selection
     from multicor_cli.post import rheology as make_table
     from multicor_cli.store import open_run

@@ -16,6 +16,7 @@ FigureFile = Annotated[
         show_default=False,
     ),
 ]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace the file of --plot if it is there.")]
 Start = Annotated[
     Optional[float],  # noqa: UP045
     typer.Option("--from", metavar="T", help="Earliest time, in s.", show_default="the later half of the last stage"),

@@ -43,17 +43,23 @@ class TableOutput:
         is_json: Whether ``--json`` was given.
         is_csv: Whether ``--csv`` was given.
         plot: What ``--plot`` was given.
+        is_overwriting: Whether the file of ``--plot`` may be replaced.
     """
 
     is_json: bool
     is_csv: bool
     plot: Path | None
+    is_overwriting: bool = False
 
     def __post_init__(self) -> None:
         if self.is_json and self.is_csv:
             raise typer.BadParameter("--json and --csv exclude each other")
         if self.plot not in (None, _TERMINAL) and self.plot.suffix.lower() not in (".png", ".svg", ".pdf"):
             raise typer.BadParameter(f"'{self.plot}' does not end in .png, .svg or .pdf", param_hint="--plot")
+        if self.plot not in (None, _TERMINAL):
+            from multicor_cli.export.target import check_output
+
+            check_output(self.plot, is_overwriting=self.is_overwriting, option="--plot")
 
     def draw(self, table: ShownTable, **options: Any) -> None:
         """Draw the figure of a table if one was asked for, and say so.

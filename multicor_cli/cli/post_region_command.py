@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from multicor_cli.cli.options import RunPath
-from multicor_cli.cli.post_options import AsCsv, AsJson, End, FigureFile, Frames, Start, parse_frames
+from multicor_cli.cli.post_options import AsCsv, AsJson, End, FigureFile, Frames, Overwrite, Start, parse_frames
 from multicor_cli.cli.post_output import TableOutput
 from multicor_cli.text import count_noun
 
@@ -36,13 +36,14 @@ def region(
     is_json: AsJson = False,
     is_csv: AsCsv = False,
     plot: FigureFile = None,
+    is_overwriting: Overwrite = False,
 ) -> None:
     """Measure what is inside a region: solid fraction, coordination, velocity, temperature, stress of contacts and of fluctuations.
 
     The table holds means over the frames and their standard errors, CSV one row per frame, JSON and figure both. Grains count with
     the part of their area that lies inside, contacts with that of their branch.
     """
-    output = TableOutput(is_json, is_csv, plot)
+    output = TableOutput(is_json, is_csv, plot, is_overwriting)
     area = _parse(place)
     from multicor_cli.post import Selection, in_region
     from multicor_cli.store import open_run

@@ -13,11 +13,15 @@ from multicor_cli.export.errors import ExportRefused
 from multicor_cli.store import layout
 from multicor_cli.store.atomic import fsync_path, storage_errors, temporary_beside
 
-_REMEDY = "choose another name with -o, or give --overwrite"
+_REMEDY = "choose another name with {option}, or give --overwrite"
 
 
-def refuse_files_of_runs(path: Path) -> None:
+def refuse_files_of_runs(path: Path, option: str = "-o") -> None:
     """Refuse the names that the files of a run have or will have, and what lies in its directories.
+
+    Args:
+        path: The name.
+        option: Option that gave it, for the message.
 
     Raises:
         ExportRefused: If it is one.
@@ -27,25 +31,30 @@ def refuse_files_of_runs(path: Path) -> None:
         whole = path.parent.resolve() / path.name  # a link at the place itself would be replaced, not followed
         for directory, name in ((whole.parent, whole.name), (whole.parent.parent, whole.parent.name)):
             if (directory / layout.RUN).is_file() and layout.is_file_name(name.removesuffix(".tmp")):
-                raise ExportRefused(f"{path}: is the name of a file of the run; choose another with -o")
+                raise ExportRefused(f"{path}: is the name of a file of the run; choose another with {option}")
 
 
-def check_output(path: Path, *, is_overwriting: bool) -> None:
+def check_output(path: Path, *, is_overwriting: bool, option: str = "-o") -> None:
     """Refuse a name at which no file may be written; changes nothing.
+
+    Args:
+        path: The name.
+        is_overwriting: Whether a file that is there may be replaced.
+        option: Option that gave it, for the message.
 
     Raises:
         ExportRefused: If it is a file of a run, a directory, a device or the like, or a file or a link and ``is_overwriting``
             is False.
         StorageError: If it cannot be looked at.
     """
-    refuse_files_of_runs(path)
+    refuse_files_of_runs(path, option)
     with storage_errors(path):
         if path.is_dir():
-            raise ExportRefused(f"{path}: is a directory; choose the name of a file with -o")
+            raise ExportRefused(f"{path}: is a directory; choose the name of a file with {option}")
         if path.exists() and not path.is_file():
-            raise ExportRefused(f"{path}: is not an ordinary file, and is not replaced; choose another name with -o")
+            raise ExportRefused(f"{path}: is not an ordinary file, and is not replaced; choose another name with {option}")
         if os.path.lexists(path) and not is_overwriting:
-            raise ExportRefused(f"{path}: exists; {_REMEDY}")
+            raise ExportRefused(f"{path}: exists; {_REMEDY.format(option=option)}")
 
 
 @contextlib.contextmanager
@@ -114,7 +123,7 @@ def _check_directory(path: Path, names: re.Pattern[str], *, is_overwriting: bool
         if foreign:
             raise ExportRefused(f"{path}: holds files that no export has made ({foreign[0]} …); choose another name with -o")
         if found and not is_overwriting:
-            raise ExportRefused(f"{path}: holds an export; {_REMEDY}")
+            raise ExportRefused(f"{path}: holds an export; {_REMEDY.format(option='-o')}")
 
 
 def _replace_directory(new: Path, path: Path) -> None:
