@@ -26,8 +26,8 @@ _SHORT = {
 _COLOR = {
     "gravity_work": "0.25", "wall_work": COLORS[2], "load_work": COLORS[0], "friction_loss": COLORS[1], "impact_loss": COLORS[5],
     "damping_loss": COLORS[3], "correction_work": "#f0e442", "kinetic_gain": COLORS[4], "heat_friction": COLORS[1],
-    "heat_impact": COLORS[5], "heat_from_walls": COLORS[2], "heat_from_ambient": COLORS[0],
-    "heat_from_surroundings": COLORS[3], "heat_to_walls": "0.25", "heat_stored": "0.7",
+    "heat_impact": COLORS[5], "heat_from_walls": COLORS[2], "heat_from_ambient": "#332288",
+    "heat_from_surroundings": "#882255", "heat_to_walls": "0.5", "heat_stored": "0.8",
 }  # fmt: skip
 """One color for one thing: friction and impacts, as a loss and as heat; walls, as work and as heat."""
 

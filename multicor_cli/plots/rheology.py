@@ -16,7 +16,7 @@ from multicor_cli.post.rheology import Rheology
 
 _PANELS: tuple[tuple[str, tuple[tuple[str, str], ...]], ...] = (
     ("inertial number $I$ [–]", (("inertial_number", ""),)),
-    ("pressure $P$ [N/m]", (("pressure", "walls"), ("bulk_stress_yy", r"bulk, $\sigma_{yy}$"))),
+    ("pressure [N/m]", (("pressure", "walls, $P$"), ("bulk_stress_yy", r"bulk, $\sigma_{yy}$"))),
     (r"friction $\mu^*$ [–]", (("friction_walls", "walls"), ("friction_bulk", "bulk"))),
     (r"solid fraction $\nu$ [–]", (("solid_fraction", ""),)),
     ("contacts per grain [–]", (("coordination", "$Z$, all"), ("coordination_loaded", "Z′, no rattlers"))),

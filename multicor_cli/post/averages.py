@@ -59,7 +59,7 @@ def spread(rows: Floats, times: Floats | None = None) -> Spread:
       come out too small by this much (Kendall, Biometrika 41, 403, 1954).
 
     Drifts are least-squares slopes; their errors are those of a slope with the residuals as noise of the same kind. A mean that
-    drifts has an error that holds the drift, if it has one.
+    drifts has an error that holds the drift, if it has one. What is constant has the error 0, however few its rows.
 
     On autoregressive series of first order, intervals of ±2 errors cover the true mean in 94 to 96 % of series of 400 rows that
     hold 20 independent ones or more; in 90 % of series of 18 rows that hold 6.5; in 73 % of those that hold 2.6, where ten blocks
@@ -121,7 +121,7 @@ def _spread_column(values: Floats, times: Floats) -> tuple[float, float, float, 
     drift = float(t_away @ x_away / (t_away @ t_away))
     # Means of what is constant, and pseudo-values of it, differ by rounding alone.
     if np.abs(x_away).max() <= 8.0 * x.size * np.finfo(float).eps * np.abs(x).max():
-        return (0.0 if x.size >= LEAST_ROWS else math.nan), 0.0, (0.0 if x.size >= LEAST_ROWS else math.nan), 1.0
+        return 0.0, 0.0, 0.0, 1.0
     if x.size < LEAST_ROWS:
         return math.nan, drift, math.nan, math.nan
     memory = _inefficiency(x_away)

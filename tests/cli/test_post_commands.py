@@ -25,7 +25,7 @@ def heated(tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 def outputs(*arguments: object) -> tuple[dict, list[list[str]], str]:
     """JSON, CSV and table of a command."""
-    words = ["post", *map(str, arguments)]
+    words = ["post", *map(str, arguments), *(["--overwrite"] if "--plot" in arguments else [])]
     found = [runner.invoke(app, [*words, *extra]) for extra in (["--json"], ["--csv"], [])]
     assert [done.exit_code for done in found] == [0, 0, 0], found[0].stderr
     return json.loads(found[0].stdout), list(csv.reader(found[1].stdout.splitlines())), found[2].stdout
@@ -159,3 +159,18 @@ def test_runs_without_contacts_say_so(tmp_path: Path) -> None:
         assert done.stdout == ""
         assert done.stderr.count("\n") == 1
         assert "contacts = true in [output]" in done.stderr
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [["profile"], ["map", "--of", "velocity"], ["forces"], ["rheology"], ["energy"], ["theta-eta"], ["compare", "DIR"],
+     ["region", "--in", "{ min = [0, 0], max = [1, 1] }"]],
+)  # fmt: skip
+def test_a_figure_that_is_there_is_kept(arguments: list[str], finished: Path, tmp_path: Path) -> None:
+    figure = tmp_path / "figure.png"
+    figure.write_text("mine")
+    words = [str(finished) if word == "DIR" else word for word in arguments]
+    done = runner.invoke(app, ["post", words[0], str(finished), *words[1:], "--plot", str(figure)])
+    assert done.exit_code == 6
+    assert figure.read_text() == "mine"
+    assert f"{figure}: exists; choose another name with --plot, or give --overwrite" in done.stderr
