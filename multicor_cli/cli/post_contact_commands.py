@@ -72,7 +72,10 @@ def forces(
         f"{found.contacts} contacts between grains in {count_noun(found.frames.size, 'frame')} from t = {first:g} s to {last:g} s"
     )
     if has_angles:
-        about += "; " + ", ".join(f"{name} = {value:.4g}" for name, value in found.moments.items())
+        about += "; " + ", ".join(
+            f"{name} = {value:.4g}" + (f" (± {found.moments_scatter[name]:.2g} between frames)" if found.frames.size > 1 else "")
+            for name, value in found.moments.items()
+        )
     output.deliver(found, about, run=directory)
 
 

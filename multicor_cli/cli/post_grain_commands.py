@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from typing import Annotated, Optional
+from typing import TYPE_CHECKING, Annotated, Optional
 
 import typer
 
@@ -21,6 +21,9 @@ from multicor_cli.cli.post_options import (
 )
 from multicor_cli.cli.post_output import TableOutput
 from multicor_cli.text import count_noun
+
+if TYPE_CHECKING:
+    from multicor_cli.post import ThetaTable
 
 ProfileOf = Annotated[
     str,
@@ -86,7 +89,7 @@ def profile(
     plot: FigureFile = None,
     is_overwriting: OverwriteFigure = False,
 ) -> None:
-    """Average a field over horizontal bins and over frames, with standard errors from block averages.
+    """Average a field over horizontal bins and over frames, with standard errors and a word on drifts.
 
     Grains count in a bin with the area that lies in it. Heights are measured from the lower wall. "heat" is what friction and
     impacts generate in the grains per time and area of the plane, from the differences of consecutive frames. "stress" is the force
@@ -109,12 +112,14 @@ def profile(
     about = (
         f"{count_noun(table.frames.size, 'frame')} from t = {table.times[0]:g} s to {table.times[1]:g} s, height {table.height:g} m"
     )
-    output.deliver(found, about, run=directory)
+    notes = [table.note if len(found.tables) == 1 else f"{table.field.name}: {table.note}" for table in found.tables if table.note]
+    output.deliver(found, "\n".join([about, *notes]), run=directory)
 
 
 def theta_eta(
     directory: RunPath,
     frame: OneFrame = -1,
+    frames: Frames = None,
     bins: Bins = None,
     wall: WallName = None,
     height: Height = None,
@@ -127,19 +132,25 @@ def theta_eta(
 ) -> None:
     """Temperature θ = (T − T₀)/(T_wall − T₀) against the distance η = y/H from a heated wall, and its spread.
 
-    y is measured from the surface of the wall, where the nearest grain touches it.
+    y is measured from the surface of the wall, where the nearest grain touches it. With --frames: over the grains of several
+    frames, and how the means of the bins scatter from frame to frame.
     """
     output = TableOutput(is_json, is_csv, plot, is_overwriting=is_overwriting)
     if has_grains and not (is_json or is_csv):
         raise typer.BadParameter("--grains needs --json or --csv", param_hint="--grains")
+    if frames is not None and frame != -1:
+        raise typer.BadParameter("give either --frame or --frames")
+    wanted = parse_frames(frames, None, None)
+    from multicor_cli.post import Selection
     from multicor_cli.post import theta_eta as make_table
     from multicor_cli.store import open_run
 
     with open_run(directory) as run:
-        table = make_table(run, frame, bins=bins, wall=wall, height=height, reference=reference)
+        selection = None if wanted is None else Selection(frames=wanted)
+        table = make_table(run, frame, selection=selection, bins=bins, wall=wall, height=height, reference=reference)
     output.draw(table)
     about = (
-        f"frame {table.frame} at t = {table.time:g} s, wall '{table.wall}' at {table.wall_temperature:g} K, "
+        f"{_frames_of(table)}, wall '{table.wall}' at {table.wall_temperature:g} K, "
         f"T0 = {table.reference:g} K, H = {table.height:g} m"
     )
     output.deliver(table, about, run=directory, is_detailed=has_grains, has_grains=has_grains)
@@ -170,6 +181,11 @@ def map_grains(
     output.draw(table, has_streamlines=has_streamlines)
     about = f"{table.field.label} in frame {table.frame} at t = {table.time:g} s"
     output.deliver(table, about, run=directory, is_detailed=True)
+
+
+def _frames_of(table: ThetaTable) -> str:
+    last = f"frame {table.frame} at t = {table.time:g} s"
+    return last if table.frames.size == 1 else f"{table.frames.size} frames up to {last}"
 
 
 COMMANDS = {"profile": profile, "theta-eta": theta_eta, "map": map_grains}

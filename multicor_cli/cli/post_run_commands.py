@@ -78,7 +78,7 @@ def compare(
 
     selection = Selection(start, end, parse_frames(frames, start, end))
     with open_run(directory) as first, open_run(other) as second:
-        found = make_comparison(first, second, of or ["velocity"], selection, bins, names=(str(directory), str(other)))
+        found = make_comparison(first, second, of or ["velocity"], selection, bins, names=_names(directory, other))
     output.draw(found)
     if not is_json:
         differ = "differs" if len(found.keys) == 1 else "differ"
@@ -86,6 +86,16 @@ def compare(
         for key, one, two in found.keys:
             say(f"  {key}: {one} | {two}")
     output.deliver(found, f"{directory} and {other}", is_detailed=True)
+
+
+def _names(first: Path, second: Path) -> tuple[str, str]:
+    """Names of two directories, with as much of the paths above them as tells them apart."""
+    one, two = first.absolute().parts, second.absolute().parts
+    for count in range(1, max(len(one), len(two))):
+        names = "/".join(one[-count:]), "/".join(two[-count:])
+        if names[0] != names[1]:
+            return names
+    return str(first), str(second)
 
 
 COMMANDS = {"energy": energy, "compare": compare}

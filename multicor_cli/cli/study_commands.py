@@ -172,6 +172,7 @@ def table(
         Optional[Path],  # noqa: UP045  (evaluated by typer)
         typer.Option("--parquet", metavar="FILE", help="Write a Parquet file; needs pandas and pyarrow.", show_default=False),
     ] = None,
+    is_overwriting: Annotated[bool, typer.Option("--overwrite", help="Replace the file of --parquet if it is there.")] = False,
 ) -> None:
     """Print the table of a study: values, observables with their errors, verdict, digest and run directory of each case."""
     from multicor_cli.studies.session import StudySession
@@ -181,7 +182,7 @@ def table(
     session = StudySession.open(file, output)
     found = _table(session, is_mean=is_mean)
     if parquet is not None:
-        _write_parquet(found, parquet)
+        _write_parquet(found, parquet, is_overwriting=is_overwriting)
     if is_json:
         emit_json({"headings": found.headings, "rows": found.records})
     elif is_csv:
@@ -393,9 +394,11 @@ def _table(session: StudySession, *, is_mean: bool) -> StudyTable:
     return over_seeds(found) if is_mean else found
 
 
-def _write_parquet(found: StudyTable, path: Path) -> None:
+def _write_parquet(found: StudyTable, path: Path, *, is_overwriting: bool) -> None:
+    from multicor_cli.export.target import check_output
     from multicor_cli.store.errors import StoreError
 
+    check_output(path, is_overwriting=is_overwriting)
     try:
         found.frame().to_parquet(path)
     except ImportError as error:

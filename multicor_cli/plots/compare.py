@@ -41,6 +41,8 @@ def _draw_ratio(axes: Any, pair: ProfilePair) -> None:
     axes.axvline(0.0, color="0.4", linewidth=0.6)
     axes.plot(pair.ratio[known], pair.y[known], "o-", color="0.15", markeredgewidth=0.0, linewidth=0.7)
     axes.set_xlabel("difference / standard error [–]")
+    if not known.any():
+        axes.text(0.5, 0.9, "no standard errors:\ntoo few frames", ha="center", va="center", fontsize=7.0, transform=axes.transAxes)
     limit = max(3.0, 1.1 * float(np.abs(pair.ratio[known]).max(initial=0.0)))
     axes.set_xlim(-limit, limit)
 

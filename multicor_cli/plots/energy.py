@@ -23,6 +23,13 @@ _SHORT = {
     "heat_impact": "impacts", "heat_from_walls": "from walls", "heat_from_ambient": "from fluid",
     "heat_from_surroundings": "surroundings", "heat_to_walls": "into walls", "heat_stored": "stored",
 }  # fmt: skip
+_COLOR = {
+    "gravity_work": "0.25", "wall_work": COLORS[2], "load_work": COLORS[0], "friction_loss": COLORS[1], "impact_loss": COLORS[5],
+    "damping_loss": COLORS[3], "correction_work": "#f0e442", "kinetic_gain": COLORS[4], "heat_friction": COLORS[1],
+    "heat_impact": COLORS[5], "heat_from_walls": COLORS[2], "heat_from_ambient": "#332288",
+    "heat_from_surroundings": "#882255", "heat_to_walls": "0.5", "heat_stored": "0.8",
+}  # fmt: skip
+"""One color for one thing: friction and impacts, as a loss and as heat; walls, as work and as heat."""
 
 
 def draw_energy(figure: Any, table: EnergyTable) -> None:
@@ -43,10 +50,9 @@ def _draw_stack(panel: Any, table: EnergyTable, entries: Sequence[BookLine]) -> 
     largest = max(float(np.abs(v).max()) for v in values.values())
     shown = [e for e in entries if float(np.abs(values[e]).max()) > 1e-3 * largest]
     up, down = np.zeros_like(table.time), np.zeros_like(table.time)
-    colors = (*COLORS, "0.45", "0.7")
-    for number, entry in enumerate(shown):
+    for entry in shown:
         high, low = up + np.maximum(values[entry], 0.0), down + np.minimum(values[entry], 0.0)
-        style = {"color": colors[number % len(colors)], "linewidth": 0.0, "alpha": 0.85}
+        style = {"color": _COLOR[entry.name], "linewidth": 0.0}
         panel.fill_between(table.time, up, high, label=_SHORT[entry.name], **style)
         panel.fill_between(table.time, low, down, **style)
         up, down = high, low
@@ -54,7 +60,7 @@ def _draw_stack(panel: Any, table: EnergyTable, entries: Sequence[BookLine]) -> 
     panel.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
     panel.margins(x=0.0)
     if shown:
-        panel.legend(loc="lower center", bbox_to_anchor=(0.5, 1.06), ncols=4, columnspacing=1.0, handlelength=1.0)
+        panel.legend(loc="lower center", bbox_to_anchor=(0.5, 1.03), ncols=3, columnspacing=1.0, handlelength=1.0)
 
 
 def _draw_closure(panel: Any, time: Floats, closure: Floats) -> None:

@@ -15,11 +15,19 @@ from multicor_cli.post.force_statistics import AngularDistribution, ForceDistrib
 
 def draw_distribution(axes: Any, table: ForceDistribution) -> None:
     """Draw a force distribution into matplotlib axes; empty bins are left out."""
-    curves = ((table.normal, "o", r"normal, $f = f_n$"), (table.tangential, "s", r"tangential, $f = |f_t|$"))
-    for color, (density, marker, label) in zip(COLORS, curves, strict=False):
+    curves = (
+        (table.normal, table.normal_scatter, "o", r"normal, $f = f_n$"),
+        (table.tangential, table.tangential_scatter, "s", r"tangential, $f = |f_t|$"),
+    )
+    for color, (density, scatter, marker, label) in zip(COLORS, curves, strict=False):
         known = density > 0.0
         if known.any():
             axes.loglog(table.center[known], density[known], marker, linestyle="-", color=color, label=label, linewidth=0.7)
+            around = np.nan_to_num(scatter[known])
+            lower = np.maximum(density[known] - around, 0.1 * density[known])  # a logarithmic axis has no zero
+            axes.fill_between(table.center[known], lower, density[known] + around, color=color, alpha=0.2, linewidth=0.0)
+    if table.frames.size > 1:
+        axes.fill_between([], [], color="0.3", alpha=0.2, linewidth=0.0, label="scatter of frames")
     shown = np.concatenate([table.normal, table.tangential])
     show_decades(axes.yaxis, shown[shown > 0.0])
     axes.xaxis.set_minor_formatter("")
@@ -34,15 +42,21 @@ def draw_angles(figure: Any, table: AngularDistribution) -> None:
     moments = table.moments
     level = 0.5 / np.pi
     _draw_polar(contacts, table, table.density, level, moments["a_c"], moments["theta_c"], COLORS[0])
-    contacts.set_title("contact directions $E(\\theta)$ [1/rad]\n" + _moment("c", moments), fontsize=8.0, pad=10.0)
+    contacts.set_title("contact directions $E(\\theta)$ [1/rad]\n" + _moment("c", table), fontsize=8.0, pad=10.0)
     mean = float(np.nanmean(table.normal))
     _draw_polar(forces, table, table.normal, mean, moments["a_n"], moments["theta_n"], COLORS[1])
     title = "normal force $\\langle f_n \\rangle(\\theta)/\\langle f_n \\rangle$ [–]\n"
-    forces.set_title(title + _moment("n", moments), fontsize=8.0, pad=10.0)
+    forces.set_title(title + _moment("n", table), fontsize=8.0, pad=10.0)
 
 
-def _moment(name: str, moments: dict[str, float]) -> str:
-    return f"$a_{name} = {moments[f'a_{name}']:.3f}$, $\\theta_{name} = {moments[f'theta_{name}']:.0f}°$"
+def _moment(name: str, table: AngularDistribution) -> str:
+    a, theta = f"a_{name}", f"theta_{name}"
+    if np.isnan(table.moments_scatter[a]):
+        return f"$a_{name} = {table.moments[a]:.3f}$, $\\theta_{name} = {table.moments[theta]:.0f}°$"
+    return (
+        f"$a_{name} = {table.moments[a]:.3f} \\pm {table.moments_scatter[a]:.3f}$, "
+        f"$\\theta_{name} = {table.moments[theta]:.0f} \\pm {table.moments_scatter[theta]:.0f}°$ ($\\pm$: frames)"
+    )
 
 
 def _draw_polar(axes: Any, table: AngularDistribution, values: Any, level: float, a: float, degrees: float, color: str) -> None:

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from multicor_cli.plots.dispatch import Ways
-from multicor_cli.plots.rheology import draw_panel
+from multicor_cli.plots.rheology import draw_panel, explain
 from multicor_cli.plots.style import PAGE
 from multicor_cli.plots.text_chart import TextLine, draw_text
 from multicor_cli.plots.text_picture import Terminal
@@ -33,6 +33,7 @@ def draw_region(figure: Any, table: RegionTable) -> None:
     panels = _PANELS if "temperature" in table.values else (*_PANELS[:-1], _SPIN)
     for panel, (label, quantities) in zip(grid.flat, panels, strict=True):
         draw_panel(panel, table, label, quantities)
+    explain(figure, table)
     for panel in grid[-1]:
         panel.set_xlabel("time $t$ [s]")
 

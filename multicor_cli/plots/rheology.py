@@ -16,11 +16,13 @@ from multicor_cli.post.rheology import Rheology
 
 _PANELS: tuple[tuple[str, tuple[tuple[str, str], ...]], ...] = (
     ("inertial number $I$ [–]", (("inertial_number", ""),)),
+    ("pressure [N/m]", (("pressure", "walls, $P$"), ("bulk_stress_yy", r"bulk, $\sigma_{yy}$"))),
     (r"friction $\mu^*$ [–]", (("friction_walls", "walls"), ("friction_bulk", "bulk"))),
     (r"solid fraction $\nu$ [–]", (("solid_fraction", ""),)),
     ("contacts per grain [–]", (("coordination", "$Z$, all"), ("coordination_loaded", "Z′, no rattlers"))),
     ("anisotropy $a_c$ [–]", (("fabric_anisotropy", ""),)),
     (r"spin $\langle\omega\rangle/\dot\gamma$ [–]", (("spin_ratio", ""),)),
+    (r"granular temperature $T_g$ [m²/s²]", (("granular_temperature", ""),)),
 )
 """Label of the axis, and the quantities of each panel with their names."""
 
@@ -57,9 +59,10 @@ class OverTime(Protocol):
 
 def draw_rheology(figure: Any, table: Rheology) -> None:
     """Draw the panels of a rheology into a matplotlib figure."""
-    grid = figure.subplots(2, 3, sharex=True)
+    grid = figure.subplots(2, 4, sharex=True)
     for panel, (label, quantities) in zip(grid.flat, _PANELS, strict=True):
         draw_panel(panel, table, label, quantities)
+    explain(figure, table)
     for panel in grid[-1]:
         panel.set_xlabel("time $t$ [s]")
 
@@ -74,6 +77,19 @@ def draw_panel(panel: Any, table: OverTime, label: str, quantities: Sequence[tup
     panel.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
     if len(quantities) > 1:
         panel.legend(loc="best")
+
+
+def explain(figure: Any, table: OverTime) -> None:
+    """Say above the panels what lines and bands are; bands only if an error is known."""
+    from matplotlib.lines import Line2D
+    from matplotlib.patches import Patch
+
+    handles: list[Any] = [Line2D([], [], color="0.3", linewidth=0.7, linestyle="--")]
+    labels = ["mean"]
+    if np.isfinite(list(table.error.values())).any():
+        handles.append(Patch(color="0.3", alpha=0.2, linewidth=0.0))
+        labels.append("± standard error")
+    figure.legend(handles, labels, loc="outside upper center", ncols=2)
 
 
 def _widen(panel: Any, means: list[float]) -> None:
@@ -105,4 +121,4 @@ def rheology_text(table: Rheology, _terminal: Terminal) -> str:
     return "\n\n".join(charts)
 
 
-FIGURES = {Rheology: Ways(lambda _: (PAGE, 0.62 * PAGE), draw_rheology, rheology_text)}
+FIGURES = {Rheology: Ways(lambda _: (1.25 * PAGE, 0.64 * PAGE), draw_rheology, rheology_text)}

@@ -13,6 +13,7 @@ from multicor_cli.post.energy import BookLine, energy
 from multicor_cli.post.profile import ProfileTable, profile
 from multicor_cli.post.rheology import QUANTITIES, Rheology, SeriesSource, rheology
 from multicor_cli.post.source import PostError, Selection, rows_of
+from multicor_cli.post.table import Table
 
 
 class ScenarioSource(SeriesSource, Protocol):
@@ -101,12 +102,12 @@ class ProfilePair:
         }
 
 
-@dataclass(frozen=True)
-class Comparison:
+@dataclass(frozen=True, repr=False)
+class Comparison(Table):
     """What `compare` finds.
 
     Attributes:
-        names: Names of the two runs.
+        names: Names of the two runs: the key that differs with its value, ``friction = 0.3``, where it is one.
         keys: Scenario keys that differ: key, value of the first run, of the second; as texts.
         numbers: Sizes, books at the end, and the rheology if both runs are sheared between two walls.
         profiles: Profiles by field.
@@ -174,7 +175,7 @@ def compare(
         of: Fields whose profiles are compared, each one of ``PROFILED``.
         selection: Which frames of each run; default: the later half of its last stage.
         bins: Number of bins; default: one per mean diameter of the first run.
-        names: What the runs are called.
+        names: What the runs are called if several keys of their scenarios differ, or none.
 
     Raises:
         PostError: If a profile cannot be made of one of the runs.
@@ -184,12 +185,28 @@ def compare(
     from multicor_cli.scenario.problems import format_key
 
     found = find_differences(first.scenario_resolved, second.scenario_resolved)
+    keys = tuple((format_key(d.path), d.before, d.after) for d in found)
     return Comparison(
-        names,
-        tuple((format_key(d.path), d.before, d.after) for d in found),
+        _labels(keys, names),
+        keys,
         (*_sizes(first, second), *_books(first, second), *_rheologies(first, second, selection)),
         {field: _profiles(first, second, field, selection, bins) for field in dict.fromkeys(of)},
     )
+
+
+_NAMELESS = ("scenario.name", "scenario.description", "scenario.seed")
+"""Keys that tell runs apart, and not what they are about."""
+
+
+def _labels(keys: Sequence[tuple[str, str, str]], names: tuple[str, str]) -> tuple[str, str]:
+    """What the runs are called: the only key that differs with its values, or their names."""
+    about = [found for found in keys if found[0] not in _NAMELESS] or list(keys)
+    if len(about) != 1:
+        return names
+    key, first, second = about[0]
+    words = [word for word in key.split(".") if not word.isdigit()]
+    name = words[-1] if len(words[-1]) > 1 else ".".join(words[-2:])
+    return f"{name} = {first}", f"{name} = {second}"
 
 
 def _sizes(first: ScenarioSource, second: ScenarioSource) -> list[Pair]:

@@ -11,6 +11,7 @@ from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
 from multicor_cli.post.source import PostError, rows_of, within
+from multicor_cli.post.table import Table
 
 
 class SeriesHolder(Protocol):
@@ -62,8 +63,8 @@ HEAT = (
 """The books of heat: stored = what came in − what went into walls + imbalance."""
 
 
-@dataclass(frozen=True)
-class EnergyTable:
+@dataclass(frozen=True, repr=False)
+class EnergyTable(Table):
     """Energy books since the start of the run; ``s`` rows of the time series.
 
     Attributes:

@@ -10,8 +10,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
+from multicor_cli.post.averages import scatter
 from multicor_cli.post.contacts import LoadedContacts, loaded_contacts, with_forces
 from multicor_cli.post.source import FrameSource, PostError, Selection, model_of, rows_of
+from multicor_cli.post.table import Table
 
 FORCE_BINS = 40
 """Logarithmic bins of the force distribution."""
@@ -25,8 +27,8 @@ MOMENTS = ("a_c", "a_n", "a_t", "theta_c", "theta_n", "theta_t")
 _SMALLEST, _LARGEST = 1e-3, 20.0  # range of f/⟨f⟩ that is looked at
 
 
-@dataclass(frozen=True)
-class ForceDistribution:
+@dataclass(frozen=True, repr=False)
+class ForceDistribution(Table):
     """Probability density of the forces of grain–grain contacts over their mean; ``b`` bins.
 
     Every frame counts with its own mean. Forces outside the bins count for the normalization, so that the densities integrate to
@@ -42,6 +44,8 @@ class ForceDistribution:
         contacts: Number of contacts.
         frames: Indices of the frames.
         times: Times of the first and last frame [s].
+        normal_scatter: Standard deviation of the density of the normal forces from frame to frame; nan with one, shape ``(b,)``.
+        tangential_scatter: The same of the tangential forces, shape ``(b,)``.
     """
 
     edges: Floats
@@ -53,6 +57,8 @@ class ForceDistribution:
     contacts: int
     frames: NDArray[np.int64]
     times: tuple[float, float]
+    normal_scatter: Floats
+    tangential_scatter: Floats
 
     @property
     def center(self) -> Floats:
@@ -62,12 +68,20 @@ class ForceDistribution:
     @property
     def headings(self) -> tuple[str, ...]:
         """Names of the columns of `rows`."""
-        return "f/<f> from [1]", "to [1]", "P of normal forces [1]", "P of tangential forces [1]", "normal forces"
+        return (
+            "f/<f> from [1]", "to [1]", "P of normal forces [1]", "scatter of normal P [1]",
+            "P of tangential forces [1]", "scatter of tangential P [1]", "normal forces",
+        )  # fmt: skip
 
     @property
     def rows(self) -> list[tuple[float, ...]]:
         """One row per bin."""
-        return rows_of((self.edges[:-1], self.edges[1:], self.normal, self.tangential, self.count))
+        return rows_of(
+            (
+                self.edges[:-1], self.edges[1:], self.normal, self.normal_scatter,
+                self.tangential, self.tangential_scatter, self.count,
+            )
+        )  # fmt: skip
 
     def as_dict(self) -> dict[str, Any]:
         """Everything as JSON types; numbers may be nan."""
@@ -81,11 +95,13 @@ class ForceDistribution:
             "normal": self.normal.tolist(),
             "tangential": self.tangential.tolist(),
             "count": self.count.tolist(),
+            "normal_scatter": self.normal_scatter.tolist(),
+            "tangential_scatter": self.tangential_scatter.tolist(),
         }
 
 
-@dataclass(frozen=True)
-class AngularDistribution:
+@dataclass(frozen=True, repr=False)
+class AngularDistribution(Table):
     """Directions of grain–grain contacts and the mean forces along them, over the full circle; ``b`` bins.
 
     A contact counts in both directions, as seen from either grain. The moments are those of E(θ) = (1 + a_c cos 2(θ − θ_c))/2π,
@@ -98,6 +114,9 @@ class AngularDistribution:
         normal: Mean normal force of the contacts in each bin over that of all; nan where there is none, shape ``(b,)``.
         tangential: Mean tangential force over the mean normal force, shape ``(b,)``.
         moments: Anisotropies ``a_c, a_n, a_t`` and their directions ``theta_c, theta_n, theta_t`` [degrees].
+        moments_scatter: Standard deviations of the moments from frame to frame; nan with one frame.
+        density_scatter: The same of ``density``, shape ``(b,)``.
+        normal_scatter: The same of ``normal``, shape ``(b,)``.
         contacts: Number of contacts.
         frames: Indices of the frames.
         times: Times of the first and last frame [s].
@@ -108,6 +127,9 @@ class AngularDistribution:
     normal: Floats
     tangential: Floats
     moments: dict[str, float]
+    moments_scatter: dict[str, float]
+    density_scatter: Floats
+    normal_scatter: Floats
     contacts: int
     frames: NDArray[np.int64]
     times: tuple[float, float]
@@ -118,14 +140,18 @@ class AngularDistribution:
         return (
             "direction [deg]",
             "density of contacts [1/rad]",
+            "scatter of density [1/rad]",
             "normal force over mean [1]",
+            "scatter of normal force [1]",
             "tangential force over mean normal [1]",
         )
 
     @property
     def rows(self) -> list[tuple[float, ...]]:
         """One row per bin."""
-        return rows_of((np.degrees(self.angle), self.density, self.normal, self.tangential))
+        return rows_of(
+            (np.degrees(self.angle), self.density, self.density_scatter, self.normal, self.normal_scatter, self.tangential)
+        )
 
     def as_dict(self) -> dict[str, Any]:
         """Everything as JSON types; numbers may be nan."""
@@ -135,8 +161,11 @@ class AngularDistribution:
             "contacts": self.contacts,
             **self.moments,
             "angle": self.angle.tolist(),
+            "moments_scatter": self.moments_scatter,
             "density": self.density.tolist(),
+            "density_scatter": self.density_scatter.tolist(),
             "normal": self.normal.tolist(),
+            "normal_scatter": self.normal_scatter.tolist(),
             "tangential": self.tangential.tolist(),
         }
 
@@ -157,15 +186,20 @@ def force_distribution(source: FrameSource, selection: Selection | None = None, 
     edges = np.geomspace(_SMALLEST, _LARGEST, bins + 1)
     normal, tangential = np.zeros(bins, np.int64), np.zeros(bins, np.int64)
     total, sliding, count, rubbing = 0.0, 0.0, 0, 0
+    width = np.diff(edges)
+    rows: list[Floats] = []
     for found in contacts:
         f, g = np.abs(_between(found, found.force)).T
         total, sliding, count = total + float(f.sum()), sliding + float(g.sum()), count + f.size
-        normal += _count(f / f.mean(), edges)
+        own, rubbed = _count(f / f.mean(), edges), np.full(bins, np.nan)
+        normal += own
         if g.any():
-            tangential += _count(g / g.mean(), edges)
+            slid = _count(g / g.mean(), edges)
+            tangential += slid
             rubbing += g.size
+            rubbed = slid / (g.size * width)
+        rows.append(np.array([own / (f.size * width), rubbed]))
     _need_contacts(count)
-    width = np.diff(edges)
     return ForceDistribution(
         edges,
         normal / (count * width),
@@ -176,6 +210,7 @@ def force_distribution(source: FrameSource, selection: Selection | None = None, 
         count,
         chosen,
         _times(source, chosen),
+        *scatter(np.array(rows)),
     )
 
 
@@ -196,28 +231,58 @@ def angular_distribution(source: FrameSource, selection: Selection | None = None
     chosen, contacts = _between_grains(source, selection)
     half = bins // 2
     sums, wave = np.zeros((3, half)), 0j
+    center = (np.arange(half) + 0.5) * np.pi / half
+    rows: list[Floats] = []
+    moments: list[dict[str, float]] = []
     for found in contacts:
         normal, force = (_between(found, rows) for rows in (found.normal, found.force))
         # Opposite directions belong to one contact, and its forces are the same seen from either side.
         bin_ = np.minimum((np.arctan2(normal[:, 1], normal[:, 0]) % np.pi / np.pi * half).astype(np.int64), half - 1)
-        sums += [np.bincount(bin_, weights, minlength=half) for weights in (np.ones(bin_.size), *force.T)]
-        wave += complex(((normal[:, 0] + 1j * normal[:, 1]) ** 2).sum())  # e^{2iθ}
-    count, f, g = sums
-    _need_contacts(int(count.sum()))
-    with np.errstate(invalid="ignore"):
-        mean, shear = f / count, g / count
-    overall = f.sum() / count.sum()
-    center = (np.arange(half) + 0.5) * np.pi / half
+        own = np.array([np.bincount(bin_, weights, minlength=half) for weights in (np.ones(bin_.size), *force.T)])
+        turned = complex(((normal[:, 0] + 1j * normal[:, 1]) ** 2).sum())  # e^{2iθ}
+        sums, wave = sums + own, wave + turned
+        rows.append(np.array(_directions(own)[:2]))
+        moments.append(_moments_of(own, turned, center))
+    _need_contacts(int(sums[0].sum()))
+    density, mean, shear = _directions(sums)
+    found_moments = _moments_of(sums, wave, center)
+    around = scatter(np.array(rows))
     return AngularDistribution(
         np.concatenate([center, center + np.pi]),
-        np.tile(0.5 * count / count.sum() * half / np.pi, 2),
-        np.tile(mean / overall, 2),
-        np.tile(shear / overall, 2),
-        _moments(2.0 * wave / count.sum(), center, mean, shear),
-        int(count.sum()),
+        np.tile(density, 2),
+        np.tile(mean, 2),
+        np.tile(shear, 2),
+        found_moments,
+        _scatter_of(moments, found_moments),
+        np.tile(around[0], 2),
+        np.tile(around[1], 2),
+        int(sums[0].sum()),
         chosen,
         _times(source, chosen),
     )
+
+
+def _directions(sums: Floats) -> tuple[Floats, Floats, Floats]:
+    """Density of directions, normal and tangential force over the mean normal force, from sums over half a circle, ``(3, b/2)``."""
+    count, f, g = sums
+    overall = f.sum() / count.sum()
+    with np.errstate(invalid="ignore"):
+        return 0.5 * count / count.sum() * count.size / np.pi, f / count / overall, g / count / overall
+
+
+def _moments_of(sums: Floats, wave: complex, center: Floats) -> dict[str, float]:
+    count, f, g = sums
+    with np.errstate(invalid="ignore"):
+        return _moments(2.0 * wave / count.sum(), center, f / count, g / count)
+
+
+def _scatter_of(frames: list[dict[str, float]], overall: dict[str, float]) -> dict[str, float]:
+    """Standard deviations of moments from frame to frame; directions repeat every 180°."""
+    found = {}
+    for name, middle in overall.items():
+        away = np.array([moments[name] for moments in frames]) - middle
+        found[name] = float(scatter((away + 90.0) % 180.0 - 90.0 if name.startswith("theta") else away))
+    return found
 
 
 def _count(values: Floats, edges: Floats) -> NDArray[np.int64]:

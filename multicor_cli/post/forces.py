@@ -12,6 +12,7 @@ from multicor_cli.model.model import Floats
 from multicor_cli.post.contacts import loaded_contacts, with_forces
 from multicor_cli.post.scene import GrainScene, make_scene
 from multicor_cli.post.source import FrameSource, frame_index, model_of, rows_of
+from multicor_cli.post.table import Table
 
 SUMMARY = (
     "contacts", "wall_contacts", "normal_force_mean", "normal_force_max", "tangential_force_mean", "coordination", "rattler_share",
@@ -20,8 +21,8 @@ SUMMARY = (
 """Names of the numbers of a whole network."""
 
 
-@dataclass(frozen=True)
-class ForceNetwork:
+@dataclass(frozen=True, repr=False)
+class ForceNetwork(Table):
     """The contacts of a frame that carry a force; ``c`` of them.
 
     Attributes:

@@ -11,10 +11,11 @@ from multicor_cli.model.model import Floats
 from multicor_cli.post.quantities import MAPPED, Quantity
 from multicor_cli.post.scene import GrainScene, make_scene
 from multicor_cli.post.source import FrameSource, PostError, frame_index, rows_of
+from multicor_cli.post.table import Table
 
 
-@dataclass(frozen=True)
-class GrainMap:
+@dataclass(frozen=True, repr=False)
+class GrainMap(Table):
     """A quantity of every grain; ``n`` grains.
 
     Attributes:

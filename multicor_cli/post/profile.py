@@ -15,11 +15,23 @@ from multicor_cli.post.contacts import with_forces
 from multicor_cli.post.flow import RelativeFrame, mean_flow
 from multicor_cli.post.quantities import PROFILE_GROUPS, PROFILED, Quantity
 from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Selection, model_of, rows_of
-from multicor_cli.post.sums import Sums, Values, average, plane_width, sum_contacts, sum_means, sum_numbers, sum_rates, sum_shares
+from multicor_cli.post.sums import (
+    Sums,
+    Values,
+    average,
+    drift_note,
+    plane_width,
+    sum_contacts,
+    sum_means,
+    sum_numbers,
+    sum_rates,
+    sum_shares,
+)
+from multicor_cli.post.table import Table
 
 
-@dataclass(frozen=True)
-class ProfileTable:
+@dataclass(frozen=True, repr=False)
+class ProfileTable(Table):
     """A profile over the height; ``b`` bins.
 
     The value of a bin is the average over the grains in it and over the frames, weighted by the area of each grain that lies in
@@ -27,9 +39,8 @@ class ProfileTable:
     alike (see `multicor_cli.post.quantities`: `Kind`, and `QUANTITIES` for the quantities). Between two walls the bins move and
     stretch with the walls, so that in every frame they end at the walls.
 
-    The standard error comes from the scatter between up to ten blocks of consecutive frames (for rates: of intervals between
-    frames); it is nan with one of them, rough with a few, and too small where the blocks are shorter than the flow remembers:
-    choose a longer time rather than more frames. Averages over bins that no grain has touched are nan.
+    Standard errors hold what consecutive frames (for rates: intervals between frames) remember of each other; they are nan with
+    too few frames to tell (see `multicor_cli.post.averages.spread`). Averages over bins that no grain has touched are nan.
 
     Attributes:
         field: What was averaged.
@@ -47,6 +58,7 @@ class ProfileTable:
         is_normalized: Whether ``y`` and ``value`` are normalized.
         bin_area: Area of the plane that a bin covers, averaged over the frames [m²]. Times the sum of the values it gives what all
             bins hold, for values per area: the area of the grains, the heat per time [W], the sum of f ℓ [N m].
+        note: How many bins drift, and by how much the worst does over the frames, in the unit of the field; empty if none does.
     """
 
     field: Quantity
@@ -63,6 +75,7 @@ class ProfileTable:
     times: tuple[float, float]
     is_normalized: bool = False
     bin_area: float = np.nan
+    note: str = ""
 
     @property
     def units(self) -> tuple[str, str]:
@@ -99,6 +112,7 @@ class ProfileTable:
             "value": self.value.tolist(),
             "standard_error": self.error.tolist(),
             "area": self.area.tolist(),
+            "note": self.note,
         }
 
     def normalized(self) -> ProfileTable:
@@ -148,8 +162,8 @@ class ProfileTable:
         return 0.0, self.shear_rate
 
 
-@dataclass(frozen=True)
-class ProfileSet:
+@dataclass(frozen=True, repr=False)
+class ProfileSet(Table):
     """Profiles of several fields over the same bins and frames.
 
     Attributes:
@@ -193,7 +207,7 @@ class ProfileSet:
         return replace(self, tables=tuple(table.normalized() for table in self.tables))
 
 
-_OWN = ("of", "unit", "wall_values", "value", "standard_error")
+_OWN = ("of", "unit", "wall_values", "value", "standard_error", "note")
 
 
 def profile(
@@ -296,6 +310,7 @@ def _make_table(source: FrameSource, field: Quantity, sums: Sums, chosen: NDArra
         frames=chosen,
         times=(float(times[0]), float(times[-1])),
         bin_area=_bin_area(source, field, sums, chosen, bins),
+        note=drift_note(sums),
     )
 
 

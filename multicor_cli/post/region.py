@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -10,9 +11,10 @@ from numpy.typing import NDArray
 
 from multicor_cli.model.areas import Area, Rectangle, Room
 from multicor_cli.model.model import Floats
+from multicor_cli.post.averages import Spread, spread
 from multicor_cli.post.contacts import LoadedContacts, has_forces, loaded_contacts
 from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Selection, model_of, rows_of
-from multicor_cli.post.sums import block_rows, standard_error
+from multicor_cli.post.table import Table
 
 _UNITS = {
     "solid_fraction": "1", "coordination": "1", "velocity_x": "m/s", "velocity_y": "m/s", "spin": "rad/s", "temperature": "K",
@@ -27,8 +29,8 @@ _PIECES = 8  # of a branch: narrow regions and corners lie between its ends
 _AXES = ((0, 0, "xx"), (0, 1, "xy"), (1, 0, "yx"), (1, 1, "yy"))
 
 
-@dataclass(frozen=True)
-class RegionTable:
+@dataclass(frozen=True, repr=False)
+class RegionTable(Table):
     """Values in a part of the plane; ``f`` frames.
 
     A grain counts with the part of its area that lies inside, where the boundary is taken for straight across a grain; a contact
@@ -56,25 +58,32 @@ class RegionTable:
 
     @property
     def error(self) -> dict[str, float]:
-        """Standard errors of the means, from the scatter of means over blocks of consecutive frames; nan of single frames."""
-        blocks = block_rows(len(self.time))
-        return {
-            name: float(standard_error(np.array([v[rows][np.isfinite(v[rows])].mean() if np.isfinite(v[rows]).any() else np.nan
-                                                 for rows in blocks])))
-            for name, v in self.values.items()
-        }  # fmt: skip
+        """Standard errors of the means; nan where the frames are too few to tell."""
+        return {name: float(found.error) for name, found in self.spread.items()}
+
+    @property
+    def drift(self) -> dict[str, float]:
+        """What each quantity drifts by from the first to the last frame, by name."""
+        return {name: float(found.drift) for name, found in self.spread.items()}
+
+    @cached_property
+    def spread(self) -> dict[str, Spread]:
+        """Errors and drifts of the means by name; see `multicor_cli.post.averages.spread`."""
+        return {name: spread(v, self.time) for name, v in self.values.items()}
 
     @property
     def headings(self) -> tuple[str, ...]:
         """Names of the columns of `rows`."""
-        return "quantity", "mean", "standard error"
+        return "quantity", "mean", "standard error", "drift", "note"
 
     @property
-    def rows(self) -> list[tuple[str, float, float]]:
+    def rows(self) -> list[tuple[Any, ...]]:
         """One row per quantity."""
-        error = self.error
-        found = [(f"{name.replace('_', ' ')} [{_UNITS[name]}]", value, error[name]) for name, value in self.mean.items()]
-        return [("area [m2]", self.area, 0.0), ("grains", float(self.grains.mean()), np.nan), *found]
+        of_grains = spread(self.grains.astype(np.float64), self.time)
+        means = [("grains", float(self.grains.mean()), of_grains)]
+        means += [(f"{name.replace('_', ' ')} [{_UNITS[name]}]", value, self.spread[name]) for name, value in self.mean.items()]
+        lines = [(label, mean, float(found.error), float(found.drift), found.note()) for label, mean, found in means]
+        return [("area [m2]", self.area, 0.0, 0.0, ""), *lines]
 
     @property
     def detail_headings(self) -> tuple[str, ...]:
@@ -92,6 +101,9 @@ class RegionTable:
             "area": self.area,
             "mean": self.mean,
             "standard_error": self.error,
+            "drift": self.drift,
+            "drift_error": {name: float(found.drift_error) for name, found in self.spread.items()},
+            "note": {name: found.note() for name, found in self.spread.items()},
             "time": self.time.tolist(),
             "grains": self.grains.tolist(),
             "values": {name: v.tolist() for name, v in self.values.items()},

@@ -12,12 +12,13 @@ from numpy.typing import NDArray
 
 from multicor_cli.model import Model
 from multicor_cli.model.model import Floats
+from multicor_cli.post.averages import Spread, pseudo_values, spread
 from multicor_cli.post.bins import make_bins
 from multicor_cli.post.bulk import SUM_NAMES, Band, find_band, interval_sums
 from multicor_cli.post.extent import Extent, find_extent
 from multicor_cli.post.flow import mean_flow
 from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Selection, rows_of
-from multicor_cli.post.sums import block_rows, standard_error
+from multicor_cli.post.table import Table
 
 
 class SeriesSource(FrameSource, Protocol):
@@ -66,8 +67,8 @@ QUANTITIES = (
 _COLUMNS = (*SUM_NAMES, "window", "shear_impulse", "normal_impulse")
 
 
-@dataclass(frozen=True)
-class Rheology:
+@dataclass(frozen=True, repr=False)
+class Rheology(Table):
     """Rheology over time and on average; ``r`` intervals between consecutive frames.
 
     I = |γ̇| √(m/P) with the mean mass m of a grain and the force P per length [N/m] with which the walls press (the mean of both):
@@ -86,7 +87,8 @@ class Rheology:
         time: Ends of the intervals [s], shape ``(r,)``.
         values: Each quantity of `QUANTITIES` over time by name, nan where it is not known, shape ``(r,)``.
         mean: Averages over the intervals: ratios of sums, not means of ratios.
-        error: Their standard errors from up to ten blocks of consecutive intervals; nan with one block.
+        spread: Their standard errors, and what they drift by over the time that is looked at; see
+            `multicor_cli.post.averages.spread`.
         margin: What is left out next to the surface of each wall [m].
         height: Distance of the walls [m].
         walls: Names of the lower and upper wall.
@@ -97,7 +99,7 @@ class Rheology:
     time: Floats
     values: dict[str, Floats]
     mean: dict[str, float]
-    error: dict[str, float]
+    spread: dict[str, Spread]
     margin: float
     height: float
     walls: tuple[str, str]
@@ -105,14 +107,27 @@ class Rheology:
     times: tuple[float, float]
 
     @property
-    def headings(self) -> tuple[str, str, str]:
-        """Names of the columns of `rows`."""
-        return "quantity", "mean", "standard error"
+    def error(self) -> dict[str, float]:
+        """Standard errors of the averages by name; nan where the intervals are too few to tell."""
+        return {name: float(found.error) for name, found in self.spread.items()}
 
     @property
-    def rows(self) -> list[tuple[str, float, float]]:
-        """Average and standard error of every quantity."""
-        return [(_with_unit(q.label, q.unit), self.mean[q.name], self.error[q.name]) for q in QUANTITIES]
+    def drift(self) -> dict[str, float]:
+        """What each quantity drifts by over the time that is looked at, by name."""
+        return {name: float(found.drift) for name, found in self.spread.items()}
+
+    @property
+    def headings(self) -> tuple[str, ...]:
+        """Names of the columns of `rows`."""
+        return "quantity", "mean", "standard error", "drift", "note"
+
+    @property
+    def rows(self) -> list[tuple[Any, ...]]:
+        """Average, standard error, drift and a word on them for every quantity."""
+        return [
+            (_with_unit(q.label, q.unit), self.mean[q.name], self.error[q.name], self.drift[q.name], self.spread[q.name].note())
+            for q in QUANTITIES
+        ]
 
     @property
     def detail_headings(self) -> tuple[str, ...]:
@@ -134,7 +149,10 @@ class Rheology:
             "times": list(self.times),
             "units": {q.name: q.unit for q in QUANTITIES},
             "mean": dict(self.mean),
-            "standard_error": dict(self.error),
+            "standard_error": self.error,
+            "drift": self.drift,
+            "drift_error": {name: float(found.drift_error) for name, found in self.spread.items()},
+            "note": {name: found.note() for name, found in self.spread.items()},
             "time": self.time.tolist(),
             "values": {name: column.tolist() for name, column in self.values.items()},
         }
@@ -163,17 +181,15 @@ def rheology(source: SeriesSource, selection: Selection | None = None, *, margin
     band = find_band(source.model, extent, margin)
     times = np.asarray(source.frames.time)[chosen]
     sums = np.column_stack([_sum_bulk(source, band, chosen), _sum_walls(source, extent, times)])
-    blocks = np.array([sums[block].sum(axis=0) for block in block_rows(len(sums))])
     model, names = source.model, source.model.walls.names
-    errors = {name: float(standard_error(values)) for name, values in _derive(model, blocks, direction).items()}
-    errors["fabric_direction"] = _direction_error(_derive(model, blocks, direction)["fabric_direction"])
+    mean = {name: float(values[0]) for name, values in _derive(model, sums.sum(axis=0)[np.newaxis], direction).items()}
     assert extent.lower is not None
     assert extent.upper is not None
     return Rheology(
         time=times[1:],
         values=_derive(model, sums, direction),
-        mean={name: float(values[0]) for name, values in _derive(model, sums.sum(axis=0)[np.newaxis], direction).items()},
-        error=errors,
+        mean=mean,
+        spread=_spread_of(_derive(model, sums.sum(axis=0) - sums, direction), mean, 0.5 * (times[1:] + times[:-1])),
         margin=band.margin,
         height=extent.height,
         walls=(names[extent.lower], names[extent.upper]),
@@ -258,11 +274,11 @@ def _fabric(s: dict[str, Floats]) -> tuple[Floats, Floats]:
     return 2.0 * np.hypot(along, across), np.degrees(0.5 * np.arctan2(across, along)) % 180.0
 
 
-def _direction_error(angles: Floats) -> float:
-    """Standard error of directions [degrees] that are the same every 180°."""
-    doubled = np.radians(2.0 * angles[np.isfinite(angles)])
-    middle = np.angle(np.exp(1j * doubled).sum())
-    return float(standard_error(np.degrees(0.5 * np.angle(np.exp(1j * (doubled - middle))))))
+def _spread_of(without: dict[str, Floats], mean: dict[str, float], middle: Floats) -> dict[str, Spread]:
+    """Errors and drifts of all quantities, from what they are without one of the intervals each, and the middles of these."""
+    angle = mean["fabric_direction"]  # directions repeat every 180°
+    without["fabric_direction"] = angle + ((without["fabric_direction"] - angle + 90.0) % 180.0 - 90.0)
+    return {name: spread(pseudo_values(np.asarray(mean[name]), values), middle) for name, values in without.items()}
 
 
 def _with_unit(label: str, unit: str) -> str:

@@ -10,14 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
+from multicor_cli.post.averages import pseudo_values, spread, standard_error
 from multicor_cli.post.bins import BinPlace, Bins, heights
 from multicor_cli.post.contacts import LoadedContacts, loaded_contacts
 from multicor_cli.post.source import FrameSource, GrainFrame, model_of, need_same_grains
-
-BLOCKS = 10
-"""Number of blocks of consecutive rows whose scatter gives the standard error (fewer if there are fewer rows)."""
-
-_ROUNDING = 1e-14
+from multicor_cli.text import count_noun
 
 Values = Callable[[GrainFrame], Floats]
 """Values of the grains of a frame, shape ``(n,)``."""
@@ -126,38 +123,37 @@ def plane_width(source: FrameSource, frame: GrainFrame) -> float:
     return float((x + radius).max() - (x - radius).min())
 
 
-def block_rows(rows: int) -> list[NDArray[np.int64]]:
-    """Rows of each block of consecutive rows."""
-    return np.array_split(np.arange(rows), min(BLOCKS, rows))
-
-
 def average(sums: Sums) -> tuple[Floats, Floats]:
-    """Means over the rows and their standard errors from block averages; nan where there is nothing, or only one block."""
+    """Means over the rows and their standard errors (`multicor_cli.post.averages`); nan where there is nothing."""
+    return _ratio(sums.value.sum(axis=0), sums.weight.sum(axis=0)), standard_error(row_values(sums))
+
+
+def drift_note(sums: Sums) -> str:
+    """A line on the bins whose means drift, or have too few frames for a good error; empty if there are none."""
+    found = spread(row_values(sums))
+    known = np.isfinite(found.drift)
+    drifting, unsure = found.is_drifting & known, known & found.is_unsure & ~found.is_drifting
+    told = []
+    if drifting.any():
+        ratio = np.where(drifting, np.abs(found.drift), 0.0)
+        worst = int(np.argmax(ratio))
+        told.append(
+            f"the means of {count_noun(int(drifting.sum()), 'bin')} drift, most in bin {worst + 1}: by {found.drift[worst]:.2g}"
+        )
+    if unsure.any():
+        told.append(f"too few frames for good errors of {count_noun(int(unsure.sum()), 'bin')}")
+    return "; ".join(told)
+
+
+def row_values(sums: Sums) -> Floats:
+    """What each row says of the means, shape of ``sums.value``; nan where a mean has no value without one of the rows."""
+    value, weight = sums.value.sum(axis=0), sums.weight.sum(axis=0)
+    return pseudo_values(_ratio(value, weight), _ratio(value - sums.value, weight - sums.weight))
+
+
+def _ratio(value: Floats, weight: Floats) -> Floats:
     with np.errstate(invalid="ignore", divide="ignore"):
-        value = sums.value.sum(axis=0) / sums.weight.sum(axis=0)
-        blocks = block_rows(sums.weight.shape[0])
-        means = np.array([sums.value[block].sum(axis=0) / sums.weight[block].sum(axis=0) for block in blocks])
-    return value, standard_error(means)
-
-
-def standard_error(means: Floats) -> Floats:
-    """Standard errors of the means of blocks.
-
-    Args:
-        means: Means of the blocks, shape ``(blocks, …)``; those that are not finite do not count.
-
-    Returns:
-        Their standard deviation over √(number of blocks), shape ``(…)``; nan where there are fewer than two. What is no more than
-        rounding is 0: in a packing at rest nothing scatters.
-    """
-    known = np.isfinite(means)
-    number = known.sum(axis=0)
-    with np.errstate(invalid="ignore", divide="ignore"):
-        deviation = np.where(known, means, 0.0) - np.where(known, means, 0.0).sum(axis=0) / number
-        variance = (np.where(known, deviation, 0.0) ** 2).sum(axis=0) / (number - 1)
-        error = np.sqrt(variance / number)
-    rounding = _ROUNDING * np.abs(np.where(known, means, 0.0)).max(axis=0, initial=0.0)
-    return np.asarray(np.where(number < 2, np.nan, np.where(error <= rounding, 0.0, error)), np.float64)
+        return np.asarray(value / weight)
 
 
 def _empty(rows: int, bins: Bins) -> Floats:

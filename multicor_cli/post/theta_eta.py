@@ -3,21 +3,33 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
+from multicor_cli.post.averages import scatter
 from multicor_cli.post.bins import BIN_LIMIT
 from multicor_cli.post.extent import wall_spans
-from multicor_cli.post.source import FrameSource, GrainFrame, PostError, frame_index, model_of, need_grains, need_heat, rows_of
+from multicor_cli.post.source import (
+    FrameSource,
+    GrainFrame,
+    PostError,
+    Selection,
+    frame_index,
+    model_of,
+    need_grains,
+    need_heat,
+    rows_of,
+)
+from multicor_cli.post.table import Table
 
 _ROUNDING = 1e-12  # of a mean of equal temperatures, which is to be that temperature
 
 
-@dataclass(frozen=True)
-class ThetaTable:
+@dataclass(frozen=True, repr=False)
+class ThetaTable(Table):
     """θ = (T − T₀)/(T_wall − T₀) of every grain against η = y/H, and its statistics in bins of η; ``n`` grains, ``b`` bins.
 
     y is the distance of the center of a grain from the surface of the wall: from the point of a grain that is nearest to it.
@@ -35,8 +47,10 @@ class ThetaTable:
         wall_temperature: T_wall [K].
         reference: T₀ [K].
         height: H [m].
-        frame: Index of the frame.
-        time: Time of the frame [s].
+        frame: Index of the frame; of several, of the last one.
+        time: Its time [s].
+        frames: Indices of all frames.
+        scatter: Standard deviation of the mean of each bin from frame to frame; nan with one frame, shape ``(b,)``.
     """
 
     eta: Floats
@@ -53,16 +67,18 @@ class ThetaTable:
     height: float
     frame: int
     time: float
+    frames: NDArray[np.int64]
+    scatter: Floats
 
     @property
     def headings(self) -> tuple[str, ...]:
         """Names of the columns of `rows` with their units."""
-        return "eta [1]", "theta [1]", "standard deviation [1]", "min [1]", "max [1]", "count"
+        return "eta [1]", "theta [1]", "standard deviation [1]", "scatter of frames [1]", "min [1]", "max [1]", "count"
 
     @property
     def rows(self) -> list[tuple[float, ...]]:
         """One row per bin; nan where there is no grain."""
-        return rows_of((self.center, self.mean, self.spread, self.lowest, self.highest, self.count))
+        return rows_of((self.center, self.mean, self.spread, self.scatter, self.lowest, self.highest, self.count))
 
     @property
     def detail_headings(self) -> tuple[str, ...]:
@@ -71,7 +87,7 @@ class ThetaTable:
 
     @property
     def detail_rows(self) -> list[tuple[float, ...]]:
-        """One row per grain."""
+        """One row per grain and frame."""
         return list(zip(self.eta.tolist(), self.theta.tolist(), strict=True))
 
     def as_dict(self, *, has_grains: bool = False) -> dict[str, Any]:
@@ -83,9 +99,11 @@ class ThetaTable:
             "height": self.height,
             "frame": self.frame,
             "time": self.time,
+            "frame_count": int(self.frames.size),
             "eta": self.center.tolist(),
             "theta": self.mean.tolist(),
             "standard_deviation": self.spread.tolist(),
+            "scatter_of_frames": self.scatter.tolist(),
             "min": self.lowest.tolist(),
             "max": self.highest.tolist(),
             "count": self.count.tolist(),
@@ -97,19 +115,21 @@ def theta_eta(
     source: FrameSource,
     frame: int = -1,
     *,
+    selection: Selection | None = None,
     bins: int | None = None,
     wall: str | None = None,
     height: float | None = None,
     reference: float | None = None,
 ) -> ThetaTable:
-    """θ against η of one frame.
+    """θ against η of one frame, or of the grains of several, each frame with its own T_wall.
 
     Args:
         source: The run.
         frame: Index of the frame; negative counts from the last one.
+        selection: Several frames instead of one.
         bins: Number of bins between η = 0 and 1; default: as many as make a bin about one mean diameter wide.
         wall: Name of the wall; default: the only one with a prescribed temperature.
-        height: H [m]; default: how far the grains reach from the surface of the wall in this frame.
+        height: H [m]; default: how far the grains reach from the surface of the wall in this frame, or in the last of several.
         reference: T₀ [K]; default: mean temperature of the first frame of the run, weighted by heat capacity.
 
     Raises:
@@ -117,22 +137,18 @@ def theta_eta(
             stands beside the grains.
         StoreError: If the run cannot be read.
     """
-    index = frame_index(source.frames, frame)
-    chosen = source.frames[index]
-    temperature = need_heat(chosen.temperature)
-    number = _find_wall(source, chosen, wall)
-    hot = float(need_heat(chosen.wall_temperature)[number])
+    chosen = np.array([frame_index(source.frames, frame)]) if selection is None else selection.indices(source.frames)
+    need_grains(source, chosen)
     start = _first_temperature(source) if reference is None else reference
-    if abs(hot - start) <= _ROUNDING * abs(start):
-        raise PostError(f"θ needs a wall that is not at the reference temperature {start:g} K; choose another with --reference")
-    distance, reach = _distances(source, chosen, number)
     if height is not None and not height > 0.0:
         raise PostError(f"the height {height:g} m must be positive")
+    found = [_of_frame(source, source.frames[int(k)], wall, start) for k in chosen]
+    number, hot, reach = found[-1].wall, found[-1].hot, found[-1].reach
     full = reach if height is None else height
-    eta, theta = distance / full, (temperature - start) / (hot - start)
     count = bins if bins is not None else max(round(full / source.model.mean_diameter), 1)
     if not 1 <= count <= BIN_LIMIT:
         raise PostError(f"{count} bins: choose between 1 and {BIN_LIMIT}")
+    eta, theta = np.concatenate([one.distance for one in found]) / full, np.concatenate([one.theta for one in found])
     return ThetaTable(
         eta,
         theta,
@@ -142,9 +158,31 @@ def theta_eta(
         wall_temperature=hot,
         reference=start,
         height=full,
-        frame=index,
-        time=float(np.asarray(source.frames.time)[index]),
+        frame=int(chosen[-1]),
+        time=float(np.asarray(source.frames.time)[chosen[-1]]),
+        frames=chosen,
+        scatter=scatter(np.array([_statistics(one.distance / full, one.theta, count)[0] for one in found])),
     )
+
+
+class _FrameTheta(NamedTuple):
+    """Distances from the wall [m] and θ of the grains, index of the wall, its temperature [K], how far the grains reach [m]."""
+
+    distance: Floats
+    theta: Floats
+    wall: int
+    hot: float
+    reach: float
+
+
+def _of_frame(source: FrameSource, frame: GrainFrame, name: str | None, start: float) -> _FrameTheta:
+    temperature = need_heat(frame.temperature)
+    number = _find_wall(source, frame, name)
+    hot = float(need_heat(frame.wall_temperature)[number])
+    if abs(hot - start) <= _ROUNDING * abs(start):
+        raise PostError(f"θ needs a wall that is not at the reference temperature {start:g} K; choose another with --reference")
+    distance, reach = _distances(source, frame, number)
+    return _FrameTheta(distance, (temperature - start) / (hot - start), number, hot, reach)
 
 
 def _first_temperature(source: FrameSource) -> float:

@@ -12,13 +12,12 @@ from typing import Any
 import numpy as np
 
 from multicor_cli.post.source import Selection
+from multicor_cli.post.sums import Sums, average
 from multicor_cli.store.atomic import commit_bytes
 from multicor_cli.studies.cases import Case
 from multicor_cli.studies.directory import StudyDirectory
 from multicor_cli.studies.schema import After, Observable
 from multicor_cli.studies.tables import SOURCES, Number, Unobservable
-
-_BLOCKS = 10
 
 
 def observe(directory: StudyDirectory, case: Case, observables: Sequence[Observable]) -> dict[str, Any]:
@@ -119,7 +118,7 @@ def _start(run: Any, after: After | None) -> float | None:
 
 
 def _mean_of_series(run: Any, name: str, start: float | None) -> Number:
-    """Mean of a column, weighted by the windows, with the error of the means of ten blocks."""
+    """Mean of a column, weighted by the windows, with its standard error; see `multicor_cli.post.averages`."""
     if name not in run.series:
         raise Unobservable(f"the time series has no {name}; it has {', '.join(run.series)}")
     column = np.asarray(run.series[name], float)
@@ -133,8 +132,5 @@ def _mean_of_series(run: Any, name: str, start: float | None) -> Number:
     if not rows.size:
         raise Unobservable(f"the time series has no row after {start:g} s")
     weight = np.asarray(run.series["window_duration"])[rows]
-    mean = float((column[rows] * weight).sum() / weight.sum())
-    blocks = [block for block in np.array_split(rows, min(_BLOCKS, rows.size)) if block.size]
-    means = np.array([column[block].mean() for block in blocks])
-    error = float(means.std(ddof=1) / math.sqrt(means.size)) if means.size > 1 else math.nan
-    return Number(mean, error)
+    value, error = average(Sums((column[rows] * weight)[:, np.newaxis], weight[:, np.newaxis], weight))
+    return Number(float(value[0]), float(error[0]))

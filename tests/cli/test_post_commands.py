@@ -169,3 +169,18 @@ def test_runs_without_contacts_say_so(tmp_path: Path) -> None:
         assert done.stdout == ""
         assert done.stderr.count("\n") == 1
         assert "contacts = true in [output]" in done.stderr
+
+
+@pytest.mark.parametrize(
+    "arguments",
+    [["profile"], ["map", "--of", "velocity"], ["forces"], ["rheology"], ["energy"], ["theta-eta"], ["compare", "DIR"],
+     ["region", "--in", "{ min = [0, 0], max = [1, 1] }"]],
+)  # fmt: skip
+def test_a_figure_that_is_there_is_kept(arguments: list[str], finished: Path, tmp_path: Path) -> None:
+    figure = tmp_path / "figure.png"
+    figure.write_text("mine")
+    words = [str(finished) if word == "DIR" else word for word in arguments]
+    done = runner.invoke(app, ["post", words[0], str(finished), *words[1:], "--plot", str(figure)])
+    assert done.exit_code == 6
+    assert figure.read_text() == "mine"
+    assert f"{figure}: exists; choose another name, or give --overwrite" in done.stderr

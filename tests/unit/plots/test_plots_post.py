@@ -58,7 +58,8 @@ def test_rheology_has_a_panel_for_each_quantity_with_its_mean(run: Run) -> None:
         figure = make_figure()
         draw_rheology(figure, table)
     panels = figure.axes
-    assert len(panels) == 6
+    assert len(panels) == 8
+    assert figure.legends[0].get_texts()[0].get_text() == "mean"
     assert all("[" in panel.get_ylabel() for panel in panels)
     solid = next(panel for panel in panels if "solid" in panel.get_ylabel())
     assert solid.lines[0].get_ydata() == pytest.approx(table.values["solid_fraction"])

@@ -75,20 +75,22 @@ def test_comparison_of_two_runs(pair: tuple[Run, Run]) -> None:
     one, two = (rheology(run, later) for run in pair)
     rate = numbers["shear_rate"]
     assert rate.difference == pytest.approx(two.mean["shear_rate"] - one.mean["shear_rate"])
-    assert rate.ratio == pytest.approx(rate.difference / np.hypot(one.error["shear_rate"], two.error["shear_rate"]))
+    assert rate.ratio == pytest.approx(rate.difference / np.hypot(one.error["shear_rate"], two.error["shear_rate"]), nan_ok=True)
     speed = found.profiles["velocity"]
     assert speed.first.value.tolist() == profile(pair[0], "velocity", later).value.tolist()
     assert speed.second.y.size == speed.first.y.size
     expected = (speed.second.value - speed.first.value) / np.hypot(speed.first.error, speed.second.error)
-    assert speed.ratio == pytest.approx(expected)
-    assert speed.rms_ratio == pytest.approx(np.sqrt((expected**2).mean()))
+    assert speed.ratio == pytest.approx(expected, nan_ok=True)
+    known = expected[np.isfinite(expected)]
+    assert known.size
+    assert speed.rms_ratio == pytest.approx(np.sqrt((known**2).mean()))
     assert len(found.detail_rows) == 2 * speed.y.size
     assert found.as_dict()["profiles"]["velocity"]["rms_difference_over_error"] == speed.rms_ratio
     assert len(found.rows) == len(found.numbers) + 2
 
 
 def test_a_run_does_not_differ_from_itself(pair: tuple[Run, Run]) -> None:
-    found = compare(pair[0], pair[0])
+    found = compare(pair[0], pair[0], selection=Selection(start=0.012))  # over less, errors may not be known
     assert found.keys == ()
     assert all(p.difference == 0.0 or np.isnan(p.difference) for p in found.numbers)
     assert found.profiles["velocity"].rms_ratio == 0.0

@@ -15,6 +15,7 @@ from scene_parts import between_planes, make_shapes
 
 from multicor_cli.model import ShapeKind
 from multicor_cli.post import PostError, Selection, profile
+from multicor_cli.post.averages import standard_error
 from multicor_cli.post.binning import area_below, share_discs
 from multicor_cli.post.profile import ProfileTable
 
@@ -103,10 +104,13 @@ def test_profile_agrees_with_direct_computation(bins: int | None) -> None:
             [[numeric_area(y, a, low, high) for y, a in zip(f.position[:, 1], radius, strict=True)] for f in source.frames[1:6]]
         )
         speed = np.array([f.velocity[:, 0] for f in source.frames[1:6]])
-        blocks = (area * speed).sum(axis=1) / area.sum(axis=1)
         assert table.value[b] == pytest.approx((area * speed).sum() / area.sum(), rel=1e-6)
         assert table.area[b] == pytest.approx(area.sum() / 5, rel=1e-6)
-        assert table.error[b] == pytest.approx(blocks.std(ddof=1) / np.sqrt(5), rel=1e-5)
+        rest = np.array([(np.delete(area * speed, k, 0).sum() / np.delete(area, k, 0).sum()) for k in range(5)])
+        value = (area * speed).sum() / area.sum()
+        expected = float(standard_error(5.0 * value - 4.0 * rest))
+        assert table.error[b] == pytest.approx(expected, rel=1e-4, nan_ok=True)
+    assert "too few frames" in table.note
 
 
 def test_linear_profile_of_a_dense_stack() -> None:
@@ -117,13 +121,18 @@ def test_linear_profile_of_a_dense_stack() -> None:
     assert table.value[2:-2] == pytest.approx(2.0 * table.y[2:-2], rel=1e-4)
 
 
-def test_standard_error_uses_blocks_of_consecutive_frames() -> None:
-    """25 frames make ten blocks; with values of a block equal, the error is that of ten numbers."""
-    speed = np.repeat(np.arange(25.0)[:, np.newaxis] // 2.5, 2, axis=1)
-    source = make_source(np.full((25, 2), 0.5), np.full(2, 0.1), speed)
-    table = profile(source, selection=Selection(start=0.0), bins=1)
-    means = [speed[block].mean() for block in np.array_split(np.arange(25), 10)]
-    assert table.error[0] == pytest.approx(np.std(means, ddof=1) / np.sqrt(10))
+def test_errors_are_those_of_the_frames_and_drifts_are_told() -> None:
+    rng = np.random.default_rng(2)
+    speed = np.repeat(rng.normal(size=(60, 1)), 2, axis=1)
+    table = profile(make_source(np.full((60, 2), 0.5), np.full(2, 0.1), speed), selection=Selection(start=0.0), bins=1)
+    assert table.error[0] == pytest.approx(float(standard_error(speed[:, 0])))
+    assert table.note == ""
+    drifting = speed + np.linspace(0.0, 10.0, 60)[:, np.newaxis]
+    note = profile(make_source(np.full((60, 2), 0.5), np.full(2, 0.1), drifting), selection=Selection(start=0.0), bins=1).note
+    assert "1 bin drift, most in bin 1: by " in note
+    assert float(note.split("by ")[1].split(";")[0]) == pytest.approx(
+        np.polyfit(np.arange(60), drifting[:, 0], 1)[0] * 59, rel=0.05
+    )
 
 
 def test_empty_bins_and_single_frames_have_no_value_and_no_error() -> None:

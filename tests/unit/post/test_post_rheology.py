@@ -14,6 +14,7 @@ from scene_parts import between_planes, make_shapes
 
 from multicor_cli.model import ShapeKind
 from multicor_cli.post import PostError, Selection, rheology
+from multicor_cli.post.averages import standard_error
 from multicor_cli.post.rheology import QUANTITIES
 from multicor_cli.store import open_run
 
@@ -122,7 +123,7 @@ def test_granular_temperature_is_that_of_the_fluctuations() -> None:
     assert found == pytest.approx(0.5 * 0.2**2 * (1.0 - 51 / 400), rel=0.05)
 
 
-def test_means_are_ratios_of_sums_and_errors_come_from_blocks() -> None:
+def test_means_are_ratios_of_sums_and_errors_are_those_of_the_ratio() -> None:
     source = make_source(frames=23)
     factor = 1.0 + 0.3 * np.random.default_rng(1).random(220)
     source.series["wall_force"][:, 1, 1] *= factor
@@ -131,8 +132,14 @@ def test_means_are_ratios_of_sums_and_errors_come_from_blocks() -> None:
     force = source.series["wall_force"]
     assert table.mean["friction_walls"] == pytest.approx(force[:, 0, 0].sum() / force[:, 1, 1].sum())
     intervals = force.reshape(22, 10, 2, 3).sum(axis=1)
-    blocks = [part[:, 0, 0].sum() / part[:, 1, 1].sum() for part in np.array_split(intervals, 10)]
-    assert table.error["friction_walls"] == pytest.approx(np.std(blocks, ddof=1) / np.sqrt(10))
+    # the ratio of two sums, linearized: what each interval adds to shear − μ press, over the mean of press
+    shear, press = intervals[:, 0, 0], intervals[:, 1, 1]
+    mu = shear.sum() / press.sum()
+    assert table.error["friction_walls"] == pytest.approx(float(standard_error(mu + (shear - mu * press) / press.mean())), rel=0.02)
+    assert table.drift["friction_walls"] == pytest.approx(
+        np.polyfit(np.arange(22), (shear - mu * press) / press.mean(), 1)[0] * 21, rel=0.05
+    )
+    assert table.rows[4][4] == table.as_dict()["note"]["friction_walls"] == ""
     assert table.values["friction_walls"] == pytest.approx(intervals[:, 0, 0] / intervals[:, 1, 1])
 
 

@@ -1,0 +1,93 @@
+"""Errors of means over series whose errors are known: autoregressive ones of first order, with and without drift."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+
+from multicor_cli.post.averages import FEW_ROWS, pseudo_values, spread
+
+
+def autoregressive(phi: float, rows: int, count: int, seed: int = 1) -> np.ndarray:
+    """Stationary series of variance 1, shape ``(rows, count)``."""
+    noise = np.random.default_rng(seed).normal(size=(rows, count))
+    series = np.empty_like(noise)
+    series[0] = noise[0]
+    for k in range(1, rows):
+        series[k] = phi * series[k - 1] + math.sqrt(1.0 - phi * phi) * noise[k]
+    return series
+
+
+def variance_of_mean(phi: float, rows: int) -> float:
+    lag = np.arange(1, rows)
+    return float(1.0 + 2.0 * ((1.0 - lag / rows) * phi**lag).sum()) / rows
+
+
+@pytest.mark.parametrize("phi", [0.0, 0.5, 0.8, 0.9])
+def test_errors_are_true_and_intervals_cover(phi: float) -> None:
+    """800 series of 800 rows: ±2 errors would cover 95.4 % if they were known; four deviations of a binomial are 3 %."""
+    series = autoregressive(phi, 800, 800)
+    found = spread(series)
+    assert np.sqrt((found.error**2).mean() / variance_of_mean(phi, 800)) == pytest.approx(1.0, abs=0.12)
+    assert np.median(found.memory) == pytest.approx((1.0 + phi) / (1.0 - phi), rel=0.2)
+    cover = (np.abs(series.mean(axis=0)) < 2.0 * found.error).mean()
+    assert 0.92 < cover < 0.985
+    assert found.is_drifting.mean() < 0.02
+
+
+def test_short_series_that_remember_cover_more_than_those_of_blocks() -> None:
+    """30 rows that hold about ten independent ones; blocks of three rows are not independent."""
+    series = autoregressive(0.5, 30, 2000)
+    found = spread(series)
+    blocks = series.reshape(10, 3, -1).mean(axis=1).std(axis=0, ddof=1) / math.sqrt(10.0)
+    known = np.isfinite(found.error)
+    inside = np.abs(series.mean(axis=0)) < 2.0 * found.error
+    assert known.mean() > 0.95
+    assert inside[known].mean() > 0.88
+    assert inside[known].mean() > (np.abs(series.mean(axis=0)) < 2.0 * blocks).mean() + 0.03
+
+
+def test_drift_is_the_slope_and_is_told() -> None:
+    series = autoregressive(0.3, 200, 300)
+    time = np.linspace(2.0, 5.0, 200)
+    found = spread(series + (time - 2.0)[:, np.newaxis], time)
+    assert found.drift[0] == pytest.approx(3.0 * np.polyfit(time, series[:, 0], 1)[0] + 3.0)
+    assert found.drift.mean() == pytest.approx(3.0, abs=4.0 * found.drift.std() / math.sqrt(300))
+    assert np.sqrt((found.drift_error**2).mean()) == pytest.approx(found.drift.std(), rel=0.2)
+    assert found.is_drifting.mean() > 0.95
+    one = spread(series[:, 0] + time, time)
+    assert one.note() == "drifts"
+    assert not (one.error < found.drift_error[0] / 10.0)  # the drift is in the error, or there is none
+
+
+def test_errors_of_few_rows_are_told_to_be_a_guess() -> None:
+    """Eight independent rows: the errors are true on average, but ±2 of them cover less, and drifts cannot be told."""
+    series = autoregressive(0.0, 8, 4000)
+    found = spread(series)
+    assert np.isfinite(found.error).mean() > 0.9
+    inside = np.abs(series.mean(axis=0)) < 2.0 * found.error
+    assert 0.85 < inside[np.isfinite(found.error)].mean() < 0.954
+    assert found.is_unsure.all()
+    assert not found.is_drifting.any()
+    assert spread(series[:, 0]).note() == "too short"
+    assert not spread(autoregressive(0.0, FEW_ROWS, 50)).is_unsure.all()
+
+
+def test_what_cannot_be_known_is_not_a_number() -> None:
+    two = spread(np.array([1.0, 2.0]))
+    assert np.isnan(two.error)
+    assert two.drift == pytest.approx(1.0)
+    assert np.isnan(spread(np.array([1.0])).drift)
+    assert np.isnan(spread(np.array([])).error)
+    walk = spread(np.linspace(0.0, 1.0, 40) ** 2 + np.sin(np.linspace(0.0, 3.0, 40)))
+    assert np.isnan(walk.error)
+    assert walk.note() == "too short"
+    constant = spread(np.full(5, 0.1))
+    assert (float(constant.error), float(constant.drift), constant.note()) == (0.0, 0.0, "")
+
+
+def test_pseudo_values_of_a_ratio_of_equal_weights_are_its_rows() -> None:
+    rows = np.random.default_rng(3).random(12)
+    assert pseudo_values(np.asarray(rows.mean()), (rows.sum() - rows) / 11) == pytest.approx(rows)
