@@ -15,9 +15,10 @@ from multicor_cli.post.forces import ForceNetwork
 from multicor_cli.post.scene import images
 
 _POINTS = 72.0  # points per inch
-_WIDTH = 0.2  # width of the line of a mean force over the mean diameter
+_WIDTH = 0.15  # width of the line of a mean force over the mean diameter
+_SHOWN = (1.0, 3.0)  # forces over the mean whose lines the legend shows
 _LEGEND = 0.5  # room for the legend [inch]
-_WIDEST = 1.0  # width of the widest line over the mean diameter
+_WIDEST = 0.75  # width of the widest line over the mean diameter
 
 
 def _fill(figure: Any, network: ForceNetwork) -> None:
@@ -28,20 +29,24 @@ def draw_forces(axes: Any, network: ForceNetwork) -> None:
     """Draw a force network into matplotlib axes, with a legend above the figure."""
     from matplotlib.lines import Line2D
 
-    width = draw_network(axes, network)
-    if not width.size:
+    if not draw_network(axes, network).size:
         return
-    handles = [Line2D([], [], color=COLORS[k], linewidth=max(float(width.mean()), 1.0)) for k in (0, 1)]
-    labels = ["sticking", "sliding"]
-    title = f"width: normal force, mean {_mean_size(network):.3g} N"
-    axes.figure.legend(handles, labels, loc="outside upper center", ncols=2, title=title, title_fontsize=7.0)
+    mean, unit = _mean_size(network), _mean_width(axes, network)
+    handles = [Line2D([], [], color=COLORS[k], linewidth=2.0) for k in (0, 1)]
+    handles += [Line2D([], [], color="0.2", linewidth=times * unit, solid_capstyle="butt") for times in _SHOWN]
+    labels = ["sticking", "sliding", *(f"{times * mean:.2g} N" for times in _SHOWN)]
+    title = f"width: normal force, mean {mean:.3g} N"
+    axes.figure.legend(
+        handles, labels, loc="outside upper center", ncols=len(labels), title=title, title_fontsize=7.0,
+        columnspacing=1.0, handlelength=1.6, handletextpad=0.5,
+    )  # fmt: skip
 
 
 def draw_network(axes: Any, network: ForceNetwork) -> Floats:
     """Draw grains, walls and contacts into matplotlib axes; returns the widths of the lines of the contacts [points]."""
     from matplotlib.collections import LineCollection
 
-    draw_discs(axes, network.scene, color="0.92", edgecolors="0.8", linewidths=0.2, zorder=1)
+    draw_discs(axes, network.scene, color="0.93", edgecolors="0.55", linewidths=0.3, zorder=1)
     draw_walls(axes, network.scene)
     if not network.i.size:
         return np.zeros(0)
@@ -64,12 +69,17 @@ def segments(network: ForceNetwork) -> tuple[Floats, Any]:
 
 def line_widths(axes: Any, network: ForceNetwork) -> Floats:
     """Widths of the lines [points], proportional to the normal forces without sign; the largest are cut off at a wide line."""
+    unit = _mean_width(axes, network)
+    relative = np.abs(network.force[:, 0]) / _mean_size(network)
+    return np.asarray(np.minimum(unit * relative, _WIDEST / _WIDTH * unit))
+
+
+def _mean_width(axes: Any, network: ForceNetwork) -> float:
+    """Width of the line of a mean force [points]."""
     scene = network.scene
     inches = axes.figure.get_size_inches()
     per_meter = float(min(inches / (scene.box[1] - scene.box[0]))) * _POINTS
-    diameter = 2.0 * float(scene.radius.mean()) * per_meter
-    relative = np.abs(network.force[:, 0]) / _mean_size(network)
-    return np.asarray(np.minimum(_WIDTH * diameter * relative, _WIDEST * diameter))
+    return _WIDTH * 2.0 * float(scene.radius.mean()) * per_meter
 
 
 def _mean_size(network: ForceNetwork) -> float:

@@ -38,11 +38,21 @@ def draw_map(place: Place, table: GrainMap, *, has_streamlines: bool = True) -> 
 
 def draw_values(axes: Any, table: GrainMap, norm: Any, *, has_streamlines: bool = True) -> Any:
     """Draw the grains, walls and vectors of a map in the colors of ``norm``; returns the collection of the grains."""
-    discs = draw_discs(axes, table.scene, value=table.value, cmap=color_map(table.field.colors), norm=norm)
+    # Where a color is the background's own, an outline keeps the grain visible.
+    outline = {"edgecolors": "0.45", "linewidths": 0.2} if table.field.scale in ("centered", "logarithmic") else {}
+    discs = draw_discs(axes, table.scene, value=table.value, cmap=_colors(table), norm=norm, **outline)
     draw_walls(axes, table.scene)
     if table.vector is not None:
         (draw_streamlines if has_streamlines else _draw_arrows)(axes, table)
     return discs
+
+
+def _colors(table: GrainMap) -> Any:
+    """The color map of a map; on a logarithmic scale what is zero or negative is white, and not the darkest color."""
+    import matplotlib as mpl
+
+    colors = mpl.colormaps[color_map(table.field.colors)]
+    return colors.with_extremes(bad="white", under="white") if table.field.scale == "logarithmic" else colors
 
 
 def draw_bar(axes: Any, table: GrainMap, discs: Any, scale: tuple[Any, str]) -> None:
@@ -67,7 +77,7 @@ def color_scale(table: GrainMap) -> tuple[Any, str]:
     low, high = color_range(table.field, value, table.scene.radius.size)
     ends = (bool(value.min() < low), bool(value.max() > high))
     extend = {(False, False): "neither", (True, False): "min", (False, True): "max"}.get(ends, "both")
-    return LogNorm(low, high, clip=True) if is_logarithmic else Normalize(low, high), extend
+    return LogNorm(low, high) if is_logarithmic else Normalize(low, high), extend
 
 
 def _draw_arrows(axes: Any, table: GrainMap) -> None:

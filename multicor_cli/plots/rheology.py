@@ -22,7 +22,7 @@ _PANELS: tuple[tuple[str, tuple[tuple[str, str], ...]], ...] = (
     ("contacts per grain [–]", (("coordination", "$Z$, all"), ("coordination_loaded", "Z′, no rattlers"))),
     ("anisotropy $a_c$ [–]", (("fabric_anisotropy", ""),)),
     (r"spin $\langle\omega\rangle/\dot\gamma$ [–]", (("spin_ratio", ""),)),
-    (r"granular temperature $T_g$ [m²/s²]", (("granular_temperature", ""),)),
+    (r"granular temp. $T_g$ [m²/s²]", (("granular_temperature", ""),)),
 )
 """Label of the axis, and the quantities of each panel with their names."""
 
@@ -75,12 +75,19 @@ def draw_panel(panel: Any, table: OverTime, label: str, quantities: Sequence[tup
     panel.margins(y=0.12)
     _widen(panel, [table.mean[name] for name, _ in quantities])
     panel.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
-    if len(quantities) > 1:
-        panel.legend(loc="best")
+    if len(quantities) > 1:  # above the panel, where no line runs
+        panel.legend(
+            loc="lower right",
+            bbox_to_anchor=(1.0, 1.0),
+            ncols=len(quantities),
+            borderaxespad=0.1,
+            columnspacing=1.0,
+            handlelength=1.4,
+        )
 
 
 def explain(figure: Any, table: OverTime) -> None:
-    """Say above the panels what lines and bands are; bands only if an error is known."""
+    """Say below the panels what lines and bands are; bands only if an error is known."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
@@ -89,7 +96,7 @@ def explain(figure: Any, table: OverTime) -> None:
     if np.isfinite(list(table.error.values())).any():
         handles.append(Patch(color="0.3", alpha=0.2, linewidth=0.0))
         labels.append("± standard error")
-    figure.legend(handles, labels, loc="outside upper center", ncols=2)
+    figure.legend(handles, labels, loc="outside lower center", ncols=2)
 
 
 def _widen(panel: Any, means: list[float]) -> None:

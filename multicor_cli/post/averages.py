@@ -27,24 +27,24 @@ class Spread(NamedTuple):
         drift: Least-squares slope times the time from the first to the last row; nan with fewer than two.
         drift_error: Standard error of the drift; nan as that of the mean.
         memory: Rows that count as one independent row, g ≥ 1: the variance of the mean is g times that of independent rows.
-        count: Rows that count.
+        number: How many rows count.
     """
 
     error: Floats
     drift: Floats
     drift_error: Floats
     memory: Floats
-    count: Floats
+    number: Floats
 
     @property
     def is_drifting(self) -> NDArray[np.bool_]:
         """Whether the drift is beyond `SURE` of its standard errors; of few rows it is not known."""
-        return np.asarray((np.abs(self.drift) > SURE * self.drift_error) & (self.count >= FEW_ROWS), np.bool_)
+        return np.asarray((np.abs(self.drift) > SURE * self.drift_error) & (self.number >= FEW_ROWS), np.bool_)
 
     @property
     def is_unsure(self) -> NDArray[np.bool_]:
         """Whether the error is not known, or a guess from `FEW_ROWS`."""
-        return np.asarray(np.isnan(self.error) | (self.count < FEW_ROWS) & (self.error > 0.0), np.bool_)
+        return np.asarray(np.isnan(self.error) | (self.number < FEW_ROWS) & (self.error > 0.0), np.bool_)
 
     def note(self) -> str:
         """A word on the mean of a single column: that it drifts, or that its rows are too few for a good error; else nothing."""

@@ -103,7 +103,7 @@ def color_range(quantity: Quantity, values: NDArray[Any], grains: int) -> tuple[
     low, high = float(values.min()), float(values.max())
     if quantity.scale == "logarithmic":
         high = high if high > 0.0 else 1.0
-        return _DECADES * high, high  # what has received nothing has the lowest color
+        return _DECADES * high, high  # what has received nothing, or less, has a color of its own
     if grains >= _ENOUGH:
         inner = np.quantile(values, (1.0 - _QUANTILE, _QUANTILE)).tolist()
         room = _WORTH * (inner[1] - inner[0])
@@ -131,6 +131,14 @@ def _wall(column: int) -> Callable[[GrainFrame, Model], Floats]:
 
 def _speeds(source: FrameSource, frame: int) -> Floats:
     return np.asarray(np.hypot(*np.asarray(source.frames[frame].velocity, np.float64).T[:2]))
+
+
+def _displacements(source: FrameSource, frame: int) -> Floats:
+    """Distances from where the grains were in the first frame, periods they have passed included [m], shape ``(n,)``."""
+    first, now = source.frames[0], source.frames[frame]
+    need_same_grains(first, now)
+    moved = np.asarray(now.unwrapped, np.float64) - np.asarray(first.unwrapped, np.float64)
+    return np.asarray(np.hypot(*moved.T[:2]))
 
 
 def _heat_rates(source: FrameSource, frame: int) -> Floats:
@@ -211,7 +219,16 @@ QUANTITIES: dict[str, Quantity] = {
         Quantity(
             "velocity", "velocity", "v_x", "m/s", **_each(lambda frame: frame.velocity[:, 0]), of_walls=_wall(0), scaling="walls"
         ),
+        Quantity(
+            "velocity-y", "vertical velocity", "v_y", "m/s", **_each(lambda frame: frame.velocity[:, 1]),
+            of_walls=_wall(1), colors="balance", scale="centered",
+        ),
         Quantity("speed", "speed", r"|v|", "m/s", _speeds, scale="from zero"),
+        Quantity("displacement", "displacement", r"|\Delta x|", "m", _displacements, scale="from zero"),
+        Quantity(
+            "rotation", "rotation since the start", r"\theta", "rad",
+            lambda source, frame: np.asarray(source.frames[frame].angle, np.float64), "balance", "centered",
+        ),
         Quantity(
             "spin", "spin", r"\omega", "rad/s", **_each(lambda frame: frame.spin),
             of_walls=_wall(2), scaling="shear", colors="balance", scale="centered",
@@ -235,7 +252,7 @@ QUANTITIES: dict[str, Quantity] = {
             "force", "largest contact force", r"f_\mathrm{max}", "N", _of_contacts(lambda contacts: contacts.largest),
             scale="from zero",
         ),
-        Quantity("stress", "contact pressure", "p", "N/m", _pressures, "cividis", "logarithmic"),
+        Quantity("stress", "contact pressure", "p", "N/m", _pressures, "cividis", "from zero"),
         Quantity("pressure", "contact pressure", "p", "N/m", kind="contact", of_contacts=_mean_pressure, needs_contacts=True),
         *(_stress(a, b) for a in (0, 1) for b in (0, 1)),
         *(_kinetic_stress(a, b) for a, b in ((0, 0), (0, 1), (1, 1))),

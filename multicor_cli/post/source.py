@@ -59,6 +59,14 @@ class GrainFrame(Protocol):
         """Length of the last step [s]; 0 before the first."""
 
     @property
+    def unwrapped(self) -> NDArray[Any]:
+        """Centers with the periods added by which x was wrapped [m], shape ``(n, 2)``."""
+
+    @property
+    def angle(self) -> NDArray[Any]:
+        """Rotations since the start of the run [rad], shape ``(n,)``."""
+
+    @property
     def contacts(self) -> Contacts:
         """Contacts of the last step."""
 
