@@ -13,6 +13,9 @@ def picture(shown: Any) -> bytes | None:
     """A map of the last frame of a run, or of a frame, as PNG; None where there is nothing to draw or to draw with.
 
     Temperatures where there is heat, else speeds.
+
+    Args:
+        shown: `Run` or `Frame`.
     """
     with contextlib.suppress(ImportError):
         from matplotlib.figure import Figure
