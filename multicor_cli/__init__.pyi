@@ -1,9 +1,18 @@
 from .checks import check_run as check_run
 from .checks import check_scenario as check_scenario
+from .engine.contact.report import PhysicsError as PhysicsError
 from .plots.notebook import picture as picture
 from .running import run as run
+from .running.outcome import RunOutcome as RunOutcome
+from .running.outcome import StageTimeout as StageTimeout
+from .running.steering import Now as Now
 from .scenario.load import load_scenario as load_scenario
+from .scenario.problems import ScenarioError as ScenarioError
 from .scenario.scenario import Scenario as Scenario
+from .store.errors import StoreError as StoreError
+from .store.frame_view import Contacts as Contacts
+from .store.frame_view import Frame as Frame
+from .store.reader import Run as Run
 from .store.reader import open_run as open_run
 from .studies import study as study
 

@@ -94,6 +94,7 @@ def _describe(found: dict[str, Any]) -> list[tuple[str, str]]:
         ("time", _text(found["time"], " s")),
         ("stages", ", ".join(found["stages"])),
         *_describe_extensions(found["extensions"]),
+        *_describe_steering(found["steering"]),
         *_describe_ends(found["stage_ends"]),
         ("wall time", "–" if found["duration"] is None else format_seconds(found["duration"])),
         ("state digest", _text(found["state_digest"])),
@@ -108,6 +109,15 @@ def _describe(found: dict[str, Any]) -> list[tuple[str, str]]:
 def _describe_extensions(extensions: list[dict[str, Any]]) -> list[tuple[str, str]]:
     texts = [f"from {e['stages_before']} to {e['stages']} stages at {e['started']}, at step {_text(e['step'])}" for e in extensions]
     return [("  extended", text) for text in texts]
+
+
+def _describe_steering(steering: dict[str, Any] | None) -> list[tuple[str, str]]:
+    if steering is None:
+        return []
+    decisions = count_noun(len(steering["decisions"]), "decision")
+    return [
+        ("  steered", f"by the Python program {steering['by']}, asked every {count_noun(steering['every'], 'step')}: {decisions}")
+    ]
 
 
 def _describe_origin(origin: dict[str, Any] | None) -> list[tuple[str, str]]:

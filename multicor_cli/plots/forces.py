@@ -17,7 +17,7 @@ from multicor_cli.post.scene import images
 _POINTS = 72.0  # points per inch
 _WIDTH = 0.15  # width of the line of a mean force over the mean diameter
 _SHOWN = (1.0, 3.0)  # forces over the mean whose lines the legend shows
-_LEGEND = 0.5  # room for the legend [inch]
+_LEGEND = 0.62  # room for the legend [inch]
 _WIDEST = 0.75  # width of the widest line over the mean diameter
 
 
@@ -37,7 +37,7 @@ def draw_forces(axes: Any, network: ForceNetwork) -> None:
     labels = ["sticking", "sliding", *(f"{times * mean:.2g} N" for times in _SHOWN)]
     title = f"width: normal force, mean {mean:.3g} N"
     axes.figure.legend(
-        handles, labels, loc="outside upper center", ncols=len(labels), title=title, title_fontsize=7.0,
+        handles, labels, loc="outside upper center", ncols=2, title=title, title_fontsize=7.0,
         columnspacing=1.0, handlelength=1.6, handletextpad=0.5,
     )  # fmt: skip
 

@@ -39,7 +39,7 @@ def draw_map(place: Place, table: GrainMap, *, has_streamlines: bool = True) -> 
 def draw_values(axes: Any, table: GrainMap, norm: Any, *, has_streamlines: bool = True) -> Any:
     """Draw the grains, walls and vectors of a map in the colors of ``norm``; returns the collection of the grains."""
     # Where a color is the background's own, an outline keeps the grain visible.
-    outline = {"edgecolors": "0.45", "linewidths": 0.2} if table.field.scale in ("centered", "logarithmic") else {}
+    outline: dict[str, Any] = {"edgecolors": "0.45", "linewidths": 0.2} if table.field.scale in ("centered", "logarithmic") else {}
     discs = draw_discs(axes, table.scene, value=table.value, cmap=_colors(table), norm=norm, **outline)
     draw_walls(axes, table.scene)
     if table.vector is not None:

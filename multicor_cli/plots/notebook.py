@@ -20,6 +20,9 @@ def picture(shown: Any) -> bytes | None:
     """A map of the last frame of a run, or of a frame, as PNG; None where there is nothing to draw or to draw with.
 
     Temperatures where there is heat, else speeds.
+
+    Args:
+        shown: `Run` or `Frame`.
     """
     run: Any = shown if hasattr(shown, "frames") else _Single(shown)
     if not len(run.frames.time) or find_spec("matplotlib") is None:

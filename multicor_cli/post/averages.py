@@ -130,8 +130,6 @@ def _spread_column(values: Floats, times: Floats) -> tuple[float, float, float, 
     # Means of what is constant, and pseudo-values of it, differ by rounding alone.
     if np.abs(x_away).max() <= 8.0 * x.size * np.finfo(float).eps * np.abs(x).max():
         return 0.0, 0.0, 0.0, 1.0, x.size
-    if x.size == 2:  # their slope leaves nothing over
-        return math.nan, drift, math.nan, math.nan, 2
     memory = _inefficiency(x_away)
     error = _error(x_away, memory, 1.0)
     rest = x_away - drift * t_away

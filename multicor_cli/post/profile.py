@@ -252,7 +252,19 @@ def profiles(
     bin_width: float | None = None,
     exclude_walls: float = 0.0,
 ) -> ProfileSet:
-    """As `profile`, for a field or for all fields of one of `PROFILE_GROUPS`, reading every frame once."""
+    """As `profile`, for a field or for several at once, reading every frame once.
+
+    Args:
+        source: The run.
+        of: Name of the field, one of `PROFILED`, or of one of `PROFILE_GROUPS`.
+        selection: Which frames; default: the later half of the last stage.
+        bins: Number of bins, as for `profile`.
+        bin_width: Width of a bin in mean diameters, likewise.
+        exclude_walls: What to leave out at each wall, in mean diameters, likewise.
+
+    Raises:
+        PostError: As `profile`.
+    """
     fields = _find_fields(of)
     chosen = (selection or Selection()).indices(source.frames)
     kind = fields[0].kind

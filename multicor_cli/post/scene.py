@@ -37,7 +37,15 @@ class GrainScene:
 
 
 def make_scene(source: FrameSource, frame: GrainFrame) -> GrainScene:
-    """The scene of a frame; x is wrapped into the period."""
+    """The scene of a frame; x is wrapped into the period.
+
+    Args:
+        source: The run.
+        frame: One of its frames.
+
+    Raises:
+        StoreError: If the run cannot be read.
+    """
     model = model_of(source, frame)
     center = np.array(np.asarray(frame.position, np.float64)[:, :2])
     walls = [outline for _, outline in placed_walls(model, np.asarray(frame.wall_position, np.float64))]

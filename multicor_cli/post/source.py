@@ -140,7 +140,15 @@ def need_heat(values: NDArray[Any] | None) -> Floats:
 
 
 def frame_index(frames: FrameSequence, frame: int) -> int:
-    """A frame counted from the first one, of one that may count from the last (negative); raises `PostError`."""
+    """A frame counted from the first one, of one that may count from the last.
+
+    Args:
+        frames: The frames.
+        frame: Index; negative counts from the last one.
+
+    Raises:
+        PostError: If there is no such frame.
+    """
     try:
         return frame_number(np.asarray(frames.time).size, frame)
     except NoFrame as error:

@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from multicor_cli.running.observer import Observer
     from multicor_cli.running.outcome import RunOutcome
+    from multicor_cli.running.steering import Steer
     from multicor_cli.scenario.scenario import Scenario
 
 
@@ -22,6 +23,8 @@ def run(
     overwrite: bool = False,
     extend: bool = False,
     observer: Observer | None = None,
+    steer: Steer | None = None,
+    steer_every: int = 1,
 ) -> RunOutcome:
     """Run a scenario, or continue a run that was stopped: the same call does both.
 
@@ -36,16 +39,25 @@ def run(
         overwrite: Whether a run that is in the directory may be removed.
         extend: Whether stages that the scenario has more at its end than the run in the directory are added to that run.
         observer: Is told how the run goes; default: none.
+        steer: A function that is called with a `Now` after steps of stages that are not frozen. It reads what there is, and may
+            end the stage, name the next one, or end the run. It must decide by what it reads and by ``now.notes`` alone: then the
+            same scenario and function give the same bits, also if the run is stopped in between and goes on with the same call.
+        steer_every: Number of steps of a stage from call to call.
 
     Raises:
-        ScenarioError: If the scenario is wrong, or not the one with which the run in the directory began.
+        ScenarioError: If the scenario is wrong, or not the one with which the run in the directory began; if a stage that ``steer``
+            names is wrong.
         PhysicsError: If the run cannot go on; its last checkpoint is kept.
         StageTimeout: If the condition of a stage was not reached in time, and that is to stop the run (``on_timeout = "stop"``).
         StoreError: If the directory cannot be used, or a file cannot be written or is damaged.
-        ValueError: If there cannot be so many threads, ``overrides`` come with a loaded scenario, or ``overwrite`` with ``extend``.
+        Exception: What ``steer`` raises, after a checkpoint: the same call goes on before the step after which it failed.
+        ValueError: If there cannot be so many threads, ``overrides`` come with a loaded scenario, or ``overwrite`` with ``extend``;
+            if ``steer_every`` is less than 1.
     """
     if overwrite and extend:
         raise ValueError("a run is either extended or overwritten")
+    if steer_every < 1:
+        raise ValueError(f"steer_every counts steps and must be at least 1, is {steer_every}")
     from multicor_cli.running.threads import reserve_threads
     from multicor_cli.scenario.load import load_scenario
 
@@ -58,5 +70,15 @@ def run(
 
     path = Path(directory) if directory is not None else Path("runs") / scenario.name
     seconds = None if max_hours is None else 3600.0 * max_hours
-    session = Session(scenario, path, threads=count, max_seconds=seconds, overwrite=overwrite, extend=extend, observer=observer)
+    session = Session(
+        scenario,
+        path,
+        threads=count,
+        max_seconds=seconds,
+        overwrite=overwrite,
+        extend=extend,
+        observer=observer,
+        steer=steer,
+        steer_every=steer_every,
+    )
     return session.run()

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -19,6 +20,7 @@ from multicor_cli.running.pace import Pace
 from multicor_cli.running.plan import RunPlan, StagePlan
 from multicor_cli.running.signals import Switchboard
 from multicor_cli.running.stage import Staged, begin_stage, resume_stage
+from multicor_cli.running.steering import Steering
 from multicor_cli.store.stage_ends import StageEnd
 
 HEARTBEAT = 2.0
@@ -69,7 +71,8 @@ class Controller:
     1. At the very start of a run: frame 0 and series row 0, then a checkpoint.
     2. Before every step: stop if a signal or the time limit says so (after a checkpoint); a checkpoint if one is due.
     3. Before every step but frozen ones: grains go and come. Before the first step of a stage: its drives.
-    4. A step; then peak energy of the stage, and what its condition notes of the step.
+    4. A step; then peak energy of the stage, and what its condition notes of the step. If the stage goes on, the program that
+       steers the run is asked, if there is one: it may end the stage. If it fails, a checkpoint of the state before the step.
     5. If due or the stage is over: series row (the window starts anew), frame.
     6. If the stage is over: the state moves on to the next stage. After the last one: a checkpoint. If its time ran out and that is
        to stop the run: a checkpoint with the state where it is, and `StageTimeout`. Told to go on, the run starts from here.
@@ -88,6 +91,7 @@ class Controller:
         switchboard: Switchboard | None = None,
         deadline: float | None = None,
         stage_starts: Sequence[float] = (0.0,),
+        steering: Steering | None = None,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
         """Set up; nothing is written yet.
@@ -101,6 +105,7 @@ class Controller:
             deadline: Reading of ``clock`` at which to stop.
             stage_starts: Times at which the stages up to that of the state have begun [s]; for a run that goes on from another on
                 the clock of that one, so that what signals are kept from stage to stage by has the same bits.
+            steering: Asks the program that steers the run; not in frozen stages.
             clock: Monotonic clock [s].
         """
         self._plan = plan
@@ -110,6 +115,7 @@ class Controller:
         self._signals = switchboard or Switchboard()
         self._deadline = deadline
         self._starts = list(stage_starts)
+        self._steering = steering
         self._clock = clock
         self._pace = Pace()
         self._steps = 0
@@ -160,6 +166,8 @@ class Controller:
                 self._checkpoint()
                 return reason
             self._checkpoint_if_due()
+            if self._steering is not None:
+                self._steering.keep(state)
             if not stage.is_frozen:
                 self._engine.exchange()
             report = self._first_step(stage) if state.stage_step == 0 else self._step(stage)
@@ -203,20 +211,33 @@ class Controller:
     def _after_step(self, stage: StagePlan, report: StepReport) -> bool:
         """Write what is due, tell the observer, move on to the next stage; True if the stage is over."""
         state = self._engine.state
-        has_ended = stage.has_ended(state)
+        is_steered = not stage.has_ended(state) and self._is_ended_by_program(stage, report)
+        has_ended = is_steered or stage.has_ended(state)
         if has_ended or stage.is_series_due(state):
             self._write_series()
         if has_ended or stage.is_frame_due(state):
             self._write_frame()
         if has_ended:
-            self._end_stage(stage)
+            self._end_stage(stage, is_steered=is_steered)
         self._tell(stage, report)
         return has_ended
 
-    def _end_stage(self, stage: StagePlan) -> None:
+    def _is_ended_by_program(self, stage: StagePlan, report: StepReport) -> bool:
+        """Ask the program that steers the run, if it is time; True if it ends the stage, and the plan is then as it says."""
+        if self._steering is None or not self._steering.is_due or stage.is_frozen:
+            return False
+        try:
+            plan = self._steering.ask(self._engine.state, stage, report, self._engine.contacts)
+        except BaseException:
+            self._recorder.checkpoint(self._steering.go_back())
+            raise
+        self._plan = plan or self._plan
+        return plan is not None
+
+    def _end_stage(self, stage: StagePlan, *, is_steered: bool = False) -> None:
         """Move on to the next stage, or stop here if the stage has timed out and says so."""
         state = self._engine.state
-        end = stage.end_of(state)
+        end = replace(stage.end_of(state), reason="steered") if is_steered else stage.end_of(state)
         self._recorder.stage_ended(end)
         if end.has_timed_out and stage.stops_late:
             self._checkpoint()

@@ -32,6 +32,7 @@ from multicor_cli.running.plan import RunPlan
 from multicor_cli.running.planning import make_plan, stage_name
 from multicor_cli.running.recorder import DirectoryRecorder
 from multicor_cli.running.signals import Switchboard
+from multicor_cli.running.steering import Steer, Steering
 from multicor_cli.scenario.load import parse_scenario
 from multicor_cli.scenario.overrides import apply_overrides
 from multicor_cli.scenario.problems import ScenarioError
@@ -63,6 +64,8 @@ class Session:
         overwrite: bool = False,
         extend: bool = False,
         observer: Observer | None = None,
+        steer: Steer | None = None,
+        steer_every: int = 1,
         switchboard: Switchboard | None = None,
         review: Review | None = None,
     ) -> None:
@@ -76,6 +79,8 @@ class Session:
             overwrite: Whether a run that is there may be removed.
             extend: Whether stages that the scenario has more than the run at its end are added to the run.
             observer: Who is told.
+            steer: Program that steers the run.
+            steer_every: Number of steps from call to call of it.
             switchboard: Where signals arrive, if the caller has installed one already.
             review: Looks at a new run before anything is written; what it raises ends the run there.
         """
@@ -85,6 +90,8 @@ class Session:
         self._overwrite = overwrite
         self._extend = extend
         self._observer = observer or SilentObserver()
+        self._steer, self._steer_every = steer, steer_every
+        self._steering: Steering | None = None
         self._signals = switchboard or Switchboard()
         self._review = review
         self._started = time.monotonic()
@@ -137,11 +144,13 @@ class Session:
             precision=self._scenario.output.precision,
             overwrite=self._overwrite,
             origin=placed.origin,
+            steering=self._steering_record(),
         ) as directory:
             return self._carry_on(directory, self._scenario, placed.model, placed.state, is_new=True)
 
     def _continue(self) -> RunOutcome:
         document = read_run_document(self._path)
+        self._refuse_other_program(document)
         before = read_scenario(self._path / RESOLVED, document["resolved_sha256"])
         scenario = _with_groups_of(_with_defaults_of(self._scenario, before), before)
         scenario = _with_seed_of(scenario, int(document["provenance"]["seed"]))
@@ -192,6 +201,29 @@ class Session:
         names = [stage_name(stage, number) for number, stage in enumerate(scenario.loading)]
         return Extension(scenario.source, resolved, names)
 
+    def _steering_record(self) -> dict[str, Any] | None:
+        """What ``run.json`` says at first of the program that steers the run."""
+        if self._steer is None:
+            return None
+        return {"by": _name_of(self._steer), "every": self._steer_every, "decisions": [], "notes": {}}
+
+    def _refuse_other_program(self, document: dict[str, Any]) -> None:
+        """A run that is steered goes on with its program only, and one that is not with none; raises `DirectoryRefused`."""
+        before, now = document.get("steering"), self._steering_record()
+        if before is not None and self._extend:
+            what = f"{self._path}: is steered by the Python program {before['by']}, and no stages can be added to it"
+            raise DirectoryRefused(f"{what}; go on from its end in another run, with [start]")
+        if document["status"] == "finished":
+            return
+        if before is not None and now is None:
+            what = f"{self._path}: is steered by the Python program {before['by']}"
+            raise DirectoryRefused(f"{what}; go on with it, by multicor_cli.run(…, steer=…), or choose another directory with -o")
+        if now is not None and before is None:
+            raise DirectoryRefused(f"{self._path}: this run began without steer; go on without, or choose another directory")
+        if now is not None and before is not None and now["every"] != before["every"]:
+            remedy = "go on with that, or choose another directory"
+            raise DirectoryRefused(f"{self._path}: this run began with steer_every={before['every']}; {remedy}")
+
     def _compare_versions(self, before: str) -> None:
         if before != __version__:
             self._observer.warning(f"the run began with multicor {before}, this is {__version__}: its bits may differ from here on")
@@ -208,6 +240,9 @@ class Session:
 
     def _carry_on(self, directory: RunDirectory, scenario: Scenario, model: Model, state: State, *, is_new: bool) -> RunOutcome:
         with self._recording_failure(directory):
+            if self._steer is not None:
+                self._steering = Steering(self._steer, scenario, model, directory)
+                scenario = self._steering.scenario
             plan = make_plan(scenario, model, state)
             first = 0.0 if directory.origin is None else directory.origin.time
             starts = [first] if state.stage == 0 else stage_starts(self._path, state, plan, first)
@@ -223,6 +258,7 @@ class Session:
                 switchboard=self._signals,
                 deadline=self._deadline,
                 stage_starts=starts,
+                steering=self._steering,
             )
             reason = controller.run(is_new=is_new)
             timings = {"wall": time.monotonic() - self._started, **engine.timers}
@@ -251,7 +287,9 @@ class Session:
         except Exception as error:
             if directory.status == "running":
                 with contextlib.suppress(StoreError, MemoryError):
-                    directory.finish("failed", stop_reason=_describe(error), exit_code=exit_code_of(error))
+                    is_program = self._steering is not None and self._steering.has_failed
+                    reason = f"the program that steers the run: {type(error).__name__}: {error}" if is_program else _describe(error)
+                    directory.finish("failed", stop_reason=reason, exit_code=exit_code_of(error))
             raise
 
 
@@ -297,6 +335,12 @@ def stage_starts(path: Path, state: State, plan: RunPlan, first: float = 0.0) ->
     return starts
 
 
+def _name_of(steer: Steer) -> str:
+    """What ``run.json`` calls a program: module and name of the function, or of the class of an object that is called."""
+    named = steer if hasattr(steer, "__qualname__") else type(steer)
+    return f"{named.__module__}.{named.__qualname__}"
+
+
 def _describe(error: Exception) -> str:
     return str(error) if exit_code_of(error) is not ExitCode.BUG else f"internal error: {type(error).__name__}: {error}"
 
@@ -304,8 +348,7 @@ def _describe(error: Exception) -> str:
 def _with_defaults_of(scenario: Scenario, before: str) -> Scenario:
     """The scenario with the defaults of the version that began the run, where it leaves keys to their defaults."""
     former = former_defaults(before, scenario.resolved_toml(), _given(scenario))
-    own = scenario.sources.applied.values()
-    return parse_scenario(scenario.source, scenario.path, [*own, *former]) if former else scenario
+    return scenario.with_overrides(former) if former else scenario
 
 
 def _with_seed_of(scenario: Scenario, seed: int) -> Scenario:
@@ -343,7 +386,7 @@ def _refuse_other_origin(scenario: Scenario, before: Origin | None, now: Origin 
 def _given(scenario: Scenario) -> dict[str, Any]:
     """What the user has written, in the file and in overrides: no defaults."""
     data = tomllib.loads(scenario.source)
-    apply_overrides(data, list(scenario.sources.applied.values()))
+    apply_overrides(data, scenario.sources.overrides)
     return data
 
 

@@ -48,13 +48,24 @@ def load_scenario(path: str | Path, overrides: Sequence[str] = ()) -> Scenario:
     return parse_scenario(read_text(path), path, overrides)
 
 
-def parse_scenario(text: str, path: str | Path, overrides: Sequence[str] = ()) -> Scenario:
-    """Check the text of a scenario file; as `load_scenario`, with ``path`` used for messages and relative paths only."""
+def parse_scenario(text: str, path: str | Path, overrides: Sequence[str] = (), *, file: str | None = None) -> Scenario:
+    """Check the text of a scenario file; as `load_scenario`, with ``path`` used for messages and relative paths only.
+
+    Args:
+        text: The text.
+        path: The file.
+        overrides: Values set on the command line.
+        file: What messages call the file, if that is not its path; empty: they name keys only.
+
+    Raises:
+        ScenarioError: The scenario is wrong.
+    """
+    file = str(path) if file is None else file
     path, text = Path(path), text.removeprefix("\ufeff").replace("\r\n", "\n")
-    data = deepcopy(parse_toml(text, str(path)))
+    data = deepcopy(parse_toml(text, file))
     applied, problems = apply_overrides(data, overrides)
     evaluated = evaluate_expressions(data)
-    sources = Sources(str(path), text, applied, evaluated.shown)
+    sources = Sources(file, text, applied, evaluated.shown, overrides)
     has_taken = take_groups(data, path.parent)
     model, invalid = check_document(data, path.parent)
     if has_taken:

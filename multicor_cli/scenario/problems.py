@@ -43,7 +43,7 @@ class Problem:
     """One thing that is wrong with a scenario.
 
     Attributes:
-        file: Name of the file, or ``--set``.
+        file: Name of the file, or ``--set``; empty for a scenario that comes from none.
         line: Line, from 1; 0 where there is no position (the file cannot be read, the command line).
         column: Column, from 1; 0 likewise, except inside an expression from the command line.
         key: Dotted path of the key with 0-based indices, as ``--set`` takes it; empty for the whole file.

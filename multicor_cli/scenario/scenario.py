@@ -3,18 +3,15 @@
 from __future__ import annotations
 
 import secrets
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
-
-import tomli_w
 
 from multicor_cli.scenario.checks.grains import region_of
 from multicor_cli.scenario.drives import StageDrives, stage_drives
 from multicor_cli.scenario.exchange import Outlet
 from multicor_cli.scenario.heat import Heat
-from multicor_cli.scenario.inline import in_line
 from multicor_cli.scenario.loading import Stage, frozen_dt
 from multicor_cli.scenario.materials import ContactPair, Material
 from multicor_cli.scenario.models import ScenarioModel
@@ -27,11 +24,14 @@ from multicor_cli.scenario.sources import Sources
 from multicor_cli.scenario.start import Start
 from multicor_cli.scenario.wall_heat import KeptCondition, resolve_conditions
 from multicor_cli.scenario.walls import Wall
+from multicor_cli.text import count_noun
 
 SEED_BITS = 53
+NO_FILE = "scenario.toml"
+"""Name of the file of a scenario that comes from none."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, repr=False)
 class Scenario:
     """A valid scenario.
 
@@ -40,7 +40,7 @@ class Scenario:
 
     Attributes:
         model: All tables, defaults filled in. A seed ``"random"`` has been replaced by the number drawn.
-        path: The file it comes from.
+        path: The file it comes from; of a scenario that comes from none the name that one would have.
         sources: Gives problems found later their positions.
     """
 
@@ -56,36 +56,44 @@ class Scenario:
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any], directory: str | Path = ".") -> Scenario:
-        """A scenario from tables as TOML has them, checked like a file.
+        """A scenario from Python values: the tables of a file as dicts, its arrays as lists, tuples or arrays of NumPy.
+
+        It is checked as a file is, and messages name the keys. ``"= 2 * d"`` is an expression here too.
 
         Args:
-            data: Tables by name, of numbers, strings, lists and dictionaries; NumPy's arrays and numbers are taken for theirs.
-            directory: The directory to which paths in it are relative.
+            data: The tables, as ``{"scenario": {"name": "bed", "seed": 1}, "domain": {…}, …}``. SI units.
+            directory: To which paths in it are relative.
 
         Raises:
-            ScenarioError: The scenario is wrong; its ``problems`` name keys, and lines of the file that it would be.
-            TypeError: There is something in it that TOML does not have, as None.
+            ScenarioError: The scenario is wrong, or holds what TOML has no value for; its ``problems`` say all that is wrong.
         """
         from multicor_cli.scenario.load import parse_scenario
+        from multicor_cli.scenario.values import to_document
 
-        return parse_scenario(tomli_w.dumps(_plain(data)), Path(directory) / "<dict>")
+        return parse_scenario(to_document(data), Path(directory) / NO_FILE, file="")
 
     def with_(self, changes: Mapping[str, Any]) -> Scenario:
-        """The scenario with other values, evaluated and checked anew.
+        """A changed copy, checked anew: to the bit what ``--set`` makes of the file.
 
-        What expressions make of a changed variable changes with it, as with ``--set`` on the command line.
+        Expressions are evaluated again, with changed variables where these change. A seed that was drawn stays.
 
         Args:
-            changes: New values by dotted keys, as ``{"loading.1.duration": 2.0, "variables.angle": 26}``; indices from 0.
+            changes: Values by dotted keys with 0-based indices, as ``{"loading.1.duration": 2.0, "variables.angle": 26}``; applied
+                in this order, after what the scenario has been changed by before.
 
         Raises:
-            ScenarioError: The changed scenario is wrong, or there is no such key.
+            ScenarioError: There is no such key, or the changed scenario is wrong.
         """
+        from multicor_cli.scenario.values import to_override
+
+        drawn = to_override("scenario.seed", self.seed)  # it may be "random" in the file
+        return self.with_overrides([drawn, *(to_override(key, value) for key, value in changes.items())])
+
+    def with_overrides(self, overrides: Sequence[str]) -> Scenario:
+        """As `with_`; the changes as ``--set`` takes them, each ``key=value``."""
         from multicor_cli.scenario.load import parse_scenario
 
-        drawn = [f"scenario.seed={self.seed}"]  # once "random" has been drawn it is a number
-        arguments = [f"{key}={in_line(_plain(value))}" for key, value in changes.items()]
-        return parse_scenario(self.source, self.path, [*self.sources.applied.values(), *drawn, *arguments])
+        return parse_scenario(self.source, self.path, [*self.sources.overrides, *overrides], file=self.sources.file)
 
     @property
     def source(self) -> str:
@@ -236,15 +244,16 @@ class Scenario:
         """A problem found later, positioned at a key, as ``("walls", 1, "geometry")``; key and position are found from it."""
         return self.sources.problem(Finding(path, message, remedy))
 
+    def as_dict(self) -> dict[str, Any]:
+        """All tables with defaults and changes filled in and expressions evaluated; `from_dict` makes an equal scenario of them."""
+        return self.model.model_dump(by_alias=True, exclude_none=True)
+
     def resolved_toml(self) -> str:
-        """The scenario as TOML with all defaults and overrides filled in; loads back to an equal scenario."""
-        return tomli_w.dumps(self.model.model_dump(by_alias=True, exclude_none=True))
+        """What `as_dict` holds, as TOML; loads back to an equal scenario."""
+        import tomli_w
 
+        return tomli_w.dumps(self.as_dict())
 
-def _plain(value: Any) -> Any:
-    """Python's own types, of which TOML is made."""
-    if isinstance(value, Mapping):
-        return {str(key): _plain(entry) for key, entry in value.items()}
-    if hasattr(value, "tolist"):
-        value = value.tolist()
-    return [_plain(entry) for entry in value] if isinstance(value, list | tuple) else value
+    def __repr__(self) -> str:
+        counts = ((self.particles, "group"), (self.walls, "wall"), (self.loading, "stage"))
+        return f"<Scenario {self.name}: {', '.join(count_noun(len(tables), noun) for tables, noun in counts)}, seed {self.seed}>"

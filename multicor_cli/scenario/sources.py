@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from functools import cached_property
 from typing import NamedTuple
 
@@ -37,19 +38,22 @@ class Sources:
         text: str,
         applied: dict[KeyPath, str] | None = None,
         expressions: dict[KeyPath, tuple[str, str]] | None = None,
+        overrides: Sequence[str] = (),
     ) -> None:
         """Keep what positions are found from.
 
         Args:
-            file: Name of the file in messages.
+            file: Name of the file in messages; empty if there is none: positions in the text are then left out.
             text: Its text, a document that `tomllib` accepts.
             applied: The argument of ``--set`` that has set each path.
             expressions: The expression and its value, as shown, of each path at which one stands.
+            overrides: All arguments of ``--set`` in their order.
         """
         self.file = file
         self.text = text
         self.applied = applied or {}
         self.expressions = expressions or {}
+        self.overrides = tuple(overrides)
 
     @cached_property
     def _lines(self) -> Lines:
@@ -62,7 +66,7 @@ class Sources:
     def locate(self, path: KeyPath) -> tuple[str, int, int]:
         """File, line and column of a key; of the innermost table around it if the key itself is not in the document.
 
-        Line and column are 0 for what the command line has set.
+        Line and column are 0 for what the command line has set, and without a file.
         """
         return self._place(path)[:3]
 
@@ -71,6 +75,8 @@ class Sources:
         for end in ends:  # what the command line has set replaces all that the file says below it
             if (argument := self.applied.get(path[:end])) is not None:
                 return _Place(OVERRIDE, 0, 0, argument)
+        if not self.file:
+            return _Place("", 0, 0, "")
         for end in ends:
             if (offset := self._offsets.get(path[:end])) is not None:
                 line, column = self._lines.position(offset)

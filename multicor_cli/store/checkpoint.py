@@ -41,6 +41,7 @@ class Checkpoint:
         summary: See `summarize`.
         model_digest: Digest of the model of the run.
         name: Name of its files, without the ending.
+        steering: ``decisions`` and ``notes`` of the program that steers the run; None if none does.
         warnings: What was wrong with newer checkpoints that could not be used.
     """
 
@@ -50,6 +51,7 @@ class Checkpoint:
     summary: Summary
     model_digest: str
     name: str
+    steering: Document | None = None
     warnings: tuple[str, ...] = ()
 
     @property
@@ -95,6 +97,7 @@ def write_checkpoint(
     model_digest: str,
     segments: list[Segment],
     last_steps: tuple[int, int],
+    steering: Document | None = None,
 ) -> Summary:
     """Commit a checkpoint, verify it by reading it back, then remove all but the newest `KEEP`.
 
@@ -134,6 +137,8 @@ def write_checkpoint(
         "last_series_step": last_steps[1],
         "summary": summary,
     }
+    if steering is not None:
+        document["steering"] = {name: steering[name] for name in ("decisions", "notes")}
     write_document(path.with_suffix(".json"), "checkpointjson", document)
     kill_point("checkpoint.before_prune")
     prune(directory)
@@ -204,6 +209,7 @@ def load_checkpoint(sidecar: Path, identity: Identity, model: Model | None = Non
             summary=document["summary"],
             model_digest=str(document["model_digest"]),
             name=sidecar.stem,
+            steering=document.get("steering"),
         )
     except (KeyError, TypeError, AttributeError) as error:
         raise DamagedRun(f"{sidecar}: damaged ({error!r})") from error

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 from typing import Any, TypeVar, cast, overload
@@ -11,13 +10,14 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model import Model, Presence
-from multicor_cli.model.model import Grains
 from multicor_cli.store import schema
-from multicor_cli.store.data_frames import columns_of, data_frame
+from multicor_cli.store.data_frames import contact_columns, data_frame, grain_columns
 from multicor_cli.store.errors import DamagedRun, frame_number
+from multicor_cli.store.grain_facts import GrainFacts
 from multicor_cli.store.parts import Parts
 from multicor_cli.store.schema.frames import ContactColumns, GrainColumns, KeptColumns, StepColumns, WallColumns
-from multicor_cli.store.schema.rows import Column
+from multicor_cli.store.schema.rows import Column, Dataset
+from multicor_cli.text import count_noun
 
 Array = NDArray[Any]
 T = TypeVar("T")
@@ -36,17 +36,6 @@ class Contacts(ContactColumns):
     def __len__(self) -> int:
         return len(self.gap)
 
-    def __repr__(self) -> str:
-        return f"<Contacts: {len(self)} of frame {self._frame.index}>"
-
-    def to_pandas(self) -> Any:
-        """A DataFrame with a row for each contact; units are in its ``attrs["units"]``.
-
-        Raises:
-            MissingPandas: If pandas is not installed.
-        """
-        return data_frame(columns_of(self, "contact_row"))
-
     @property
     def count(self) -> int:
         """Number of contacts."""
@@ -56,6 +45,21 @@ class Contacts(ContactColumns):
     def recorded(self) -> bool:
         """Whether the contacts of this frame are in the file; if not, all arrays are empty."""
         return self._frame.contacts_recorded
+
+    def to_pandas(self) -> Any:
+        """The contacts as a DataFrame with a row for each; its ``attrs["units"]`` has the units of the columns.
+
+        Shapes ``i`` and ``j`` are counted among all grains of the run, as the index of `Frame.to_pandas` is, also where grains come
+        and go.
+
+        Raises:
+            MissingPandas: If pandas is not installed.
+            DamagedRun: If the file is damaged.
+        """
+        return data_frame(contact_columns(self._frame))
+
+    def __repr__(self) -> str:
+        return f"<Contacts of frame {self._frame.index}: {count_noun(len(self), 'contact') if self.recorded else 'not recorded'}>"
 
     @property
     def force(self) -> Array:
@@ -98,23 +102,6 @@ class Frame(StepColumns, GrainColumns, WallColumns, KeptColumns):
         self._parts, self.facts = parts, facts
         self.index = index
 
-    def __repr__(self) -> str:
-        return f"<Frame {self.index}: {self.number.size} grains at t = {self.time:g} s, step {self.step}>"
-
-    @property
-    def grains(self) -> Grains:
-        """What grains are made of and how large they are: radius [m], mass [kg] and so on, each of shape ``(n,)``."""
-        return self.model.grains
-
-    def to_pandas(self) -> Any:
-        """A DataFrame with a row for each grain, its radius and mass included; units are in its ``attrs["units"]``.
-
-        Raises:
-            MissingPandas: If pandas is not installed.
-        """
-        made_of = [("number", "1", self.number), ("radius", "m", self.grains.radius), ("mass", "kg", self.grains.mass)]
-        return data_frame(itertools.chain(made_of, columns_of(self, "particle_row")))
-
     def column(self, path: str) -> Array:
         """The rows of any dataset of ``schema.FRAME_TABLE`` that belong to this frame, as stored.
 
@@ -130,6 +117,28 @@ class Frame(StepColumns, GrainColumns, WallColumns, KeptColumns):
                 f"frame {self.index} has {len(rows)} grains and its run {self.facts.grain_count}; check it with multicor verify"
             )
         return rows
+
+    def rows(self, table: tuple[Dataset, ...]) -> tuple[Dataset, ...]:
+        """The rows of a table of ``schema`` that the run has."""
+        return schema.select(table, self._parts.features or frozenset(), self._parts.version)
+
+    @cached_property
+    def grains(self) -> GrainFacts:
+        """What the ``n`` grains are: radius, mass, material, group."""
+        return GrainFacts.of(self.model)
+
+    def to_pandas(self) -> Any:
+        """The grains as a DataFrame with a row for each, indexed by their numbers; ``attrs["units"]`` has the units of the columns.
+
+        Raises:
+            MissingPandas: If pandas is not installed.
+            DamagedRun: If the file is damaged.
+        """
+        return data_frame(grain_columns(self), "grain")
+
+    def __repr__(self) -> str:
+        count = len(self.number)
+        return f"<Frame {self.index}: {count_noun(count, 'grain')}, t = {self.time:.6g} s, step {self.step}, stage {self.stage}>"
 
     def read(self, column: Column[T]) -> T:
         """What the attribute of a column is: None where the run does not have it; raises as `column`."""
@@ -219,9 +228,6 @@ class Frames(Sequence[Frame]):
     def __len__(self) -> int:
         return self._parts.frame_count
 
-    def __repr__(self) -> str:
-        return f"<Frames: {len(self)}>"
-
     @overload
     def __getitem__(self, index: int) -> Frame: ...
     @overload
@@ -233,6 +239,10 @@ class Frames(Sequence[Frame]):
 
     def __iter__(self) -> Iterator[Frame]:
         return (self[k] for k in range(len(self)))
+
+    def __repr__(self) -> str:
+        span = f", t = {self.time[0]:.6g} to {self.time[-1]:.6g} s" if len(self) else ""
+        return f"<{count_noun(len(self), 'frame')}{span}>"
 
     @cached_property
     def step(self) -> Array:

@@ -12,22 +12,24 @@ from typing import Any
 from numpy.typing import NDArray
 
 from multicor_cli.model import Model, State
-from multicor_cli.model.model import Grains
+from multicor_cli.scenario.steered import steered_text
 from multicor_cli.store import layout, schema
 from multicor_cli.store.checked import CheckedFile
 from multicor_cli.store.checkpoint import Identity, load_newest
 from multicor_cli.store.committed import committed_segments
-from multicor_cli.store.data_frames import data_frame
+from multicor_cli.store.data_frames import NamedColumn, data_frame, series_columns
 from multicor_cli.store.documents import Document
 from multicor_cli.store.errors import DamagedRun
 from multicor_cli.store.frame_view import Frames, ModelFacts
+from multicor_cli.store.grain_facts import GrainFacts
 from multicor_cli.store.lock import is_alive
 from multicor_cli.store.model_file import load_model, read_model
 from multicor_cli.store.parts import Part, Parts, results_part, segment_part
 from multicor_cli.store.prepare import read_scenario
 from multicor_cli.store.results import FILETYPE as RESULTS_FILETYPE
-from multicor_cli.store.run_document import check_types, read_run_document
+from multicor_cli.store.run_document import check_types, decisions_of, read_run_document
 from multicor_cli.store.schema import Dataset
+from multicor_cli.text import count_noun
 
 
 class Series(Mapping[str, NDArray[Any]]):
@@ -36,8 +38,8 @@ class Series(Mapping[str, NDArray[Any]]):
     The names that only runs with heat have are not there in a run without, nor those that are younger than the run.
     """
 
-    def __init__(self, parts: Parts, rows: Callable[[], tuple[Dataset, ...]]) -> None:
-        self._parts, self._rows = parts, rows
+    def __init__(self, parts: Parts, rows: Callable[[], tuple[Dataset, ...]], columns: Callable[[], list[NamedColumn]]) -> None:
+        self._parts, self._rows, self._columns = parts, rows, columns
         self._loaded: dict[str, NDArray[Any]] = {}
 
     @cached_property
@@ -60,17 +62,19 @@ class Series(Mapping[str, NDArray[Any]]):
     def __len__(self) -> int:
         return len(self._specs)
 
-    def __repr__(self) -> str:
-        return f"<Series: {self.row_count} points of {', '.join(self)}>"
-
     def to_pandas(self) -> Any:
-        """A DataFrame with a row for each point and the time [s] as its index; what has a value for each wall is left out.
+        """The series as a DataFrame indexed by time [s]; ``attrs["units"]`` has the units of the columns.
+
+        What belongs to a wall or an outlet has its name before that of the quantity, as ``top: force_x``.
 
         Raises:
             MissingPandas: If pandas is not installed.
+            DamagedRun: If the file is damaged.
         """
-        kept = ((name, self._specs[name].unit, self[name]) for name in self if self[name].ndim == 1)
-        return data_frame(kept).set_index("time")
+        return data_frame(self._columns(), "time")
+
+    def __repr__(self) -> str:
+        return f"<Series: {count_noun(self.row_count, 'point')} of {len(self)} quantities>"
 
     @property
     def row_count(self) -> int:
@@ -96,10 +100,7 @@ class Run:
         self._results = results
         self._parts = Parts(self._find_parts(), self.run_id, self._find_parts_again)
         self.frames = Frames(self._parts, ModelFacts(lambda: self.model))
-        self.series = Series(self._parts, lambda: self.rows(schema.SERIES))
-
-    def __repr__(self) -> str:
-        return f"<Run {self.path}: {self.status}, {self.model.grain_count} grains, {len(self.frames)} frames>"
+        self.series = Series(self._parts, lambda: self.rows(schema.SERIES), lambda: series_columns(self))
 
     def __enter__(self) -> Run:
         return self
@@ -110,6 +111,16 @@ class Run:
     def close(self) -> None:
         """Close the files."""
         self._parts.close()
+
+    def __repr__(self) -> str:
+        summary = self.info["summary"]
+        what = f"{count_noun(summary['grain_count'], 'grain')}, t = {summary['time']:.6g} s" if summary else "nothing stored yet"
+        return f"<Run {self.path}: {self.status}, {what}, {count_noun(len(self.frames), 'frame')}>"
+
+    @cached_property
+    def grains(self) -> GrainFacts:
+        """What the grains are: radius, mass, material, group; of all that come and go in the run. Raises as `model`."""
+        return GrainFacts.of(self.model)
 
     @property
     def run_id(self) -> str:
@@ -137,11 +148,6 @@ class Run:
         assert self._results is not None
         with CheckedFile(self._results, RESULTS_FILETYPE, run_id=self.run_id) as file:
             return read_model(file)
-
-    @property
-    def grains(self) -> Grains:
-        """All grains of the run: radius [m], mass [kg], material and group of each, of shape ``(n,)``."""
-        return self.model.grains
 
     @property
     def features(self) -> frozenset[str]:
@@ -184,8 +190,9 @@ class Run:
 
     @property
     def scenario_resolved(self) -> str:
-        """The scenario with all defaults; raises `DamagedRun` if it was changed."""
-        return self._scenario("resolved", layout.RESOLVED)
+        """The scenario with all defaults, its stages as a program has steered them; raises `DamagedRun` if it was changed."""
+        resolved = self._scenario("resolved", layout.RESOLVED)
+        return steered_text(resolved, decisions_of(self.info)) if self.path.is_dir() else resolved
 
     def state(self) -> State | None:
         """The state of the newest whole checkpoint, exactly; ``None`` if there is none.
@@ -232,6 +239,9 @@ def open_run(path: Path | str) -> Run:
 
     Works on a finished run, on one that is running (what has been committed so far), and on one that was interrupted.
 
+    Args:
+        path: The directory, or the file.
+
     Raises:
         DirectoryRefused: If the directory holds no run.
         DamagedRun: If a file is damaged; `UnsupportedVersion` if it was made by an incompatible version.
@@ -276,7 +286,7 @@ def _info_of_results(path: Path) -> Document:
         texts = {name: file.text(name) for name in ("run_id", "status", "stop_reason", "started", "finished", "precision")}
         documents = {name: file.json(name) for name in ("provenance", "summary")}
         documents |= {
-            name: file.json(name) for name in ("stage_ends", "origin") if file.has_text(name)
+            name: file.json(name) for name in ("stage_ends", "origin", "steering") if file.has_text(name)
         }  # earlier versions have none
         stages = file.strings(next(spec for spec in schema.SCENARIO if spec.name == "stages"))
         frames = int(file.dataset(next(spec for spec in schema.STEPS if spec.name == "step")).shape[0])

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from multicor_cli.model import EXCHANGE_NAMES
+from multicor_cli.scenario.steered import Decision, is_decision
 from multicor_cli.store import layout
 from multicor_cli.store.checked import check_version
 from multicor_cli.store.documents import Document, plain, read_document
@@ -63,6 +64,7 @@ def new_document(
     stages: Sequence[str],
     precision: Precision,
     origin: Origin | None = None,
+    steering: Document | None = None,
 ) -> Document:
     """The document of a run that begins now; arguments as for ``RunDirectory.create``."""
     return {
@@ -83,6 +85,7 @@ def new_document(
         "origin": None if origin is None else origin.as_document(),
         "provenance": plain(dict(provenance)),
         "extensions": [],
+        "steering": steering,
         "sessions": [new_session()],
         "timings": {},
         "summary": None,
@@ -100,10 +103,28 @@ def now() -> str:
     return datetime.now(UTC).isoformat(timespec="seconds")
 
 
-_LATER = {"stage_ends", "origin", "extensions"}
+_LATER = {"stage_ends", "origin", "extensions", "steering"}
 """Keys that runs of earlier versions lack."""
 
 _KEYS = set(new_document(b"", "", {}, (), "double")) - _LATER
+
+
+def decisions_of(document: Document) -> list[Decision]:
+    """What the program that steers the run has decided; empty if none does."""
+    steering = document.get("steering")
+    return [] if steering is None else [Decision.of_document(decision) for decision in steering["decisions"]]
+
+
+def _is_steering(value: Any) -> bool:
+    """Whether it is what is kept of a program that steers a run."""
+    return (
+        isinstance(value, dict)
+        and isinstance(value.get("by"), str)
+        and isinstance(value.get("every"), int)
+        and isinstance(value.get("decisions"), list)
+        and all(map(is_decision, value["decisions"]))
+        and isinstance(value.get("notes"), dict)
+    )
 
 
 def _is_results(value: Any) -> bool:
@@ -184,6 +205,7 @@ _TYPES: dict[str, Callable[[Any], bool]] = {
     "stage_ends": lambda value: isinstance(value, list) and all(map(is_stage_end, value)),
     "origin": lambda value: value is None or is_origin(value),
     "extensions": lambda value: isinstance(value, list) and all(map(_is_extension, value)),
+    "steering": lambda value: value is None or _is_steering(value),
     "sessions": lambda value: isinstance(value, list) and all(isinstance(item, dict) for item in value),
     "provenance": _is_provenance,
     "timings": lambda value: isinstance(value, dict) and all(map(_is_number, value.values())),

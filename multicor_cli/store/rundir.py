@@ -11,6 +11,7 @@ from typing import Any, Literal
 
 from multicor_cli.model import Model, State
 from multicor_cli.model.stored import Version
+from multicor_cli.scenario.steered import steered_text
 from multicor_cli.store import layout
 from multicor_cli.store.atomic import file_digest, kill_point, make_directory, storage_errors
 from multicor_cli.store.checkpoint import Checkpoint, Identity, load_newest, prune, write_checkpoint
@@ -24,7 +25,7 @@ from multicor_cli.store.model_file import load_model, model_digest, write_model
 from multicor_cli.store.origin import Origin
 from multicor_cli.store.prepare import check_usable, is_run, lay_out, read_scenario, remove_temporaries
 from multicor_cli.store.results import Texts, write_results
-from multicor_cli.store.run_document import new_document, new_session, now, read_run_document
+from multicor_cli.store.run_document import decisions_of, new_document, new_session, now, read_run_document
 from multicor_cli.store.schema import FORMAT_VERSION
 from multicor_cli.store.segments import FrameWriter
 from multicor_cli.store.stage_ends import StageEnd
@@ -69,6 +70,7 @@ class RunDirectory:
         overwrite: bool = False,
         force_unlock: bool = False,
         origin: Origin | None = None,
+        steering: Document | None = None,
     ) -> RunDirectory:
         """Begin a run in a new or empty directory, and lock it.
 
@@ -82,6 +84,7 @@ class RunDirectory:
             overwrite: Remove the run that is there.
             force_unlock: Ignore a lock held on another host.
             origin: The moment of another run from which it goes on.
+            steering: What is known of the program that steers it; None if none does.
 
         Raises:
             DirectoryRefused: If there is something that is not a run, foreign files in a run, or a run and no ``overwrite``.
@@ -95,7 +98,7 @@ class RunDirectory:
         try:
             check_usable(path, overwrite=overwrite)
             source = source_text.encode() if isinstance(source_text, str) else source_text
-            document = new_document(source, resolved_text, provenance, stages, precision, origin)
+            document = new_document(source, resolved_text, provenance, stages, precision, origin, steering)
             lay_out(path, document, source, resolved_text.encode())
         except BaseException:
             lock.release()
@@ -187,6 +190,18 @@ class RunDirectory:
         return None if found is None else Origin.of_document(found)
 
     @property
+    def steering(self) -> Document | None:
+        """What is kept of the program that steers the run: who it is, its decisions, its notes; changes of it are kept too."""
+        found: Document | None = self._document.get("steering")
+        return found
+
+    def rename_stages(self, names: Sequence[str]) -> None:
+        """Note the names of stages that a program has added or removed; ``run.json`` has them from the next checkpoint on."""
+        if list(names) != self._document["stages"]:
+            self._document["stages"] = list(names)
+            self._has_news = True
+
+    @property
     def provenance(self) -> dict[str, Any]:
         """Provenance of the first start."""
         return dict(self._document["provenance"])
@@ -231,6 +246,8 @@ class RunDirectory:
                 keep_segments(segments, list(found.segments) if found else [])
                 self._document["summary"] = found.summary if found else None
                 self._forget_stage_ends(found.state.stage if found else 0)
+                if self.steering is not None:
+                    self.steering.update((found.steering if found else None) or {"decisions": [], "notes": {}})
                 self._save()
             self._checkpoint, self._is_loaded = found, True
             if found:
@@ -307,6 +324,7 @@ class RunDirectory:
             model_digest=self._model_digest,
             segments=writer.segments,
             last_steps=(writer.last_frame_step, writer.last_series_step),
+            steering=self.steering,
         )
         self._newest = identity
         self._save()
@@ -369,12 +387,12 @@ class RunDirectory:
             self.path / layout.SEGMENTS,
             segments,
             model,
-            Texts(self.source_text, self.resolved_text, self.stages),
+            Texts(self.source_text, steered_text(self.resolved_text, decisions_of(self._document)), self.stages),
             run_id=self.run_id,
             attributes={
                 **{name: self._document[name] for name in names},
                 "stage_ends": self._document.get("stage_ends", []),
-                **({"origin": self._document["origin"]} if self._document.get("origin") else {}),
+                **{name: self._document[name] for name in ("origin", "steering") if self._document.get(name)},
                 "status": "finished",
                 "finished": now(),
             },

@@ -7,8 +7,8 @@ from collections.abc import Callable, Mapping
 from dataclasses import asdict, dataclass, fields
 from typing import Any, Literal
 
-Reason = Literal["duration", "condition", "timeout"]
-REASONS: tuple[Reason, ...] = ("duration", "condition", "timeout")
+Reason = Literal["duration", "condition", "timeout", "steered"]
+REASONS: tuple[Reason, ...] = ("duration", "condition", "timeout", "steered")
 
 
 @dataclass(frozen=True)
@@ -19,7 +19,7 @@ class StageEnd:
         stage: Index of the stage.
         name: Name of the stage.
         reason: ``duration``: it lasted as long as it was to; ``condition``: its condition held; ``timeout``: its duration was over
-            before its condition held.
+            before its condition held; ``steered``: the program that steers the run has ended it.
         step: Steps done since the start of the run.
         time: Time since the start of the run [s].
         duration: Time since the start of the stage [s].
@@ -66,6 +66,8 @@ class StageEnd:
         """Why it ended, in words."""
         if self.reason == "duration":
             return f"its duration of {self.duration:.6g} s was over"
+        if self.reason == "steered":
+            return f"ended by the program that steers the run, after {self.duration:.6g} s"
         reached = f"{self._reached}, {self._goal}"
         return reached if self.reason == "condition" else f"timed out after {self.duration:.6g} s; {reached}"
 

@@ -192,15 +192,34 @@ def fluctuations(run: Run, chosen: list[int], spacing: float) -> list[Floats]:
     return [speed - base @ fit for speed, base in zip(speeds, bases, strict=True)]
 
 
-def block_error(values: list[tuple[Floats, Floats]]) -> Floats:
-    """Standard error from up to ten blocks of consecutive rows of numerators and denominators; nan where fewer than two count."""
-    blocks = np.array_split(np.arange(len(values)), min(10, len(values)))
-    means = []
-    for block in blocks:
-        above, below = (sum(values[k][part] for k in block) for part in (0, 1))
-        means.append([a / b if b > 0.0 else np.nan for a, b in zip(above, below, strict=True)])
-    errors = []
-    for column in np.array(means).T:
-        known = column[np.isfinite(column)]
-        errors.append(known.std(ddof=1) / sqrt(known.size) if known.size > 1 else np.nan)
+def remembering_error(values: list[tuple[Floats, Floats]]) -> Floats:
+    """Standard errors of ratios of sums over rows of numerators and denominators, which may remember each other; in plain loops.
+
+    What a row adds to the ratio is n times the ratio less n − 1 times that without the row; nan where one of these is not there.
+    """
+    n, errors = len(values), []
+    for b in range(values[0][0].size):
+        above, below = ([row[part][b] for row in values] for part in (0, 1))
+        rest = [(sum(above) - a, sum(below) - c) for a, c in zip(above, below, strict=True)]
+        if n < 2 or sum(below) <= 0.0 or any(c <= 0.0 for _, c in rest):
+            errors.append(np.nan)
+            continue
+        added = [n * sum(above) / sum(below) - (n - 1) * a / c for a, c in rest]
+        errors.append(_error_of_mean(np.array(added)))
     return np.array(errors)
+
+
+def _error_of_mean(x: Floats) -> float:
+    n, away = x.size, x - x.mean()
+    if np.abs(away).max() <= 1e-14 * n * np.abs(x).max():
+        return 0.0
+    rho = [sum(away[t] * away[t + k] for t in range(n - k)) / sum(away**2) for k in range(n)]
+    pairs, least = 0.0, np.inf
+    for k in range(0, n - 1, 2):
+        least = min(least, rho[k] + rho[k + 1])
+        if least <= 0.0:
+            break
+        pairs += least
+    phi = min(rho[1] + (1.0 + 3.0 * rho[1]) / n, 1.0 - 1.0 / n**2)
+    g = max(1.0, 2.0 * pairs - 1.0, (1.0 + phi) / (1.0 - phi))
+    return float(np.sqrt(away.var() * g / (n - g))) if n >= 2.0 * g else np.nan

@@ -77,7 +77,8 @@ def test_errors_of_few_rows_are_told_to_be_a_guess() -> None:
 
 def test_what_cannot_be_known_is_not_a_number() -> None:
     two = spread(np.array([1.0, 2.0]))
-    assert np.isnan(two.error)
+    assert two.error == pytest.approx(0.5)
+    assert np.isnan(two.drift_error)
     assert two.drift == pytest.approx(1.0)
     assert np.isnan(spread(np.array([1.0])).drift)
     assert np.isnan(spread(np.array([])).error)

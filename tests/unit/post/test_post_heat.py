@@ -227,7 +227,7 @@ def test_fluctuation_keeps_the_vertical_velocity(run: Run) -> None:
 
 
 def test_maps_refuse_what_is_not_there(run: Run) -> None:
-    with pytest.raises(PostError, match="choose from: velocity, speed, spin, temperature"):
+    with pytest.raises(PostError, match="choose from: velocity, velocity-y, speed, displacement, rotation, spin, temperature"):
         grain_map(run, "wetness")
     with pytest.raises(PostError, match="frame 0 has none"):
         grain_map(run, "heat", 0)

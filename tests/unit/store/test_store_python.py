@@ -1,53 +1,122 @@
-"""Runs as Python users see them: short names, DataFrames, pictures in a notebook."""
+"""What a run is in Python and in a notebook: a line, a picture, DataFrames, and what its grains are."""
 
+from __future__ import annotations
+
+import io
 import sys
+from collections.abc import Iterator
+from pathlib import Path
 
 import numpy as np
 import pytest
+from scenes import SMALL, WARM
 
-from multicor_cli.plots.notebook import picture
-from multicor_cli.store import open_run
-
-
-def test_what_is_shown_is_short_and_says_what_it_is(finished):
-    with open_run(finished) as run:
-        frame = run.frames[-1]
-        shown = [repr(part) for part in (run, run.frames, frame, frame.contacts, run.series)]
-        assert all(len(text) < 200 or text.startswith("<Series") for text in shown)
-        assert shown[0].endswith(f"finished, {run.model.grain_count} grains, {len(run.frames)} frames>")
-        assert f"{frame.time:g} s" in shown[2]
-        assert "0x" not in "".join(shown)
+from multicor_cli import Run, Scenario, open_run, picture, run
+from multicor_cli.scenario.load import parse_scenario
+from multicor_cli.store.data_frames import MissingPandas
 
 
-def test_grains_are_where_people_look_for_them(finished):
-    with open_run(finished) as run:
-        assert run.grains.radius is run.model.grains.radius
-        assert run.frames[0].grains.mass.shape == run.frames[0].velocity[:, 0].shape
+def computed(text: str, path: Path) -> Path:
+    scenario: Scenario = parse_scenario(text, "scenario.toml").with_({"loading.0.duration": 4e-3})
+    run(scenario, path)
+    return path
 
 
-def test_data_frames_hold_what_the_arrays_do(finished):
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    path = tmp_path_factory.mktemp("python")
+    computed(WARM, path / "warm")
+    computed(SMALL, path / "small")
+    return path
+
+
+@pytest.fixture
+def warm(folder: Path) -> Iterator[Run]:
+    with open_run(folder / "warm") as found:
+        yield found
+
+
+@pytest.fixture
+def small(folder: Path) -> Iterator[Run]:
+    with open_run(folder / "small") as found:
+        yield found
+
+
+def test_everything_says_in_a_line_what_it_is(small: Run) -> None:
+    last, time = small.frames[-1], f"{small.frames.time[-1]:.6g}"
+    count = len(last.contacts)
+    assert count > 1
+    assert repr(small) == f"<Run {small.path}: finished, 60 grains, t = {time} s, {len(small.frames)} frames>"
+    assert repr(small.frames) == f"<{len(small.frames)} frames, t = 0 to {time} s>"
+    assert repr(last) == f"<Frame {last.index}: 60 grains, t = {time} s, step {last.step}, stage 2>"
+    assert repr(last.contacts) == f"<Contacts of frame {last.index}: {count} contacts>"
+    assert repr(small.series) == f"<Series: {small.series.row_count} points of {len(small.series)} quantities>"
+    low, high = small.model.grains.radius.min(), small.model.grains.radius.max()
+    assert repr(small.grains) == f"<Grains: 60 grains, radius {low:.4g} to {high:.4g} m>"
+
+
+def test_grains_have_names_and_sizes(small: Run) -> None:
+    grains = small.grains
+    assert set(grains.group) == {"grains"}
+    assert set(grains.material) == {"glass"}
+    assert len(grains) == 60
+    np.testing.assert_allclose(grains.mass, 2500.0 * 1e-3 * np.pi * grains.radius**2, rtol=1e-12)
+    np.testing.assert_allclose(grains.inertia, 0.5 * grains.mass * grains.radius**2, rtol=1e-12)
+    np.testing.assert_array_equal(small.frames[0].grains.radius, grains.radius)
+
+
+def test_grains_are_a_table(warm: Run) -> None:
     pytest.importorskip("pandas")
-    with open_run(finished) as run:
-        frame = run.frames[-1]
-        grains, contacts, series = frame.to_pandas(), frame.contacts.to_pandas(), run.series.to_pandas()
-        assert np.array_equal(grains[["x", "y"]].to_numpy(), frame.position)
-        assert np.array_equal(grains["velocity_y"], frame.velocity[:, 1])
-        assert np.array_equal(grains["radius"], run.grains.radius)
-        assert grains.attrs["units"]["velocity_y"] == "m/s"
-        assert len(contacts) == len(frame.contacts)
-        assert np.array_equal(contacts["i"], frame.contacts.i)
-        assert np.array_equal(series.index, run.series["time"])
-        assert np.array_equal(series["kinetic"], run.series["kinetic"])
+    frame = warm.frames[-1]
+    table = frame.to_pandas()
+    assert table.index.name == "grain"
+    np.testing.assert_array_equal(table.index, np.arange(len(frame.position)))
+    for names, values in {("x", "y"): frame.position, ("velocity_x", "velocity_y"): frame.velocity}.items():
+        np.testing.assert_array_equal(table[list(names)], values)
+    np.testing.assert_array_equal(table["spin"], frame.spin)
+    np.testing.assert_array_equal(table["temperature"], frame.temperature)
+    np.testing.assert_array_equal(table["radius"], warm.grains.radius)
+    units = table.attrs["units"]
+    assert (units["velocity_x"], units["spin"], units["mass"], units["temperature"]) == ("m/s", "rad/s", "kg", "K")
 
 
-def test_without_pandas_it_is_said_what_is_missing(finished, monkeypatch):
+def test_contacts_are_a_table(warm: Run) -> None:
+    pytest.importorskip("pandas")
+    contacts = warm.frames[-1].contacts
+    table = contacts.to_pandas()
+    assert len(table) == len(contacts) > 0
+    np.testing.assert_array_equal(table[["i", "j"]], np.stack([contacts.i, contacts.j], axis=1))
+    np.testing.assert_array_equal(table[["normal_impulse", "tangential_impulse"]], contacts.impulse)
+    np.testing.assert_array_equal(table["conductance"], contacts.conductance)
+    assert table.attrs["units"]["conductance"] == "W/K"
+
+
+def test_the_series_is_a_table(small: Run) -> None:
+    pytest.importorskip("pandas")
+    table = small.series.to_pandas()
+    np.testing.assert_array_equal(table.index, small.series["time"])
+    np.testing.assert_array_equal(table["kinetic"], small.series["kinetic"])
+    wall = small.wall_names.index("top")
+    np.testing.assert_array_equal(table[["top: force_x", "top: force_y", "top: torque"]], small.series["wall_force"][:, wall])
+    assert table.attrs["units"]["top: torque"] == "N m"
+
+
+def test_without_pandas_a_message_says_what_to_install(small: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pandas", None)
-    with open_run(finished) as run, pytest.raises(ImportError, match="pip install"):
-        run.frames[0].to_pandas()
+    for what in (small.series, small.frames[0], small.frames[0].contacts):
+        with pytest.raises(MissingPandas, match=r"DataFrames need pandas: pip install 'multicor-cli\[study\]'"):
+            what.to_pandas()
 
 
-def test_a_notebook_shows_a_map(finished):
-    pytest.importorskip("matplotlib")
-    with open_run(finished) as run:
-        assert picture(run).startswith(b"\x89PNG")
-        assert picture(run.frames[0]).startswith(b"\x89PNG")
+def test_a_notebook_shows_a_map(warm: Run, small: Run) -> None:
+    image = pytest.importorskip("matplotlib.image")
+    for shown in (warm, warm.frames[0], small):
+        drawn = picture(shown)
+        assert drawn is not None
+        pixels = image.imread(io.BytesIO(drawn), format="png")
+        assert len(np.unique(pixels.reshape(-1, pixels.shape[2]), axis=0)) > 20
+
+
+def test_without_matplotlib_there_is_no_map(small: Run, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr("multicor_cli.plots.notebook.find_spec", lambda name: None)
+    assert picture(small) is None

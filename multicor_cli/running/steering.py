@@ -1,0 +1,265 @@
+"""A program of the user's that looks at a run after its steps, and may end a stage, add the next one, or end the run.
+
+What it decides is kept with the checkpoints, and so are its notes. Between two decisions the run is that of a scenario, which
+`multicor_cli.scenario.steered` writes down.
+"""
+
+from __future__ import annotations
+
+import copy
+import json
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from multicor_cli.engine.contact.report import StepReport
+from multicor_cli.model import BOOK_NAMES, HEAT_BOOK_NAMES, Model, State
+from multicor_cli.model.contacts import ContactTable
+from multicor_cli.running.plan import RunPlan, StagePlan
+from multicor_cli.running.planning import make_plan, stage_name
+from multicor_cli.scenario.scenario import Scenario
+from multicor_cli.scenario.steered import Decision, steered_document
+from multicor_cli.store.grain_facts import GrainFacts
+from multicor_cli.store.rundir import RunDirectory
+
+Array = NDArray[Any]
+
+
+class WallNow(NamedTuple):
+    """A wall after a step.
+
+    Attributes:
+        position: Reference point [m] and angle [rad], shape ``(3,)``.
+        velocity: Velocity [m/s] and spin [rad/s], shape ``(3,)``.
+        force: Force [N] and torque [N m] of the grains on it in the last step, shape ``(3,)``.
+    """
+
+    position: Array
+    velocity: Array
+    force: Array
+
+
+class Now:
+    """A run after a step, for a program that steers it; ``n`` grains are there. Arrays are read-only; copy what is to be kept.
+
+    Attributes:
+        stage: Name of the loading stage.
+        dt: Length of the step [s].
+        notes: What the program remembers from call to call: its own dict of JSON values, kept with the checkpoints.
+    """
+
+    def __init__(
+        self,
+        state: State,
+        model: Model,
+        stage: StagePlan,
+        report: StepReport,
+        contacts: Callable[[], ContactTable],
+        notes: dict[str, Any],
+    ) -> None:
+        self._state, self._model, self._report, self._contacts = state, model, report, contacts
+        self.stage, self.dt, self.notes = stage.name, stage.dt, notes
+        self._has_ended = self._ends_run = False
+        self._then: Mapping[str, Any] | None = None
+
+    def end_stage(self, then: Mapping[str, Any] | None = None) -> None:
+        """End the stage with this step.
+
+        Args:
+            then: A stage that comes next, as a table of ``[[loading]]``, such as ``{"duration": 1.0, "drives": {"top": {"x":
+                {"velocity": 0.1}}}}``. What it does not name goes on as before. Default: the next stage of the scenario. It is
+                checked as a file is: a wrong one is a `ScenarioError` of the run.
+        """
+        self._has_ended, self._then = True, then
+
+    def end_run(self) -> None:
+        """End the stage and the run with this step: it is finished."""
+        self._has_ended = self._ends_run = True
+
+    @property
+    def step(self) -> int:
+        """Steps done since the start of the run."""
+        return self._state.step
+
+    @property
+    def time(self) -> float:
+        """Time since the start of the run [s]."""
+        return self._state.time
+
+    @property
+    def stage_time(self) -> float:
+        """Time since the start of the stage [s]."""
+        return self._state.time - self._state.stage_start
+
+    @cached_property
+    def number(self) -> Array:
+        """Numbers of the grains that are there, shape ``(n,)``."""
+        here = self._state.here
+        return _read_only(np.arange(self._model.grain_count)[here])
+
+    @cached_property
+    def grains(self) -> GrainFacts:
+        """Radius, mass, material and group of the grains that are there; shapes ``(n,)``."""
+        return GrainFacts.of(self._model.with_grains(self.number) if self._state.presence.size else self._model)
+
+    @property
+    def position(self) -> Array:
+        """Centers, x wrapped into the period [m], shape ``(n, 2)``."""
+        return _read_only(self._state.position[self._state.here, :2])
+
+    @property
+    def angle(self) -> Array:
+        """Rotations since the start [rad], shape ``(n,)``."""
+        return _read_only(self._state.position[self._state.here, 2])
+
+    @property
+    def velocity(self) -> Array:
+        """Velocities [m/s], shape ``(n, 2)``."""
+        return _read_only(self._state.velocity[self._state.here, :2])
+
+    @property
+    def spin(self) -> Array:
+        """Spins [rad/s], shape ``(n,)``."""
+        return _read_only(self._state.velocity[self._state.here, 2])
+
+    @property
+    def temperature(self) -> Array | None:
+        """Temperatures [K], shape ``(n,)``; None without heat."""
+        thermal = self._model.thermal
+        return None if thermal is None else _read_only(self._state.temperature(thermal)[self._state.here])
+
+    @property
+    def walls(self) -> dict[str, WallNow]:
+        """The walls by name."""
+        state, impulse = self._state, self._report.wall_impulse
+        force = impulse / self.dt if impulse.size else np.zeros_like(state.wall_position)  # nothing moved
+        rows = zip(map(_read_only, state.wall_position), map(_read_only, state.wall_velocity), map(_read_only, force), strict=True)
+        return {name: WallNow(*row) for name, row in zip(self._model.walls.names, rows, strict=True)}
+
+    @cached_property
+    def contacts(self) -> ContactTable:
+        """Contacts of the step that carry a force, by the numbers of all grains of the run; wall shapes follow these."""
+        table = self._contacts().carrying()
+        for values in vars(table).values():
+            if values is not None:
+                values.flags.writeable = False
+        return table
+
+    @property
+    def books(self) -> dict[str, float]:
+        """Energy books by name [J], and heat books in a run with heat; docs/reference/formats/results.md says what they are."""
+        heat = dict(zip(HEAT_BOOK_NAMES, self._state.heat_books.tolist(), strict=False))
+        return dict(zip(BOOK_NAMES, self._state.books.tolist(), strict=True)) | heat
+
+    def __repr__(self) -> str:
+        return f"<Now: step {self.step}, t = {self.time:.6g} s, stage {self.stage}>"
+
+
+Steer = Callable[[Now], None]
+"""A program that steers a run."""
+
+
+class Steering:
+    """Asks the program, and keeps what it decided.
+
+    Attributes:
+        scenario: What is carried out, as decided so far.
+        has_failed: Whether the program has raised an exception.
+    """
+
+    def __init__(self, steer: Steer, scenario: Scenario, model: Model, directory: RunDirectory) -> None:
+        """Set up; decisions that the run has kept are carried out once more.
+
+        Args:
+            steer: The program.
+            scenario: What the run began with.
+            model: Grains and walls.
+            directory: The run; says how often the program is asked.
+        """
+        self._steer, self._model, self._directory = steer, model, directory
+        self._record = directory.steering or {}
+        self._kept: tuple[State, dict[str, Any]] | None = None
+        self.has_failed = False
+        decisions = [Decision.of_document(document) for document in self._record["decisions"]]
+        self.scenario = _changed(scenario, steered_document(scenario.as_dict(), decisions)) if decisions else scenario
+        directory.rename_stages(_names(self.scenario))
+
+    def keep(self, state: State) -> None:
+        """Before a step: if the program is to be asked after it, keep what a checkpoint needs should it fail."""
+        is_due = (state.stage_step + 1) % int(self._record["every"]) == 0
+        self._kept = (_copied(state), copy.deepcopy(self._record["notes"])) if is_due else None
+
+    @property
+    def is_due(self) -> bool:
+        """Whether the program is to be asked after this step."""
+        return self._kept is not None
+
+    def ask(self, state: State, stage: StagePlan, report: StepReport, contacts: Callable[[], ContactTable]) -> RunPlan | None:
+        """Ask the program after a step; gives the new plan if it ends the stage.
+
+        Raises:
+            ScenarioError: If the stage that the program adds is wrong.
+            ValueError: If its notes cannot be kept.
+            Exception: What the program raises.
+        """
+        now = Now(state, self._model, stage, report, contacts, self._record["notes"])
+        self.has_failed = True  # until it has come to its end
+        self._steer(now)
+        self._record["notes"] = _json_of(now.notes)
+        plan = self._decide(state, stage, now) if now._has_ended else None
+        self.has_failed = False
+        return plan
+
+    def go_back(self) -> State:
+        """The state before the step after which the program failed, to be saved; its notes are as they were then."""
+        assert self._kept is not None
+        state, self._record["notes"] = self._kept
+        return state
+
+    def _decide(self, state: State, stage: StagePlan, now: Now) -> RunPlan:
+        then = None if now._then is None else dict(now._then)
+        decision = Decision(state.stage, state.step, state.stage_step, stage.dt, then, now._ends_run)
+        self.scenario = _changed(self.scenario, steered_document(self.scenario.as_dict(), [decision]))
+        plan = make_plan(self.scenario, self._model, state)
+        if then is not None:  # with its defaults, and numbers for expressions
+            then = self.scenario.as_dict()["loading"][state.stage + 1]
+        self._record["decisions"].append(replace(decision, then=then).as_document())
+        self._directory.rename_stages(_names(self.scenario))
+        return plan
+
+
+def _changed(scenario: Scenario, document: dict[str, Any]) -> Scenario:
+    return Scenario.from_dict(document, directory=scenario.path.parent)
+
+
+def _names(scenario: Scenario) -> list[str]:
+    return [stage_name(stage, number) for number, stage in enumerate(scenario.loading)]
+
+
+def _copied(state: State) -> State:
+    return State.from_dict({name: values.copy() for name, values in state.as_dict().items()})
+
+
+def _read_only(values: Array) -> Array:
+    view = values.view()
+    view.flags.writeable = False
+    return view
+
+
+def _json_of(notes: Any) -> dict[str, Any]:
+    """Notes as a checkpoint gives them back; raises `ValueError` if it would not."""
+    try:
+        kept = json.loads(json.dumps(notes))
+    except (TypeError, ValueError) as error:
+        message = f"the notes of the program that steers cannot be kept: {error}"
+        raise ValueError(message) from None
+    if not isinstance(kept, dict) or kept != notes:
+        message = (
+            "the notes of the program that steers would come back changed: keep a dict with text as keys, lists, finite numbers"
+        )
+        raise ValueError(message)
+    return kept
