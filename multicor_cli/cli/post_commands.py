@@ -6,7 +6,14 @@ from typing import Any
 
 import typer
 
-from multicor_cli.cli import animate_command, post_contact_commands, post_grain_commands, post_region_command, post_run_commands
+from multicor_cli.cli import (
+    animate_command,
+    post_contact_commands,
+    post_fields_command,
+    post_grain_commands,
+    post_region_command,
+    post_run_commands,
+)
 from multicor_cli.cli.listing import ListingCommand
 
 post = typer.Typer(no_args_is_help=True, help="Tables and figures from a run.")
@@ -15,6 +22,7 @@ COMMANDS = {
     **post_grain_commands.COMMANDS,
     **post_contact_commands.COMMANDS,
     **post_region_command.COMMANDS,
+    **post_fields_command.COMMANDS,
     **post_run_commands.COMMANDS,
     **animate_command.COMMANDS,
 }

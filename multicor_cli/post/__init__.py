@@ -2,6 +2,7 @@
 
 from multicor_cli.post.compare import Comparison, ProfilePair, compare
 from multicor_cli.post.energy import EnergyTable, energy
+from multicor_cli.post.fields import FieldTable, fields
 from multicor_cli.post.force_statistics import AngularDistribution, ForceDistribution, angular_distribution, force_distribution
 from multicor_cli.post.forces import ForceNetwork, force_network
 from multicor_cli.post.grain_map import GrainMap, grain_map
@@ -21,6 +22,7 @@ __all__ = [
     "AngularDistribution",
     "Comparison",
     "EnergyTable",
+    "FieldTable",
     "ForceDistribution",
     "ForceNetwork",
     "FrameSource",
@@ -39,6 +41,7 @@ __all__ = [
     "angular_distribution",
     "compare",
     "energy",
+    "fields",
     "force_distribution",
     "force_network",
     "frame_index",

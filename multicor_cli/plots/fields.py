@@ -1,0 +1,126 @@
+"""Figures of coarse-grained fields: a map of one of them with the walls, or lines of several."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+
+from multicor_cli.plots.dispatch import Ways
+from multicor_cli.plots.scene import draw_walls, is_wide, place_scene
+from multicor_cli.plots.small_rises import rise_formatter, rise_label, rise_reference
+from multicor_cli.plots.style import COLORS, COLUMN, color_map
+from multicor_cli.plots.text_chart import TextLine, draw_text
+from multicor_cli.plots.text_picture import Terminal, draw_picture
+from multicor_cli.post.field_sums import Field
+from multicor_cli.post.fields import FieldTable
+
+_INNER = (0.01, 0.99)  # quantiles between which values have a color of their own: corners that hold little scatter widely
+
+
+def _fill(figure: Any, table: FieldTable) -> None:
+    if not table.points.is_grid:
+        _draw_lines(figure, table)
+        return
+    place, field = place_scene(figure, table.scene), table.of[0]
+    mesh, extend = _draw_mesh(place.axes, table, field)
+    draw_walls(place.axes, table.scene)
+    direction = "horizontal" if is_wide(table.scene) else "vertical"
+    bar = figure.colorbar(mesh, cax=place.bar, extend=extend, extendfrac=0.03, orientation=direction)
+    reference = rise_reference(field.unit, mesh.norm.vmin, mesh.norm.vmax)
+    if reference is None:
+        bar.set_label(f"{field.label} ${field.symbol}$ [{_unit(field)}]")
+    else:
+        bar.formatter = rise_formatter(reference)
+        bar.set_label(rise_label(field.label, field.symbol, reference))
+
+
+def _draw_mesh(axes: Any, table: FieldTable, field: Field) -> tuple[Any, str]:
+    """Draw the cells of a grid in colors; returns them, and which ends of the color bar stand for more than their value."""
+    values = table.values[field.name]
+    low, high, extend = _color_range(values, field)
+    x, y = (np.asarray(edges) for edges in np.meshgrid(*table.points.edges))
+    if table.points.axes == "rt":
+        x, y = table.points.center[0] + x * np.cos(y), table.points.center[1] + x * np.sin(y)
+        cells = values.reshape(table.points.shape).T
+    else:
+        cells = values.reshape(table.points.shape)
+    name = "balance" if field.is_signed else "plasma" if field.name == "temperature" else "viridis"
+    mesh = axes.pcolormesh(x, y, np.ma.masked_invalid(cells), cmap=color_map(name), vmin=low, vmax=high, rasterized=True)
+    return mesh, extend
+
+
+def _color_range(values: Any, field: Field) -> tuple[float, float, str]:
+    known = values[np.isfinite(values)]
+    if not known.size:
+        return 0.0, 1.0, "neither"
+    low, high = np.quantile(known, _INNER).tolist()
+    if field.is_signed:
+        high = max(abs(low), abs(high)) or 1.0
+        low = -high
+    elif low == high:
+        low, high = low - 1e-3 * (abs(low) or 1.0), high + 1e-3 * (abs(high) or 1.0)
+    ends = bool(known.min() < low), bool(known.max() > high)
+    return low, high, {(False, False): "neither", (True, False): "min", (False, True): "max"}.get(ends, "both")
+
+
+def _draw_lines(figure: Any, table: FieldTable) -> None:
+    """A panel for each unit, below each other."""
+    units = list(dict.fromkeys(field.unit for field in table.of))
+    panels = figure.subplots(len(units), 1, sharex=True, squeeze=False)[:, 0]
+    at = table.points.coordinates[:, 0]
+    for panel, unit in zip(panels, units, strict=True):
+        shown = [field for field in table.of if field.unit == unit]
+        for color, field in zip(COLORS, shown, strict=False):
+            value, error = table.values[field.name], table.error[field.name]
+            error = np.where(np.isfinite(error), error, 0.0)
+            panel.fill_between(at, value - error, value + error, color=color, alpha=0.25, linewidth=0.0)
+            panel.plot(at, value, "o-", color=color, markersize=2.5, markeredgewidth=0.0, linewidth=0.9, label=f"${field.symbol}$")
+        panel.set_ylabel(f"{_common_label(shown)} [{_unit(shown[0])}]")
+        panel.ticklabel_format(scilimits=(-3, 4), useMathText=True)
+        if len(shown) > 1:
+            panel.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(shown), borderaxespad=0.1, columnspacing=1.0)
+    panels[-1].set_xlabel("distance from the center $r$ [m]" if table.points.axes == "rt" else "distance along the line [m]")
+    figure.align_ylabels()
+
+
+def _common_label(shown: list[Field]) -> str:
+    """The words that labels have in common; of a single field its symbol too."""
+    if len(shown) == 1:
+        return f"{shown[0].label} ${shown[0].symbol}$"
+    words = [field.label.split() for field in shown]
+    return " ".join(first for first, *others in zip(*words, strict=False) if all(other == first for other in others))
+
+
+def _unit(field: Field) -> str:
+    return "–" if field.unit == "1" else field.unit.replace("m2", "m²").replace("s2", "s²")
+
+
+def fields_text(table: FieldTable, terminal: Terminal) -> str:
+    """A field as a picture, or fields along a line as charts.
+
+    Raises:
+        PlotError: If matplotlib is not installed and a picture is wanted.
+    """
+    if not table.points.is_grid:
+        at = table.points.coordinates[:, 0]
+        label = table.points.names[0]
+        charts = [draw_text([TextLine("", at, table.values[f.name])], label, f"{f.label} [{f.unit}]") for f in table.of]
+        return "\n\n".join(charts)
+    field = table.of[0]
+    low, high, _ = _color_range(table.values[field.name], field)
+
+    def draw(axes: Any) -> None:
+        _draw_mesh(axes, table, field)
+        draw_walls(axes, table.scene)
+
+    picture = draw_picture(table.scene, draw, terminal)
+    return f"{picture}\n{field.label} [{field.unit}] from {low:.6g} to {high:.6g}"
+
+
+def _size(table: FieldTable) -> tuple[float, float]:
+    panels = 1 if table.points.is_grid else len({field.unit for field in table.of})
+    return COLUMN, COLUMN * (0.35 + 0.5 * panels)
+
+
+FIGURES = {FieldTable: Ways(_size, _fill, fields_text)}

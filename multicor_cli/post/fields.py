@@ -1,0 +1,229 @@
+"""Coarse-grained fields of a flow: over the plane, in polar coordinates, along a line, or over rings about a center."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from multicor_cli.model.model import Floats
+from multicor_cli.post.averages import pseudo_values, spread
+from multicor_cli.post.coarse import CoarseGrid
+from multicor_cli.post.contacts import with_forces
+from multicor_cli.post.field_points import FieldPoints, grid, line, polar_grid, rings
+from multicor_cli.post.field_sums import Field, column_names, derive, field_list, frame_sums
+from multicor_cli.post.scene import GrainScene, make_scene
+from multicor_cli.post.source import FrameSource, PostError, Selection, model_of, need_grains, rows_of
+from multicor_cli.post.table import Table
+
+Center = tuple[float, float]
+
+
+@dataclass(frozen=True, repr=False)
+class FieldTable(Table):
+    """Fields averaged over frames, at ``p`` places: points of a grid or of a line, or rings.
+
+    Attributes:
+        of: The fields that the table and the figure show.
+        fields: All fields.
+        points: Where.
+        values: Every field by name, nan where no grain is near, shape ``(p,)``.
+        error: Standard errors along a line or of rings, by name, shape ``(p,)``; empty of grids.
+        reach: How far the kernel reaches [m].
+        frames: Indices of the frames.
+        times: Times of the first and last frame [s].
+        scene: Grains and walls of the last frame.
+    """
+
+    of: tuple[Field, ...]
+    fields: tuple[Field, ...]
+    points: FieldPoints
+    values: dict[str, Floats]
+    error: dict[str, Floats]
+    reach: float
+    frames: NDArray[np.int64]
+    times: tuple[float, float]
+    scene: GrainScene
+
+    @property
+    def headings(self) -> tuple[str, ...]:
+        """Names of the columns of `rows`."""
+        if self.points.is_grid:
+            return "quantity", "mean", "smallest", "largest"
+        pairs = (name for f in self.of for name in (f"{f.name} [{f.unit}]", "standard error"))
+        return self.points.names[0], *pairs
+
+    @property
+    def rows(self) -> Sequence[tuple[Any, ...]]:
+        """Of a grid, a row for each field with its mean over the points where it has a value; else a row for each place."""
+        if not self.points.is_grid:
+            columns = [column for f in self.of for column in (self.values[f.name], self.error[f.name])]
+            return rows_of((self.points.coordinates[:, 0], *columns))
+        lines = []
+        for field in self.fields:
+            known = self.values[field.name][np.isfinite(self.values[field.name])]
+            mean, low, high = (float(known.mean()), float(known.min()), float(known.max())) if known.size else (np.nan,) * 3
+            lines.append((f"{field.label} [{field.unit}]", mean, low, high))
+        return lines
+
+    @property
+    def detail_headings(self) -> tuple[str, ...]:
+        """Names of the columns of `detail_rows` with their units."""
+        names = [f"{f.name} [{f.unit}]" for f in self.fields]
+        errors = [f"error of {f.name} [{f.unit}]" for f in self.fields if f.name in self.error]
+        return (*self.points.names, *names, *errors)
+
+    @property
+    def detail_rows(self) -> list[tuple[float, ...]]:
+        """One row for each place, with every field."""
+        values = [self.values[f.name] for f in self.fields]
+        errors = [self.error[f.name] for f in self.fields if f.name in self.error]
+        return rows_of((*self.points.coordinates.T, *values, *errors))
+
+    def as_dict(self) -> dict[str, Any]:
+        """Everything as JSON types; numbers may be nan. Grids are rows of columns, as ``shape`` says."""
+        found = {
+            "frame_count": int(self.frames.size),
+            "times": list(self.times),
+            "reach": self.reach,
+            "axes": list(self.points.axes),
+            "shape": list(self.points.shape),
+            "units": {f.name: f.unit for f in self.fields},
+            **{name.partition(" ")[0]: self.points.coordinates[:, k].tolist() for k, name in enumerate(self.points.names)},
+            "values": {name: values.reshape(self.points.shape).tolist() for name, values in self.values.items()},
+        }
+        return found | ({"standard_error": {name: values.tolist() for name, values in self.error.items()}} if self.error else {})
+
+
+def fields(
+    source: FrameSource,
+    of: Sequence[str] = (),
+    selection: Selection | None = None,
+    *,
+    spacing: float = 0.5,
+    reach: float = 2.0,
+    center: Center | None = None,
+    along: tuple[Center, Center] | None = None,
+    is_radial: bool = False,
+) -> FieldTable:
+    """Coarse-grained fields, averaged over frames: on a grid over the grains, unless another place is asked for.
+
+    Densities are averaged over the frames, and over rings, before velocities, temperatures and gradients are made of them. Near a
+    wall part of the kernel lies beyond it: densities and stresses fall off within its reach, velocities and temperatures do not.
+    Kinetic stress and granular temperature are those of velocities relative to the mean at the point, over time; a gradient of the
+    mean counts too, with about the square of the reach. Grains alone count, not those that are glued to walls.
+
+    Args:
+        source: The run.
+        of: Fields that the table of a line and figures show; default: solid fraction, or the velocities along a line.
+        selection: Which frames; default: the later half of the last stage. If contacts are recorded, frames without forces are
+            left out.
+        spacing: Distance of the points in mean diameters.
+        reach: How far the kernel reaches in mean diameters.
+        center: Center of polar coordinates [m]: the grid is one of rings, and components are radial and azimuthal.
+        along: The ends of a line [m] on which the fields are wanted.
+        is_radial: Whether to average over rings about ``center``.
+
+    Raises:
+        PostError: If there is no such field, no frame, no grain, or no sensible number of points; if ``is_radial`` has no
+            center, or a line has one.
+        StoreError: If the run cannot be read.
+    """
+    diameter, period = source.model.mean_diameter, source.model.period
+    _refuse_sizes(spacing, reach, diameter, period)
+    if (is_radial and center is None) or (along is not None and center is not None):
+        raise PostError("rings need a center; a line has none")
+    chosen = (selection or Selection()).indices(source.frames)
+    need_grains(source, chosen)
+    has_stress = any(source.frames[int(k)].contacts.recorded for k in chosen)
+    chosen = with_forces(source, chosen) if has_stress else chosen
+    points = _points(source, chosen, spacing * diameter, center, along, is_radial=is_radial)
+    at = np.column_stack([points.at[:, 0] % period, points.at[:, 1]]) if period > 0.0 else points.at
+    coarse = CoarseGrid(at, reach * diameter, period)
+    has_heat = source.model.thermal is not None
+    names = column_names(has_heat=has_heat, has_stress=has_stress)
+    known = tuple(field_list(points.axes, has_heat=has_heat, has_stress=has_stress))
+    wanted = _wanted(of or _default(points), known)
+    times = np.asarray(source.frames.time)[chosen]
+    total = np.zeros((len(points.coordinates), len(names)))
+    rows: list[Floats] = []  # of a grid they would fill the memory
+    for k in chosen.tolist():
+        found = frame_sums(source, source.frames[k], points, coarse, has_stress=has_stress)
+        total += found
+        rows += [] if points.is_grid else [found]
+    values = derive(total / chosen.size, names, points.axes)
+    return FieldTable(
+        of=wanted,
+        fields=known,
+        points=points,
+        values=values,
+        error=_errors(np.array(rows), values, times, names, points.axes) if rows else {},
+        reach=reach * diameter,
+        frames=chosen,
+        times=(float(times[0]), float(times[-1])),
+        scene=make_scene(source, source.frames[int(chosen[-1])]),
+    )
+
+
+def _refuse_sizes(spacing: float, reach: float, diameter: float, period: float) -> None:
+    if not spacing > 0.0 or not reach > 0.0:
+        raise PostError(f"spacing and reach are more than 0 mean diameters; they are {spacing:g} and {reach:g}")
+    if period > 0.0 and reach * diameter > period:
+        raise PostError(f"the kernel reaches {reach * diameter:.3g} m, beyond the period of {period:.3g} m: choose a shorter reach")
+
+
+def _default(points: FieldPoints) -> tuple[str, ...]:
+    return ("solid-fraction",) if points.is_grid else tuple(f"velocity-{axis}" for axis in points.axes)
+
+
+def _wanted(of: Sequence[str], known: Sequence[Field]) -> tuple[Field, ...]:
+    names = {field.name: field for field in known}
+    for name in of:
+        if name not in names:
+            raise PostError(f"there is no field '{name}' here; choose from: {', '.join(names)}")
+    return tuple(names[name] for name in of)
+
+
+def _points(
+    source: FrameSource,
+    chosen: NDArray[np.int64],
+    spacing: float,
+    center: Center | None,
+    along: tuple[Center, Center] | None,
+    *,
+    is_radial: bool,
+) -> FieldPoints:
+    if along is not None:
+        return line(*along, spacing)
+    if center is not None:
+        distance = [_distances(source, int(k), center) for k in chosen]
+        inner, outer = min(low for low, _ in distance), max(high for _, high in distance)
+        return (rings if is_radial else polar_grid)(center, inner, outer, spacing)
+    low, high = np.full(2, np.inf), np.full(2, -np.inf)
+    for k in chosen.tolist():
+        frame = source.frames[k]
+        radius = model_of(source, frame).grains.radius[:, np.newaxis]
+        position = np.asarray(frame.position, np.float64)[:, :2]
+        low, high = np.minimum(low, (position - radius).min(axis=0)), np.maximum(high, (position + radius).max(axis=0))
+    if source.model.period > 0.0:
+        low[0], high[0] = 0.0, source.model.period
+    return grid(low.tolist(), high.tolist(), spacing)
+
+
+def _distances(source: FrameSource, k: int, center: Center) -> tuple[float, float]:
+    """How near to the center grains come in a frame, and how far they reach [m]."""
+    frame = source.frames[k]
+    radius = model_of(source, frame).grains.radius
+    away = np.hypot(*(np.asarray(frame.position, np.float64)[:, :2] - np.array(center)).T)
+    return max(float((away - radius).min()), 0.0), float((away + radius).max())
+
+
+def _errors(rows: Floats, values: dict[str, Floats], times: Floats, names: tuple[str, ...], axes: str) -> dict[str, Floats]:
+    """Standard errors of every field from what each frame adds to it."""
+    if len(rows) < 2:
+        return {name: np.full(value.shape, np.nan) for name, value in values.items()}
+    without = derive((rows.sum(axis=0) - rows) / (len(rows) - 1), names, axes)
+    return {name: spread(pseudo_values(value, without[name]), times).error for name, value in values.items()}
