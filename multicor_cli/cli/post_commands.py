@@ -13,6 +13,7 @@ from multicor_cli.cli import (
     post_grain_commands,
     post_region_command,
     post_run_commands,
+    post_series_command,
 )
 from multicor_cli.cli.listing import ListingCommand
 
@@ -24,6 +25,7 @@ COMMANDS = {
     **post_region_command.COMMANDS,
     **post_fields_command.COMMANDS,
     **post_run_commands.COMMANDS,
+    **post_series_command.COMMANDS,
     **animate_command.COMMANDS,
 }
 """Commands by name."""

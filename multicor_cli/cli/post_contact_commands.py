@@ -8,7 +8,18 @@ from typing import Annotated, Any, Optional
 import typer
 
 from multicor_cli.cli.options import RunPath
-from multicor_cli.cli.post_options import AsCsv, AsJson, End, FigureFile, Frames, OneFrame, OverwriteFigure, Start, parse_frames
+from multicor_cli.cli.post_options import (
+    AsCsv,
+    AsJson,
+    Between,
+    End,
+    FigureFile,
+    Frames,
+    OneFrame,
+    OverwriteFigure,
+    Start,
+    parse_frames,
+)
 from multicor_cli.cli.post_output import TableOutput
 from multicor_cli.text import count_noun
 
@@ -96,6 +107,7 @@ def rheology(
     end: End = None,
     frames: Frames = None,
     margin: Margin = None,
+    between: Between = None,
     is_json: AsJson = False,
     is_csv: AsCsv = False,
     plot: FigureFile = None,
@@ -114,7 +126,7 @@ def rheology(
 
     selection = Selection(start, end, parse_frames(frames, start, end))
     with open_run(directory) as run:
-        table = make_table(run, selection, margin=margin)
+        table = make_table(run, selection, margin=margin, between=between)
     output.draw(table)
     about = (
         f"{count_noun(table.frames.size, 'frame')} from t = {table.times[0]:g} s to {table.times[1]:g} s, "

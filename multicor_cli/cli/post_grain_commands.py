@@ -10,6 +10,7 @@ from multicor_cli.cli.options import RunPath
 from multicor_cli.cli.post_options import (
     AsCsv,
     AsJson,
+    Between,
     Bins,
     End,
     FigureFile,
@@ -63,7 +64,19 @@ BinWidth = Annotated[
     typer.Option("--bin-width", metavar="D", help="Width of a bin in mean diameters, instead of --bins.", show_default="1"),
 ]
 ExcludeWalls = Annotated[
-    float, typer.Option("--exclude-walls", metavar="D", help="Leave out this many mean diameters at each wall.")
+    Optional[float],  # noqa: UP045
+    typer.Option(
+        "--exclude-walls",
+        metavar="D",
+        help="Leave out this many mean diameters at each wall.",
+        show_default="1, at most an eighth of the distance of the walls",
+    ),
+]
+Groups = Annotated[
+    Optional[list[str]],  # noqa: UP045
+    typer.Option(
+        "--group", metavar="NAME", help="Count the grains of this group only; several times for several.", show_default="all"
+    ),
 ]
 Streamlines = Annotated[
     bool,
@@ -83,7 +96,9 @@ def profile(
     frames: Frames = None,
     bins: Bins = None,
     bin_width: BinWidth = None,
-    exclude_walls: ExcludeWalls = 0.0,
+    exclude_walls: ExcludeWalls = None,
+    between: Between = None,
+    groups: Groups = None,
     is_json: AsJson = False,
     is_csv: AsCsv = False,
     plot: FigureFile = None,
@@ -104,7 +119,9 @@ def profile(
 
     selection = Selection(start, end, parse_frames(frames, start, end))
     with open_run(directory) as run:
-        found = profiles(run, of, selection, bins, bin_width=bin_width, exclude_walls=exclude_walls)
+        found = profiles(
+            run, of, selection, bins, bin_width=bin_width, exclude_walls=exclude_walls, between=between, groups=groups or ()
+        )
     if is_normalized or is_normalised:
         found = found.normalized()
     output.draw(found)
@@ -113,7 +130,7 @@ def profile(
         f"{count_noun(table.frames.size, 'frame')} from t = {table.times[0]:g} s to {table.times[1]:g} s, height {table.height:g} m"
     )
     notes = [table.note if len(found.tables) == 1 else f"{table.field.name}: {table.note}" for table in found.tables if table.note]
-    output.deliver(found, "\n".join([about, *notes]), run=directory)
+    output.deliver(found, "\n".join(line for line in (about, table.about_walls, *notes) if line), run=directory)
 
 
 def theta_eta(

@@ -39,6 +39,12 @@ Bins = Annotated[
     Optional[int],  # noqa: UP045
     typer.Option("--bins", min=1, help="Number of bins.", show_default="one per mean diameter"),
 ]
+Between = Annotated[
+    Optional[tuple[str, str]],  # noqa: UP045
+    typer.Option(
+        "--between", metavar="LOWER UPPER", help="Names of the walls below and above.", show_default="those that bound the grains"
+    ),
+]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the data as JSON.")]
 AsCsv = Annotated[bool, typer.Option("--csv", help="Print the data as CSV.")]
 

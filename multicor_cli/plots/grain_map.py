@@ -10,7 +10,7 @@ from multicor_cli.plots.dispatch import Ways
 from multicor_cli.plots.scene import Place, draw_discs, draw_walls, is_wide, place_scene
 from multicor_cli.plots.small_rises import rise_formatter, rise_label, rise_reference
 from multicor_cli.plots.streamlines import draw_streamlines
-from multicor_cli.plots.style import COLUMN, color_map
+from multicor_cli.plots.style import COLORS, COLUMN, color_map
 from multicor_cli.plots.text_picture import Terminal, draw_picture
 from multicor_cli.post.grain_map import GrainMap
 from multicor_cli.post.quantities import color_range
@@ -51,6 +51,10 @@ def _colors(table: GrainMap) -> Any:
     """The color map of a map; on a logarithmic scale what is zero or negative is white, and not the darkest color."""
     import matplotlib as mpl
 
+    if table.names:
+        from matplotlib.colors import ListedColormap
+
+        return ListedColormap([COLORS[k % len(COLORS)] for k in range(len(table.names))])
     colors = mpl.colormaps[color_map(table.field.colors)]
     return colors.with_extremes(bad="white", under="white") if table.field.scale == "logarithmic" else colors
 
@@ -58,6 +62,12 @@ def _colors(table: GrainMap) -> Any:
 def draw_bar(axes: Any, table: GrainMap, discs: Any, scale: tuple[Any, str]) -> None:
     """Draw the color bar of a map into axes beside or below it."""
     norm, extend = scale
+    if table.names:
+        bar = axes.figure.colorbar(discs, cax=axes, orientation="horizontal" if is_wide(table.scene) else "vertical")
+        bar.set_ticks(range(len(table.names)), labels=table.names)
+        bar.ax.minorticks_off()
+        bar.set_label(table.field.label)
+        return
     direction = "horizontal" if is_wide(table.scene) else "vertical"
     bar = axes.figure.colorbar(discs, cax=axes, extend=extend, extendfrac=0.03, orientation=direction)
     field = table.field
@@ -71,8 +81,10 @@ def draw_bar(axes: Any, table: GrainMap, discs: Any, scale: tuple[Any, str]) -> 
 
 def color_scale(table: GrainMap) -> tuple[Any, str]:
     """Norm of matplotlib for the values, and which ends of the color bar stand for more than their value."""
-    from matplotlib.colors import LogNorm, Normalize
+    from matplotlib.colors import BoundaryNorm, LogNorm, Normalize
 
+    if table.names:
+        return BoundaryNorm([k - 0.5 for k in range(len(table.names) + 1)], len(table.names)), "neither"
     value, is_logarithmic = table.value, table.field.scale == "logarithmic"
     low, high = color_range(table.field, value, table.scene.radius.size)
     ends = (bool(value.min() < low), bool(value.max() > high))
@@ -113,8 +125,9 @@ def map_text(table: GrainMap, terminal: Terminal, *, has_streamlines: bool = Tru
         PlotError: If matplotlib is not installed.
     """
     norm, _ = color_scale(table)
+    values = ", ".join(table.names) if table.names else f"from {norm.vmin:.6g} to {norm.vmax:.6g}"
     picture = draw_picture(table.scene, lambda axes: draw_values(axes, table, norm, has_streamlines=has_streamlines), terminal)
-    return f"{picture}\n{table.field.label} [{table.field.unit}] from {norm.vmin:.6g} to {norm.vmax:.6g}"
+    return f"{picture}\n{table.field.label} [{table.field.unit}] {values}"
 
 
 FIGURES = {GrainMap: Ways(lambda _: (COLUMN, COLUMN), _fill, map_text)}

@@ -11,7 +11,7 @@ import numpy as np
 from multicor_cli.plots.grain_map import draw_map
 from multicor_cli.plots.scene import place_scene
 from multicor_cli.plots.style import house_style
-from multicor_cli.post import grain_map
+from multicor_cli.post.grain_map import grain_map
 
 _DPI = 150  # of a notebook
 

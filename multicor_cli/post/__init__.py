@@ -1,6 +1,7 @@
 """Tables computed from a run directory, each in a module of its own; these are at hand here."""
 
 from multicor_cli.post.compare import Comparison, ProfilePair, compare
+from multicor_cli.post.crossings import FlowTable, flow_through
 from multicor_cli.post.energy import EnergyTable, energy
 from multicor_cli.post.fields import FieldTable, fields
 from multicor_cli.post.force_statistics import AngularDistribution, ForceDistribution, angular_distribution, force_distribution
@@ -11,6 +12,7 @@ from multicor_cli.post.quantities import MAPPED, PROFILE_GROUPS, PROFILED, QUANT
 from multicor_cli.post.region import RegionTable, in_region
 from multicor_cli.post.rheology import Rheology, rheology
 from multicor_cli.post.scene import GrainScene, make_scene
+from multicor_cli.post.series import SeriesTable, series
 from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Selection, frame_index
 from multicor_cli.post.theta_eta import ThetaTable, theta_eta
 
@@ -23,6 +25,7 @@ __all__ = [
     "Comparison",
     "EnergyTable",
     "FieldTable",
+    "FlowTable",
     "ForceDistribution",
     "ForceNetwork",
     "FrameSource",
@@ -37,11 +40,13 @@ __all__ = [
     "RegionTable",
     "Rheology",
     "Selection",
+    "SeriesTable",
     "ThetaTable",
     "angular_distribution",
     "compare",
     "energy",
     "fields",
+    "flow_through",
     "force_distribution",
     "force_network",
     "frame_index",
@@ -51,5 +56,6 @@ __all__ = [
     "profile",
     "profiles",
     "rheology",
+    "series",
     "theta_eta",
 ]

@@ -11,12 +11,16 @@ from numpy.typing import NDArray
 from multicor_cli.model.model import Floats
 from multicor_cli.post.binning import Shares, share_discs, share_lines
 from multicor_cli.post.contacts import LoadedContacts
-from multicor_cli.post.extent import Extent, find_extent
+from multicor_cli.post.extent import Between, Extent, find_extent
 from multicor_cli.post.source import FrameSource, GrainFrame, PostError
 
 BIN_LIMIT = 100_000
 """Largest number of bins; more is taken for a mistake."""
 
+WALL_LAYER = 1.0
+"""The layer at a wall that profiles leave out unless told otherwise, in mean diameters: walls order the grains there."""
+
+_NEAR = 0.125  # of the distance of the walls: no more than that is left out at each unless told otherwise
 _NOTHING = 1e-9  # of the distance of the walls: a height below that is zero but for rounding
 
 
@@ -44,12 +48,14 @@ class Bins:
         width: Width of a bin, averaged over the frames [m].
         count: Number of bins b.
         bottom: Lower edge of the first bin above the origin [m].
+        left_out: What is left out at each wall [m].
     """
 
     extent: Extent
     width: float
     count: int
     bottom: float = 0.0
+    left_out: float = 0.0
 
     @property
     def centers(self) -> Floats:
@@ -86,31 +92,37 @@ def make_bins(
     bins: int | None = None,
     *,
     bin_width: float | None = None,
-    exclude_walls: float = 0.0,
+    exclude_walls: float | None = 0.0,
+    between: Between | None = None,
 ) -> Bins:
     """Bins over the extent of the frames ``chosen``, each about ``bin_width`` mean diameters wide unless their number is given.
 
+    What is left out at the walls is `WALL_LAYER`, or less between walls that are near, if ``exclude_walls`` is None.
+
     Raises:
-        PostError: If there are too few or too many, or nothing is left between the walls.
+        PostError: If there are too few or too many, nothing is left between the walls, or ``between`` names no such walls.
     """
-    extent = find_extent(source, chosen)
+    extent = find_extent(source, chosen, between)
     diameter = source.model.mean_diameter
-    if not exclude_walls >= 0.0:
+    if exclude_walls is None:
+        edge = min(WALL_LAYER * diameter, _NEAR * extent.height)
+    elif exclude_walls >= 0.0:
+        edge = exclude_walls * diameter
+    else:
         raise PostError(f"{exclude_walls:g} mean diameters cannot be left out at the walls: choose 0 or more")
-    edge = exclude_walls * diameter
     bottom = edge if extent.lower is not None else 0.0
     height = extent.height - bottom - (edge if extent.upper is not None else 0.0)
     if not height > _NOTHING * extent.height:
         raise PostError(
             f"nothing is left between the walls: they are {extent.height / diameter:.3g} mean diameters apart and "
-            f"{exclude_walls:g} are to be left out at each"
+            f"{edge / diameter:g} are to be left out at each"
         )
     if bin_width is not None and not bin_width > 0.0:
         raise PostError(f"bins cannot be {bin_width:g} mean diameters wide: choose more than 0")
     count = bins if bins is not None else max(round(min(height / ((bin_width or 1.0) * diameter), 2.0 * BIN_LIMIT)), 1)
     if not 1 <= count <= BIN_LIMIT:
         raise PostError(f"{count} bins: choose between 1 and {BIN_LIMIT}")
-    return Bins(extent, height / count, count, bottom)
+    return Bins(extent, height / count, count, bottom, edge)
 
 
 def heights(frame: GrainFrame) -> Floats:

@@ -11,7 +11,10 @@ from multicor_cli.model import Model, ShapeKind
 from multicor_cli.model.columns import RADIUS
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import outlines
-from multicor_cli.post.source import FrameSource, GrainFrame, model_of, need_grains
+from multicor_cli.post.source import FrameSource, GrainFrame, PostError, model_of, need_grains
+
+Between = tuple[str, str]
+"""Names of a lower and an upper wall."""
 
 _LEVEL = 0.7  # a plane bounds the grains in y if its normal points within 45 degrees up or down
 _WIDE = 0.5  # a wall bounds a layer if it is at least this part as wide as nearly all grains
@@ -57,14 +60,28 @@ class Extent:
         return float(self.line[self.upper] + frame.wall_position[self.upper, 1]) - self.origin(frame)
 
 
-def find_extent(source: FrameSource, indices: NDArray[np.int64]) -> Extent:
-    """The extent over the selected frames."""
+def find_extent(source: FrameSource, indices: NDArray[np.int64], between: Between | None = None) -> Extent:
+    """The extent over the selected frames.
+
+    Args:
+        source: The run.
+        indices: The frames.
+        between: Names of the walls below and above the grains; default: those that bound them, see `Extent`.
+
+    Raises:
+        PostError: If no grain is there, or ``between`` names no two walls that lie one above the other.
+    """
     model = source.model
     spans = wall_spans(model)
     line = 0.5 * np.where(np.isfinite(spans), spans, 0.0).sum(axis=0)
     ends = [source.frames[int(indices[k])] for k in (0, -1)]
     need_grains(source, indices)
-    lower, upper = _bounding_walls(ends, spans, line, _widths(model), model.mean_diameter)
+    lower: int | None
+    upper: int | None
+    if between is not None:
+        lower, upper = _named_walls(model.walls.names, between, ends, spans, line)
+    else:
+        lower, upper = _bounding_walls(ends, spans, line, _widths(model), model.mean_diameter)
     floor, ceiling, gap = np.inf, -np.inf, 0.0
     for k in indices:
         frame = source.frames[int(k)]
@@ -79,6 +96,22 @@ def find_extent(source: FrameSource, indices: NDArray[np.int64]) -> Extent:
     if lower is not None:
         floor = 0.0
     return Extent(lower, upper, line, floor, gap or ceiling - floor)
+
+
+def _named_walls(
+    names: tuple[str, ...], between: Between, frames: list[GrainFrame], spans: tuple[Floats, Floats], line: Floats
+) -> tuple[int, int]:
+    for name in between:
+        if name not in names:
+            raise PostError(f"there is no wall '{name}'; choose from: {', '.join(names)}")
+        if not np.isfinite(spans[0][names.index(name)]):
+            raise PostError(f"the wall '{name}' is upright, or none that grains lie on: no height can be measured from it")
+    lower, upper = (names.index(name) for name in between)
+    for frame in frames:
+        at = line + np.asarray(frame.wall_position)[:, 1]
+        if not at[lower] < at[upper]:
+            raise PostError(f"the wall '{between[0]}' is not below '{between[1]}'")
+    return lower, upper
 
 
 def _bounding_walls(

@@ -25,6 +25,7 @@ class GrainMap(Table):
         vector: The vectors, shape ``(n, 2)``, or None.
         frame: Index of the frame.
         time: Time of the frame [s].
+        names: What the values 0, 1, … stand for, where they are no amounts.
     """
 
     field: Quantity
@@ -33,15 +34,18 @@ class GrainMap(Table):
     vector: Floats | None
     frame: int
     time: float
+    names: tuple[str, ...] = ()
 
     @property
     def headings(self) -> tuple[str, str]:
         """Names of the columns of `rows`."""
-        return "quantity", "value"
+        return (self.field.label, "grains") if self.names else ("quantity", "value")
 
     @property
     def rows(self) -> list[tuple[str, float]]:
-        """Statistics of the values."""
+        """Statistics of the values; how many grains there are of each kind, where they stand for names."""
+        if self.names:
+            return [(name, float((self.value == k).sum())) for k, name in enumerate(self.names)]
         unit = f" [{self.field.unit}]"
         quantiles = np.quantile(self.value, (0.0, 0.05, 0.5, 0.95, 1.0))
         names = ("smallest", "5 % of the grains below", "half of the grains below", "95 % of the grains below", "largest")
@@ -72,6 +76,8 @@ class GrainMap(Table):
             "radius": self.scene.radius.tolist(),
             "value": self.value.tolist(),
         }
+        if self.names:
+            data["names"] = list(self.names)
         return data if self.vector is None else data | {"vector": self.vector.tolist()}
 
 
@@ -100,4 +106,5 @@ def grain_map(source: FrameSource, of: str, frame: int = -1) -> GrainMap:
         vector,
         index,
         float(np.asarray(source.frames.time)[index]),
+        () if chosen.names_of is None else chosen.names_of(source.model),
     )

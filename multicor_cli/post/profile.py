@@ -12,7 +12,9 @@ from numpy.typing import NDArray
 from multicor_cli.model.model import Floats
 from multicor_cli.post.bins import Bins, make_bins
 from multicor_cli.post.contacts import with_forces
+from multicor_cli.post.extent import Between
 from multicor_cli.post.flow import RelativeFrame, mean_flow
+from multicor_cli.post.groups import of_groups
 from multicor_cli.post.quantities import PROFILE_GROUPS, PROFILED, Quantity
 from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Selection, model_of, rows_of
 from multicor_cli.post.sums import (
@@ -58,6 +60,7 @@ class ProfileTable(Table):
         is_normalized: Whether ``y`` and ``value`` are normalized.
         bin_area: Area of the plane that a bin covers, averaged over the frames [m²]. Times the sum of the values it gives what all
             bins hold, for values per area: the area of the grains, the heat per time [W], the sum of f ℓ [N m].
+        left_out: What is left out at each wall, in mean diameters.
         note: How many bins drift, and by how much the worst does over the frames, in the unit of the field; empty if none does.
     """
 
@@ -74,8 +77,15 @@ class ProfileTable(Table):
     frames: NDArray[np.int64]
     times: tuple[float, float]
     is_normalized: bool = False
+    left_out: float = 0.0
     bin_area: float = np.nan
     note: str = ""
+
+    @property
+    def about_walls(self) -> str:
+        """A line on what is left out at the walls; empty if nothing is."""
+        walls = " and ".join(f"'{name}'" for name in self.walls if name)
+        return f"{self.left_out:.3g} mean diameters next to {walls} are left out" if walls and self.left_out else ""
 
     @property
     def units(self) -> tuple[str, str]:
@@ -104,6 +114,7 @@ class ProfileTable(Table):
             "times": list(self.times),
             "height": self.height,
             "walls": list(self.walls),
+            "excluded_at_walls": self.left_out,
             "wall_values": list(self.wall_values),
             "shear_rate": self.shear_rate,
             "bin_width": self.width,
@@ -217,7 +228,9 @@ def profile(
     bins: int | None = None,
     *,
     bin_width: float | None = None,
-    exclude_walls: float = 0.0,
+    exclude_walls: float | None = None,
+    between: Between | None = None,
+    groups: Sequence[str] = (),
 ) -> ProfileTable:
     """Average a field over horizontal bins and frames.
 
@@ -231,7 +244,10 @@ def profile(
         bins: Number of bins; default: as many as make a bin about ``bin_width`` wide.
         bin_width: Width of a bin in mean diameters, rounded so that a whole number of bins fits; default: 1.
         exclude_walls: What to leave out at each wall, in mean diameters, counted as the heights are: from the line through the
-            centers of glued grains, or from the surface of a smooth wall.
+            centers of glued grains, or from the surface of a smooth wall. Default: the layer next to the wall, `bins.WALL_LAYER`;
+            between walls that are near, no more than an eighth of their distance.
+        between: Names of the walls below and above; default: those that bound the grains.
+        groups: Groups of grains that count; default: all. Fluctuations are those about the mean flow of all grains.
 
     Raises:
         PostError: If there is no such field, no frame (for a rate: fewer than two), or no sensible number of bins; or if the
@@ -240,7 +256,10 @@ def profile(
     """
     if of in PROFILE_GROUPS:
         raise PostError(f"'{of}' has several components: choose one of {', '.join(PROFILE_GROUPS[of])}")
-    return profiles(source, of, selection, bins, bin_width=bin_width, exclude_walls=exclude_walls).first
+    found = profiles(
+        source, of, selection, bins, bin_width=bin_width, exclude_walls=exclude_walls, between=between, groups=groups
+    )  # fmt: skip
+    return found.first
 
 
 def profiles(
@@ -250,7 +269,9 @@ def profiles(
     bins: int | None = None,
     *,
     bin_width: float | None = None,
-    exclude_walls: float = 0.0,
+    exclude_walls: float | None = None,
+    between: Between | None = None,
+    groups: Sequence[str] = (),
 ) -> ProfileSet:
     """As `profile`, for a field or for several at once, reading every frame once.
 
@@ -261,6 +282,8 @@ def profiles(
         bins: Number of bins, as for `profile`.
         bin_width: Width of a bin in mean diameters, likewise.
         exclude_walls: What to leave out at each wall, in mean diameters, likewise.
+        between: Names of the walls below and above, likewise.
+        groups: Groups of grains that count, likewise.
 
     Raises:
         PostError: As `profile`.
@@ -268,8 +291,9 @@ def profiles(
     fields = _find_fields(of)
     chosen = (selection or Selection()).indices(source.frames)
     kind = fields[0].kind
+    part = of_groups(source, groups) if groups else source
     if any(field.needs_contacts for field in fields):
-        chosen = with_forces(source, chosen)
+        chosen = with_forces(part, chosen)
     for field in fields:
         if field.averaged is not None:
             first = source.frames[int(chosen[0])]
@@ -277,11 +301,11 @@ def profiles(
     if kind == "rate" and chosen.size < 2:
         label = fields[0].label
         raise PostError(f"{label} is a rate and needs two frames; only one is selected: choose more with --from or --frames")
-    bins_ = make_bins(source, chosen, bins, bin_width=bin_width, exclude_walls=exclude_walls)
+    bins_ = make_bins(source, chosen, bins, bin_width=bin_width, exclude_walls=exclude_walls, between=between)
     if kind == "contact":
-        sums = sum_contacts(source, chosen, bins_, [field.of_contacts for field in fields if field.of_contacts is not None])
+        sums = sum_contacts(part, chosen, bins_, [field.of_contacts for field in fields if field.of_contacts is not None])
     else:
-        sums = _SUMS[kind](source, chosen, bins_, _values_of(source, fields, chosen, bins_))
+        sums = _SUMS[kind](part, chosen, bins_, _values_of(source, fields, chosen, bins_))
     tables = [_make_table(source, *pair, chosen, bins_) for pair in zip(fields, sums, strict=True)]
     return ProfileSet(of, tuple(tables))
 
@@ -321,6 +345,7 @@ def _make_table(source: FrameSource, field: Quantity, sums: Sums, chosen: NDArra
         shear_rate=(speeds[1] - speeds[0]) / extent.height,
         frames=chosen,
         times=(float(times[0]), float(times[-1])),
+        left_out=bins.left_out / source.model.mean_diameter,
         bin_area=_bin_area(source, field, sums, chosen, bins),
         note=drift_note(sums),
     )

@@ -67,6 +67,7 @@ class Quantity:
         of_contacts: Values of the contacts of a frame that carry a force, shape ``(c,)``; for the kind ``contact``.
         needs_contacts: Whether profiles leave out frames without contact forces.
         per_area: Symbol and unit of a profile, where they are not those of a grain.
+        names_of: Names that the values 0, 1, … stand for, where they are no amounts.
     """
 
     name: str
@@ -85,6 +86,7 @@ class Quantity:
     of_contacts: Callable[[LoadedContacts], Floats] | None = None
     needs_contacts: bool = False
     per_area: tuple[str, str] | None = None
+    names_of: Callable[[Model], tuple[str, ...]] | None = None
 
     @property
     def is_profiled(self) -> bool:
@@ -131,6 +133,10 @@ def _wall(column: int) -> Callable[[GrainFrame, Model], Floats]:
 
 def _speeds(source: FrameSource, frame: int) -> Floats:
     return np.asarray(np.hypot(*np.asarray(source.frames[frame].velocity, np.float64).T[:2]))
+
+
+def _kinds(name: str) -> Callable[[FrameSource, int], Floats]:
+    return lambda source, frame: np.asarray(getattr(model_of(source, source.frames[frame]).grains, name), np.float64)
 
 
 def _displacements(source: FrameSource, frame: int) -> Floats:
@@ -252,6 +258,8 @@ QUANTITIES: dict[str, Quantity] = {
             "force", "largest contact force", r"f_\mathrm{max}", "N", _of_contacts(lambda contacts: contacts.largest),
             scale="from zero",
         ),
+        Quantity("group", "group", "", "1", _kinds("group"), names_of=lambda model: model.groups),
+        Quantity("material", "material", "", "1", _kinds("material"), names_of=lambda model: model.materials),
         Quantity("stress", "contact pressure", "p", "N/m", _pressures, "cividis", "from zero"),
         Quantity("pressure", "contact pressure", "p", "N/m", kind="contact", of_contacts=_mean_pressure, needs_contacts=True),
         *(_stress(a, b) for a in (0, 1) for b in (0, 1)),

@@ -15,7 +15,7 @@ from multicor_cli.model.model import Floats
 from multicor_cli.post.averages import Spread, pseudo_values, spread
 from multicor_cli.post.bins import make_bins
 from multicor_cli.post.bulk import SUM_NAMES, Band, find_band, interval_sums
-from multicor_cli.post.extent import Extent, find_extent
+from multicor_cli.post.extent import Between, Extent, find_extent
 from multicor_cli.post.flow import mean_flow
 from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Selection, rows_of
 from multicor_cli.post.table import Table
@@ -158,7 +158,9 @@ class Rheology(Table):
         }
 
 
-def rheology(source: SeriesSource, selection: Selection | None = None, *, margin: float | None = None) -> Rheology:
+def rheology(
+    source: SeriesSource, selection: Selection | None = None, *, margin: float | None = None, between: Between | None = None
+) -> Rheology:
     """Measure the rheology of a layer between two walls that shear it.
 
     The shear rate is the least-squares slope of the displacements of the bulk between two frames, the spin its mean rotation; wall
@@ -169,6 +171,7 @@ def rheology(source: SeriesSource, selection: Selection | None = None, *, margin
         selection: Which frames; default: the later half of the last stage.
         margin: Mean diameters next to the surface of each wall that are not bulk; default: 8, or a quarter of the distance of the
             walls if that is less.
+        between: Names of the walls below and above; default: those that bound the grains.
 
     Raises:
         PostError: If fewer than two frames are selected, there are no two walls that shear the grains, the domain is not
@@ -176,7 +179,7 @@ def rheology(source: SeriesSource, selection: Selection | None = None, *, margin
         StoreError: If the run cannot be read.
     """
     chosen = (selection or Selection()).indices(source.frames)
-    extent = find_extent(source, chosen)
+    extent = find_extent(source, chosen, between)
     direction = _check_shear(source, extent, chosen)
     band = find_band(source.model, extent, margin)
     times = np.asarray(source.frames.time)[chosen]

@@ -119,6 +119,7 @@ def plane_width(source: FrameSource, frame: GrainFrame) -> float:
     """Width of the plane that the grains fill [m]: the period, or how far they reach in x where there is none."""
     if source.model.period > 0.0:
         return source.model.period
+    frame = getattr(frame, "whole", frame)  # of some groups: all grains fill the plane
     x, radius = np.asarray(frame.position, np.float64)[:, 0], model_of(source, frame).grains.radius
     return float((x + radius).max() - (x - radius).min())
 

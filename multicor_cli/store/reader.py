@@ -117,6 +117,11 @@ class Run:
         what = f"{count_noun(summary['grain_count'], 'grain')}, t = {summary['time']:.6g} s" if summary else "nothing stored yet"
         return f"<Run {self.path}: {self.status}, {what}, {count_noun(len(self.frames), 'frame')}>"
 
+    @property
+    def series_columns(self) -> list[NamedColumn]:
+        """The columns of the time series one by one; those of walls and outlets have their names before, as ``top: force_x``."""
+        return series_columns(self)
+
     @cached_property
     def grains(self) -> GrainFacts:
         """What the grains are: radius, mass, material, group; of all that come and go in the run. Raises as `model`."""

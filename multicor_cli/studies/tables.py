@@ -127,6 +127,7 @@ def _energy(run: Run, row: Observable, _selection: Selection) -> Number:
     return Number(float(value))
 
 
+_AMOUNTS = tuple(name for name, quantity in MAPPED.items() if quantity.names_of is None)
 _HEAT_FIELDS = frozenset(name for name, quantity in QUANTITIES.items() if quantity.needs_heat)
 
 SOURCES: dict[str, Source] = {
@@ -137,7 +138,7 @@ SOURCES: dict[str, Source] = {
         ("theta", "standard_deviation", "min", "max"), _theta,
         frozenset({"theta", "standard_deviation", "min", "max"}), is_of_one_frame=True,
     ),
-    "map": Source(tuple(MAPPED), _map, _HEAT_FIELDS, is_of_one_frame=True),
+    "map": Source(_AMOUNTS, _map, _HEAT_FIELDS, is_of_one_frame=True),
     "forces": Source((*_OF_NETWORK, *_OF_DIRECTIONS), _forces),
     "energy": Source(
         (*(line.name for line in (*MECHANICAL, *HEAT)), *_CLOSURES), _energy,

@@ -187,7 +187,7 @@ def test_theta_eta_refuses_what_makes_no_sense(arguments: list[str], message: st
 
 
 def test_profiles_of_heat(heated: Path, tmp_path: Path) -> None:
-    base = ["post", "profile", str(heated), "--frames", "1:", "--bins", "10", "--json"]
+    base = ["post", "profile", str(heated), "--frames", "1:", "--bins", "10", "--exclude-walls", "0", "--json"]
     heat = json.loads(runner.invoke(app, [*base, "--of", "heat"]).stdout)
     assert heat["value"] == pytest.approx((RATES / 0.4).tolist())
     temperature = json.loads(runner.invoke(app, [*base, "--of", "temperature", "--normalized"]).stdout)

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from from_wall_to_wall import profile
 from made_up_frames import source_of
 from post_review_support import (
     BEFORE_FORCES,
@@ -21,7 +22,7 @@ from post_review_support import (
     write_random_run,
 )
 
-from multicor_cli.post import PROFILED, PostError, Selection, profile
+from multicor_cli.post import PROFILED, PostError, Selection
 from multicor_cli.store import Run
 
 ALL = Selection(frames=slice(None))

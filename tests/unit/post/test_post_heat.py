@@ -8,11 +8,12 @@ from types import SimpleNamespace
 
 import numpy as np
 import pytest
+from from_wall_to_wall import profile
 from heat_run import GRADIENT, GRAINS, INTERVAL, RADIUS, RATES, SHEAR, write_heated_run
 from made_up_frames import source_of
 
 from multicor_cli.model import Model
-from multicor_cli.post import PostError, Selection, grain_map, profile, theta_eta
+from multicor_cli.post import PostError, Selection, grain_map, theta_eta
 from multicor_cli.post.extent import find_extent
 from multicor_cli.post.flow import mean_flow
 from multicor_cli.post.sums import Bins

@@ -84,6 +84,7 @@ def test_values_beyond_a_signed_scale_have_the_colors_of_its_ends():
     from multicor_cli.plots.grain_map import _colors
 
     class Table:
+        names = ()
         field = MAPPED["velocity-y"]
 
     colors = _colors(Table)
@@ -96,6 +97,7 @@ def test_what_has_received_no_heat_is_not_black():
     from multicor_cli.plots.grain_map import _colors, color_scale
 
     class Table:
+        names = ()
         field = MAPPED["heat"]
         value = np.array([-1.0, 0.0, 1e-6, 1.0])
         scene = type("Scene", (), {"radius": np.ones(4)})

@@ -7,17 +7,21 @@ from typing import Any
 
 import numpy as np
 import pytest
+from from_wall_to_wall import profile
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from made_up_frames import source_of
 from numpy.typing import NDArray
 from scene_parts import between_planes, make_shapes
 
+from multicor_cli import post
 from multicor_cli.model import ShapeKind
-from multicor_cli.post import PostError, Selection, profile
+from multicor_cli.post import PostError, Selection
 from multicor_cli.post.averages import standard_error
 from multicor_cli.post.binning import area_below, share_discs
 from multicor_cli.post.profile import ProfileTable
+
+EVERY = Selection(frames=slice(None))
 
 
 @dataclass
@@ -245,3 +249,41 @@ def test_what_cannot_be_done_is_refused() -> None:
         profile(source, bins=0)
     with pytest.raises(PostError, match="no frames yet"):
         profile(source_of(source.model, []))
+
+
+def test_the_layers_at_the_walls_are_left_out_unless_told_otherwise() -> None:
+    source = random_source()
+    diameter = source.model.mean_diameter
+    table, whole = post.profile(source, "velocity", EVERY), profile(source, "velocity", EVERY)
+    edge = min(diameter, 0.125)
+    assert table.y[0] - 0.5 * table.width == pytest.approx(edge)
+    assert table.y[-1] + 0.5 * table.width == pytest.approx(1.0 - edge)
+    assert table.about_walls == f"{edge / diameter:.3g} mean diameters next to 'bottom' and 'top' are left out"
+    assert table.as_dict()["excluded_at_walls"] == pytest.approx(edge / diameter)
+    assert whole.y[0] - 0.5 * whole.width == pytest.approx(0.0)
+    assert whole.about_walls == ""
+
+
+def test_walls_may_be_named() -> None:
+    """A grid inside the layer, which would bound nothing by itself, and a post that is upright."""
+    model = between_planes(np.full(9, 0.05))
+    shapes = [(ShapeKind.PLANE, 0, (0.0, 0.0, 0.0, 1.0)), (ShapeKind.PLANE, 1, (0.0, 1.0, 0.0, -1.0))]
+    shapes += [(ShapeKind.SEGMENT, 2, (0.0, 0.6, 0.2, 0.6)), (ShapeKind.SEGMENT, 3, (1.0, 0.0, 1.0, 1.0))]
+    names = ("bottom", "top", "grid", "post")
+    fill = np.full(4, np.nan)
+    bodies = replace(model.walls, names=names, mass=fill, inertia=fill, has_gravity=np.zeros(4, bool), length=np.ones(4))
+    model = replace(model, shapes=make_shapes(shapes), walls=bodies)
+    y = np.linspace(0.1, 0.9, 9)
+    frame = Frame(np.column_stack([np.full(9, 2.0), y]), np.column_stack([y, 0.0 * y]), np.zeros((4, 3)), np.zeros((4, 3)))
+    source = source_of(model, [frame])
+    assert profile(source, "velocity", EVERY, 1).walls == ("bottom", "top")
+    lower = profile(source, "velocity", EVERY, 1, between=("bottom", "grid"))
+    assert (lower.walls, lower.height) == (("bottom", "grid"), pytest.approx(0.6))
+    assert lower.value[0] == pytest.approx(0.325, abs=0.01)  # of 0.1 to 0.5, and half of that at 0.6
+    for walls, message in (
+        (("grid", "bottom"), "'grid' is not below 'bottom'"),
+        (("bottom", "lid"), "no wall 'lid'"),
+        (("bottom", "post"), "'post' is upright"),
+    ):
+        with pytest.raises(PostError, match=message):
+            profile(source, "velocity", EVERY, between=walls)

@@ -6,13 +6,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from from_wall_to_wall import profile, profiles
 from heat_run import GRAINS, RADIUS, write_heated_run
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from scenes import write_small
 
 import multicor_cli as multicor
-from multicor_cli.post import PROFILE_GROUPS, PostError, Selection, grain_map, profile, profiles, rheology
+from multicor_cli.post import PROFILE_GROUPS, PostError, Selection, grain_map, rheology
 from multicor_cli.post.binning import part_between, share_lines
 from multicor_cli.post.contacts import loaded_contacts
 from multicor_cli.store import Run, open_run

@@ -1,0 +1,170 @@
+"""Flow through a line: which grains have crossed it from frame to frame."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from multicor_cli.model.model import Floats
+from multicor_cli.post.averages import Spread, spread
+from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Selection, model_of, rows_of
+from multicor_cli.post.table import Table
+
+Point = tuple[float, float]
+_UNITS = {"grains": "1/s", "mass": "kg/s", "area": "m2/s"}
+
+
+@dataclass(frozen=True, repr=False)
+class FlowTable(Table):
+    """What has flowed through a line, to the left of its direction counted positive; ``r`` intervals between frames.
+
+    Attributes:
+        line: Its ends [m].
+        time: Ends of the intervals [s], shape ``(r,)``.
+        duration: Their lengths [s], shape ``(r,)``.
+        crossed: Grains, their mass [kg] and area [m²] that crossed in each interval, by name, shape ``(r,)``.
+        forth: Grains that crossed to the left in all.
+        back: Grains that crossed to the right in all.
+    """
+
+    line: tuple[Point, Point]
+    time: Floats
+    duration: Floats
+    crossed: dict[str, Floats]
+    forth: int
+    back: int
+
+    @property
+    def rate(self) -> dict[str, Floats]:
+        """What crossed per time in each interval, by name, shape ``(r,)``."""
+        return {name: values / self.duration for name, values in self.crossed.items()}
+
+    @property
+    def mean(self) -> dict[str, float]:
+        """Mean rates over the time, by name."""
+        return {name: float(values.sum() / self.duration.sum()) for name, values in self.crossed.items()}
+
+    @cached_property
+    def spread(self) -> dict[str, Spread]:
+        """Errors and drifts of the mean rates by name; see `multicor_cli.post.averages.spread`."""
+        return {name: spread(values, self.time) for name, values in self.rate.items()}
+
+    @property
+    def headings(self) -> tuple[str, ...]:
+        """Names of the columns of `rows`."""
+        return "quantity", "mean", "standard error", "drift", "note"
+
+    @property
+    def rows(self) -> list[tuple[Any, ...]]:
+        """The rates, and how many grains crossed."""
+        rates = [
+            (f"{name} per time [{_UNITS[name]}]", mean, float(found.error), float(found.drift), found.note())
+            for (name, mean), found in zip(self.mean.items(), self.spread.values(), strict=True)
+        ]
+        nan = np.nan
+        counts = [("grains to the left [1]", float(self.forth)), ("grains to the right [1]", float(self.back))]
+        return [*rates, *((name, count, nan, nan, "") for name, count in counts)]
+
+    @property
+    def detail_headings(self) -> tuple[str, ...]:
+        """Names of the columns of `detail_rows` with their units."""
+        return ("time [s]", *(f"{name} per time [{unit}]" for name, unit in _UNITS.items()))
+
+    @property
+    def detail_rows(self) -> list[tuple[float, ...]]:
+        """One row per interval."""
+        return rows_of((self.time, *self.rate.values()))
+
+    def as_dict(self) -> dict[str, Any]:
+        """Everything as JSON types; numbers may be nan."""
+        return {
+            "line": [list(point) for point in self.line],
+            "units": _UNITS,
+            "mean": self.mean,
+            "standard_error": {name: float(found.error) for name, found in self.spread.items()},
+            "to_the_left": self.forth,
+            "to_the_right": self.back,
+            "time": self.time.tolist(),
+            "rate": {name: values.tolist() for name, values in self.rate.items()},
+        }
+
+
+def flow_through(source: FrameSource, line: tuple[Point, Point], selection: Selection | None = None) -> FlowTable:
+    """Which grains have crossed a line with their centers, from frame to frame.
+
+    Paths between two frames are taken for straight; grains that come or go between them are left out. With a period, the images of
+    the line are crossed too.
+
+    Args:
+        source: The run.
+        line: The ends of the line [m]; what crosses from its right to its left, seen along it, counts as positive.
+        selection: Which frames; default: the later half of the last stage.
+
+    Raises:
+        PostError: If the line has no length, or fewer than two frames are selected.
+        StoreError: If the run cannot be read.
+    """
+    if line[0] == line[1]:
+        raise PostError("the line has no length: its ends are the same point")
+    chosen = (selection or Selection()).indices(source.frames).tolist()
+    if len(chosen) < 2:
+        raise PostError("a flow needs two frames; only one is selected: choose more with --from or --frames")
+    times = np.asarray(source.frames.time, np.float64)[chosen]
+    rows, forth, back, before = [], 0, 0, source.frames[chosen[0]]
+    for _, last in pairwise(chosen):
+        after = source.frames[last]
+        sign, mass, radius = _crossings(source, before, after, line)
+        rows.append((sign.sum(), (sign * mass).sum(), np.pi * (sign * radius**2).sum()))
+        forth, back, before = forth + int((sign > 0).sum()), back + int((sign < 0).sum()), after
+    crossed = dict(zip(_UNITS, np.array(rows, np.float64).T, strict=True))
+    return FlowTable(line, times[1:], np.diff(times), crossed, forth, back)
+
+
+def _crossings(
+    source: FrameSource, before: GrainFrame, after: GrainFrame, line: tuple[Point, Point]
+) -> tuple[NDArray[np.int64], Floats, Floats]:
+    """+1, −1 or 0 for each grain that is in both frames, its mass and radius."""
+    one, two = _shared(before, after)
+    start, end = (np.asarray(f.unwrapped, np.float64)[rows, :2] for f, rows in ((before, one), (after, two)))
+    grains, period = model_of(source, before).grains, source.model.period
+    sign = np.zeros(one.size, np.int64)
+    shifts = _shifts(start, end, line, period) if one.size else []
+    for shift in shifts:
+        sign += _crossed(start, end, np.array(line) + np.array([shift, 0.0]))
+    return sign, grains.mass[one], grains.radius[one]
+
+
+def _shared(before: GrainFrame, after: GrainFrame) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Rows of the grains that two frames share."""
+    first, second = (getattr(frame, "number", None) for frame in (before, after))
+    if first is None or second is None:
+        everything = np.arange(len(before.position))
+        return everything, everything
+    _, one, two = np.intersect1d(first, second, assume_unique=True, return_indices=True)
+    return one, two
+
+
+def _shifts(start: Floats, end: Floats, line: tuple[Point, Point], period: float) -> list[float]:
+    """Where images of the line may be crossed."""
+    if period <= 0.0:
+        return [0.0]
+    x = np.concatenate([start[:, 0], end[:, 0]])
+    ends = (line[0][0], line[1][0])
+    first, last = np.floor((x.min() - max(ends)) / period), np.ceil((x.max() - min(ends)) / period)
+    return [float(k) * period for k in np.arange(first, last + 1.0)]
+
+
+def _crossed(start: Floats, end: Floats, line: Floats) -> NDArray[np.int64]:
+    """+1 where a path goes from the right of a line to its left between its ends, −1 where it comes back, else 0."""
+    along = line[1] - line[0]
+    first, last = (along[0] * (at[:, 1] - line[0, 1]) - along[1] * (at[:, 0] - line[0, 0]) for at in (start, end))
+    sign = (first < 0.0).astype(np.int64) - (last < 0.0).astype(np.int64)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        part = first / (first - last)
+        at = ((start + part[:, np.newaxis] * (end - start) - line[0]) @ along) / (along @ along)
+    return np.where((sign != 0) & (at >= 0.0) & (at < 1.0), sign, 0)

@@ -1,0 +1,143 @@
+"""Flows through a line, columns of the time series, and parts of a run by group, against counts by hand."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from from_wall_to_wall import profile
+from made_up_frames import source_of
+from scene_parts import between_planes
+
+from multicor_cli.post import PostError, Selection, flow_through, grain_map, series
+from multicor_cli.store.data_frames import NamedColumn
+
+ALL = Selection(frames=slice(None))
+
+
+def falling(position: np.ndarray, numbers: list[list[int]] | None = None, *, period: float = 4.0) -> Any:
+    """Frames with the centers ``position``, shape ``(frames, n, 2)``, of grains of radius 0.1 and, of the second half, 0.2."""
+    n = position.shape[1]
+    model = replace(between_planes(np.repeat([0.1, 0.2], [n // 2, n - n // 2])), period=period)
+    frames = []
+    for k, at in enumerate(position):
+        frame = SimpleNamespace(position=at, unwrapped=at)
+        if numbers is not None:
+            frame.number, frame.model = np.array(numbers[k]), model.with_grains(np.array(numbers[k]))
+            frame.position = frame.unwrapped = at[frame.number]
+        frames.append(frame)
+    return source_of(model, frames, 0.5 * np.arange(len(frames)))
+
+
+def test_grains_that_cross_are_counted_with_their_mass() -> None:
+    """Four grains: one falls through the line, one beside it, one comes back, one goes up."""
+    x = np.array([1.0, 3.5, 1.5, 2.0])
+    heights = np.array([[0.9, 0.9, 0.6, 0.2], [0.6, 0.6, 0.4, 0.3], [0.3, 0.3, 0.7, 0.4], [0.1, 0.1, 0.8, 0.7]])
+    position = np.stack([np.stack([x, y], axis=1) for y in heights])
+    source = falling(position)
+    table = flow_through(source, ((3.0, 0.5), (0.0, 0.5)), ALL)  # its left is below
+    mass = source.model.grains.mass
+    assert table.crossed["grains"].tolist() == [1, 1 - 1, -1]
+    assert table.crossed["mass"] == pytest.approx([mass[2], mass[0] - mass[2], -mass[3]])
+    assert (table.forth, table.back) == (2, 2)
+    assert table.mean["mass"] == pytest.approx((mass[0] - mass[3]) / 1.5)
+    assert table.rate["area"][2] == pytest.approx(-np.pi * 0.04 / 0.5)
+    back = flow_through(source, ((0.0, 0.5), (3.0, 0.5)), ALL)
+    assert back.mean["mass"] == pytest.approx(-table.mean["mass"])
+    assert [row[0] for row in table.rows][-1] == "grains to the right [1]"
+    assert len(table.detail_rows) == len(table.as_dict()["time"]) == 3
+    with pytest.raises(PostError, match="two frames"):
+        flow_through(source, ((0.0, 0.5), (3.0, 0.5)), Selection(frames=slice(0, 1)))
+    with pytest.raises(PostError, match="no length"):
+        flow_through(source, ((0.0, 0.5), (0.0, 0.5)), ALL)
+
+
+def test_every_passage_through_a_periodic_cell_counts() -> None:
+    """Grains that go round: through x = 1 and its images once per period, however many periods a step takes them."""
+    x = np.array([0.5, 3.9])[np.newaxis] + np.array([[0.0, 0.0], [1.0, 1.2], [9.0, 9.2], [8.0, 8.0]])
+    source = falling(np.stack([x, np.full_like(x, 0.5)], axis=2))
+    table = flow_through(source, ((1.0, 1.0), (1.0, 0.0)), ALL)  # its left is towards +x
+    expected = np.diff(np.floor((x - 1.0) / 4.0), axis=0)
+    assert table.crossed["grains"].tolist() == expected.sum(axis=1).tolist()
+    alone = flow_through(falling(np.stack([x, np.full_like(x, 0.5)], axis=2), period=0.0), ((1.0, 1.0), (1.0, 0.0)), ALL)
+    assert alone.crossed["grains"].tolist() == [1, 0, 0]
+
+
+def test_grains_that_come_and_go_count_while_they_are_there() -> None:
+    heights = np.array([[0.9, 0.9], [0.4, 0.4], [0.1, 0.6]])
+    position = np.stack([np.stack([np.full(2, 1.0), y], axis=1) for y in heights])
+    source = falling(position, [[0], [0, 1], [1]])
+    assert flow_through(source, ((2.0, 0.5), (0.0, 0.5)), ALL).crossed["grains"].tolist() == [1, -1]
+
+
+def columns(rows: int) -> Any:
+    time = np.arange(rows) * 0.1
+    return SimpleNamespace(
+        series_columns=[
+            NamedColumn("time", "s", time), NamedColumn("kinetic", "J", 2.0 * time), NamedColumn("floor: force_x", "N", time - 1.0),
+            NamedColumn("lid: force_x", "N", 1.0 - time), NamedColumn("lid: force_y", "N", np.ones(rows)),
+        ]
+    )  # fmt: skip
+
+
+def test_columns_of_the_series_by_name_by_wall_and_in_part() -> None:
+    source = columns(21)
+    everything = series(source)
+    assert [column.name for column in everything.columns] == ["kinetic", "floor: force_x", "lid: force_x", "lid: force_y"]
+    assert everything.rows[0][:2] == ("kinetic [J]", pytest.approx(2.0))
+    assert everything.rows[0][3:7] == pytest.approx((4.0, 0.0, 4.0, 4.0))
+    assert everything.rows[3][2] == 0.0
+    later = series(source, ["force_x", "lid"], 0.5, 1.0)
+    assert [column.name for column in later.columns] == ["floor: force_x", "lid: force_x", "lid: force_y"]
+    assert later.time == pytest.approx(np.arange(5, 11) * 0.1)
+    assert later.detail_rows[0] == pytest.approx((0.5, -0.5, 0.5, 1.0))
+    assert later.as_dict()["mean"]["lid: force_y"] == 1.0
+    with pytest.raises(PostError, match="no 'pressure'; choose from: kinetic, floor: force_x"):
+        series(source, ["pressure"])
+    with pytest.raises(PostError, match="no row at these times"):
+        series(source, start=5.0)
+
+
+def mixture() -> Any:
+    rng = np.random.default_rng(5)
+    model = between_planes(rng.uniform(0.02, 0.06, 40))
+    group = np.arange(40) % 2
+    model = replace(model, groups=("light", "heavy"), grains=replace(model.grains, group=group))
+    frames = [
+        SimpleNamespace(
+            position=np.column_stack([rng.uniform(0.0, 4.0, 40), rng.uniform(0.1, 0.9, 40)]), velocity=rng.normal(size=(40, 2)),
+            wall_position=np.zeros((2, 3)), wall_velocity=np.zeros((2, 3)), contacts=None, spin=np.zeros(40), temperature=None,
+        )
+        for _ in range(3)
+    ]  # fmt: skip
+    return source_of(model, frames)
+
+
+@pytest.mark.parametrize("period", [4.0, 0.0])
+def test_groups_add_up_to_the_whole(period: float) -> None:
+    source = mixture()
+    source.model = replace(source.model, period=period)
+    whole, light, heavy = (profile(source, "solid-fraction", ALL, 4, groups=g) for g in ((), ("light",), ("heavy",)))
+    assert light.value + heavy.value == pytest.approx(whole.value)
+    assert light.area + heavy.area == pytest.approx(whole.area)
+    both = profile(source, "velocity", ALL, 4, groups=("heavy", "light"))
+    assert both.value == pytest.approx(profile(source, "velocity", ALL, 4).value)
+    one = profile(source, "velocity", ALL, 1, groups=["heavy"])
+    heavier = source.model.grains.group == 1
+    area = source.model.grains.radius[heavier] ** 2
+    expected = np.mean([area @ frame.velocity[heavier, 0] for frame in source.frames]) / area.sum()
+    assert one.value[0] == pytest.approx(expected)
+    with pytest.raises(PostError, match="no group 'dust'; choose from: light, heavy"):
+        profile(source, "velocity", ALL, groups=["dust"])
+    with pytest.raises(PostError, match="not those of one group"):
+        profile(source, "coordination", ALL, groups=["light"])
+
+
+def test_maps_of_groups_count_them() -> None:
+    table = grain_map(mixture(), "group")
+    assert (table.headings, table.rows) == (("group", "grains"), [("light", 20.0), ("heavy", 20.0)])
+    assert table.as_dict()["names"] == ["light", "heavy"]
+    assert grain_map(mixture(), "material").rows == [("steel", 40.0)]
