@@ -72,13 +72,15 @@ class ThetaTable(Table):
 
     @property
     def headings(self) -> tuple[str, ...]:
-        """Names of the columns of `rows` with their units."""
-        return "eta [1]", "theta [1]", "standard deviation [1]", "scatter of frames [1]", "min [1]", "max [1]", "count"
+        """Names of the columns of `rows` with their units; of a single frame there is no scatter."""
+        scattered = ("scatter of frames [1]",) if self.frames.size > 1 else ()
+        return "eta [1]", "theta [1]", "standard deviation [1]", *scattered, "min [1]", "max [1]", "count"
 
     @property
     def rows(self) -> list[tuple[float, ...]]:
         """One row per bin; nan where there is no grain."""
-        return rows_of((self.center, self.mean, self.spread, self.scatter, self.lowest, self.highest, self.count))
+        scattered = (self.scatter,) if self.frames.size > 1 else ()
+        return rows_of((self.center, self.mean, self.spread, *scattered, self.lowest, self.highest, self.count))
 
     @property
     def detail_headings(self) -> tuple[str, ...]:

@@ -162,7 +162,7 @@ def test_theta_eta_table_json_csv_and_figure(heated: Path, tmp_path: Path) -> No
     grains = json.loads(runner.invoke(app, [*base, "--json", "--grains"]).stdout)["grains"]
     assert grains["theta"] == pytest.approx([1.0 - eta for eta in grains["eta"]])
     rows = list(csv.reader(runner.invoke(app, [*base, "--csv"]).stdout.splitlines()))
-    assert rows[0] == ["eta [1]", "theta [1]", "standard deviation [1]", "scatter of frames [1]", "min [1]", "max [1]", "count"]
+    assert rows[0] == ["eta [1]", "theta [1]", "standard deviation [1]", "min [1]", "max [1]", "count"]
     assert len(rows) == 6
     assert len(runner.invoke(app, [*base, "--csv", "--grains"]).stdout.splitlines()) == GRAINS + 1
     done = runner.invoke(app, [*base, "--plot", str(tmp_path / "theta.svg")])

@@ -130,7 +130,7 @@ def test_table(finished: Path) -> None:
 
             expected = rheology(run, Selection(start=0.02))
             assert float(row["mu"]) == expected.mean["friction_walls"]
-            assert float(row["mu_error"]) == expected.error["friction_walls"]
+            assert (row["mu_error"] or "nan") == str(expected.error["friction_walls"])
             assert float(row["steps"]) == run.info["summary"]["step"]
         assert float(row["kinetic"]) > 0.0
         assert row["verdict"] in ("ok", "warning", "bad")

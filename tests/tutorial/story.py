@@ -26,7 +26,7 @@ _OWN = [
         r"^(\(rough, ).*",
         r"^(\d+ grains, \d+ walls, ).*",
         r"^(ok\s+(?:memory|disk)\s+).*",
-        r"^(.*finished .* (?:ok|warning)) +\d+\.\d+$",
+        r"^(.*finished .* (?:ok|warning)  ) *\d+\.\d+$",
     )
 ]
 """Beginnings of lines of which the rest is the machine's own."""

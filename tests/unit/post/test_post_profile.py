@@ -258,7 +258,7 @@ def test_the_layers_at_the_walls_are_left_out_unless_told_otherwise() -> None:
     edge = min(diameter, 0.125)
     assert table.y[0] - 0.5 * table.width == pytest.approx(edge)
     assert table.y[-1] + 0.5 * table.width == pytest.approx(1.0 - edge)
-    assert table.about_walls == f"{edge / diameter:.3g} mean diameters next to 'bottom' and 'top' are left out"
+    assert table.about_walls == f"left out next to 'bottom' and 'top': {edge / diameter:.3g} of a mean diameter"
     assert table.as_dict()["excluded_at_walls"] == pytest.approx(edge / diameter)
     assert whole.y[0] - 0.5 * whole.width == pytest.approx(0.0)
     assert whole.about_walls == ""

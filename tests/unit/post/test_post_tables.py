@@ -58,6 +58,7 @@ def test_theta_of_several_frames(run: Run) -> None:
     assert several.eta.size == sum(one.eta.size for one in single)
     assert several.scatter == pytest.approx(np.std([one.mean for one in single], axis=0, ddof=1), nan_ok=True)
     assert np.isnan(single[0].scatter).all()
+    assert len(several.headings) == len(several.rows[0]) == 1 + len(single[0].headings) == 1 + len(single[0].rows[0])
 
 
 def test_distributions_of_several_frames_scatter_as_those_of_each(run: Run) -> None:
