@@ -8,12 +8,17 @@ from typing import Any
 _NARROW = 3e-4
 """Range over the largest value below which numbers on an axis need so many digits that nobody reads them."""
 
+_LITTLE = 0.1
+"""Part of the range by which the round temperature may lie above the lowest."""
+
 _COARSEST = 2
 """Least number of decimals of the round temperature: 0 °C is 273.15 K."""
 
 
 def rise_reference(unit: str, low: float, high: float) -> float | None:
-    """The round temperature just below ``low`` from which an axis should count [K]; None if it can show temperatures as they are.
+    """The round temperature from which an axis should count [K]; None if it can show temperatures as they are.
+
+    It lies just below ``low``, or a little above: of grains that started at 298.15 K one may have cooled by a millionth.
 
     Args:
         unit: Unit of the values; only kelvin have an arbitrary zero.
@@ -24,6 +29,9 @@ def rise_reference(unit: str, low: float, high: float) -> float | None:
     if unit != "K" or not 0.0 < width < _NARROW * abs(high):
         return None
     decimals = max(_COARSEST, math.ceil(-math.log10(width)))
+    nearest = round(low, decimals)
+    if low <= nearest <= low + _LITTLE * width:
+        return nearest
     return math.floor(low * 10.0**decimals + 1e-6) / 10.0**decimals
 
 

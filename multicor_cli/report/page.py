@@ -7,17 +7,19 @@ import hashlib
 import json
 import math
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from html import escape
 from importlib import resources
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
 from multicor_cli import __version__
 from multicor_cli.checks import Check
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import outlines
+from multicor_cli.plots.scene import solid_polygons
 from multicor_cli.plots.small_rises import rise_reference
 from multicor_cli.post.energy import HEAT, MECHANICAL, EnergyTable
 from multicor_cli.report.figures import Figure
@@ -26,6 +28,8 @@ from multicor_cli.report.tables import (
     ReportRow,
     describe_books,
     describe_checks,
+    describe_forces,
+    describe_rheology,
     describe_run,
     describe_solver,
     describe_stages,
@@ -68,8 +72,9 @@ def make_page(
     program = "\n" + "\n".join(_file(script) for script in _SCRIPTS)
     body = [
         _header(name, str(scenario.get("description") or ""), info),
+        _checks(checks),
         _file("view.html").replace("NOTE_ON_FRAMES", escape(_note(packing))),
-        _tables(info, checks, books),
+        _tables(run, info, books),
         figure_cards(figures),
         _scenario(source, resolved),
         f"<footer><p>Made by multicor {escape(__version__)} from {escape(run.path.resolve().name)}.</p></footer>",
@@ -131,10 +136,23 @@ def _up(value: float) -> str:
     return pretty(math.ceil(value / power - 1e-9) * power, 1)
 
 
-def _tables(info: dict[str, Any], checks: Sequence[Check], books: EnergyTable | None) -> str:
+def _checks(checks: Sequence[Check]) -> str:
+    """What was checked, above all else: a line if everything is ok, else the whole table."""
+    rows = describe_checks(checks)
+    if not rows:
+        return ""
+    counts = {verdict: sum(row.verdict == verdict for row in rows) for verdict in ("bad", "warning", "ok")}
+    marks = ", ".join(f'<span class="{verdict}">{count} {verdict}</span>' for verdict, count in counts.items() if count)
+    is_open = "" if counts["ok"] == len(rows) else " open"
+    table = f"<table>{''.join(map(_row, rows))}</table>"
+    return f'<details class="card"{is_open}><summary>Checks: {marks}</summary>{table}</details>'
+
+
+def _tables(run: Run, info: dict[str, Any], books: EnergyTable | None) -> str:
     parts = [
         table_card("What was run", describe_run(info)),
-        table_card("Checks", describe_checks(checks)),
+        table_card("Rheology, means of the later half", describe_rheology(run)),
+        table_card("Contact forces", describe_forces(run)),
         table_card("Ends of the stages", describe_stages(info)),
         table_card("Contact solver", describe_solver(info)),
         *_book_tables(books),
@@ -219,6 +237,12 @@ def _meta(run: Run, packing: Packed) -> dict[str, Any]:
             }
             for which, outline in outlines(model.shapes.kind, model.shapes.geometry)
         ],
+        "solids": [
+            {"wall": wall, "corners": _short(corners)}
+            for which, outline in outlines(model.shapes.kind, model.shapes.geometry)
+            if outline.is_solid
+            for wall, corners in _solids(model.shapes.wall[which], outline.points)
+        ],
         "frames": [
             {
                 "index": chunk.index,
@@ -232,6 +256,13 @@ def _meta(run: Run, packing: Packed) -> dict[str, Any]:
             for k, chunk in enumerate(packing.chunks)
         ],
     }
+
+
+def _solids(wall: NDArray[Any], sides: Floats) -> Iterator[tuple[int, Floats]]:
+    """Solid polygons of each wall."""
+    for number in np.unique(wall).tolist():
+        for corners in solid_polygons(sides[wall == number]):
+            yield number, corners
 
 
 def _short(values: Floats) -> Any:

@@ -43,6 +43,12 @@ function frameRange(field, values) {
   return low < high ? [low, high] : [low - (Math.abs(low) * 1e-3 || 1), high + (Math.abs(high) * 1e-3 || 1)];
 }
 
+/** Where points of a wall are when its displacement and angle are these. */
+function placing([dx, dy, angle]) {
+  const c = Math.cos(angle), s = Math.sin(angle);
+  return ([x, y]) => [c * x - s * y + dx, s * x + c * y + dy];
+}
+
 class Picture {
   /** @param {HTMLCanvasElement} canvas where to draw
    *  @param {Float32Array} radii radii of the grains [m] */
@@ -227,17 +233,21 @@ class Picture {
     const context = this.context;
     context.strokeStyle = this.ink("--wall");
     context.fillStyle = this.ink("--glued");
+    for (const { wall, corners } of meta.solids) {
+      const place = placing(poses[wall]);
+      context.beginPath();
+      for (const corner of corners) context.lineTo(...place(corner));
+      context.fill();
+    }
     const width = 2 * this.pixels / this.scale;
     for (const { wall, points, radius, normal, isGrain } of meta.shapes) {
       points.forEach((local, shape) => {
-        const [dx, dy, angle] = poses[wall[shape]];
-        const c = Math.cos(angle), s = Math.sin(angle);
-        const turn = ([x, y]) => [c * x - s * y, s * x + c * y];
-        const placed = local.map(turn).map(([x, y]) => [x + dx, y + dy]);
+        const pose = poses[wall[shape]];
+        const placed = local.map(placing(pose));
         context.lineWidth = width;
         if (isGrain) this.drawGlued(placed[0], radius[shape]);
         else if (radius) this.strokeCircle(placed[0], radius[shape]);
-        else if (normal) this.drawEndless(placed[0], turn(normal[shape]));
+        else if (normal) this.drawEndless(placed[0], placing([0, 0, pose[2]])(normal[shape]));
         else this.strokeLine(...placed);
       });
     }

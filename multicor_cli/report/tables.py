@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import timedelta
@@ -10,7 +11,10 @@ from typing import Any
 import numpy as np
 
 from multicor_cli.checks import Check, Verdict
+from multicor_cli.post import PostError, force_network, rheology
 from multicor_cli.post.energy import BookLine, EnergyTable
+from multicor_cli.post.rheology import QUANTITIES
+from multicor_cli.store import Run
 from multicor_cli.store.stage_ends import StageEnd
 
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -85,6 +89,33 @@ def describe_solver(info: dict[str, Any]) -> list[ReportRow]:
         ReportRow("largest contact force (mean of a step)", _number(info["max_contact_force"], "N")),
     ]
     return [row for row in rows if row.value != "–"]
+
+
+def describe_rheology(run: Run) -> list[ReportRow]:
+    """Rheology of a layer that two walls shear, with standard errors; nothing of other runs."""
+    try:
+        found = rheology(run)
+    except PostError:
+        return []
+    rows = []
+    for q in QUANTITIES:
+        mean, error, note = found.mean[q.name], found.error[q.name], found.spread[q.name].note()
+        if math.isfinite(mean):
+            within = f" ± {pretty(error, 2)}" if math.isfinite(error) else ""
+            unit = "" if q.unit == "1" else f" {q.unit.replace('m2/s2', 'm²/s²').replace('deg', '°')}"
+            rows.append(ReportRow(q.label, f"{pretty(mean)}{within}{unit}{f' ({note})' if note else ''}"))
+    return rows
+
+
+def describe_forces(run: Run) -> list[ReportRow]:
+    """The contacts of the last frame with forces; nothing where there are none."""
+    try:
+        network = force_network(run)
+    except PostError:
+        return []
+    if not network.i.size:
+        return []
+    return [ReportRow("at", f"t = {network.time:.6g} s"), *(ReportRow(name.strip(), pretty(value)) for name, value in network.rows)]
 
 
 def describe_books(table: EnergyTable, entries: Sequence[BookLine]) -> list[ReportRow]:

@@ -85,11 +85,12 @@ function valuesOf(grain) {
 
 function fillList(list, rows) {
   list.replaceChildren(
-    ...rows.flatMap(([name, value]) => {
-      const term = document.createElement("dt"), text = document.createElement("dd");
+    ...rows.map(([name, value]) => {
+      const term = document.createElement("dt"), text = document.createElement("dd"), pair = document.createElement("div");
       term.textContent = name;
       text.textContent = value;
-      return [term, text];
+      pair.append(term, text);
+      return pair;
     }),
   );
 }

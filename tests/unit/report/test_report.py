@@ -20,7 +20,7 @@ from report_run import EVIL, decode, read_page, write_evil_run
 from store_support import drive, make_model, make_run, run_whole
 
 from multicor_cli.export import ExportRefused
-from multicor_cli.post import QUANTITIES, PostError
+from multicor_cli.post import QUANTITIES, PostError, force_network, rheology
 from multicor_cli.post.energy import HEAT, EnergyTable
 from multicor_cli.post.quantities import color_range
 from multicor_cli.report import write_report
@@ -28,8 +28,9 @@ from multicor_cli.report.collect import ContactsView, thin_frames
 from multicor_cli.report.fields import values_of
 from multicor_cli.report.figures import _book_lines, _Thinning
 from multicor_cli.report.pack import _ends, _sane, pack_frames
+from multicor_cli.report.page import _solids
 from multicor_cli.report.quantize import Code, compress
-from multicor_cli.report.tables import ReportRow, describe_run, describe_stages, pretty
+from multicor_cli.report.tables import ReportRow, describe_forces, describe_rheology, describe_run, describe_stages, pretty
 from multicor_cli.report.write import default_path
 from multicor_cli.store import RunDirectory, StoreError, open_run, run_info
 from multicor_cli.store.stage_ends import StageEnd
@@ -419,3 +420,29 @@ def test_without_matplotlib_the_page_says_so(evil: Path, tmp_path: Path, monkeyp
     text = (tmp_path / "page.html").read_text(encoding="utf-8")
     assert "has no matplotlib" in text
     assert "<svg" not in text
+
+
+def test_checks_stand_above_all_and_open_where_something_is_wrong(page: str) -> None:
+    above, _, rest = page.partition('id="canvas"')
+    assert "<summary>Checks: " in above
+    assert "<summary>Checks: " not in rest
+
+
+def test_rheology_and_forces_are_told_where_there_are_any(tmp_path: Path) -> None:
+    write_heated_run(tmp_path / "run")
+    with open_run(tmp_path / "run") as run:
+        rows = {row.name: row.value for row in describe_rheology(run)}
+        assert rows["solid fraction in the bulk"].startswith(pretty(rheology(run).mean["solid_fraction"]))
+        forces = {row.name: row.value for row in describe_forces(run)}
+        assert forces["contacts that carry a force"] == pretty(force_network(run).rows[0][1])
+    run_whole(tmp_path / "other")
+    with open_run(tmp_path / "other") as run:
+        assert describe_rheology(run) == []
+
+
+def test_solid_polygons_are_found_wall_by_wall() -> None:
+    square = np.array([[0.0, 0.0], [1.0, 0.0], [1.0, 1.0], [0.0, 1.0]])
+    sides = np.stack([square, np.roll(square, -1, axis=0)], axis=1)
+    found = list(_solids(np.repeat([0, 2], 4), np.concatenate([sides, sides + 5.0])))
+    assert [wall for wall, _ in found] == [0, 2]
+    assert found[1][1].tolist() == (square + 5.0).tolist()
