@@ -88,8 +88,7 @@ def _common_label(shown: list[Field]) -> str:
     """The words that labels have in common; of a single field its symbol too."""
     if len(shown) == 1:
         return f"{shown[0].label} ${shown[0].symbol}$"
-    words = [field.label.split() for field in shown]
-    return " ".join(first for first, *others in zip(*words, strict=False) if all(other == first for other in others))
+    return " ".join(word for word in shown[0].label.split() if all(word in field.label.split() for field in shown))
 
 
 def _unit(field: Field) -> str:

@@ -16,6 +16,7 @@ _GRAINS = ("area", "mass", "p0", "p1", "spin", "k00", "k01", "k11")
 _HEAT = ("capacity", "energy")
 _SLOPES = ("m_0", "m_1", "p0_0", "p0_1", "p1_0", "p1_1")
 _STRESS = ("s00", "s01", "s10", "s11")
+_WHICH = {"x": "horizontal", "y": "vertical", "r": "radial", "t": "azimuthal"}
 _SYMMETRIC = ((0, 0), (0, 1), (1, 1))
 
 
@@ -43,7 +44,7 @@ def field_list(axes: str, *, has_heat: bool, has_stress: bool) -> list[Field]:
 
     found = [
         Field("solid-fraction", "solid fraction", r"\phi", "1"),
-        *(Field(f"velocity-{k}", f"velocity {k}", f"v_{t}", "m/s", True) for k, t in zip(axes, tex, strict=True)),
+        *(Field(f"velocity-{k}", f"{_WHICH[k]} velocity", f"v_{t}", "m/s", True) for k, t in zip(axes, tex, strict=True)),
         Field("speed", "speed of the mean flow", r"|\mathbf{v}|", "m/s"),
         Field("spin", "spin", r"\omega", "rad/s", True),
         Field("shear-rate", "shear rate", r"|\dot\gamma|", "1/s"),

@@ -130,7 +130,7 @@ def test_page_shows_the_last_frame_and_runs_no_text_of_the_user(opened: Opened) 
     assert opened.page.inner_text("#stage-name") == EVIL
     assert opened.page.locator("figure svg[role=img][aria-label]").count() == opened.page.locator("figure").count() >= 4
     assert not opened.page.is_visible("#trouble")
-    opened.page.click("details summary >> nth=0")
+    opened.page.click("details:has(pre) summary >> nth=0")
     assert EVIL in opened.page.inner_text("pre >> nth=0")
 
 

@@ -205,11 +205,12 @@ def remembering_error(values: list[tuple[Floats, Floats]]) -> Floats:
             errors.append(np.nan)
             continue
         added = [n * sum(above) / sum(below) - (n - 1) * a / c for a, c in rest]
-        errors.append(_error_of_mean(np.array(added)))
+        errors.append(error_of_mean(np.array(added)))
     return np.array(errors)
 
 
-def _error_of_mean(x: Floats) -> float:
+def error_of_mean(x: Floats) -> float:
+    """As `multicor_cli.post.averages.spread`, in plain loops."""
     n, away = x.size, x - x.mean()
     if np.abs(away).max() <= 1e-14 * n * np.abs(x).max():
         return 0.0

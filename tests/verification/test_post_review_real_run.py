@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from from_wall_to_wall import profile
 from scenes import write_small
 
 import multicor_cli as multicor
-from multicor_cli.post import Selection, energy, profile, rheology
+from multicor_cli.post import Selection, energy, rheology
 from multicor_cli.store import Run, open_run
 
 OVERRIDES = (

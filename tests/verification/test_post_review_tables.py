@@ -10,12 +10,26 @@ from typing import Any
 
 import numpy as np
 import pytest
+from from_wall_to_wall import profile
 from heat_run import write_heated_run
 from made_up_frames import source_of
-from post_review_support import FLOOR, FRAMES, GLUED, LID, PERIOD, areas, branches, fluctuations, parts, write_random_run
+from post_review_support import (
+    FLOOR,
+    FRAMES,
+    GLUED,
+    LID,
+    PERIOD,
+    areas,
+    branches,
+    error_of_mean,
+    fluctuations,
+    parts,
+    write_random_run,
+)
 from scene_parts import between_planes, make_shapes
 from typer.testing import CliRunner
 
+from multicor_cli import post
 from multicor_cli.cli.app import app
 from multicor_cli.model import ShapeKind
 from multicor_cli.post import (
@@ -30,7 +44,6 @@ from multicor_cli.post import (
     force_distribution,
     force_network,
     grain_map,
-    profile,
     rheology,
     theta_eta,
 )
@@ -144,10 +157,11 @@ def test_rheology_agrees_with_plain_loops(run: Run, frames: slice) -> None:
     for k, row in enumerate(rows):
         if row["contacts"]:
             assert {name: values[k] for name, values in table.values.items()} == pytest.approx(derived([row], run), rel=1e-8)
-    blocks = [derived([rows[k] for k in block], run) for block in np.array_split(np.arange(len(rows)), min(10, len(rows)))]
+    n, whole = len(rows), derived(rows, run)
+    rest = [derived(rows[:k] + rows[k + 1 :], run) for k in range(n)] if n > 1 else []
     for name in ("shear_rate", "inertial_number", "solid_fraction", "spin_ratio", "granular_temperature", "friction_walls"):
-        values = np.array([block[name] for block in blocks])
-        expected = values.std(ddof=1) / np.sqrt(values.size) if values.size > 1 else np.nan
+        added = np.array([n * whole[name] - (n - 1) * without[name] for without in rest])
+        expected = error_of_mean(added) if n > 1 else np.nan
         assert table.error[name] == pytest.approx(expected, rel=1e-8, nan_ok=True), name
 
 
@@ -389,7 +403,7 @@ def test_only_walls_that_bound_the_grains_count(
 def test_comparison_agrees_with_plain_loops(tmp_path: Path) -> None:
     runs = [write_random_run(tmp_path / f"run-{seed}", seed=seed) for seed in (1, 2)]
     found = compare(*[_with_scenario(run) for run in runs], of=["spin"], selection=ALL, bins=5)
-    tables = [profile(run, "spin", ALL, 5) for run in runs]
+    tables = [post.profile(run, "spin", ALL, 5) for run in runs]  # without the layers at the walls
     ratio = (tables[1].value - tables[0].value) / np.sqrt(tables[0].error ** 2 + tables[1].error ** 2)
     pair = found.profiles["spin"]
     assert pair.ratio == pytest.approx(ratio)

@@ -6,7 +6,7 @@ import re
 from importlib.resources import files
 
 COOKBOOK = ("chute", "dense-packing", "vibrated-bed", "intruder", "silo", "annular-shear", "biaxial", "heap", "sieve-curve")
-"""Templates that are shipped as scenarios, too (docs/how-to/cookbook.md)."""
+"""Templates that are shipped as scenarios, too (docs/how-to/cookbook/index.md)."""
 
 TEMPLATES = ("shear", "column", "hopper", "drum", *COOKBOOK)
 """Names of the templates."""
