@@ -1,4 +1,4 @@
-"""Pictures of the cookbook: ``python docs/generate/cookbook.py [PAGE …]`` carries out what its pages say (a quarter of an hour for all)."""
+"""Pictures of the cookbook: ``python docs/generate/cookbook.py [PAGE …]`` carries out what its pages say (15 minutes)."""
 
 from __future__ import annotations
 

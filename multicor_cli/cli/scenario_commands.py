@@ -39,7 +39,7 @@ def new(
     from multicor_cli.scenario.templates import new_scenario, template_table
     from multicor_cli.store.atomic import commit_result
 
-    path = Path(f"{name}.toml")
+    path = Path(f"{name.removesuffix('.toml')}.toml")
     try:
         texts = {path: new_scenario(path.stem, template)}
     except ValueError as error:
