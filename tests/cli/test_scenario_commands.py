@@ -43,11 +43,15 @@ def test_a_template_with_a_table_writes_it_beside(tmp_path: Path, monkeypatch: p
     assert runner.invoke(app, ["validate", "mine.toml"]).exit_code == 0
 
 
+def test_a_name_may_end_as_the_file_does(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert runner.invoke(app, ["new", "whole.toml"]).exit_code == 0
+    assert [path.name for path in tmp_path.iterdir()] == ["whole.toml"]
+
+
 def test_new_refuses_bad_names_and_templates(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.chdir(tmp_path)
     assert runner.invoke(app, ["new", "a b"]).exit_code == 2
-    assert runner.invoke(app, ["new", "whole.toml"]).exit_code == 0
-    assert [path.name for path in tmp_path.iterdir()] == ["whole.toml"]
     assert runner.invoke(app, ["new", "a", "--template", "nosuch"]).exit_code == 2
     assert list(tmp_path.iterdir()) == []
 
