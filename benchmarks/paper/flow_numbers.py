@@ -83,14 +83,14 @@ def measure(run: Run) -> Flow:
     """The numbers of a finished run of plane shear with heat."""
     stage = np.asarray(run.frames.stage)
     first = int(np.flatnonzero(stage == stage[-1])[0])
-    tables = {name: profile(run, name, bins=BINS) for name in ("velocity", "spin", "heat", "temperature")}
+    tables = {name: profile(run, name, bins=BINS, exclude_walls=0.0) for name in ("velocity", "spin", "heat", "temperature")}
     start, end = force_network(run, first), force_network(run)
     speed = tables["velocity"]
     return Flow(
         first,
         start,
         end,
-        profile(run, "velocity").normalized(),
+        profile(run, "velocity", exclude_walls=0.0).normalized(),
         tables["spin"],
         np.gradient(speed.value, speed.y),
         tables["heat"],
@@ -138,7 +138,9 @@ def _numbers(run: Run, first: int, speed: ProfileTable, end: ForceNetwork) -> di
         "mixing": speed.height**2 / (np.pi**2 * mixing),
         "duration": float(run.frames.time[-1] - run.frames.time[first]),
         "strain": float(run.series["strain"][-1]) if "strain" in run.series else np.nan,
-        "mean_rise": float(np.nanmax(profile(run, "temperature", Selection(frames=slice(-1, None)), BINS).value)),
+        "mean_rise": float(
+            np.nanmax(profile(run, "temperature", Selection(frames=slice(-1, None)), BINS, exclude_walls=0.0).value)
+        ),
     }
 
 
@@ -152,7 +154,7 @@ def _inertial_time(run: Run) -> float:
 
 
 def _solid(run: Run, selection: Selection | None) -> float:
-    table = profile(run, "solid-fraction", selection, bins=2 * BINS)
+    table = profile(run, "solid-fraction", selection, bins=2 * BINS, exclude_walls=0.0)
     middle = (table.y > MIDDLE[0] * table.height) & (table.y < MIDDLE[1] * table.height)
     return float(table.value[middle].mean())
 

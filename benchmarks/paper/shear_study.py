@@ -59,7 +59,7 @@ def _profiles(regimes: list[_Regime], number: str, of: str, *, bins: int | None 
 
 
 def _profile_panel(regime: _Regime, number: str, of: str, bins: int | None, *, is_normalized: bool) -> Panel:
-    table: Any = profile(regime.run, of, bins=bins)
+    table: Any = profile(regime.run, of, bins=bins, exclude_walls=0.0)
     table = table.normalized() if is_normalized else table
     caption = f"{regime.label}: {table.field.label}, mean over t = {table.times[0]:.3g} to {table.times[1]:.3g} s."
     return Panel(f"figure-{number}-{of}-{regime.name}", caption, lambda path: plot(table, path))

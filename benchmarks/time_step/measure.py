@@ -58,8 +58,8 @@ def measure(path: Path, case: Case) -> Measured:
         steady = Selection(start=began)
         table = rheology(run, steady, margin=MARGIN)
         mean, error = table.mean, table.error
-        velocity = profile(run, "velocity", steady, BINS).value / SPEEDS[case.inertial]
-        density = profile(run, "solid-fraction", steady, BINS).value
+        velocity = profile(run, "velocity", steady, BINS, exclude_walls=0.0).value / SPEEDS[case.inertial]
+        density = profile(run, "solid-fraction", steady, BINS, exclude_walls=0.0).value
         early = _early(run, began)
         info = run_info(path)
         number = mean["inertial_number"] * np.sqrt(mean["pressure"] * run.period / LOAD)

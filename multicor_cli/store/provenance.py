@@ -40,7 +40,7 @@ def collect_provenance(command: Sequence[str], *, seed: int, threads: int, threa
         "git_dirty": is_dirty,
         "versions": _versions(),
         "platform": platform.platform(),
-        "cpu": _processor(),
+        "cpu": processor(),
         "cores": os.cpu_count() or 0,
         "threads": threads,
         "threading_layer": threading_layer,
@@ -63,7 +63,8 @@ def _versions() -> dict[str, str]:
     return found
 
 
-def _processor() -> str:
+def processor() -> str:
+    """Name of the processor, as the operating system has it."""
     try:
         for line in Path("/proc/cpuinfo").read_text(errors="replace").splitlines():
             if line.startswith("model name"):

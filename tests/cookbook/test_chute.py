@@ -33,7 +33,7 @@ def layer(directory: Path) -> tuple[np.ndarray, np.ndarray, float, float]:
     """Heights and velocities in the layer, its height H, and the mean inertial number."""
     with multicor.open_run(directory) as run:
         model, chosen = run.model, Selection(start=0.6 * run.frames[-1].time)
-        table, fill = (profile(run, of, chosen, bin_width=1.0) for of in ("velocity", "solid-fraction"))
+        table, fill = (profile(run, of, chosen, bin_width=1.0, exclude_walls=0.0) for of in ("velocity", "solid-fraction"))
     gravity, mass = -float(model.gravity[1]), float(np.mean(model.grains.mass))
     # The load of what lies above, per length; H is where it would end if the surface were as dense as the bulk.
     weight = fill.area * float(model.grains.mass.sum()) / fill.area.sum() * gravity / model.period

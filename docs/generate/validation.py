@@ -1,0 +1,73 @@
+"""The page of what validation prints: ``python docs/generate/validation.py RESULTS.xml`` writes it from a run of the tests.
+
+``python -m pytest -m validation --junitxml=RESULTS.xml -o junit_logging=system-out`` makes the file (a quarter of an hour).
+"""
+
+from __future__ import annotations
+
+import ast
+import sys
+import xml.etree.ElementTree as ET
+from collections import defaultdict
+from pathlib import Path
+
+import multicor_cli
+from multicor_cli.store.provenance import processor
+
+ROOT = Path(__file__).resolve().parents[2]
+PAGE = ROOT / "docs" / "explanation" / "recorded-validation.md"
+_HEAD = """# Validation, as recorded
+
+What `python -m pytest -m validation` printed on {date} (multicor {version}, {processor}): {passed} tests passed, {failed} failed.
+`python docs/generate/validation.py` made this page of it. Runs give the same
+bits everywhere; what is asked of the numbers stands in the tests.
+"""
+
+
+def main() -> None:
+    """Write the page."""
+    suite = ET.parse(sys.argv[1]).getroot().find("testsuite")
+    assert suite is not None
+    cases = [case for case in suite.findall("testcase") if case.find("skipped") is None]
+    failed = [case for case in cases if case.find("failure") is not None or case.find("error") is not None]
+    parts = [
+        _HEAD.format(
+            date=suite.attrib["timestamp"][:10], version=multicor_cli.__version__, processor=processor(),
+            passed=len(cases) - len(failed), failed=len(failed),
+        )
+    ]  # fmt: skip
+    by_module = defaultdict(list)
+    for case in cases:
+        by_module[case.attrib["classname"]].append(case)
+    for module, members in by_module.items():
+        path = Path(*module.split(".")).with_suffix(".py")
+        tree = ast.parse((ROOT / path).read_text(encoding="utf-8"))
+        about = {node.name: ast.get_docstring(node) for node in ast.walk(tree) if isinstance(node, ast.FunctionDef)}
+        parts.append(f"## {_first(ast.get_docstring(tree))}\n\n`{path}`\n")
+        parts += [_case(case, about.get(case.attrib["name"].partition("[")[0])) for case in members]
+    PAGE.write_text("\n".join(parts), encoding="utf-8")
+
+
+def _case(case: ET.Element, docstring: str | None) -> str:
+    name, seconds = case.attrib["name"], float(case.attrib["time"])
+    result = "passed" if case.find("failure") is None and case.find("error") is None else "**failed**"
+    title = name.removeprefix("test_").replace("_", " ").replace("[", ": ").replace("]", "")
+    lines = [f"**{title[0].upper()}{title[1:]}**: {result}, {seconds:.0f} s."]
+    if docstring:
+        lines[0] += f" {_first(docstring)}"
+    out = case.find("system-out")
+    printed = [line.rstrip() for line in ((out.text or "") if out is not None else "").splitlines() if line.strip(" -")]
+    if printed and "Captured Out" in printed[0]:
+        printed = printed[1:]
+    if printed:
+        lines.append("```text\n" + "\n".join(printed) + "\n```")
+    return "\n\n".join(lines) + "\n"
+
+
+def _first(docstring: str | None) -> str:
+    """The first paragraph of a docstring."""
+    return " ".join((docstring or "").split("\n\n")[0].split()).rstrip(".")
+
+
+if __name__ == "__main__":
+    main()
