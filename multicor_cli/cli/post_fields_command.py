@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from typing import Annotated, Optional
 
 import typer
@@ -80,6 +81,8 @@ def parse_point(text: str, option: str) -> tuple[float, float]:
     """A point ``X,Y`` [m]; refuses a text that is none."""
     try:
         x, y = (float(part) for part in text.split(","))
+        if not math.isfinite(x + y):
+            raise ValueError
     except ValueError:
         raise typer.BadParameter(f"'{text}' is not a point; write X,Y in meters, as 0.02,0.01", param_hint=option) from None
     return x, y

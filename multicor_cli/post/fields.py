@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 from multicor_cli.model.model import Floats
 from multicor_cli.post.averages import pseudo_values, spread
 from multicor_cli.post.coarse import CoarseGrid
-from multicor_cli.post.contacts import with_forces
+from multicor_cli.post.contacts import has_forces
 from multicor_cli.post.field_points import FieldPoints, grid, line, polar_grid, rings
 from multicor_cli.post.field_sums import Field, column_names, derive, field_list, frame_sums
 from multicor_cli.post.scene import GrainScene, make_scene
@@ -119,8 +119,8 @@ def fields(
     Args:
         source: The run.
         of: Fields that the table of a line and figures show; default: solid fraction, or the velocities along a line.
-        selection: Which frames; default: the later half of the last stage. If contacts are recorded, frames without forces are
-            left out.
+        selection: Which frames; default: the later half of the last stage. If forces belong to any of them, the others are left
+            out; if to none, there are no stresses.
         spacing: Distance of the points in mean diameters.
         reach: How far the kernel reaches in mean diameters.
         center: Center of polar coordinates [m]: the grid is one of rings, and components are radial and azimuthal.
@@ -138,8 +138,9 @@ def fields(
         raise PostError("rings need a center; a line has none")
     chosen = (selection or Selection()).indices(source.frames)
     need_grains(source, chosen)
-    has_stress = any(source.frames[int(k)].contacts.recorded for k in chosen)
-    chosen = with_forces(source, chosen) if has_stress else chosen
+    with_stress = [k for k in chosen.tolist() if has_forces(source.frames[k])]
+    has_stress = bool(with_stress)
+    chosen = np.array(with_stress, np.int64) if has_stress else chosen
     points = _points(source, chosen, spacing * diameter, center, along, is_radial=is_radial)
     at = np.column_stack([points.at[:, 0] % period, points.at[:, 1]]) if period > 0.0 else points.at
     coarse = CoarseGrid(at, reach * diameter, period)
@@ -169,8 +170,8 @@ def fields(
 
 
 def _refuse_sizes(spacing: float, reach: float, diameter: float, period: float) -> None:
-    if not spacing > 0.0 or not reach > 0.0:
-        raise PostError(f"spacing and reach are more than 0 mean diameters; they are {spacing:g} and {reach:g}")
+    if not (0.0 < spacing < np.inf and 0.0 < reach < np.inf):
+        raise PostError(f"spacing and reach are numbers of mean diameters above 0; they are {spacing:g} and {reach:g}")
     if period > 0.0 and reach * diameter > period:
         raise PostError(f"the kernel reaches {reach * diameter:.3g} m, beyond the period of {period:.3g} m: choose a shorter reach")
 

@@ -190,7 +190,9 @@ def test_what_cannot_be_is_refused() -> None:
     source = moving(np.array([[0.5, 0.5], [1.0, 0.5]]), np.zeros((1, 2, 2)), 0.1, period=4.0)
     for words, message in (
         ({"of": ["wetness"]}, "no field 'wetness'"),
-        ({"spacing": 0.0}, "more than 0"),
+        ({"spacing": 0.0}, "above 0"),
+        ({"reach": np.inf}, "above 0"),
+        ({"of": ["pressure"]}, "no field 'pressure' here"),
         ({"reach": 30.0}, "beyond the period"),
         ({"is_radial": True}, "rings need a center"),
         ({"along": ((1.0, 1.0), (1.0, 1.0))}, "no length"),

@@ -84,3 +84,15 @@ def test_values_are_written_as_toml():
 
 def test_examples_come_from_files_that_are_there():
     assert all((ROOT / example.file).is_file() and example.file.startswith(FOLDERS) for example in examples().values())
+
+
+def test_recorded_validation_holds_every_long_test():
+    page = (ROOT / "docs" / "explanation" / "recorded-validation.md").read_text(encoding="utf-8")
+    marked = [
+        path
+        for path in (ROOT / "tests").rglob("test_*.py")
+        if path.name != "test_site.py" and "mark.validation" in path.read_text(encoding="utf-8")
+    ]
+    assert [path.name for path in marked if f"`{path.relative_to(ROOT).as_posix()}`" not in page] == []
+    assert "failed**" not in page
+    assert len(marked) > 10
