@@ -138,7 +138,7 @@ def solve_system(
             iterate(system, momentum, local, settings.method == "accelerated", parallel, limit, is_last, tolerance, memory, partial)
             pace.note(count, parallel, (float(loop["sweeps"]) - done) * count, time.perf_counter() - started)
             if loop["is_stuck"]:
-                is_clustered = has_clusters(system)
+                is_clustered = bool(loop["is_peak"]) or has_clusters(system)
                 done = int(loop["patches"])
                 if is_clustered and done < len(SIZES):
                     solve_patch(system, choose_patch(system, SIZES[done]))

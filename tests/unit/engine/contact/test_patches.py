@@ -188,6 +188,22 @@ def test_a_cluster_that_sweeps_leave_is_solved_by_turns(monkeypatch):
     assert not solve_system(system, scale, Settings(max_sweeps=10_000), ThreadChoice()).converged
 
 
+def test_a_cluster_that_only_the_largest_correction_sees_is_solved():
+    # Among 10⁵ contacts it keeps neither the rms nor the change per sweep above their tolerances; loose ones do the same to few.
+    system, scale = hard_step()
+    few_see_it = Settings(tolerance_rms=1.0, tolerance_energy=1.0, tolerance_max=0.01, max_sweeps=10_000)
+    found = solve_system(system, scale, few_see_it, ThreadChoice())
+    assert found.converged
+    assert found.sweeps < 5_000
+
+
+def test_plain_sweeps_solve_no_patch(monkeypatch):
+    monkeypatch.setattr(solve, "solve_patch", lambda *_: pytest.fail("a patch"))
+    system, scale = hard_step()
+    few_see_it = Settings("gauss-seidel", tolerance_rms=1.0, tolerance_energy=1.0, tolerance_max=1e-6, max_sweeps=2_000)
+    assert not solve_system(system, scale, few_see_it, ThreadChoice()).converged
+
+
 @kernel
 def pushed(s, velocity, impulse, general):
     """Velocities after the impulses have changed from those given to those of the system."""
