@@ -14,6 +14,7 @@ sys.path.insert(0, str(Path(__file__).parent))
 from commands import command_pages
 from keys import key_pages
 from mkdocs.structure.files import File, Files
+from notebooks import notebook_pages
 
 ROOT = Path(__file__).resolve().parents[2]
 OUTSIDE = "repository"
@@ -25,8 +26,8 @@ _FENCE = re.compile(r"^```.*?^```$", re.MULTILINE | re.DOTALL)
 
 def on_files(files: Files, config: Any) -> Files:
     """Add the pages that are made, and what pages link to outside ``docs``."""
-    for path, text in {**key_pages(), **command_pages()}.items():
-        files.append(File.generated(config, path, content=text))
+    for path, content in {**key_pages(), **command_pages(), **notebook_pages(ROOT / "docs")}.items():
+        files.append(File.generated(config, path, content=content))
     for path in _outside():
         files.append(File.generated(config, f"{OUTSIDE}/{path}", abs_src_path=str(ROOT / path)))
     return files
@@ -39,7 +40,7 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
     def moved(link: re.Match[str]) -> str:
         target = posixpath.normpath(posixpath.join(posixpath.dirname(place), link[2]))
         if target.startswith("docs/") or not (ROOT / target).exists():
-            target = target.removeprefix("docs/")
+            target = target.removeprefix("docs/").replace(".ipynb", ".md")  # see `notebook_pages`
         else:
             target = f"{OUTSIDE}/{target}"
         return f"{link[1]}{posixpath.relpath(target, posixpath.dirname(page.file.src_uri) or '.')}{link[3] or ''})"

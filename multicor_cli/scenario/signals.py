@@ -21,11 +21,11 @@ class RampSignal(Table):
 class SineWave(Table):
     """``mean + amplitude sin(2π t/period + phase)``."""
 
-    mean: Number = Field(0.0, description="mean value")
-    amplitude: Number = Field(description="amplitude")
-    period: Time | None = Field(None, description="period [s] (or give frequency)")
-    frequency: Time | None = Field(None, description="frequency [1/s] (or give period)")
-    phase: Annotated[float, Field(ge=-1e6, le=1e6)] = Field(0.0, description="phase [rad]")
+    mean: Number = Field(0.0, description="the constant part, in the unit of what follows the signal")
+    amplitude: Number = Field(description="what the sine adds to or takes from the mean at most, in the same unit")
+    period: Time | None = Field(None, description="time of one oscillation [s]; or give frequency")
+    frequency: Time | None = Field(None, description="oscillations in a second [1/s]; or give period")
+    phase: Annotated[float, Field(ge=-1e6, le=1e6)] = Field(0.0, description="angle of the sine at the start of the stage [rad]")
 
     @model_validator(mode="after")
     def _one_rate(self) -> Self:
