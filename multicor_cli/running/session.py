@@ -21,6 +21,7 @@ from multicor_cli.engine.heat.step import HeatEngine
 from multicor_cli.engine.jit.cache import is_compiled
 from multicor_cli.model import TALLY_NAMES, Model, State
 from multicor_cli.packing.build import Placed, place
+from multicor_cli.running.compiling import shared_compilation
 from multicor_cli.running.controller import Controller
 from multicor_cli.running.differences import added_stages, find_differences, former_defaults
 from multicor_cli.running.exchange_plan import exchange_rules
@@ -106,7 +107,7 @@ class Session:
             StageTimeout: If the condition of a stage was not reached in time, and that is to stop the run.
             StoreError: If the directory cannot be used, or a file cannot be written or is damaged.
         """
-        with self._signals.installed():
+        with self._signals.installed(), shared_compilation(self._threads):
             self._signals.farewell = self._leave
             try:
                 if RunDirectory.is_run(self._path) and not self._overwrite:

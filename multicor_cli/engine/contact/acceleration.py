@@ -30,6 +30,7 @@ from multicor_cli.engine.contact.sweep import EXACT, Before, Relaxation, System,
 from multicor_cli.engine.contact.vector_sweep import extrapolate_rows
 from multicor_cli.engine.jit.chunks import CHUNK
 from multicor_cli.engine.jit.compile import kernel, loop_body, parallel_kernel, prange
+from multicor_cli.engine.jit.copying import copy_into
 from multicor_cli.engine.jit.vectors import HAS_VECTORS
 from multicor_cli.model.columns import INVERSE_MASS, NORMAL, SPIN, TANGENTIAL
 from multicor_cli.model.model import Floats
@@ -232,11 +233,12 @@ def _choose_mode(change: float, tolerance: float, loop: Any) -> None:
 @kernel
 def begin_again(s: System, m: Momentum, is_patched: bool, loop: Any) -> None:
     """Go on with fresh momentum after the loop was stuck, from impulses and velocities that a patch may have changed."""
-    m.velocity[:] = s.velocity[: m.velocity.shape[0]]
+    velocity = m.velocity.reshape(-1)
+    copy_into(velocity, s.velocity.reshape(-1)[: velocity.size])
     m.change[:] = 0.0
-    m.before.impulse[:] = s.impulse
-    m.before.general_impulse[:] = s.general_impulse
-    m.before.couple[:] = s.couples.impulse
+    copy_into(m.before.impulse.reshape(-1), s.impulse.reshape(-1))
+    copy_into(m.before.general_impulse.reshape(-1), s.general_impulse.reshape(-1))
+    copy_into(m.before.couple, s.couples.impulse)
     loop["theta"], loop["factor"] = 1.0, 0.0
     loop["best"], loop["best_at"], loop["is_stuck"] = np.inf, loop["sweeps"], False
     loop["peak"], loop["peak_at"], loop["is_peak"] = np.inf, loop["sweeps"], False
@@ -296,7 +298,7 @@ def move_on(s: System, m: Momentum, change: float, growth: float, loop: Any, par
     cross, square = _extrapolate_bodies(s, m, factor, parallel)
     if loop["factor"] * cross > square:
         factor = restart(change, loop)
-        s.velocity[: m.velocity.shape[0]] = m.velocity
+        copy_into(s.velocity.reshape(-1), m.velocity.reshape(-1))
     loop["factor"] = factor
 
 
@@ -311,7 +313,7 @@ def step_back(s: System, m: Momentum) -> None:
         s: The problem. **Velocities modified.**
         m: Momentum, with the velocities after the last sweep.
     """
-    s.velocity[: m.velocity.shape[0]] = m.velocity
+    copy_into(s.velocity.reshape(-1), m.velocity.reshape(-1))
 
 
 @kernel

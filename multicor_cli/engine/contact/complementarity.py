@@ -76,9 +76,10 @@ def solve_complementarity(matrix: Floats, vector: Floats, limit: int, solution: 
     if vector[row] >= 0.0:
         return True
     table = np.empty((n, n + 2))  # basic variables as functions of the others: of z (or w), of the artificial one, and constants
-    table[:, :n] = matrix
-    table[:, n] = 1.0
-    table[:, n + 1] = vector
+    for i in range(n):
+        for k in range(n):
+            table[i, k] = matrix[i, k]
+        table[i, n], table[i, n + 1] = 1.0, vector[i]
     basic = np.arange(n)  # w_k is k, z_k is n + k
     free = n + np.arange(n + 1)
     column = n

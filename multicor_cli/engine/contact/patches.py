@@ -288,8 +288,8 @@ def _solve(patch: _Patch, s: System) -> tuple[bool, Floats]:
     if scale == 0.0:
         return True, new
     matrix, vector = np.zeros((rows + with_friction, rows + with_friction)), np.zeros(rows + with_friction)
-    vector[:rows] = q / scale
     for k in range(rows):
+        vector[k] = q[k] / scale
         for c in range(count):
             matrix[k, c] = mass * w[k, c]
         for f in range(with_friction):

@@ -47,7 +47,7 @@ def configure_cache() -> Path | None:
     Returns:
         The cache directory, or None if nothing outlives this process.
     """
-    if os.environ.get("MULTICOR_NO_CACHE", "") not in ("", "0"):
+    if not _may_keep():
         _announce(_private_directory())
         return None
     name = cache_name()
@@ -65,6 +65,15 @@ def is_compiled() -> bool:
     """Whether `configure_cache` has found kernels of these sources, so that (most of) the compilation is done."""
     directory = os.environ.get("NUMBA_CACHE_DIR", "")
     return bool(directory) and next(Path(directory).rglob("*.nbi"), None) is not None
+
+
+def is_kept() -> bool:
+    """Whether another process with the same environment finds what is compiled here."""
+    return _may_keep() and _NAME.fullmatch(Path(os.environ.get("NUMBA_CACHE_DIR", "")).name) is not None
+
+
+def _may_keep() -> bool:
+    return os.environ.get("MULTICOR_NO_CACHE", "") in ("", "0")
 
 
 def cache_name() -> str:

@@ -29,6 +29,7 @@ require_layer()
 F = TypeVar("F", bound=Callable[..., Any])
 
 _WITHOUT_COUNTING: dict[str, Any] = {"_nrt": False}  # known to Numba, not to its stubs
+_NO_C = {"no_cfunc_wrapper": True}
 
 prange = numba.prange
 
@@ -43,7 +44,7 @@ def _inlined(function: Callable[..., Any]) -> None:
     It must not allocate: Numba then need not count references to the arrays of its arguments (an atomic addition for each array
     that is taken out of a tuple, which made the kernels over pairs 2 to 7 times slower).
     """
-    register_jitable(error_model="numpy", forceinline=True, **_WITHOUT_COUNTING)(function)
+    register_jitable(error_model="numpy", **_NO_C, forceinline=True, **_WITHOUT_COUNTING)(function)
 
 
 def _called(*modules: ModuleType) -> None:
@@ -51,7 +52,7 @@ def _called(*modules: ModuleType) -> None:
     for module in modules:
         for function in vars(module).values():
             if inspect.isfunction(function) and function.__module__ == module.__name__:
-                register_jitable(error_model="numpy")(function)
+                register_jitable(error_model="numpy", **_NO_C)(function)
 
 
 _called(exponential, normal, trigonometric)
@@ -60,12 +61,12 @@ compile_with(_inlined)
 
 def kernel(function: F) -> F:
     """Compile a serial kernel."""
-    return numba.njit(cache=True, error_model="numpy")(function)  # type: ignore[return-value]
+    return numba.njit(cache=True, error_model="numpy", **_NO_C)(function)  # type: ignore[return-value]
 
 
 def parallel_kernel(function: F) -> F:
     """Compile a kernel whose ``prange`` loops run on several threads."""
-    return numba.njit(cache=True, error_model="numpy", parallel=True)(function)  # type: ignore[return-value]
+    return numba.njit(cache=True, error_model="numpy", **_NO_C, parallel=True)(function)  # type: ignore[return-value]
 
 
 def loop_body(function: F) -> F:
@@ -73,7 +74,7 @@ def loop_body(function: F) -> F:
 
     For loops over whole arrays in the solver: as a `formula` the same loop takes the solve a fifth longer.
     """
-    return numba.njit(cache=True, error_model="numpy", forceinline=True, **_WITHOUT_COUNTING)(function)  # type: ignore[return-value]
+    return numba.njit(cache=True, error_model="numpy", **_NO_C, forceinline=True, **_WITHOUT_COUNTING)(function)  # type: ignore[return-value]
 
 
 def elementwise(function: Callable[[float], float]) -> Callable[[Floats], Floats]:

@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from multicor_cli.engine.contact.acceleration import choose_factor, extrapolate, restart, start_loop
 from multicor_cli.engine.geometry.scene import Scene, pair_geometry
 from multicor_cli.engine.jit.compile import kernel
+from multicor_cli.engine.jit.copying import copy_into
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.model.columns import FIRST, GAP, NX, NY, SECOND, X, Y
 from multicor_cli.model.model import Floats, Ints
@@ -173,7 +174,7 @@ def _solve(pair: Ints, frame: Floats, bodies: _Bodies, enough: float, sweeps: in
         cross, square = extrapolate(0, shift.shape[0], now, then, last, weight, factor)
         if loop["factor"] * cross > square:
             factor = restart(moved, loop)
-            shift[:] = before
+            copy_into(now, then)
         loop["factor"] = factor
         for c in range(push.size):
             new = push[c]

@@ -1,0 +1,147 @@
+"""Compiles the kernels of a step on a second core, while a first run compiles them on its own: ``python -m`` this module.
+
+A run needs its kernels in the order of the phases of a step. This process takes them in another: the longest first, then those that
+come last, so that the two seldom compile the same. Whatever is in the cache when a run asks for it is loaded. The kernels are
+called with one grain and no contact: what is compiled depends on the kinds of the arguments alone.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numpy.typing import NDArray
+
+from multicor_cli.engine.contact.acceleration import (
+    NEVER,
+    Momentum,
+    begin_again,
+    is_converged,
+    iterate,
+    start_loop,
+    start_momentum,
+    step_back,
+)
+from multicor_cli.engine.contact.detection import StepContacts, WarmStart, fill_contacts, find_missed, measure_pairs
+from multicor_cli.engine.contact.patches import choose_patch, has_clusters, hold, release, solve_patch
+from multicor_cli.engine.contact.schedule import Schedule, Scheduler
+from multicor_cli.engine.contact.sweep import EXACT, System
+from multicor_cli.engine.contact.system import assemble
+from multicor_cli.engine.contact.table import tabulate_contacts
+from multicor_cli.engine.energy.account import account_contacts, warm_start_of
+from multicor_cli.engine.geometry.scene import Scene
+from multicor_cli.engine.heat.laws import heat_laws
+from multicor_cli.engine.heat.settings import HeatSettings
+from multicor_cli.engine.heat.step import HeatEngine, MovedContacts
+from multicor_cli.engine.jit.chunks import aligned, chunks_for
+from multicor_cli.engine.jit.vectors import LANES
+from multicor_cli.engine.motion.moves import move, wrap
+from multicor_cli.engine.motion.overlaps import measure_overlaps
+from multicor_cli.engine.motion.separation import pairs_within, separate, surround
+from multicor_cli.model.columns import MASS
+from multicor_cli.model.model import ContactLaws, Floats, Grains, Model, Thermal, Walls, WallShapes
+from multicor_cli.model.state import State
+
+_NOBODY = np.empty(0, np.int32)
+_NO_ROWS = np.zeros(2, np.int64)
+
+
+def rehearse() -> None:
+    """Compile the kernels of a step from its solve on, then those that prepare the solve, then those that hard steps need."""
+    model = _one_grain()
+    state = State.at_rest(model, np.zeros((1, 2)))
+    scene = Scene(
+        state.position, model.grains.radius, model.material, model.shapes.kind, model.shapes.wall, np.zeros((1, 4)),
+        state.wall_position, model.period,
+    )  # fmt: skip
+    contacts = StepContacts(_NOBODY, _NOBODY, np.empty((0, 5)), np.empty((0, 2)), np.empty((0, 2)), np.empty((0, 2)))
+    bodies = np.zeros((2, 4))
+    system = _without_contacts()
+    memory, momentum = start_loop(0), start_momentum(system)
+    iterate(system, momentum, EXACT, True, False, 0, False, NEVER, memory, np.empty(1))
+    _heat(model, state, MovedContacts(scene, contacts, bodies, _NOBODY, _NOBODY))
+    _finish(model, state, scene, contacts, bodies)
+    _prepare(model, scene, contacts, bodies)
+    _unstick(system, momentum, memory)
+
+
+def _without_contacts() -> System:
+    """A batch whose lanes are empty, and nothing else."""
+    frame, slot = aligned((1, 5, LANES)), np.full((1, LANES), -1, np.int32)
+    frame[:] = 0.0
+    frame[:, MASS] = 1.0
+    impulse, pair = aligned((1, 2, LANES)), aligned((1, 2, LANES), np.int32)
+    impulse[:], pair[:] = 0.0, 0
+    velocity = aligned((1, 4))
+    velocity[:] = 0.0
+    return System(
+        velocity, np.zeros((1, 3)), slot, pair, frame, impulse, _NO_ROWS, _NO_ROWS, np.empty((0, 2), np.int32), np.empty((0, 7)),
+        np.empty((0, 2, 2)), np.empty((0, 2)), 2.0, 0,
+    )  # fmt: skip
+
+
+def _heat(model: Model, state: State, moved: MovedContacts) -> None:
+    material = dict.fromkeys(("density", "heat_capacity", "conductivity", "young", "poisson"), 0.1)
+    HeatEngine(model, state, HeatSettings(heat_laws([material], "effusivity", np.zeros((1, 1))))).step(moved, 1.0, 0.0)
+
+
+def _finish(model: Model, state: State, scene: Scene, contacts: StepContacts, bodies: Floats) -> None:
+    """What follows the solve, the last first."""
+    tabulate_contacts(scene, contacts, bodies)
+    warm_start_of(contacts)
+    wrap(state.position, state.image, model.period)
+    gap, marked, mass = np.empty(0), np.zeros(1, np.bool_), model.grains.mass
+    separate(scene, _NOBODY, _NOBODY, marked, mass, np.zeros((1, 2)), 1.0, 1.0, 1.0, 1)
+    surround(_NOBODY, _NOBODY, 1, marked)
+    pairs_within(_NO_ROWS, _NOBODY, gap, 1.0)
+    measure_overlaps(scene, _NO_ROWS, _NOBODY, gap, 1.0, 1.0, gap, marked, chunks_for(1, 2))
+    move(
+        state.position.copy(), bodies, bodies, model.grains.radius, mass, model.gravity, model.shape_factor, 1.0, state.position,
+        state.velocity, chunks_for(1, 2),
+    )  # fmt: skip
+    account_contacts(scene, contacts, bodies)
+    find_missed(scene, _NO_ROWS, _NOBODY, gap, np.empty((0, 2)), 1.0, 1.0, bodies, 1.0, chunks_for(1))
+
+
+def _prepare(model: Model, scene: Scene, contacts: StepContacts, bodies: Floats) -> None:
+    """What precedes the solve, the last first."""
+    slot, pair = np.empty((0, LANES), np.int32), aligned((0, 2, LANES), np.int32)
+    schedule = Schedule(slot, pair, _NO_ROWS, _NO_ROWS, _NOBODY, np.zeros(1, np.int32), 2)
+    assemble(scene, contacts, schedule, bodies, np.zeros((1, 3)), model.shape_factor).collect(contacts)
+    Scheduler().schedule(scene, contacts, np.zeros(1, np.bool_), model.mean_diameter)
+    gap, normal, warm = np.empty(0), np.empty((0, 2)), WarmStart(_NO_ROWS, _NOBODY, np.empty((0, 2)), np.empty(0))
+    fill_contacts(
+        scene, model.laws, _NO_ROWS, _NOBODY, gap, normal, 1.0, _NO_ROWS, bodies, 1.0, warm, 1.0, contacts, chunks_for(1, 4)
+    )
+    measure_pairs(scene, _NO_ROWS, _NOBODY, bodies, bodies, 1.0, gap, normal, chunks_for(1))
+
+
+def _unstick(system: System, momentum: Momentum, memory: NDArray[np.void]) -> None:
+    """What only steps need in which the sweeps are stuck, the last first."""
+    contact = np.zeros(1, np.int64)
+    step_back(system, momentum)
+    release(system, contact, hold(system, contact))
+    is_converged(system, NEVER, memory[0], False)
+    begin_again(system, momentum, True, memory[0])
+    solve_patch(system, contact)
+    choose_patch(system, 1)
+    has_clusters(system)
+
+
+def _one_grain() -> Model:
+    """A grain and a wall that is a disc, of one material."""
+    one, zero, index = np.ones(1), np.zeros(1), np.zeros(1, np.int32)
+    return Model(
+        grains=Grains(one, one, one, index, index),
+        shapes=WallShapes(index, index, np.ones((1, 4)), index),
+        walls=Walls(("wall",), one, one, np.zeros(1, np.bool_), one),
+        laws=ContactLaws(zero[None], zero[None], index[None] - 1, index, np.empty(0), np.empty(0)),
+        materials=("stuff",),
+        groups=("grains",),
+        period=100.0,
+        gravity=np.zeros(2),
+        shape_factor=2.0,
+        thermal=Thermal(one, one, one),
+    )
+
+
+if __name__ == "__main__":
+    rehearse()
