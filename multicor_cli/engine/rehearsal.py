@@ -2,11 +2,13 @@
 
 A run needs its kernels in the order of the phases of a step. This process takes them in another: the longest first, then those that
 come last, so that the two seldom compile the same. Whatever is in the cache when a run asks for it is loaded. The kernels are
-called with one grain and no contact: what is compiled depends on the kinds of the arguments alone.
+called with one grain and no contact, on one thread as in small problems: what is compiled depends on the kinds of the arguments
+and on nothing else.
 """
 
 from __future__ import annotations
 
+import numba
 import numpy as np
 from numpy.typing import NDArray
 
@@ -46,6 +48,7 @@ _NO_ROWS = np.zeros(2, np.int64)
 
 def rehearse() -> None:
     """Compile the kernels of a step from its solve on, then those that prepare the solve, then those that hard steps need."""
+    numba.set_num_threads(1)
     model = _one_grain()
     state = State.at_rest(model, np.zeros((1, 2)))
     scene = Scene(

@@ -29,6 +29,7 @@ from multicor_cli.engine.geometry.drift import fit_drift
 from multicor_cli.engine.geometry.neighbor_list import NeighborList
 from multicor_cli.engine.geometry.scene import Scene, scene_of
 from multicor_cli.engine.jit.chunks import chunks_for
+from multicor_cli.engine.jit.threads import PARALLEL_GRAINS
 from multicor_cli.engine.motion.correction import correct_positions
 from multicor_cli.engine.motion.drives import WallDrive
 from multicor_cli.engine.motion.gravity import AnyGravity, Gravity
@@ -40,7 +41,6 @@ from multicor_cli.model.faults import LARGEST, find_absurd_value
 from multicor_cli.model.model import LEAST_DIAMETERS, Floats, Model
 from multicor_cli.model.state import State
 
-PARALLEL_GRAINS = 4_000  # below this, starting threads costs more than they save; results are the same
 SLIPS_RMS, SLIPS = 50.0, 10.0
 """Scales of the rms and of the largest velocity correction over the mean slip between grains: by default 5 % and half of it."""
 PHASES = ("predict", "detect", "prepare", "solve", "account", "move", "correct")

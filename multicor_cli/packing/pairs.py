@@ -9,6 +9,7 @@ from numpy.typing import NDArray
 
 from multicor_cli.engine.geometry.grids import classify, make_grids
 from multicor_cli.engine.geometry.neighbors import find_near
+from multicor_cli.engine.jit.threads import threads_for
 from multicor_cli.model.columns import RADIUS, X
 from multicor_cli.model.model import Floats, Ints
 from multicor_cli.packing.obstacles import Obstacles
@@ -44,9 +45,10 @@ def find_pairs(position: Floats, radius: Floats, obstacles: Obstacles, cutoff: f
     grids = make_grids(classify(radii), center.min(axis=0), center.max(axis=0), period, cutoff)
     shape_of = (radius.size + np.flatnonzero(obstacles.is_disc)).astype(np.int32)
     others = np.flatnonzero(~obstacles.is_disc).astype(np.int32)
-    return DiscPairs(
-        *find_near(grids, radius.size, center, radii, shape_of, others, obstacles.kind, obstacles.world, cutoff, period)
-    )
+    with threads_for(radius.size):
+        return DiscPairs(
+            *find_near(grids, radius.size, center, radii, shape_of, others, obstacles.kind, obstacles.world, cutoff, period)
+        )
 
 
 def wrap(x: Floats, period: float) -> Floats:

@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 
 from multicor_cli.arithmetic import power
-from multicor_cli.engine.step import PARALLEL_GRAINS
+from multicor_cli.engine.jit.threads import PARALLEL_GRAINS
 from multicor_cli.running.plan import StagePlan
 from multicor_cli.running.time_step import Scales
 

@@ -63,7 +63,7 @@ class Forecast:
     @property
     def needs(self) -> Needs:
         """What a case takes: one thread below the number of grains from which several pay."""
-        from multicor_cli.engine.step import PARALLEL_GRAINS
+        from multicor_cli.engine.jit.threads import PARALLEL_GRAINS
 
         return Needs(threads=1 if self.grains < PARALLEL_GRAINS else 1024, memory=self.memory)
 

@@ -29,7 +29,7 @@ from multicor_cli.engine.contact.residual import measure_residual
 from multicor_cli.engine.contact.sweep import EXACT, Before, Relaxation, System, sweep
 from multicor_cli.engine.contact.vector_sweep import extrapolate_rows
 from multicor_cli.engine.jit.chunks import CHUNK
-from multicor_cli.engine.jit.compile import kernel, loop_body, parallel_kernel, prange
+from multicor_cli.engine.jit.compile import kernel, loop_body, prange, threaded_loop
 from multicor_cli.engine.jit.copying import copy_into
 from multicor_cli.engine.jit.vectors import HAS_VECTORS
 from multicor_cli.model.columns import INVERSE_MASS, NORMAL, SPIN, TANGENTIAL
@@ -181,7 +181,7 @@ def extrapolate_scalar(
 extrapolate = extrapolate_rows if HAS_VECTORS else extrapolate_scalar
 
 
-@parallel_kernel
+@threaded_loop
 def _extrapolate_chunks(now: Floats, before: Floats, change: Floats, weight: Floats, factor: float, partial: Floats) -> None:
     for chunk in prange(partial.shape[0]):
         last = min(before.size // 4, (chunk + 1) * CHUNK)

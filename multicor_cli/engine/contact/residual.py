@@ -23,7 +23,7 @@ from multicor_cli.engine.contact.law import solve_exact
 from multicor_cli.engine.contact.sweep import System
 from multicor_cli.engine.contact.vector_sweep import measure_batches
 from multicor_cli.engine.jit.chunks import CHUNK
-from multicor_cli.engine.jit.compile import kernel, loop_body, parallel_kernel, prange
+from multicor_cli.engine.jit.compile import kernel, loop_body, prange, threaded_loop
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.engine.jit.vectors import HAS_VECTORS, LANES
 from multicor_cli.model.columns import NORMAL, TANGENTIAL
@@ -102,7 +102,7 @@ def _measure_chunk(
     partial[chunk, _LARGEST], partial[chunk, _ACTIVE] = largest, active
 
 
-@parallel_kernel
+@threaded_loop
 def _measure_chunks(
     batches: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats, beta: float, partial: Floats
 ) -> None:

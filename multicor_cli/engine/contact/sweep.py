@@ -34,7 +34,7 @@ from multicor_cli.engine.contact.lanes import (
 )
 from multicor_cli.engine.contact.law import solve_bipotential, solve_exact
 from multicor_cli.engine.contact.vector_sweep import relax_batches
-from multicor_cli.engine.jit.compile import kernel, loop_body, parallel_kernel, prange
+from multicor_cli.engine.jit.compile import kernel, loop_body, prange, threaded_loop
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.engine.jit.vectors import HAS_VECTORS, LANES
 from multicor_cli.model.columns import NORMAL, TANGENTIAL
@@ -190,7 +190,7 @@ def _relax_range(
     return relax_scalar(first, last, velocity, pair, frame, impulse, before, beta, BIPOTENTIAL, way)
 
 
-@parallel_kernel
+@threaded_loop
 def _relax_tiles_on_threads(
     color_start: NDArray[np.int64], tile_start: NDArray[np.int64], velocity: Floats, pair: Ints, frame: Floats, impulse: Floats,
     before: Floats, beta: float, local: int, way: Relaxation, partial: Floats,

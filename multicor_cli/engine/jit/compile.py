@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import functools
 import inspect
 from collections.abc import Callable
-from types import ModuleType
+from types import FunctionType, ModuleType
 from typing import Any, TypeVar
 
 from multicor_cli.arithmetic import exponential, normal, trigonometric
@@ -29,7 +30,7 @@ require_layer()
 F = TypeVar("F", bound=Callable[..., Any])
 
 _WITHOUT_COUNTING: dict[str, Any] = {"_nrt": False}  # known to Numba, not to its stubs
-_NO_C = {"no_cfunc_wrapper": True}
+_NO_C: dict[str, Any] = {"no_cfunc_wrapper": True}  # no second copy of a kernel for callers in C: there are none
 
 prange = numba.prange
 
@@ -44,7 +45,7 @@ def _inlined(function: Callable[..., Any]) -> None:
     It must not allocate: Numba then need not count references to the arrays of its arguments (an atomic addition for each array
     that is taken out of a tuple, which made the kernels over pairs 2 to 7 times slower).
     """
-    register_jitable(error_model="numpy", **_NO_C, forceinline=True, **_WITHOUT_COUNTING)(function)
+    register_jitable(error_model="numpy", forceinline=True, **_NO_C, **_WITHOUT_COUNTING)(function)
 
 
 def _called(*modules: ModuleType) -> None:
@@ -64,9 +65,30 @@ def kernel(function: F) -> F:
     return numba.njit(cache=True, error_model="numpy", **_NO_C)(function)  # type: ignore[return-value]
 
 
+def threaded_loop(function: F) -> F:
+    """Compile a kernel whose ``prange`` loops run on several threads, for other kernels to call."""
+    return numba.njit(cache=True, error_model="numpy", parallel=True, **_NO_C)(function)  # type: ignore[return-value]
+
+
 def parallel_kernel(function: F) -> F:
-    """Compile a kernel whose ``prange`` loops run on several threads."""
-    return numba.njit(cache=True, error_model="numpy", **_NO_C, parallel=True)(function)  # type: ignore[return-value]
+    """Compile a kernel whose ``prange`` loops run on several threads: twice, each version when it is first needed.
+
+    The one for a single thread compiles in half the time, and small problems need no other. Both compute the same bits. Where the
+    one for several threads is there it serves a single thread as well.
+    """
+    twin = FunctionType(function.__code__, function.__globals__, function.__name__, function.__defaults__, function.__closure__)
+    twin.__qualname__ = f"{function.__qualname__}_on_threads"  # Numba's cache knows functions by their names alone
+    twin.__module__, twin.__annotations__ = function.__module__, function.__annotations__
+    alone, on_threads = kernel(function), threaded_loop(twin)
+    has_threads = False
+
+    @functools.wraps(function)
+    def call(*args: Any) -> Any:
+        nonlocal has_threads
+        has_threads = has_threads or numba.get_num_threads() > 1
+        return (on_threads if has_threads else alone)(*args)
+
+    return call  # type: ignore[return-value]
 
 
 def loop_body(function: F) -> F:
@@ -74,7 +96,7 @@ def loop_body(function: F) -> F:
 
     For loops over whole arrays in the solver: as a `formula` the same loop takes the solve a fifth longer.
     """
-    return numba.njit(cache=True, error_model="numpy", **_NO_C, forceinline=True, **_WITHOUT_COUNTING)(function)  # type: ignore[return-value]
+    return numba.njit(cache=True, error_model="numpy", forceinline=True, **_NO_C, **_WITHOUT_COUNTING)(function)  # type: ignore[return-value]
 
 
 def elementwise(function: Callable[[float], float]) -> Callable[[Floats], Floats]:
