@@ -142,9 +142,9 @@ _LOAD = 10.0  # P: force per length on the upper wall [N/m]; √(m/P) is 1.0 ms
 
 
 def _start(count: int, seed: int, copies: int) -> str:
-    """A sheared layer with heat from its first step on: it needs nearly all kernels."""
-    text = _shear("start", 0.55, 2e-4, 0.5, count, seed, copies)
-    return text + "[heat]\ntemperature = 300.0\n"
+    """A bed that is laid down, with heat: its first step has contacts and needs nearly all kernels."""
+    stage = '[[loading]]\nname = "fall"\nduration = 1.0\n'
+    return _bed("start", count, seed, copies, "[heat]\ntemperature = 300.0\n", stage)
 
 
 def _collapse(count: int, seed: int, _copies: int) -> str:
@@ -180,7 +180,7 @@ def _drum(count: int, seed: int, _copies: int) -> str:
     )
 
 
-START = BenchScene("start", "first steps of a sheared layer with heat", _start, 0, 2)
+START = BenchScene("start", "first steps of a bed with heat", _start, 0, 2)
 """What a fresh installation is timed with."""
 
 SCENES = {

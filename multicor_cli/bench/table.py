@@ -42,7 +42,10 @@ def notes(benchmark: Benchmark) -> list[str]:
                 f"{result.scene}, {result.grains} grains: a sweep moves {result.sweep.bytes_moved / 1e6:.1f} MB; of copying: {used}"
             )
     if benchmark.compilation is not None:
-        lines.append(f"first steps: {benchmark.compilation.cold:.1f} s cold, {benchmark.compilation.cached:.2f} s cached")
+        times = benchmark.compilation
+        lines.append(
+            f"first steps: {times.cold:.1f} s cold, {times.cached:.2f} s cached; kernels of hard steps after {times.hard:.1f} s"
+        )
     lines += [
         f"{result.scene}, {result.grains} grains: {result.missed} of {result.steps * result.rounds} steps did not converge"
         for result in benchmark.results

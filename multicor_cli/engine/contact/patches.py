@@ -65,7 +65,10 @@ def _mobility(body: int, d: int, s: System) -> float:
 
 @loop_body
 def _is_movable(body: int, s: System) -> bool:
-    return _mobility(body, X, s) > 0.0 or _mobility(body, Y, s) > 0.0 or _mobility(body, SPIN, s) > 0.0
+    largest = 0.0
+    for d in range(3):
+        largest = max(largest, _mobility(body, d, s))
+    return largest > 0.0
 
 
 @loop_body
@@ -315,11 +318,7 @@ def _solve(patch: _Patch, s: System) -> tuple[bool, Floats]:
 def choose_patch(s: System, size: int) -> Ints:
     """Up to ``size`` contacts around the worst one."""
     active, square = _measure(s)
-    worst = 0
-    for k in range(square.size):
-        if square[k] > square[worst]:
-            worst = k
-    return _around(worst, size, active, s)
+    return _around(int(np.argmax(square)), size, active, s)
 
 
 @kernel

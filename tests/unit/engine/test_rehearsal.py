@@ -1,0 +1,65 @@
+"""What a second process compiles is what a run asks for."""
+
+import json
+import subprocess
+import sys
+
+from multicor_cli.engine.jit import cache
+from multicor_cli.running.compiling import shared_compilation
+
+HARD = {"has_clusters", "choose_patch", "solve_patch", "begin_again", "is_converged", "hold", "release", "step_back"}
+"""Kernels that only some steps need."""
+
+FIRST = {"neighbors", "affine", "scene", "placing", "overlap", "elementwise", "moves", "drift", "compile", "detection"}
+"""Modules whose kernels are needed before the other process comes to them."""
+
+LIST = """
+import gc, json, sys
+from numba.core.dispatcher import Dispatcher
+{code}
+found = {{}}
+for one in gc.get_objects():
+    if isinstance(one, Dispatcher) and one.stats.cache_hits:
+        found[one.py_func.__module__ + "." + one.py_func.__qualname__] = sorted(map(str, one.stats.cache_hits))
+print(json.dumps(found))
+"""
+REHEARSE = "from multicor_cli.engine.rehearsal import rehearse\nrehearse()"
+STEP = (
+    "from multicor_cli.bench.driving import prepare\nfrom multicor_cli.bench.scenes import START\n"
+    "scene = prepare(START, 100, threads=1)\nscene.take(START.steps)\nscene.engine.contacts()"
+)
+
+
+def loaded(code: str) -> dict[str, list[str]]:
+    """Kernels that a process loads from the cache, and for which kinds of arguments; a first process has compiled them."""
+    for _ in range(2):
+        done = subprocess.run([sys.executable, "-c", LIST.format(code=code)], capture_output=True, text=True, check=True)
+    return json.loads(done.stdout)
+
+
+def test_the_rehearsal_compiles_what_a_run_asks_for_and_nothing_else():
+    rehearsed, asked = loaded(REHEARSE), loaded(STEP)
+    for name, kinds in rehearsed.items():
+        if name.rpartition(".")[2] not in HARD | {"pairs_within", "surround", "separate"}:  # the first steps have no overlaps
+            assert set(kinds) <= set(asked[name]), name
+    for name in asked.keys() - rehearsed.keys():
+        assert set(name.split(".")) & FIRST, name
+    assert {name.rpartition(".")[2] for name in rehearsed} >= HARD | {"iterate", "generated_heat", "contact_spots"}
+
+
+def test_a_second_process_compiles_only_for_a_first_run_with_two_threads(tmp_path, monkeypatch):
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / cache.cache_name()))
+    (tmp_path / cache.cache_name()).mkdir()
+    with shared_compilation(2) as other:
+        assert other is not None
+        assert other.poll() is None
+    assert other.poll() is not None
+    with shared_compilation(1) as other:
+        assert other is None
+    monkeypatch.setenv("MULTICOR_NO_CACHE", "1")
+    with shared_compilation(2) as other:
+        assert other is None
+    monkeypatch.delenv("MULTICOR_NO_CACHE")
+    (tmp_path / cache.cache_name() / "kernel.nbi").touch()
+    with shared_compilation(2) as other:
+        assert other is None
