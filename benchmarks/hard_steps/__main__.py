@@ -43,7 +43,8 @@ def _count(options: argparse.Namespace) -> None:
                 run_scene(name, options.grains, seed, heard)
             else:
                 own = [f"scenario.seed={seed}", "output.frame_interval=1.0"]
-                run_scenario((_CONFIGS / f"{name.removeprefix('configs/')}.toml").read_text(), heard, own + options.set)
+                config = _CONFIGS / f"{name.removeprefix('configs/')}.toml"
+                run_scenario(config.read_text(), heard, own + options.set, config)
             sweeps = np.array([outcome.sweeps for outcome in heard.outcomes])
             missed = sum(not outcome.converged for outcome in heard.outcomes)
             numbers = f"{sweeps.mean():.0f} | {np.median(sweeps):.0f} | {sweeps.max():.0f} | {(sweeps > 1000.0).sum()} | {missed}"
