@@ -33,7 +33,7 @@ from multicor_cli.model.model import Floats, Ints
 SIZES = (50, 50, 70, 70, 100)
 """Contacts of the first patch of a solve, of the second, and so on. The work grows with the third power."""
 
-BLOCKS = (50, 70, 100)
+BLOCKS = (50, 70, 100, 200)
 """The same of those after these, which are solved by turns with sweeps over all other contacts; further ones are as the last."""
 
 SMALL = 100

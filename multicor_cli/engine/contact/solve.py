@@ -144,10 +144,9 @@ def solve_system(
                     solve_patch(system, choose_patch(system, SIZES[done]))
                 elif is_clustered:
                     contact = choose_patch(system, BLOCKS[min(done - len(SIZES), len(BLOCKS) - 1)])
-                    _take_turns(system, contact, momentum, local, parallel, tolerance, memory, partial)
+                    _take_turns(system, contact, momentum, local, parallel, tolerance, memory, partial, should_stop)
                 begin_again(system, momentum, is_clustered, loop)
-            if should_stop is not None and should_stop():
-                raise Interrupted
+            _ask(should_stop)
     finally:
         if pace.threads > 1:
             numba.set_num_threads(outside)  # the caller may have chosen it
@@ -158,6 +157,11 @@ def solve_system(
         float(loop["maximum"] / scale.velocity),
         float(loop["energy"] / scale.energy),
     )
+
+
+def _ask(should_stop: Callable[[], bool] | None) -> None:
+    if should_stop is not None and should_stop():
+        raise Interrupted
 
 
 TURNS, SWEEPS, FUTILE = 40, 10, 12
@@ -173,6 +177,7 @@ def _take_turns(
     tolerance: Tolerances,
     memory: NDArray[np.void],
     partial: Floats,
+    should_stop: Callable[[], bool] | None,
 ) -> None:
     """Solve a patch exactly and sweep over all other contacts, by turns: block Gauss–Seidel with one block that is not a contact.
 
@@ -182,6 +187,7 @@ def _take_turns(
     """
     loop, best, since = memory[0], np.inf, 0
     for _ in range(TURNS):
+        _ask(should_stop)
         if not solve_patch(system, contact) or is_converged(system, tolerance, loop, parallel):
             return
         best, since = (loop["rms"], 0) if loop["rms"] < GAIN * best else (best, since + 1)
