@@ -14,7 +14,7 @@ from multicor_cli.post.bins import Bins, make_bins
 from multicor_cli.post.contacts import with_forces
 from multicor_cli.post.extent import Between
 from multicor_cli.post.flow import RelativeFrame, mean_flow
-from multicor_cli.post.groups import of_groups
+from multicor_cli.post.groups import FrameOfGroups, of_groups
 from multicor_cli.post.quantities import PROFILE_GROUPS, PROFILED, Quantity
 from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Selection, model_of, rows_of
 from multicor_cli.post.sums import (
@@ -247,7 +247,8 @@ def profile(
             centers of glued grains, or from the surface of a smooth wall. Default: the layer next to the wall, `bins.WALL_LAYER`;
             between walls that are near, no more than an eighth of their distance.
         between: Names of the walls below and above; default: those that bound the grains.
-        groups: Groups of grains that count; default: all. Fluctuations are those about the mean flow of all grains.
+        groups: Groups of grains that count; default: all. Fluctuations are those about the mean flow of all grains. Contacts per
+            grain include those with grains of other groups; of the stress in a contact between two grains each has half.
 
     Raises:
         PostError: If there is no such field, no frame (for a rate: fewer than two), or no sensible number of bins; or if the
@@ -293,7 +294,7 @@ def profiles(
     kind = fields[0].kind
     part = of_groups(source, groups) if groups else source
     if any(field.needs_contacts for field in fields):
-        chosen = with_forces(part, chosen)
+        chosen = with_forces(source, chosen)
     for field in fields:
         if field.averaged is not None:
             first = source.frames[int(chosen[0])]
@@ -371,6 +372,8 @@ def _values_of(source: FrameSource, fields: tuple[Quantity, ...], chosen: NDArra
         def values(frame: GrainFrame) -> Floats:
             if flow is not None:
                 frame = RelativeFrame(frame, flow.fluctuation(frame))
+            if field.needs_contacts and isinstance(frame, FrameOfGroups):  # contacts with grains of other groups count too
+                return np.asarray(averaged(frame.whole, model_of(source, frame.whole)), np.float64)[frame.rows]
             return np.asarray(averaged(frame, model_of(source, frame)), np.float64)
 
         return values

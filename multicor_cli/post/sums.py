@@ -13,6 +13,7 @@ from multicor_cli.model.model import Floats
 from multicor_cli.post.averages import pseudo_values, spread, standard_error
 from multicor_cli.post.bins import BinPlace, Bins, heights
 from multicor_cli.post.contacts import LoadedContacts, loaded_contacts
+from multicor_cli.post.groups import FrameOfGroups
 from multicor_cli.post.source import FrameSource, GrainFrame, model_of, need_same_grains
 from multicor_cli.text import count_noun
 
@@ -79,11 +80,13 @@ def sum_contacts(source: FrameSource, chosen: NDArray[np.int64], bins: Bins, val
     spread = [_empty(chosen.size, bins) for _ in values]
     for row, k in enumerate(chosen):
         frame = source.frames[int(k)]
+        whole = frame.whole if isinstance(frame, FrameOfGroups) else frame
         y, place = heights(frame), bins.place(frame)
-        contacts = loaded_contacts(frame, model_of(source, frame))
-        lines = bins.share_branches(contacts, y, place)
+        contacts = loaded_contacts(whole, model_of(source, whole))
+        lines = bins.share_branches(contacts, heights(whole), place)
+        length = lines.area * frame.parts(contacts)[lines.grain] if isinstance(frame, FrameOfGroups) else lines.area
         for column, value in zip(spread, values, strict=True):
-            column[row] = bins.total(lines, lines.area * value(contacts)[lines.grain])
+            column[row] = bins.total(lines, length * value(contacts)[lines.grain])
         weight[row] = place.width * plane_width(source, frame)
         discs = bins.share(y, model_of(source, frame).grains.radius, place)
         area[row] = bins.total(discs, discs.area)

@@ -132,8 +132,6 @@ def test_groups_add_up_to_the_whole(period: float) -> None:
     assert one.value[0] == pytest.approx(expected)
     with pytest.raises(PostError, match="no group 'dust'; choose from: light, heavy"):
         profile(source, "velocity", ALL, groups=["dust"])
-    with pytest.raises(PostError, match="not those of one group"):
-        profile(source, "coordination", ALL, groups=["light"])
 
 
 def test_maps_of_groups_count_them() -> None:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,12 +12,15 @@ from from_wall_to_wall import profile, profiles
 from heat_run import GRAINS, RADIUS, write_heated_run
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from made_up_frames import source_of
 from scenes import write_small
 
 import multicor_cli as multicor
+from multicor_cli.model import Model
 from multicor_cli.post import PROFILE_GROUPS, PostError, Selection, grain_map, rheology
 from multicor_cli.post.binning import part_between, share_lines
 from multicor_cli.post.contacts import loaded_contacts
+from multicor_cli.post.groups import FrameOfGroups
 from multicor_cli.store import Run, open_run
 
 ALL = Selection(start=0.0)
@@ -198,6 +203,45 @@ def test_groups_of_fields_come_as_one_table(column: Run) -> None:
         profile(column, "stress")
     with pytest.raises(PostError, match="no normalized"):
         found.normalized()
+
+
+class Regrouped:
+    """A frame of a run whose grains belong to other groups."""
+
+    def __init__(self, frame: Any, model: Model) -> None:
+        self.frame, self.model = frame, model
+
+    def __getattr__(self, name: str) -> Any:
+        return getattr(self.frame, name)
+
+
+def test_stresses_of_groups_add_up_to_that_of_all_and_contacts_count_whole(sheared: Run) -> None:
+    model = sheared.model
+    group = (np.arange(model.grain_count) % 3 == 0).astype(np.int32)
+    model = replace(model, groups=("many", "few"), grains=replace(model.grains, group=group))
+    frames = [Regrouped(sheared.frames[k], model) for k in (-3, -2, -1)]
+    source = source_of(model, frames)
+    whole, many, few = (profiles(source, "stress", ALL, 5, groups=names) for names in ((), ("many",), ("few",)))
+    for all_, first, second in zip(whole.tables, many.tables, few.tables, strict=True):
+        assert first.value + second.value == pytest.approx(all_.value)
+        assert np.abs(second.value).max() > 0.0
+    # Contacts per grain over all heights: each with the contacts that it has, whoever the other is.
+    table = profile(source, "coordination", ALL, 1, groups=["few"])
+    chosen = group == 1
+    expected = []
+    for frame in frames:
+        held, n = frame.contacts.force[:, 0] != 0.0, model.grain_count
+        i, j = np.asarray(frame.contacts.i)[held], np.asarray(frame.contacts.j)[held]
+        expected.append(np.mean([np.sum(i == k) + np.sum(j == k) for k in range(n) if chosen[k]]))
+    assert table.value[0] == pytest.approx(np.mean(expected), rel=1e-6)
+    # A group that touches nothing of its own kind still bears half of what it exchanges with the other.
+    contacts = loaded_contacts(frames[-1], model)
+    frame = FrameOfGroups(frames[-1], model, np.array([1]))
+    plain = [
+        0.5 * (chosen[a] + chosen[b]) if b < model.grain_count else 1.0 * chosen[a]
+        for a, b in zip(contacts.i, contacts.j, strict=True)
+    ]
+    assert frame.parts(contacts) == pytest.approx(np.array(plain))
 
 
 def test_forces_of_wall_contacts_are_the_recorded_wall_forces(sheared: Run) -> None:
