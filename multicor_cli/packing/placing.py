@@ -281,7 +281,8 @@ def _settle(
     x: float, top: float, radius: float, floor: float, left: float, right: float, field: PlacedDiscs
 ) -> tuple[float, float]:
     """Where a grain dropped at ``x`` comes to rest [m]."""
-    y, j = _fall(x, top, radius, np.int64(-1), floor, field)
+    nothing: int = np.int64(-1)  # type: ignore[assignment]  # for a literal `_fall` would be compiled once more
+    y, j = _fall(x, top, radius, nothing, floor, field)
     side = 0.0
     for _ in range(_MOST_ROLLS):
         if j == _FLOOR:

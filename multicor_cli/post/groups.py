@@ -55,7 +55,7 @@ class FrameOfGroups:
         counts = np.zeros(contacts.reach_of.size)
         counts[self.rows] = 1.0
         first, second = counts[contacts.i], counts[contacts.j]
-        return np.where(contacts.j < n, 0.5 * (first + second), first)
+        return np.asarray(np.where(contacts.j < n, 0.5 * (first + second), first))
 
     def __getattr__(self, name: str) -> Any:
         values = getattr(self.whole, name)

@@ -173,10 +173,10 @@ class _Patch(NamedTuple):
         velocity: u_n + b, u_t, u_r [m/s].
     """
 
-    contact: Ints
-    couple: Ints
-    owner: Ints
-    body: Ints
+    contact: NDArray[np.int64]
+    couple: NDArray[np.int64]
+    owner: NDArray[np.int64]
+    body: NDArray[np.int64]
     normal: Floats
     lever: Floats
     friction: Floats
@@ -185,7 +185,7 @@ class _Patch(NamedTuple):
 
 
 @kernel
-def _gather(contact: Ints, s: System) -> _Patch:
+def _gather(contact: NDArray[np.int64], s: System) -> _Patch:
     count, lanes, couples = contact.size, s.slot.size, s.couples
     velocity, pair, frame, impulse = s.velocity.reshape(-1), s.pair.reshape(-1), s.frame.reshape(-1), s.impulse.reshape(-1)
     place = np.full(lanes + s.general_pair.shape[0] if couples.impulse.size else 0, -1, np.int64)
@@ -315,14 +315,14 @@ def _solve(patch: _Patch, s: System) -> tuple[bool, Floats]:
 
 
 @kernel
-def choose_patch(s: System, size: int) -> Ints:
+def choose_patch(s: System, size: int) -> NDArray[np.int64]:
     """Up to ``size`` contacts around the worst one."""
     active, square = _measure(s)
     return _around(int(np.argmax(square)), size, active, s)
 
 
 @kernel
-def solve_patch(s: System, contact: Ints) -> bool:
+def solve_patch(s: System, contact: NDArray[np.int64]) -> bool:
     """Solve some contacts.
 
     Args:
@@ -359,7 +359,7 @@ def solve_patch(s: System, contact: Ints) -> bool:
 
 
 @kernel
-def hold(s: System, contact: Ints) -> Floats:
+def hold(s: System, contact: NDArray[np.int64]) -> Floats:
     """Let sweeps leave light contacts as they are: a contact without mass changes nothing.
 
     Args:
@@ -378,7 +378,7 @@ def hold(s: System, contact: Ints) -> Floats:
 
 
 @kernel
-def release(s: System, contact: Ints, mass: Floats) -> None:
+def release(s: System, contact: NDArray[np.int64], mass: Floats) -> None:
     """Undo `hold`."""
     frame = s.frame.reshape(-1)
     for k in range(contact.size):

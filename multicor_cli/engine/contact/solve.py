@@ -27,7 +27,7 @@ from multicor_cli.engine.contact.patches import BLOCKS, SIZES, choose_patch, has
 from multicor_cli.engine.contact.report import PhysicsError
 from multicor_cli.engine.contact.sweep import BIPOTENTIAL, EXACT, System
 from multicor_cli.engine.contact.thread_choice import SLICE, ThreadChoice
-from multicor_cli.model.model import Floats, Ints
+from multicor_cli.model.model import Floats
 
 Method = Literal["accelerated", "gauss-seidel"]
 Local = Literal["exact", "bipotential"]
@@ -170,7 +170,7 @@ TURNS, SWEEPS, FUTILE = 40, 10, 12
 
 def _take_turns(
     system: System,
-    contact: Ints,
+    contact: NDArray[np.int64],
     momentum: Momentum,
     local: int,
     parallel: bool,

@@ -238,7 +238,7 @@ def test_stresses_of_groups_add_up_to_that_of_all_and_contacts_count_whole(shear
     contacts = loaded_contacts(frames[-1], model)
     frame = FrameOfGroups(frames[-1], model, np.array([1]))
     plain = [
-        0.5 * (chosen[a] + chosen[b]) if b < model.grain_count else 1.0 * chosen[a]
+        0.5 * (group[a] + group[b]) if b < model.grain_count else 1.0 * group[a]
         for a, b in zip(contacts.i, contacts.j, strict=True)
     ]
     assert frame.parts(contacts) == pytest.approx(np.array(plain))
