@@ -1,4 +1,4 @@
-"""Compiles the kernels of a step on a second core, while a first run compiles them on its own: ``python -m`` this module.
+"""Compiles the kernels of a step without taking one: for a second process, while a first run compiles them too.
 
 A run needs its kernels in the order of the phases of a step. This process takes them in another: the longest first, then those that
 come last, so that the two seldom compile the same. Whatever is in the cache when a run asks for it is loaded. The kernels are
@@ -144,7 +144,3 @@ def _one_grain() -> Model:
         shape_factor=2.0,
         thermal=Thermal(one, one, one),
     )
-
-
-if __name__ == "__main__":
-    rehearse()

@@ -1,10 +1,12 @@
-"""The kernels of a first run, compiled on two cores."""
+"""The kernels of a first run, compiled on two cores. As a program, the process on the second one."""
 
 from __future__ import annotations
 
 import contextlib
+import os
 import subprocess
 import sys
+import threading
 from collections.abc import Iterator
 
 from multicor_cli.engine.jit.cache import is_compiled, is_kept
@@ -15,15 +17,28 @@ def shared_compilation(threads: int) -> Iterator[subprocess.Popen[bytes] | None]
     """Let another process compile kernels too, if there are none yet and the run may use a second thread; yields that process.
 
     Numba compiles on one core, one kernel after the other. The other process takes them in another order
-    (`multicor_cli.engine.rehearsal`) and leaves them in the cache; if it fails, they are compiled here. It ends with the block.
+    (`multicor_cli.engine.rehearsal`) and leaves them in the cache; if it fails, they are compiled here. It ends with the block,
+    and with this process however that ends.
     """
     if threads < 2 or is_compiled() or not is_kept():
         yield None
         return
     quiet = subprocess.DEVNULL
-    other = subprocess.Popen([sys.executable, "-m", "multicor_cli.engine.rehearsal"], stdin=quiet, stdout=quiet, stderr=quiet)
-    try:
-        yield other
-    finally:
-        other.terminate()
-        other.wait()
+    with subprocess.Popen([sys.executable, "-m", __name__], stdin=subprocess.PIPE, stdout=quiet, stderr=quiet) as other:
+        try:
+            yield other
+        finally:
+            other.terminate()
+
+
+def _end_with_parent() -> None:
+    """End this process when the other end of its standard input is closed."""
+    sys.stdin.buffer.read()
+    os._exit(0)
+
+
+if __name__ == "__main__":
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+    from multicor_cli.engine.rehearsal import rehearse
+
+    rehearse()

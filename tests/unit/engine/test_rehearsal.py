@@ -1,8 +1,11 @@
 """What a second process compiles is what a run asks for."""
 
 import json
+import os
 import subprocess
 import sys
+import time
+from pathlib import Path
 
 from multicor_cli.engine.jit import cache
 from multicor_cli.running.compiling import shared_compilation
@@ -63,3 +66,20 @@ def test_a_second_process_compiles_only_for_a_first_run_with_two_threads(tmp_pat
     (tmp_path / cache.cache_name() / "kernel.nbi").touch()
     with shared_compilation(2) as other:
         assert other is None
+
+
+def test_the_second_process_ends_with_the_first(tmp_path):
+    """However that ends: here it leaves without cleaning up."""
+    code = (
+        "import os\nfrom multicor_cli.running.compiling import shared_compilation\n"
+        "with shared_compilation(2) as other:\n    print(other.pid, flush=True)\n    os._exit(0)"
+    )
+    (tmp_path / cache.cache_name()).mkdir()
+    environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path / cache.cache_name())}
+    done = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
+    status = Path("/proc", done.stdout.strip(), "status")
+    for _ in range(100):
+        if not status.exists() or "State:\tZ" in status.read_text():
+            return
+        time.sleep(0.1)
+    raise AssertionError("still running")
