@@ -81,8 +81,8 @@ def is_literal(node: ast.expr) -> bool:
 def strange_imports(node: ast.AST) -> Iterator[str]:
     if isinstance(node, ast.ImportFrom) and node.module == "math":
         yield from (f"math.{alias.name}" for alias in node.names if alias.name not in MATH)
-    names = [node.module or ""] if isinstance(node, ast.ImportFrom) else [a.name for a in getattr(node, "names", [])]
     if isinstance(node, ast.Import | ast.ImportFrom):
+        names = [node.module or ""] if isinstance(node, ast.ImportFrom) else [alias.name for alias in node.names]
         yield from (name for name in names if name.split(".")[0] in STRANGERS)
         yield from ("from numpy import" for name in names if isinstance(node, ast.ImportFrom) and name == "numpy")
 
