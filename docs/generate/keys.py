@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterator
+from itertools import cycle
 from typing import Any
 
 from examples import Example, examples
@@ -204,7 +205,10 @@ def _range(value: Node) -> str:
 
 def _text(description: str) -> str:
     """A description as Markdown: code stays code, and what looks like markup is none."""
-    return re.sub(r"([<>*|])", r"\\\1", description.replace("``", "`"))
+    parts = description.replace("``", "`").split("`")
+    return "`".join(
+        part if is_code else re.sub(r"([<>*|\[\]])", r"\\\1", part) for is_code, part in zip(cycle((False, True)), parts)
+    )
 
 
 def _sentence(text: str) -> str:

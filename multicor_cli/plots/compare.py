@@ -8,7 +8,8 @@ import numpy as np
 
 from multicor_cli.plots.dispatch import Ways
 from multicor_cli.plots.profile import axis_labels
-from multicor_cli.plots.style import COLORS, COLUMN, PAGE
+from multicor_cli.plots.small_rises import rise_formatter, rise_label, rise_reference
+from multicor_cli.plots.style import COLORS, COLUMN, PAGE, draw_with_errors
 from multicor_cli.plots.text_chart import TextLine, draw_text
 from multicor_cli.plots.text_picture import Terminal
 from multicor_cli.post.compare import Comparison, ProfilePair
@@ -24,14 +25,21 @@ def draw_comparison(figure: Any, comparison: Comparison) -> None:
 
 def _draw_profiles(axes: Any, pair: ProfilePair, names: tuple[str, str]) -> None:
     for color, marker, table, name in zip(COLORS, "os", (pair.first, pair.second), names, strict=False):
-        error = np.where(np.isfinite(table.error), table.error, 0.0)
         y = table.y / table.height
-        axes.fill_betweenx(y, table.value - error, table.value + error, color=color, alpha=0.25, linewidth=0.0)
-        axes.plot(table.value, y, marker + "-", color=color, markeredgewidth=0.0, label=name)
-    axes.set_xlabel(axis_labels(pair.first)[0])
+        draw_with_errors(axes, table.value, y, table.error, marker, names=(name, "", ""), color=color)
+    across = axis_labels(pair.first)[0]
+    tables = (pair.first, pair.second)
+    low, high = min(float(np.nanmin(t.value)) for t in tables), max(float(np.nanmax(t.value)) for t in tables)
+    reference = rise_reference(pair.first.units[1], low, high)
+    if reference is not None:
+        across = rise_label(pair.first.field.label, pair.first.field.symbol, reference)
+        axes.xaxis.set_major_formatter(rise_formatter(reference))
+    axes.locator_params(axis="x", nbins=5)
+    axes.set_xlabel(across)
     axes.set_ylabel("height $y/H$ [–]")
     axes.set_ylim(0.0, 1.0)
-    axes.ticklabel_format(axis="x", scilimits=(-3, 4), useMathText=True)
+    if reference is None:
+        axes.ticklabel_format(axis="x", scilimits=(-3, 4), useMathText=True)
     axes.legend(loc="best")
 
 
@@ -41,8 +49,9 @@ def _draw_ratio(axes: Any, pair: ProfilePair) -> None:
     axes.axvline(0.0, color="0.4", linewidth=0.6)
     axes.plot(pair.ratio[known], pair.y[known], "o-", color="0.15", markeredgewidth=0.0, linewidth=0.7)
     axes.set_xlabel("difference / standard error [–]")
-    if not known.any():
-        axes.text(0.5, 0.9, "no standard errors:\ntoo few frames", ha="center", va="center", fontsize=7.0, transform=axes.transAxes)
+    if not known.all():
+        some = f"of {known.sum()} of {known.size} bins:" if known.any() else "no standard errors:"
+        axes.text(0.5, 0.9, f"{some}\ntoo few frames", ha="center", va="center", fontsize=7.0, transform=axes.transAxes)
     limit = max(3.0, 1.1 * float(np.abs(pair.ratio[known]).max(initial=0.0)))
     axes.set_xlim(-limit, limit)
 

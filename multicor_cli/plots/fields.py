@@ -73,9 +73,12 @@ def _draw_lines(figure: Any, table: FieldTable) -> None:
         shown = [field for field in table.of if field.unit == unit]
         for color, field in zip(COLORS, shown, strict=False):
             value, error = table.values[field.name], table.error[field.name]
-            error = np.where(np.isfinite(error), error, 0.0)
+            known = np.isfinite(error)
             panel.fill_between(at, value - error, value + error, color=color, alpha=0.25, linewidth=0.0)
             panel.plot(at, value, "o-", color=color, markersize=2.5, markeredgewidth=0.0, linewidth=0.9, label=f"${field.symbol}$")
+            if known.any():
+                hollow: Any = {"color": color, "markersize": 2.5, "markerfacecolor": "white", "markeredgewidth": 0.7}
+                panel.plot(at[~known], value[~known], "o", **hollow)
         panel.set_ylabel(f"{_common_label(shown)} [{_unit(shown[0])}]")
         panel.ticklabel_format(scilimits=(-3, 4), useMathText=True)
         if len(shown) > 1:

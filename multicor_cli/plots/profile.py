@@ -8,7 +8,7 @@ import numpy as np
 
 from multicor_cli.plots.dispatch import Ways
 from multicor_cli.plots.small_rises import rise_formatter, rise_label, rise_reference
-from multicor_cli.plots.style import COLORS, COLUMN
+from multicor_cli.plots.style import COLORS, COLUMN, draw_with_errors
 from multicor_cli.plots.text_chart import TextLine, draw_text
 from multicor_cli.plots.text_picture import Terminal
 from multicor_cli.post import ProfileSet, ProfileTable
@@ -25,10 +25,8 @@ def _fill(figure: Any, profiles: ProfileSet) -> None:
 
 def _draw_profiles(axes: Any, profiles: ProfileSet) -> None:
     for color, marker, table in zip(COLORS, "os^D", profiles.tables, strict=False):
-        error = np.where(np.isfinite(table.error), table.error, 0.0)
-        axes.fill_betweenx(table.y, table.value - error, table.value + error, color=color, alpha=0.25, linewidth=0.0)
-        style: Any = {"color": color, "markeredgewidth": 0.0, "markersize": 2.5, "linewidth": 0.9}
-        axes.plot(table.value, table.y, marker + "-", label=f"${table.field.symbol}$", **style)
+        names = (f"${table.field.symbol}$", "", "")
+        draw_with_errors(axes, table.value, table.y, table.error, marker, names=names, color=color, markersize=2.5, linewidth=0.9)
     _, upwards = axis_labels(profiles.first)
     axes.set_xlabel(f"{profiles.name.replace('-', ' ')}, compression positive [{_unit(profiles.first.units[1])}]")
     axes.set_ylabel(upwards)
@@ -39,11 +37,8 @@ def _draw_profiles(axes: Any, profiles: ProfileSet) -> None:
 
 def draw_profile(axes: Any, table: ProfileTable) -> None:
     """Draw a profile into matplotlib axes."""
-    error = np.where(np.isfinite(table.error), table.error, 0.0)
-    axes.fill_betweenx(
-        table.y, table.value - error, table.value + error, color=COLORS[0], alpha=0.25, linewidth=0.0, label="standard error"
-    )
-    axes.plot(table.value, table.y, "o-", color=COLORS[0], markeredgewidth=0.0, label="mean")
+    names = ("mean", "standard error", "mean, error not known")
+    draw_with_errors(axes, table.value, table.y, table.error, "o", names=names, color=COLORS[0])
     across, upwards = axis_labels(table)
     axes.locator_params(axis="x", nbins=5)
     axes.ticklabel_format(scilimits=(-3, 4), useMathText=True)

@@ -57,6 +57,29 @@ _RC: Any = {
 }
 
 
+def draw_with_errors(
+    axes: Any, values: Floats, y: Floats, error: Floats, marker: str, *, names: tuple[str, str, str], **style: Any
+) -> None:
+    """Draw means over the height with a band of standard errors; where one is not known the band ends and the marker is hollow.
+
+    Args:
+        axes: Matplotlib axes.
+        values: Means, shape ``(b,)``.
+        y: Heights, shape ``(b,)``.
+        error: Standard errors, nan where they are not known, shape ``(b,)``.
+        marker: Marker of the means.
+        names: What the legend calls means, errors and means without error; empty: nothing.
+        style: Color and widths of the line.
+    """
+    mean, band, unknown = (name or None for name in names)
+    known = np.isfinite(error)
+    axes.fill_betweenx(y, values - error, values + error, color=style["color"], alpha=0.25, linewidth=0.0, label=band)
+    axes.plot(values, y, marker + "-", label=mean, **{"markeredgewidth": 0.0, **style})
+    if known.any() and not known.all():
+        open_: Any = {**style, "markeredgewidth": 0.7, "markerfacecolor": "white", "linestyle": "none"}
+        axes.plot(values[~known], y[~known], marker, label=unknown, **open_)
+
+
 _BALANCE = "RdBu_r"  # matplotlib's nearest to what the page calls balance
 
 

@@ -41,7 +41,7 @@ def draw_theta_eta(axes: Any, table: ThetaTable) -> None:
     axes.set_xlim(0.0, _shown(table))
     low, high = float(table.theta.min()), float(table.theta.max())
     axes.set_ylim(min(0.0, low), max(1.0, high))
-    axes.legend(loc="upper right")
+    axes.legend(loc="best")
 
 
 def _shown(table: ThetaTable) -> float:

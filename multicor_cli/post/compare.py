@@ -34,6 +34,7 @@ class Pair:
         first: Value of the first run.
         second: Value of the second run.
         error: Standard error of their difference, √(e₁² + e₂²); nan if it is not known.
+        note: That one of them drifts, or that its error is a guess from too few frames; empty if neither.
     """
 
     name: str
@@ -41,6 +42,7 @@ class Pair:
     first: float
     second: float
     error: float = np.nan
+    note: str = ""
 
     @property
     def difference(self) -> float:
@@ -87,6 +89,12 @@ class ProfilePair:
         known = self.ratio[np.isfinite(self.ratio)]
         return float(np.sqrt((known**2).mean())) if known.size else np.nan
 
+    @property
+    def note(self) -> str:
+        """Of how many bins the differences can be told, if not of all."""
+        known = int(np.isfinite(self.ratio).sum())
+        return "" if known == self.ratio.size else f"{known} of {self.ratio.size} bins"
+
     def as_dict(self) -> dict[str, Any]:
         """Everything as JSON types; numbers may be nan."""
         return {
@@ -121,15 +129,15 @@ class Comparison(Table):
     @property
     def headings(self) -> tuple[str, ...]:
         """Names of the columns of `rows`."""
-        return "quantity", self.names[0], self.names[1], "difference", "over its standard error"
+        return "quantity", self.names[0], self.names[1], "difference", "over its standard error", "note"
 
     @property
-    def rows(self) -> list[tuple[str, float, float, float, float]]:
+    def rows(self) -> list[tuple[str, float, float, float, float, str]]:
         """The numbers, and one line for each profile: the root mean square of its differences over their errors."""
-        lines = [(p.label, p.first, p.second, p.difference, p.ratio) for p in self.numbers]
+        lines = [(p.label, p.first, p.second, p.difference, p.ratio, p.note) for p in self.numbers]
         nan = np.nan
         return lines + [
-            (f"profile of {name} (rms over bins)", nan, nan, nan, pair.rms_ratio) for name, pair in self.profiles.items()
+            (f"profile of {name} (rms over bins)", nan, nan, nan, p.rms_ratio, p.note) for name, p in self.profiles.items()
         ]
 
     @property
@@ -198,6 +206,10 @@ _NAMELESS = ("scenario.name", "scenario.description", "scenario.seed")
 """Keys that tell runs apart, and not what they are about."""
 
 
+_VAGUE = ("value", "kind", "min", "max", "count", "walls", "of", "x", "y")
+"""Last words of keys that say nothing without the word before."""
+
+
 def _labels(keys: Sequence[tuple[str, str, str]], names: tuple[str, str]) -> tuple[str, str]:
     """What the runs are called: the only key that differs with its values, or their names."""
     about = [found for found in keys if found[0] not in _NAMELESS] or list(keys)
@@ -205,7 +217,7 @@ def _labels(keys: Sequence[tuple[str, str, str]], names: tuple[str, str]) -> tup
         return names
     key, first, second = about[0]
     words = [word for word in key.split(".") if not word.isdigit()]
-    name = words[-1] if len(words[-1]) > 1 else ".".join(words[-2:])
+    name = ".".join(words[-2:]) if len(words[-1]) == 1 or words[-1] in _VAGUE else words[-1]
     return f"{name} = {first}", f"{name} = {second}"
 
 
@@ -247,6 +259,7 @@ def _rheologies(first: ScenarioSource, second: ScenarioSource, selection: Select
             one.mean[q.name],
             two.mean[q.name],
             float(np.hypot(one.error[q.name], two.error[q.name])),
+            ", ".join(dict.fromkeys(note for table in (one, two) if (note := table.spread[q.name].note()))),
         )
         for q in QUANTITIES
     ]

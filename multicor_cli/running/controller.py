@@ -14,6 +14,7 @@ from multicor_cli.engine.contact.solve import Interrupted
 from multicor_cli.model import State
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.running.conditions import StepDone, update_peak
+from multicor_cli.running.foresight import foresee_steps
 from multicor_cli.running.observer import Observer, SilentObserver, Status
 from multicor_cli.running.outcome import StageTimeout, StopReason
 from multicor_cli.running.pace import Pace
@@ -119,6 +120,7 @@ class Controller:
         self._clock = clock
         self._pace = Pace()
         self._steps = 0
+        self._foreseen = foresee_steps(plan, engine.state)
         self._has_moved_on = False
         self._last_checkpoint = clock()
         self._checkpoint_took = 0.0
@@ -231,7 +233,8 @@ class Controller:
         except BaseException:
             self._recorder.checkpoint(self._steering.go_back())
             raise
-        self._plan = plan or self._plan
+        if plan is not None:
+            self._plan, self._foreseen = plan, foresee_steps(plan, self._engine.state)
         return plan is not None
 
     def _end_stage(self, stage: StagePlan, *, is_steered: bool = False) -> None:
@@ -284,7 +287,7 @@ class Controller:
 
     def _tell(self, stage: StagePlan, report: StepReport) -> None:
         state, now = self._engine.state, self._clock()
-        progress = self._plan.progress(state)
+        progress = self._plan.progress(state, self._foreseen)
         self._pace.note(now, self._steps, progress)
         status = Status(state, stage.name, len(self._plan.stages), report, progress, self._pace.speed(), self._pace.remaining())
         self._observer.stepped(status)

@@ -3,15 +3,13 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
 from multicor_cli.engine.heat.hertz import largest_deflection
-from multicor_cli.engine.motion.drives import WallDrive
 from multicor_cli.model import Model, State
-from multicor_cli.running.conditions import StrainReached
-from multicor_cli.running.plan import RunPlan, StagePlan
+from multicor_cli.running.foresight import foresee_steps
+from multicor_cli.running.plan import RunPlan
 from multicor_cli.running.step_cost import seconds_per_step, sweeps_of_stage
 from multicor_cli.running.time_step import find_scales, largest_gravity, largest_pressure
 from multicor_cli.scenario.scenario import Scenario
@@ -34,8 +32,6 @@ BYTES_PER_GRAIN = 1000.0
 BUFFER = 64e6
 """Frames that wait to be written take up to this much, or one frame [bytes]."""
 
-_SHORTEST_MARCH = 20_000  # evaluations of a signal before the interval is doubled
-_DOUBLINGS = 30
 _WIDTH = {"f8": 8, "i8": 8, "i4": 4, "u1": 1}
 
 
@@ -69,7 +65,7 @@ class Estimate:
 def estimate(scenario: Scenario, plan: RunPlan, model: Model, state: State, threads: int) -> Estimate:
     """Estimate the cost of a run that starts in ``state``."""
     n = model.grain_count
-    steps = estimate_steps(plan, model, state)
+    steps = foresee_steps(plan, state)
     paces = _paces(scenario, plan, model, threads)
     known = None if None in steps else [count for count in steps if count is not None]
     frame = _frame_bytes(model, plan.output)
@@ -121,49 +117,6 @@ def _basis(paces: list[_Pace]) -> str:
         f"rough, to a factor of 1.5 in most shipped scenarios: {step} a step in stage {slowest.name}; "
         f"dilute flows need fewer sweeps, slow ones and tight tolerances more. Memory: {BYTES_PER_GRAIN:g} B per grain"
     )
-
-
-def estimate_steps(plan: RunPlan, model: Model, state: State) -> list[int | None]:
-    """Steps of each stage at most; None where only a condition ends the stage and it cannot be foreseen."""
-    starts, counts = [0.0], []
-    for stage in plan.stages:
-        needed = _steps_to_strain(stage, starts, state) if isinstance(stage.until, StrainReached) else None
-        bounds = [count for count in (stage.step_limit, needed) if count is not None]
-        count = min(bounds, default=None)
-        counts.append(count)
-        starts.append(starts[-1] + (count or 0) * stage.dt)
-    return counts
-
-
-def _steps_to_strain(stage: StagePlan, starts: Sequence[float], state: State) -> int | None:
-    """Steps until two walls whose motion is prescribed have reached the strain of the stage."""
-    assert isinstance(stage.until, StrainReached)
-    spacing = stage.until.gauge.height
-    walls = spacing.lower, spacing.upper
-    drives = stage.drives.started(starts)
-    if any(drives[w].x.is_driven for w in walls):
-        return None
-    height = spacing.of(state)
-    if not height:
-        return None
-    t, interval, left = 0.0, stage.dt, stage.until.goal
-    for _ in range(_DOUBLINGS):
-        for _ in range(_SHORTEST_MARCH):
-            lower, upper = (_velocity(drives[w], t, interval) for w in walls)
-            rate = abs((upper - lower) / height)
-            if rate * interval >= left:
-                return max(1, round((t + left / rate) / stage.dt))
-            left -= rate * interval
-            t += interval
-        interval *= 2.0
-    return None
-
-
-def _velocity(drive: WallDrive, t: float, interval: float) -> float:
-    """Prescribed velocity in x between ``t`` and ``t + interval`` [m/s]."""
-    if drive.x.position is not None:
-        return (drive.x.position.value(t + interval) - drive.x.position.value(t)) / interval
-    return drive.x.velocity.value(t + 0.5 * interval) if drive.x.velocity is not None else 0.0
 
 
 def _frame_bytes(model: Model, output: Output) -> float:

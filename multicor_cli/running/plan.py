@@ -126,20 +126,12 @@ class RunPlan:
     stages: Sequence[StagePlan]
     output: Output
 
-    @property
-    def step_total(self) -> int | None:
-        """Largest possible number of steps of the run; None if a stage has no upper bound."""
-        limits = [stage.step_limit for stage in self.stages]
-        return None if None in limits else sum(limit for limit in limits if limit is not None)
-
-    def progress(self, state: State) -> float:
-        """Share of the run that is done, 0 to 1: by steps where their number is known, else by stages."""
+    def progress(self, state: State, steps: Sequence[int | None]) -> float:
+        """Share of the run that is done, 0 to 1, with the ``steps`` foreseen of each stage; by stages if those of one are not."""
         if state.stage >= len(self.stages):
             return 1.0
         stage = self.stages[state.stage]
-        weights = [float(s.step_limit or 0) for s in self.stages]
-        if self.step_total is None:
-            weights = [1.0] * len(self.stages)
+        weights = [1.0] * len(self.stages) if None in steps else [float(count or 0) for count in steps]
         done = math.fsum(weights[: state.stage]) + weights[state.stage] * stage.progress(state)
         return done / math.fsum(weights)
 

@@ -31,7 +31,8 @@ LAYOUT = _words(
 ROUNDED_ONCE = _words("abs add allclose clip diff divmod floor frexp isfinite isnan ldexp maximum minimum nextafter ptp rint sqrt")
 IN_ORDER = _words("bincount cumsum maximum.at")  # defined as one value after the other
 COMPARING = _words(
-    "all argmax argmin argsort argwhere array_equal count_nonzero flatnonzero isin lexsort nanmax partition searchsorted sort unique"
+    """all argmax argmin argsort argwhere array_equal count_nonzero flatnonzero isin lexsort nanmax partition searchsorted sort
+    unique"""
 )
 OF_INTEGERS = {"prod"}
 RANDOM = {"random.BitGenerator", "random.Philox", "random.SeedSequence"}  # raw numbers, which NumPy promises for all versions
@@ -50,7 +51,6 @@ INTEGERS = {
     "sum(known)",
     "sum((-(-count // stage.frame_every) for count, stage in zip(known, plan.stages, strict=True)))",
     "sum((-(-count // stage.series_every) for count, stage in zip(known, plan.stages, strict=True)))",
-    "sum((limit for limit in limits if limit is not None))",
 }
 """Sums and products of integers."""
 

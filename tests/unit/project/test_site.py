@@ -2,6 +2,7 @@
 
 import json
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -27,7 +28,7 @@ KEYS = [(model, key, node) for model, table in SCHEMA["$defs"].items() for key, 
 @pytest.fixture(scope="module")
 def site(tmp_path_factory):
     folder = tmp_path_factory.mktemp("site")
-    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--quiet", "--site-dir", str(folder)]
+    command = [sys.executable, "-m", "mkdocs", "build", "--strict", "--site-dir", str(folder)]
     environment = {**os.environ, "PYTHONPATH": str(ROOT), "NO_MKDOCS_2_WARNING": "1"}
     done = subprocess.run(command, cwd=ROOT, env=environment, capture_output=True, text=True, check=False)
     assert done.returncode == 0, done.stdout + done.stderr
@@ -40,6 +41,13 @@ def test_nothing_comes_from_elsewhere(site):
         text = page.read_text(encoding="utf-8")
         loaded = [part.split('"')[0] for mark in ('src="', '<link rel="stylesheet" href="') for part in text.split(mark)[1:]]
         assert not [address for address in loaded if "//" in address], page
+
+
+def test_asterisks_of_formulas_are_no_emphasis(site):
+    """``a* … a*`` would lose its asterisks."""
+    for page in site.rglob("*.html"):
+        for words in re.findall(r"<em>(.*?)</em>", page.read_text(encoding="utf-8"), re.DOTALL):
+            assert not set("=|²·") & set(words), (page, words)
 
 
 def test_every_page_has_a_title(site):

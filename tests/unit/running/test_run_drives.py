@@ -14,7 +14,7 @@ from multicor_cli.export.fclib_problem import frame_problem
 from multicor_cli.model.faults import find_misfit
 from multicor_cli.packing import build
 from multicor_cli.packing.laws import stage_laws
-from multicor_cli.running.estimate import estimate_steps
+from multicor_cli.running.foresight import foresee_steps
 from multicor_cli.running.planning import make_plan
 from multicor_cli.running.time_step import find_scales
 from multicor_cli.scenario import parse_scenario
@@ -213,7 +213,7 @@ def test_steps_to_a_strain_of_a_prescribed_position():
 drives.lid = { x = { position = { ramp = [0.0, 0.1], duration = 1.0 } } }"""
     scenario = parse_scenario(changed(ONE, ("duration = 0.5\nSTAGE", f"duration = 2.0\n{stage}")), "one.toml")
     model, state = build(scenario)
-    assert estimate_steps(make_plan(scenario, model), model, state)[0] == 500
+    assert foresee_steps(make_plan(scenario, model), state)[0] == 500
 
 
 @pytest.mark.parametrize(("rows", "said"), [(2, "wall_origin has shape"), (3, "wall origin of wall lid is not finite")])

@@ -20,7 +20,8 @@ from multicor_cli.engine.motion.drives import Constant, DofDrive, Ramp, Sine, Wa
 from multicor_cli.model import State
 from multicor_cli.running.conditions import StrainReached
 from multicor_cli.running.differences import find_differences, former_defaults
-from multicor_cli.running.estimate import estimate, estimate_steps
+from multicor_cli.running.estimate import estimate
+from multicor_cli.running.foresight import foresee_steps
 from multicor_cli.running.gauges import ShearGauge
 from multicor_cli.running.plan import RunPlan, StagePlan
 from multicor_cli.running.planning import make_plan as plan_of
@@ -106,9 +107,9 @@ def test_steps_to_a_strain_are_foreseen(signal: Constant | Ramp | Sine, steps: i
     drives = FakeDrives(WallDrive(), WallDrive(x=DofDrive(velocity=signal)))
     stage = StagePlan("shear", 0.01, None, StrainReached(gauge, 0.5), 1, 1, Settings(), drives)
     state = State.at_rest(model, np.zeros((2, 2)))
-    found = estimate_steps(RunPlan("p", (stage,), Output(frame_interval=1.0)), model, state)
+    found = foresee_steps(RunPlan("p", (stage,), Output(frame_interval=1.0)), state)
     assert found == [steps] or (steps is not None and abs(found[0] - steps) <= 1)
-    assert estimate_steps(RunPlan("p", (replace(stage, step_limit=7),), Output(frame_interval=1.0)), model, state) == [7]
+    assert foresee_steps(RunPlan("p", (replace(stage, step_limit=7),), Output(frame_interval=1.0)), state) == [7]
 
 
 def test_force_driven_shear_is_not_foreseen() -> None:
@@ -117,7 +118,7 @@ def test_force_driven_shear_is_not_foreseen() -> None:
     drives = FakeDrives(WallDrive(), WallDrive(x=DofDrive(force=Constant(1.0))))
     stage = StagePlan("shear", 0.01, None, StrainReached(gauge, 0.5), 1, 1, Settings(), drives)
     plan = RunPlan("p", (stage,), Output(frame_interval=1.0))
-    assert estimate_steps(plan, model, State.at_rest(model, np.zeros((2, 2)))) == [None]
+    assert foresee_steps(plan, State.at_rest(model, np.zeros((2, 2)))) == [None]
 
 
 def test_estimate_grows_with_what_it_depends_on(tmp_path: Path) -> None:
@@ -128,7 +129,7 @@ def test_estimate_grows_with_what_it_depends_on(tmp_path: Path) -> None:
     plan = plan_of(scenario, model)
     base = estimate(scenario, plan, model, state, 1)
     assert base.steps is not None
-    assert base.steps == 150 + estimate_steps(plan, model, state)[1] + 20
+    assert base.steps == 150 + foresee_steps(plan, state)[1] + 20
     assert base.deflection is not None
     assert 0.0 < base.deflection < 1e-2
     single = parse_scenario(SMALL + 'precision = "single"\ncontacts = false\n', tmp_path / "s.toml")
@@ -142,7 +143,7 @@ def test_estimate_grows_with_what_it_depends_on(tmp_path: Path) -> None:
 def test_frames_of_the_estimate_are_those_of_the_run() -> None:
     model = between_planes()
     plan = make_plan(model)
-    steps = estimate_steps(plan, model, State.at_rest(model, np.zeros((2, 2))))
+    steps = foresee_steps(plan, State.at_rest(model, np.zeros((2, 2))))
     assert steps == [20, 20, 7]
 
 
