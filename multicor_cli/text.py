@@ -5,6 +5,9 @@ Uses the standard library only.
 
 from __future__ import annotations
 
+import difflib
+from collections.abc import Iterable
+
 
 def printable(text: str) -> str:
     """Any text with control characters escaped, except line breaks and tabs."""
@@ -28,3 +31,11 @@ def format_bytes(size: float) -> str:
 def count_noun(number: int, noun: str) -> str:
     """A number with its noun: ``1 stage``, ``2 stages``."""
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
+def choices(word: str, known: Iterable[str]) -> str:
+    """What there is instead of a word that is not known, the most similar first: for the end of a message."""
+    names = list(known)
+    near = difflib.get_close_matches(word[:100], names, 1)
+    hint = f"did you mean '{near[0]}'? " if near else ""
+    return f"{hint}choose from: {', '.join(names)}"

@@ -57,6 +57,8 @@ class TableOutput:
     def __post_init__(self) -> None:
         if self.is_json and self.is_csv:
             raise typer.BadParameter("--json and --csv exclude each other")
+        if self.plot == Path():
+            raise typer.BadParameter("the name is empty", param_hint="--plot")
         if self.plot not in (None, _TERMINAL) and self.plot.suffix.lower() not in (".png", ".svg", ".pdf"):
             raise typer.BadParameter(f"'{self.plot}' does not end in .png, .svg or .pdf", param_hint="--plot")
         if self.plot not in (None, _TERMINAL):

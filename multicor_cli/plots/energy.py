@@ -23,13 +23,14 @@ _SHORT = {
     "heat_impact": "impacts", "heat_from_walls": "from walls", "heat_from_ambient": "from fluid",
     "heat_from_surroundings": "surroundings", "heat_to_walls": "into walls", "heat_stored": "stored",
 }  # fmt: skip
-_COLOR = {
-    "gravity_work": "0.25", "wall_work": COLORS[2], "load_work": COLORS[0], "friction_loss": COLORS[1], "impact_loss": COLORS[5],
+COLOR_OF = {
+    "gravity_work": "0.5", "wall_work": COLORS[2], "load_work": COLORS[0], "friction_loss": COLORS[1], "impact_loss": COLORS[5],
     "damping_loss": COLORS[3], "correction_work": "#f0e442", "kinetic_gain": COLORS[4], "heat_friction": COLORS[1],
     "heat_impact": COLORS[5], "heat_from_walls": COLORS[2], "heat_from_ambient": "#332288",
-    "heat_from_surroundings": "#882255", "heat_to_walls": "0.5", "heat_stored": "0.8",
+    "heat_from_surroundings": "#882255", "heat_to_walls": "0.5", "heat_stored": COLORS[4],
 }  # fmt: skip
-"""One color for one thing: friction and impacts, as a loss and as heat; walls, as work and as heat."""
+"""One color for one thing: friction and impacts, as a loss and as heat; walls, as work and as heat; what
+is kept, as motion and as heat."""
 
 
 def draw_energy(figure: Any, table: EnergyTable) -> None:
@@ -52,7 +53,7 @@ def _draw_stack(panel: Any, table: EnergyTable, entries: Sequence[BookLine]) -> 
     up, down = np.zeros_like(table.time), np.zeros_like(table.time)
     for entry in shown:
         high, low = up + np.maximum(values[entry], 0.0), down + np.minimum(values[entry], 0.0)
-        style = {"color": _COLOR[entry.name], "linewidth": 0.0}
+        style = {"color": COLOR_OF[entry.name], "linewidth": 0.0}
         panel.fill_between(table.time, up, high, label=_SHORT[entry.name], **style)
         panel.fill_between(table.time, low, down, **style)
         up, down = high, low

@@ -73,7 +73,8 @@ def draw_bar(axes: Any, table: GrainMap, discs: Any, scale: tuple[Any, str]) -> 
     field = table.field
     reference = rise_reference(field.unit, norm.vmin, norm.vmax)
     if reference is None:
-        bar.set_label(f"{field.label} ${field.symbol}$ [{field.unit}]")
+        none = "; white: none" if field.scale == "logarithmic" else ""
+        bar.set_label(f"{field.label} ${field.symbol}$ [{field.unit}]{none}")
     else:
         bar.formatter = rise_formatter(reference)
         bar.set_label(rise_label(field.label, field.symbol, reference))

@@ -17,7 +17,9 @@ def _units(table: SeriesTable) -> list[str]:
     units = list(dict.fromkeys(column.unit for column in table.columns))
     crowded = [unit for unit in units if sum(column.unit == unit for column in table.columns) > len(COLORS)]
     if crowded:
-        message = f"more than {len(COLORS)} lines in {crowded[0]} cannot be told apart: choose columns with --of"
+        unit = "without unit" if crowded[0] == "1" else f"in {crowded[0]}"
+        count = sum(column.unit == crowded[0] for column in table.columns)
+        message = f"{count} lines {unit} cannot be told apart in one panel: choose columns, as --of kinetic or --of force_x"
         raise PlotError(message)
     return units
 
@@ -30,13 +32,21 @@ def draw_series(figure: Any, table: SeriesTable) -> None:
         shown = [column for column in table.columns if column.unit == unit]
         for color, column in zip(COLORS, shown, strict=False):
             panel.plot(table.time, column.values, color=color, linewidth=0.9, label=column.name.replace("_", " "))
-        name = shown[0].name.replace("_", " ") if len(shown) == 1 else ""
+        names = list(dict.fromkeys(column.name.rpartition(": ")[2].replace("_", " ") for column in shown))
+        name = names[0] if len(names) == 1 else _common_words(names)
         panel.set_ylabel(f"{name} [{'–' if unit == '1' else unit}]".strip())
         panel.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
         if len(shown) > 1:
             panel.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.1, columnspacing=1.0)
     panels[-1].set_xlabel("time $t$ [s]")
     figure.align_ylabels()
+
+
+def _common_words(names: list[str]) -> str:
+    """The words with which all names begin."""
+    words = [name.split() for name in names]
+    shared = [column[0] for column in zip(*words, strict=False) if len(set(column)) == 1]
+    return " ".join(shared)
 
 
 def series_text(table: SeriesTable, _terminal: Terminal) -> str:

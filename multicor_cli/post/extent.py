@@ -12,6 +12,7 @@ from multicor_cli.model.columns import RADIUS
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import outlines
 from multicor_cli.post.source import FrameSource, GrainFrame, PostError, model_of, need_grains
+from multicor_cli.text import choices
 
 Between = tuple[str, str]
 """Names of a lower and an upper wall."""
@@ -103,7 +104,7 @@ def _named_walls(
 ) -> tuple[int, int]:
     for name in between:
         if name not in names:
-            raise PostError(f"there is no wall '{name}'; choose from: {', '.join(names)}")
+            raise PostError(f"there is no wall '{name}'; {choices(name, names)}")
         if not np.isfinite(spans[0][names.index(name)]):
             raise PostError(f"the wall '{name}' is upright, or none that grains lie on: no height can be measured from it")
     lower, upper = (names.index(name) for name in between)

@@ -18,6 +18,7 @@ from multicor_cli.post.field_sums import Field, column_names, derive, field_list
 from multicor_cli.post.scene import GrainScene, make_scene
 from multicor_cli.post.source import FrameSource, PostError, Selection, model_of, need_grains, rows_of
 from multicor_cli.post.table import Table
+from multicor_cli.text import choices
 
 Center = tuple[float, float]
 
@@ -184,7 +185,7 @@ def _wanted(of: Sequence[str], known: Sequence[Field]) -> tuple[Field, ...]:
     names = {field.name: field for field in known}
     for name in of:
         if name not in names:
-            raise PostError(f"there is no field '{name}' here; choose from: {', '.join(names)}")
+            raise PostError(f"there is no field '{name}' here; {choices(name, names)}")
     return tuple(names[name] for name in of)
 
 

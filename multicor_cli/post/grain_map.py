@@ -12,6 +12,7 @@ from multicor_cli.post.quantities import MAPPED, Quantity
 from multicor_cli.post.scene import GrainScene, make_scene
 from multicor_cli.post.source import FrameSource, PostError, frame_index, rows_of
 from multicor_cli.post.table import Table
+from multicor_cli.text import choices
 
 
 @dataclass(frozen=True, repr=False)
@@ -95,7 +96,7 @@ def grain_map(source: FrameSource, of: str, frame: int = -1) -> GrainMap:
     """
     chosen = MAPPED.get(of)
     if chosen is None or chosen.of_grain is None:
-        raise PostError(f"there is no map of '{of}'; choose from: {', '.join(MAPPED)}")
+        raise PostError(f"there is no map of '{of}'; {choices(of, MAPPED)}")
     index = frame_index(source.frames, frame)
     values = chosen.of_grain(source, index)
     vector = values if values.ndim == 2 else None

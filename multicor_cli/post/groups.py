@@ -14,6 +14,7 @@ from multicor_cli.model import Model
 from multicor_cli.model.model import Floats
 from multicor_cli.post.contacts import LoadedContacts
 from multicor_cli.post.source import FrameSequence, FrameSource, GrainFrame, PostError, model_of
+from multicor_cli.text import choices
 
 _OF_GRAINS = ("position", "velocity", "spin", "temperature", "generated", "unwrapped", "angle")
 
@@ -99,6 +100,6 @@ def of_groups(source: FrameSource, names: Sequence[str]) -> FrameSource:
     known = source.model.groups
     for name in names:
         if name not in known:
-            raise PostError(f"there is no group '{name}'; choose from: {', '.join(known)}")
+            raise PostError(f"there is no group '{name}'; {choices(name, known)}")
     groups = np.array([known.index(name) for name in names], np.int64)
     return _Source(source.model, _Frames(source, groups))

@@ -30,6 +30,7 @@ from multicor_cli.post.sums import (
     sum_shares,
 )
 from multicor_cli.post.table import Table
+from multicor_cli.text import choices
 
 
 @dataclass(frozen=True, repr=False)
@@ -323,7 +324,7 @@ def _find_fields(of: str) -> tuple[Quantity, ...]:
     names = PROFILE_GROUPS.get(of, (of,))
     if names[0] not in PROFILED:
         known = [name for name in PROFILED if not any(name in group for group in PROFILE_GROUPS.values())]
-        raise PostError(f"there is no profile of '{of}'; choose from: {', '.join([*known, *PROFILE_GROUPS])}")
+        raise PostError(f"there is no profile of '{of}'; {choices(of, [*known, *PROFILE_GROUPS])}")
     return tuple(PROFILED[name] for name in names)
 
 

@@ -223,7 +223,8 @@ QUANTITIES: dict[str, Quantity] = {
     quantity.name: quantity
     for quantity in (
         Quantity(
-            "velocity", "velocity", "v_x", "m/s", **_each(lambda frame: frame.velocity[:, 0]), of_walls=_wall(0), scaling="walls"
+            "velocity", "velocity", "v_x", "m/s", **_each(lambda frame: frame.velocity[:, 0]), of_walls=_wall(0), scaling="walls",
+            colors="balance", scale="centered",
         ),
         Quantity(
             "velocity-y", "vertical velocity", "v_y", "m/s", **_each(lambda frame: frame.velocity[:, 1]),

@@ -13,6 +13,7 @@ from multicor_cli.model.model import Floats
 from multicor_cli.post.averages import Spread, spread
 from multicor_cli.post.source import PostError, rows_of, within
 from multicor_cli.post.table import Table
+from multicor_cli.text import choices
 
 if TYPE_CHECKING:
     from multicor_cli.store.data_frames import NamedColumn
@@ -112,5 +113,5 @@ def series(source: ColumnHolder, of: Sequence[str] = (), start: float | None = N
 def _called(word: str, names: Sequence[str]) -> list[str]:
     found = [name for name in names if word in (name, *name.split(": "))]
     if not found:
-        raise PostError(f"the time series has no '{word}'; choose from: {', '.join(names)}")
+        raise PostError(f"the time series has no '{word}'; {choices(word, names)}")
     return found

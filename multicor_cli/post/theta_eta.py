@@ -24,6 +24,7 @@ from multicor_cli.post.source import (
     rows_of,
 )
 from multicor_cli.post.table import Table
+from multicor_cli.text import choices
 
 _ROUNDING = 1e-12  # of a mean of equal temperatures, which is to be that temperature
 
@@ -203,7 +204,7 @@ def _find_wall(source: FrameSource, frame: GrainFrame, name: str | None) -> int:
             raise PostError(f"choose the wall with --wall: those with a prescribed temperature in this frame are: {known}")
         return int(prescribed[0])
     if name not in names:
-        raise PostError(f"there is no wall '{name}'; choose from: {', '.join(names)}")
+        raise PostError(f"there is no wall '{name}'; {choices(name, names)}")
     if names.index(name) not in prescribed:
         raise PostError(f"the wall '{name}' has no prescribed temperature in this frame; those that have one: {known}")
     return names.index(name)

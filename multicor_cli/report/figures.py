@@ -13,6 +13,7 @@ from numpy.typing import NDArray
 
 from multicor_cli.checks.books import CLOSURE_LIMIT
 from multicor_cli.model.model import Floats
+from multicor_cli.plots.energy import COLOR_OF
 from multicor_cli.plots.profile import draw_profile
 from multicor_cli.plots.small_rises import rise_formatter, rise_label, rise_reference
 from multicor_cli.plots.style import COLORS, PlotError, house_style
@@ -50,10 +51,12 @@ class Line:
     Attributes:
         label: What it is.
         value: Its values, shape ``(rows,)``.
+        color: Its color; None: the next one.
     """
 
     label: str
     value: Floats
+    color: str | None = None
 
 
 def make_figures(run: Run, books: EnergyTable | None) -> list[Figure] | None:
@@ -173,7 +176,8 @@ def _book_lines(books: EnergyTable, entries: tuple[BookLine, ...], pick: _Thinni
     largest = max(sizes.values(), default=0.0)
     if largest <= _ROUNDING * rest and _largest(closure) <= CLOSURE_LIMIT:
         return []
-    return [Line(entry.label, pick.last(books.books[entry.name])) for entry, size in sizes.items() if size > _VISIBLE * largest]
+    shown = [entry for entry, size in sizes.items() if size > _VISIBLE * largest]
+    return [Line(entry.label, pick.last(books.books[entry.name]), COLOR_OF.get(entry.name, "0.5")) for entry in shown]
 
 
 def _largest(values: Floats) -> float:
@@ -213,7 +217,7 @@ def _lines(axes: Any, time: Floats, lines: list[Line], label: str, *, log: bool 
         value = np.where(line.value > 0.0, line.value, np.nan) if log else line.value
         value = np.where(np.abs(value) < _ABSURD, value, np.nan)
         style = "-" if number < len(COLORS) else "--"
-        axes.plot(time, value, style, color=COLORS[number % len(COLORS)], linewidth=1.2, label=line.label)
+        axes.plot(time, value, style, color=line.color or COLORS[number % len(COLORS)], linewidth=1.2, label=line.label)
     if log and any(np.any(line.value > 0.0) for line in shown):
         axes.set_yscale("log")
     elif not log:

@@ -142,7 +142,12 @@ def _checks(checks: Sequence[Check]) -> str:
     if not rows:
         return ""
     counts = {verdict: sum(row.verdict == verdict for row in rows) for verdict in ("bad", "warning", "ok")}
-    marks = ", ".join(f'<span class="{verdict}">{count} {verdict}</span>' for verdict, count in counts.items() if count)
+    words = {"warning": "warnings"}
+    marks = ", ".join(
+        f'<span class="{verdict}">{count} {words.get(verdict, verdict) if count > 1 else verdict}</span>'
+        for verdict, count in counts.items()
+        if count
+    )
     is_open = "" if counts["ok"] == len(rows) else " open"
     table = f"<table>{''.join(map(_row, rows))}</table>"
     return f'<details class="card"{is_open}><summary>Checks: {marks}</summary>{table}</details>'

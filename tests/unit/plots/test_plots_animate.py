@@ -35,7 +35,7 @@ def test_all_pictures_share_part_of_the_plane_and_colors(run: Run) -> None:
         pictures = [picture.copy() for picture in _draw_all(maps(run)(), stage, 600)]
     boxes = np.array([table.scene.box for table in maps(run)()])
     assert stage.box.tolist() == [boxes[:, 0].min(axis=0).tolist(), boxes[:, 1].max(axis=0).tolist()]
-    assert (stage.scale[0].vmin, stage.scale[0].vmax) == pytest.approx((0.0, 0.9))
+    assert (stage.scale[0].vmin, stage.scale[0].vmax) == pytest.approx((-0.9, 0.9))
     assert len({picture.shape for picture in pictures}) == 1
     height, width, _ = pictures[0].shape
     assert (height % 2, width % 2) == (0, 0)
