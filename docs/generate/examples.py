@@ -15,7 +15,8 @@ from multicor_cli.scenario.load import load_scenario
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDERS = ("configs", "docs/reference/examples")
-_LONG = 100
+_LONG = 160
+_LEFT_OUT = "…"
 
 
 @dataclass(frozen=True)
@@ -33,13 +34,15 @@ class Example:
 
 @cache
 def examples() -> dict[tuple[str, str], Example]:
-    """For each model and key the first scenario that uses it, those that are shipped before those that only show keys."""
+    """For each model and key the first scenario that uses it in a line, shipped ones before those that only show keys."""
     found: dict[tuple[str, str], Example] = {}
     for folder in FOLDERS:
         for path in sorted((ROOT / folder).glob("*.toml")):
             file = path.relative_to(ROOT).as_posix()
             for model, key, value in _uses(load_scenario(path).model, tomllib.loads(path.read_text(encoding="utf-8"))):
-                found.setdefault((model, key), Example(_written(key, value), file))
+                example, known = Example(_written(key, value), file), found.get((model, key))
+                if known is None or (known.text.endswith(_LEFT_OUT) and not example.text.endswith(_LEFT_OUT)):
+                    found[model, key] = example
     return found
 
 
@@ -68,7 +71,7 @@ def _uses(node: Any, written: Any) -> Iterator[tuple[str, str, Any]]:
 def _written(key: str, value: Any) -> str:
     """A line of TOML; what is too long for one is left out."""
     text = f"{key} = {in_line(shortened(value))}"
-    return text if len(text) <= _LONG else f"{key} = …"
+    return text if len(text) <= _LONG else f"{key} = {_LEFT_OUT}"
 
 
 def shortened(value: Any) -> Any:

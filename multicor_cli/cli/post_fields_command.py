@@ -74,6 +74,7 @@ def fields(
         )  # fmt: skip
     output.draw(table)
     about = f"{count_noun(table.frames.size, 'frame')} from t = {table.times[0]:g} s to {table.times[1]:g} s"
+    about += f"; {table.note}" if table.note else ""
     output.deliver(table, about, run=directory, is_detailed=True)
 
 

@@ -49,9 +49,10 @@ def _draw_ratio(axes: Any, pair: ProfilePair) -> None:
     axes.axvline(0.0, color="0.4", linewidth=0.6)
     axes.plot(pair.ratio[known], pair.y[known], "o-", color="0.15", markeredgewidth=0.0, linewidth=0.7)
     axes.set_xlabel("difference / standard error [–]")
-    if not known.all():
-        some = f"of {known.sum()} of {known.size} bins:" if known.any() else "no standard errors:"
-        axes.text(0.5, 0.9, f"{some}\ntoo few frames", ha="center", va="center", fontsize=7.0, transform=axes.transAxes)
+    if not known.any():
+        axes.text(0.5, 0.9, "no standard errors:\ntoo few frames", ha="center", va="center", fontsize=7.0, transform=axes.transAxes)
+    elif not known.all():
+        axes.set_title(f"known in {pair.note}", fontsize=7.0)
     limit = max(3.0, 1.1 * float(np.abs(pair.ratio[known]).max(initial=0.0)))
     axes.set_xlim(-limit, limit)
 

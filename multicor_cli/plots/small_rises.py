@@ -28,11 +28,15 @@ def rise_reference(unit: str, low: float, high: float) -> float | None:
     width = high - low
     if unit != "K" or not 0.0 < width < _NARROW * abs(high):
         return None
-    decimals = max(_COARSEST, math.ceil(-math.log10(width)))
-    nearest = round(low, decimals)
-    if low <= nearest <= low + _LITTLE * width:
-        return nearest
-    return math.floor(low * 10.0**decimals + 1e-6) / 10.0**decimals
+    finest = max(_COARSEST, math.ceil(-math.log10(width)))
+    for decimals in range(_COARSEST, finest + 1):
+        nearest = round(low, decimals)
+        if low <= nearest <= low + _LITTLE * width:
+            return nearest
+        below = math.floor(low * 10.0**decimals + 1e-6) / 10.0**decimals
+        if low - below <= width:  # a rounder one farther below would leave the axis empty
+            return below
+    return below
 
 
 def rise_label(label: str, symbol: str, reference: float) -> str:

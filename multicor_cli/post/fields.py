@@ -37,6 +37,7 @@ class FieldTable(Table):
         frames: Indices of the frames.
         times: Times of the first and last frame [s].
         scene: Grains and walls of the last frame.
+        note: From which ring on rings reach beyond the grains, if any does; else empty.
     """
 
     of: tuple[Field, ...]
@@ -48,6 +49,7 @@ class FieldTable(Table):
     frames: NDArray[np.int64]
     times: tuple[float, float]
     scene: GrainScene
+    note: str = ""
 
     @property
     def headings(self) -> tuple[str, ...]:
@@ -90,6 +92,7 @@ class FieldTable(Table):
             "frame_count": int(self.frames.size),
             "times": list(self.times),
             "reach": self.reach,
+            "note": self.note,
             "axes": list(self.points.axes),
             "shape": list(self.points.shape),
             "units": {f.name: f.unit for f in self.fields},
@@ -167,6 +170,7 @@ def fields(
         frames=chosen,
         times=(float(times[0]), float(times[-1])),
         scene=make_scene(source, source.frames[int(chosen[-1])]),
+        note=_beyond(source, chosen, points, spacing * diameter) if is_radial else "",
     )
 
 
@@ -204,15 +208,33 @@ def _points(
         distance = [_distances(source, int(k), center) for k in chosen]
         inner, outer = min(low for low, _ in distance), max(high for _, high in distance)
         return (rings if is_radial else polar_grid)(center, inner, outer, spacing)
+    low, high = _box(source, chosen)
+    if source.model.period > 0.0:
+        low[0], high[0] = 0.0, source.model.period
+    return grid(low.tolist(), high.tolist(), spacing)
+
+
+def _box(source: FrameSource, chosen: NDArray[np.int64]) -> tuple[Floats, Floats]:
+    """Lower left and upper right corner of a box that holds the grains in all frames [m]."""
     low, high = np.full(2, np.inf), np.full(2, -np.inf)
     for k in chosen.tolist():
         frame = source.frames[k]
         radius = model_of(source, frame).grains.radius[:, np.newaxis]
         position = np.asarray(frame.position, np.float64)[:, :2]
         low, high = np.minimum(low, (position - radius).min(axis=0)), np.maximum(high, (position + radius).max(axis=0))
+    return low, high
+
+
+def _beyond(source: FrameSource, chosen: NDArray[np.int64], points: FieldPoints, spacing: float) -> str:
+    """A word on rings of which a part lies beyond the grains: their means are over what is empty there, too."""
+    low, high = _box(source, chosen)
     if source.model.period > 0.0:
-        low[0], high[0] = 0.0, source.model.period
-    return grid(low.tolist(), high.tolist(), spacing)
+        low[0], high[0] = -np.inf, np.inf
+    outside = ((points.at < low - spacing) | (points.at > high + spacing)).any(axis=1)
+    if not outside.any():
+        return ""
+    first = float(points.coordinates[points.row[outside].min(), 0])
+    return f"rings from r = {first:.4g} m on reach beyond the grains: their means are over what is empty there, too"
 
 
 def _distances(source: FrameSource, k: int, center: Center) -> tuple[float, float]:

@@ -19,7 +19,7 @@ from multicor_cli.store.checkpoint import Identity, load_newest
 from multicor_cli.store.committed import committed_segments
 from multicor_cli.store.data_frames import NamedColumn, data_frame, series_columns
 from multicor_cli.store.documents import Document
-from multicor_cli.store.errors import DamagedRun
+from multicor_cli.store.errors import DamagedRun, DirectoryRefused, StorageError
 from multicor_cli.store.frame_view import Frames, ModelFacts
 from multicor_cli.store.grain_facts import GrainFacts
 from multicor_cli.store.lock import is_alive
@@ -248,12 +248,14 @@ def open_run(path: Path | str) -> Run:
         path: The directory, or the file.
 
     Raises:
-        DirectoryRefused: If the directory holds no run.
+        DirectoryRefused: If the directory holds no run, or the file is of another kind.
         DamagedRun: If a file is damaged; `UnsupportedVersion` if it was made by an incompatible version.
         StorageError: If a file cannot be read.
     """
     path = Path(path)
     if path.is_file():
+        if path.suffix not in _HDF5 and not _begins_as_hdf5(path):
+            raise DirectoryRefused(f"{path}: is no run; give the run directory, or its {layout.RESULTS}")
         return Run(path, _info_of_results(path), path)
     if not (path / layout.RUN).exists() and (path / layout.RESULTS).is_file():
         return open_run(path / layout.RESULTS)
@@ -269,6 +271,17 @@ def open_run(path: Path | str) -> Run:
             return run
         run.close()  # the run was finished, and its segments removed, while it was opened
     raise DamagedRun(f"{path}: changes while it is opened; try again")
+
+
+_HDF5 = (".h5", ".hdf5", ".vtkhdf")
+
+
+def _begins_as_hdf5(path: Path) -> bool:
+    try:
+        with path.open("rb") as file:
+            return file.read(8) == b"\x89HDF\r\n\x1a\n"
+    except OSError as error:
+        raise StorageError(f"{path}: {error.strerror}") from error
 
 
 def _results_of(path: Path, info: Document) -> Path | None:

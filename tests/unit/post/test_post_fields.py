@@ -119,6 +119,11 @@ def test_a_rigid_rotation_in_polar_coordinates() -> None:
     around = plane.values["velocity-t"].reshape(plane.points.shape)[inner]
     assert around == pytest.approx(np.repeat(4.0 * r[inner, np.newaxis], around.shape[1], axis=1), abs=0.01)
     assert plane.error == {}
+    assert table.note == ""
+    aside = fields(source, selection=ALL, center=(3.4, -2.0), is_radial=True, spacing=2.0, reach=8.0)
+    beyond = float(aside.note.partition("r = ")[2].split()[0])
+    # The box of the grains ends 0.6 to the right of that center; rings are 0.072 apart.
+    assert 0.6 < beyond < 0.6 + 3.0 * 0.072
 
 
 def test_a_grid_holds_all_area_and_momentum() -> None:

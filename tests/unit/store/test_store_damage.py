@@ -15,7 +15,17 @@ import store_support
 from store_support import continue_run, drive, make_model, make_run, replace, run_whole, set_text
 
 from multicor_cli.model import State
-from multicor_cli.store import DamagedRun, RunDirectory, StoreError, UnsupportedVersion, open_run, run_info, schema, verify
+from multicor_cli.store import (
+    DamagedRun,
+    DirectoryRefused,
+    RunDirectory,
+    StoreError,
+    UnsupportedVersion,
+    open_run,
+    run_info,
+    schema,
+    verify,
+)
 from multicor_cli.store.checked import CheckedFile
 from multicor_cli.store.documents import document_line, parse_document, read_document, write_document
 
@@ -45,6 +55,19 @@ def copy(tmp_path: Path, finished: Path) -> Path:
 @pytest.fixture
 def open_copy(tmp_path: Path, unfinished: Path) -> Path:
     return Path(shutil.copytree(unfinished, tmp_path / "copy"))
+
+
+def test_a_file_of_another_kind_is_no_run_and_results_by_another_name_are(copy: Path, tmp_path: Path) -> None:
+    other = tmp_path / "shear.toml"
+    other.write_text("[scenario]\n")
+    with pytest.raises(DirectoryRefused, match="is no run; give the run directory, or its"):
+        open_run(other)
+    renamed = Path(shutil.copy(copy / "results.h5", tmp_path / "kept"))
+    with open_run(renamed) as run:
+        assert run.frames.time.size
+    renamed.with_suffix(".h5").write_text("no HDF5")
+    with pytest.raises(DamagedRun):
+        open_run(renamed.with_suffix(".h5"))
 
 
 def flips(data: bytes, seed: int) -> list[bytes]:
