@@ -45,6 +45,9 @@ def _count(options: argparse.Namespace) -> None:
                 own = [f"scenario.seed={seed}", "output.frame_interval=1.0"]
                 config = _CONFIGS / f"{name.removeprefix('configs/')}.toml"
                 run_scenario(config.read_text(), heard, own + options.set, config)
+            if not heard.outcomes:
+                print(f"| {name} | {seed} | 0 | – | – | – | – | 0 |", flush=True)  # nothing moves
+                continue
             sweeps = np.array([outcome.sweeps for outcome in heard.outcomes])
             missed = sum(not outcome.converged for outcome in heard.outcomes)
             numbers = f"{sweeps.mean():.0f} | {np.median(sweeps):.0f} | {sweeps.max():.0f} | {(sweeps > 1000.0).sum()} | {missed}"
