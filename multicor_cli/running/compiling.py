@@ -24,7 +24,12 @@ def shared_compilation(threads: int) -> Iterator[subprocess.Popen[bytes] | None]
         yield None
         return
     quiet = subprocess.DEVNULL
-    with subprocess.Popen([sys.executable, "-m", __name__], stdin=subprocess.PIPE, stdout=quiet, stderr=quiet) as other:
+    try:
+        other = subprocess.Popen([sys.executable, "-m", __name__], stdin=subprocess.PIPE, stdout=quiet, stderr=quiet)
+    except OSError:  # no more processes, or an interpreter that this user may not start: one core is enough
+        yield None
+        return
+    with other:
         try:
             yield other
         finally:

@@ -59,6 +59,10 @@ def test_a_second_process_compiles_only_for_a_first_run_with_two_threads(tmp_pat
     assert other.poll() is not None
     with shared_compilation(1) as other:
         assert other is None
+    with monkeypatch.context() as broken:
+        broken.setattr(sys, "executable", str(tmp_path / "no-interpreter"))
+        with shared_compilation(2) as other:
+            assert other is None
     monkeypatch.setenv("MULTICOR_NO_CACHE", "1")
     with shared_compilation(2) as other:
         assert other is None
