@@ -12,7 +12,9 @@ from typing import Any
 sys.path.insert(0, str(Path(__file__).parent))
 
 from commands import command_pages
+from equations import math_font, set_equations
 from keys import key_pages
+from mkdocs.exceptions import PluginError
 from mkdocs.structure.files import File, Files
 from notebooks import notebook_pages
 
@@ -46,6 +48,21 @@ def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
         return f"{link[1]}{posixpath.relpath(target, posixpath.dirname(page.file.src_uri) or '.')}{link[3] or ''})"
 
     return _outside_fences(_without_folders(markdown, place), lambda text: _LINK.sub(moved, text))
+
+
+def on_page_content(content: str, page: Any, **_: Any) -> str:
+    """Set the equations."""
+    try:
+        return set_equations(content)
+    except ValueError as error:
+        raise PluginError(f"{page.file.src_uri}: {error}") from None
+
+
+def on_post_build(config: Any) -> None:
+    """Put the font of the equations beside the style sheet that names it."""
+    site = Path(config.site_dir)
+    pages = (page.read_text(encoding="utf-8") for page in site.rglob("*.html"))
+    (site / "pictures" / "math.woff").write_bytes(math_font(pages))
 
 
 def _without_folders(markdown: str, place: str) -> str:

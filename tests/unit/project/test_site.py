@@ -16,6 +16,7 @@ ROOT = Path(__file__).resolve().parents[3]
 sys.path.insert(0, str(ROOT / "docs" / "generate"))
 
 from commands import command_pages  # noqa: E402
+from equations import set_equations  # noqa: E402
 from examples import FOLDERS, examples, shortened  # noqa: E402
 from keys import SINCE, key_pages  # noqa: E402
 
@@ -48,6 +49,19 @@ def test_asterisks_of_formulas_are_no_emphasis(site):
     for page in site.rglob("*.html"):
         for words in re.findall(r"<em>(.*?)</em>", page.read_text(encoding="utf-8"), re.DOTALL):
             assert not set("=|²·") & set(words), (page, words)
+
+
+def test_equations_are_set(site):
+    theory = (site / "explanation" / "theory.html").read_text(encoding="utf-8")
+    assert theory.count("<math") > 10
+    for page in site.rglob("*.html"):
+        assert "arithmatex" not in page.read_text(encoding="utf-8"), page
+    assert (site / "pictures" / "math.woff").read_bytes().startswith(b"wOFF")
+
+
+def test_an_equation_that_is_no_tex_is_refused():
+    with pytest.raises(ValueError, match=r"no equation.*frac"):
+        set_equations(r'<p><span class="arithmatex">\(\frac{1\)</span></p>')
 
 
 def test_every_page_has_a_title(site):
