@@ -14,7 +14,9 @@ from fontTools import subset
 from fontTools.ttLib import TTFont
 
 _EQUATION = re.compile(
-    r'<span class="arithmatex">\\\((?P<inline>.*?)\\\)</span>|<div class="arithmatex">\s*\\\[(?P<display>.*?)\\\]\s*</div>', re.DOTALL
+    r'<span class="arithmatex">\\\((?P<inline>.*?)\\\)</span>|'
+    r'<div class="arithmatex">\s*\\\[(?P<display>.*?)\\\]\s*</div>',
+    re.DOTALL,
 )
 _MATH = re.compile(r"<math.*?</math>", re.DOTALL)
 _ANNOTATION = re.compile(r"<annotation.*?</annotation>", re.DOTALL)
