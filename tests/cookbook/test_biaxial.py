@@ -4,6 +4,7 @@ Where the volume no longer changes, the axes of stress are those of the rate of 
 there is comparable with sin φ = (σ1 − σ3)/(σ1 + σ3); and the inertial number is that of the rate of shear ε̇1 − ε̇3 = 2 ε̇1.
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -12,6 +13,7 @@ import pytest
 from bulk import Bulk, measure_bulk
 from numpy.typing import NDArray
 from places import ROOT
+from recorded import keep
 
 import multicor_cli as multicor
 from multicor_cli.store import Run
@@ -92,7 +94,7 @@ def plane_shear(directory: Path, seed: int) -> Bulk:
     return measure_bulk(directory, load=0.3, strain=2.0)
 
 
-def test_stresses_and_the_critical_state(tmp_path: Path) -> None:
+def test_stresses_and_the_critical_state(tmp_path: Path, record_property: Callable[[str, object], None]) -> None:
     found = []
     for seed in (3, 4, 5, 6):
         path = tmp_path / f"run-{seed}"
@@ -108,7 +110,11 @@ def test_stresses_and_the_critical_state(tmp_path: Path) -> None:
     error = np.std(found, axis=0, ddof=1) / np.sqrt(len(found))
     sheared = [plane_shear(tmp_path / f"shear-{seed}", seed) for seed in (1, 2)]
     print(f"biaxial: sin φ = {sine:.4f} ± {error[0]:.4f}, ν = {fraction:.4f} ± {error[1]:.4f}, I = {number:.4f}")
-    print(f"shear: {sheared}")
+    print("\n".join(f"shear: {bulk}" for bulk in sheared))
+    keep(
+        record_property, inertial_number=number, friction=sine, friction_error=error[0], solid_fraction=fraction,
+        solid_fraction_error=error[1],
+    )  # fmt: skip
     assert sine == pytest.approx(np.mean([bulk.friction for bulk in sheared]), abs=0.03)
     assert fraction == pytest.approx(np.mean([bulk.solid_fraction for bulk in sheared]), abs=0.01)
     assert abs(swelling) < 0.05

@@ -5,12 +5,14 @@ the same there, and γ̇ = I √(P/ρ)/d with P ∝ H − y gives v ∝ H^{3/2} 
 """
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from bulk import measure_bulk
 from places import ROOT
+from recorded import keep
 
 import multicor_cli as multicor
 from multicor_cli.post.profile import profile
@@ -64,13 +66,22 @@ def sheared_friction(directory: Path, inertial_number: float) -> float:
 
 
 @pytest.mark.parametrize("angle", [24.0, 20.0])
-def test_steady_flow(angle: float, tmp_path: Path) -> None:
+def test_steady_flow(angle: float, tmp_path: Path, record_property: Callable[[str, object], None]) -> None:
     y, v, top, inertial_number = layer(flow(tmp_path, angle))
     shape = top**1.5 - (top - y) ** 1.5
     amplitude, slip = np.polyfit(shape, v, 1)
     misfit = np.abs(slip + amplitude * shape - v).max() / np.ptp(v)
     friction = sheared_friction(tmp_path, inertial_number)
     print(f"θ = {angle}°: H = {top:.4g} m, I = {inertial_number:.4f}, misfit {misfit:.4f}, μ(I) = {friction:.4f}")
+    keep(
+        record_property,
+        height=y,
+        velocity=v,
+        bagnold=slip + amplitude * shape,
+        top=top,
+        inertial_number=inertial_number,
+        friction=friction,
+    )
     assert misfit < 0.03
     assert friction == pytest.approx(math.tan(math.radians(angle)), abs=0.03)
 

@@ -7,11 +7,13 @@ H. A. Janssen, Z. Ver. Dtsch. Ing. 39, 1045, 1895: walls that carry τ = μ σ_x
 """
 
 import math
+from collections.abc import Callable
 from pathlib import Path
 
 import numpy as np
 import pytest
 from places import ROOT
+from recorded import keep
 from scipy.optimize import curve_fit
 
 import multicor_cli as multicor
@@ -57,7 +59,7 @@ def flow_rate(directory: Path) -> float:
     return float(np.ptp(left[chosen]) / np.ptp(time[chosen]))
 
 
-def test_the_flow_rate_follows_beverloo(silos: dict[tuple[int, int], Path]) -> None:
+def test_the_flow_rate_follows_beverloo(silos: dict[tuple[int, int], Path], record_property: Callable[[str, object], None]) -> None:
     """W^{2/3} is linear in D within 4 %: the rates of single runs have standard errors of 1 to 3 %."""
     each = np.array([[flow_rate(silos[opening, seed]) for opening in OPENINGS] for seed in SEEDS])
     print(f"rates by seed: {each.round()}")
@@ -65,6 +67,7 @@ def test_the_flow_rate_follows_beverloo(silos: dict[tuple[int, int], Path]) -> N
     powers = rates ** (2.0 / 3.0)
     slope, start = np.polyfit(OPENINGS, powers, 1)
     misfit = powers - np.polyval([slope, start], OPENINGS)
+    keep(record_property, opening=OPENINGS, rate=each, slope=slope, start=start)
     print(f"W = {rates.round()} grains/s at D/d = {OPENINGS}: k = {-start / slope:.2f}, misfit of W^(2/3) {misfit / powers}")
     assert np.abs(misfit / powers).max() < 0.04
     assert 0.5 < -start / slope < 3.0
@@ -77,7 +80,9 @@ def test_both_materials_leave_as_they_come(silos: dict[tuple[int, int], Path]) -
     assert mass / grains == pytest.approx(float(model.grains.mass.mean()), rel=0.03)
 
 
-def test_the_stress_saturates_as_janssen_says(silos: dict[tuple[int, int], Path]) -> None:
+def test_the_stress_saturates_as_janssen_says(
+    silos: dict[tuple[int, int], Path], record_property: Callable[[str, object], None]
+) -> None:
     with multicor.open_run(silos[8, 1]) as run:
         chosen, model = Selection(start=steady(run)), run.model
         names = ("stress-xx", "stress-yy", "solid-fraction")
@@ -98,6 +103,7 @@ def test_the_stress_saturates_as_janssen_says(silos: dict[tuple[int, int], Path]
 
     (length, top), _ = curve_fit(janssen, depth, stress, (WIDTH, stress[-1]))
     misfit = float(np.abs(janssen(depth, length, top) - stress).max() / stress.max())
+    keep(record_property, depth=depth / WIDTH, stress=stress, janssen=janssen(depth, length, top), weight=load * depth + top)
     friction = -float(left[1] + right[1]) / float(right[0] - left[0])
     measured = float((across.value[deep] / along.value[deep]).mean())
     print(f"λ = {length / WIDTH:.2f} widths, misfit {misfit:.3f}, μ of the walls {friction:.3f}, μK = {0.5 * WIDTH / length:.3f}")

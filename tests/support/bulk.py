@@ -20,6 +20,13 @@ class Bulk:
     spin_ratio: float
     spin_ratio_error: float
 
+    def __str__(self):
+        return (
+            f"I = {self.inertial_number:.4g}, μ* = {self.friction:.4f} ± {self.friction_error:.4f}, "
+            f"ν = {self.solid_fraction:.4f} ± {self.solid_fraction_error:.4f}, "
+            f"spin over γ̇ = {self.spin_ratio:.3f} ± {self.spin_ratio_error:.3f}"
+        )
+
 
 def measure_bulk(directory, *, load, strain=6.0):
     """Average over the frames whose shear strain exceeds ``strain``; ``load`` is the force on the upper wall [N]."""

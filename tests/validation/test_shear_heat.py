@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from heat_parts import at_temperature, heat_book, make_heat_laws, with_heat
+from recorded import keep
 from scene_parts import book, shear_scene
 
 from multicor_cli.engine import Engine, Settings
@@ -95,7 +96,7 @@ class Layer:
 
 
 @pytest.mark.parametrize(("conductivity", "seed"), [(20.0, 1), (10.0, 2)])
-def test_isothermal_walls(conductivity, seed):
+def test_isothermal_walls(record_property, conductivity, seed):
     """T(y) in the flow = measured source through the resistance of the frozen packing, within 10 % in every bin."""
     layer = Layer(conductivity, [at_temperature(AMBIENT)] * 2, seed)
     layer.run(9.0)
@@ -143,6 +144,7 @@ def test_isothermal_walls(conductivity, seed):
         f"measured {np.round(measured, 4)}\nexpected {np.round(expected, 4)}\nratio    {np.round(measured / expected, 3)}\n"
         f"parabola {np.round(simple, 4)}\nsource   {np.round(source / source.mean(), 3)}"
     )
+    keep(record_property, conductivity=conductivity, height=y / height, rise=measured, expected=expected)
     assert conduction > 20.0 * mixing
     assert relaxation * 5.0 < 9.0
     assert measured == pytest.approx(expected, rel=0.10)

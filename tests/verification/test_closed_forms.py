@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from recorded import keep
 from scene_parts import FIXED, FLOOR, TIGHT, G, advance, book, make_engine, make_model, tally
 
 from multicor_cli.engine import Settings
@@ -211,7 +212,7 @@ def test_lattice_forces_between_rows():
     assert floor == pytest.approx(rows * columns * weight, rel=1e-6)
 
 
-def test_loaded_wall_reaches_its_terminal_velocity():
+def test_loaded_wall_reaches_its_terminal_velocity(record_property):
     """M V̇ = F − c V: V = F/c (1 − exp(−c t/M)); second order in Δt."""
     shapes = [(ShapeKind.PLANE, 0, (0.0, 0.0, 0.0, -1.0))]
     model = make_model([0.1], shapes, ("lid",), gravity=(0.0, 0.0), mass=2.0)
@@ -223,6 +224,7 @@ def test_loaded_wall_reaches_its_terminal_velocity():
         errors.append(abs(state.wall_velocity[0, 1] - 0.75 * (1.0 - np.exp(-2.0))))
         assert book(state, "closure") < 1e-12
         assert state.wall_velocity[0, 0] == 0.0
+    keep(record_property, steps=(50, 100, 200), error=np.array(errors) / 0.75, order=2)
     assert np.log2(errors[0] / errors[1]) == pytest.approx(2.0, abs=0.05)
     assert np.log2(errors[1] / errors[2]) == pytest.approx(2.0, abs=0.05)
 

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from heat_parts import at_temperature, chain, exact_temperatures, heat_book, rows, touching_engine
+from recorded import keep
 from scene_parts import FLOOR
 
 from multicor_cli.engine.heat import implicit
@@ -28,11 +29,12 @@ def pair(**settings):
 
 
 @pytest.mark.parametrize(("settings", "order"), [({"integrator": "explicit"}, 1), (ONE_STEP, 2)])
-def test_two_bodies_to_the_order_of_the_integrator(settings, order, monkeypatch):
+def test_two_bodies_to_the_order_of_the_integrator(settings, order, monkeypatch, record_property):
     """ΔT decays with τ = C/(2H); after one τ the hot body is at 74.7152 (theory §15.3)."""
     monkeypatch.setattr(implicit, "SHARPNESS", 1e-24)  # stages to rounding, although the tolerance lets every step pass
     errors = [abs(run(pair(**settings), 0.5, n)[0] - (60.0 + 40.0 * np.exp(-1.0))) for n in (8, 16, 32, 64)]
     assert 60.0 + 40.0 * np.exp(-1.0) == pytest.approx(74.7152, abs=5e-5)
+    keep(record_property, steps=(8, 16, 32, 64), error=np.array(errors) / 80.0, order=order)
     ratios = np.array(errors[:-1]) / np.array(errors[1:])
     assert np.all(np.abs(np.log2(ratios) - order) < 0.12)
     assert errors[-1] < 40.0 / 64.0**order

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from heat_parts import at_temperature, heat_book, make_heat_laws, with_heat
+from recorded import keep
 from scene_parts import FLOOR, make_engine, make_model
 
 from multicor_cli.engine import Engine, Settings
@@ -74,11 +75,12 @@ def test_forces_grow_from_row_to_row(settled):
     ],
     ids=["vacuum", "air"],
 )
-def test_profile(settled, settings, expected):
+def test_profile(settled, settings, expected, record_property):
     """θ(η) of the exact solution, interpolated between rows: within 0.005."""
     model, data = settled
     values, _ = theta(model, data, **settings)
     eta = (RADIUS + np.arange(ROWS) * RADIUS * np.sqrt(3.0)) / HEIGHT
+    keep(record_property, eta=eta, theta=values, exact_eta=ETA, exact_theta=expected)
     assert np.interp(ETA, eta, values) == pytest.approx(expected, abs=0.005)
 
 
