@@ -10,6 +10,7 @@ def main() -> None:
     try:
         from multicor_cli.cli.app import main as command
     except KeyboardInterrupt:
+        print("multicor: interrupted before anything was done", file=sys.stderr)
         sys.exit(130)
     command()
 

@@ -6,6 +6,8 @@ Uses the standard library only.
 from __future__ import annotations
 
 import difflib
+import math
+import re
 from collections.abc import Iterable
 
 
@@ -31,6 +33,34 @@ def format_bytes(size: float) -> str:
 def count_noun(number: int, noun: str) -> str:
     """A number with its noun: ``1 stage``, ``2 stages``."""
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
+_POWER = re.compile(r"(?<=[a-z])[23]")
+_RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
+_UNIT = re.compile(r"(?<= )\[([^\]\[]*)\]")
+
+
+def unit_sign(unit: str) -> str:
+    """A unit as people read it: ``m2/s2`` as ``m²/s²``, ``deg`` as ``°``, ``1`` as a dash."""
+    if unit == "1":
+        return "–"
+    return _POWER.sub(lambda power: "²³"[int(power[0]) - 2], unit.replace("deg", "°"))
+
+
+def with_error(mean: float, error: float) -> str:
+    """A mean with its standard error, two digits of it: ``0.1024 ± 0.0023``; without an error (nan) four digits of the mean."""
+    if not (math.isfinite(error) and error > 0.0):
+        return f"{mean:.4g}".replace("-", "−")
+    exponent = math.floor(math.log10(max(abs(mean), error)))
+    power = exponent if not -4 < exponent < 5 else 0
+    decimals = max(0, 1 - math.floor(math.log10(error)) + power)
+    found = f"{mean / 10.0**power:.{decimals}f} ± {error / 10.0**power:.{decimals}f}".replace("-", "−")
+    return f"({found})·10{str(power).translate(_RAISED)}" if power else found
+
+
+def with_unit_signs(text: str) -> str:
+    """A heading ``name [unit]`` as people read it."""
+    return _UNIT.sub(lambda unit: f"[{unit_sign(unit[1])}]", text)
 
 
 def choices(word: str, known: Iterable[str]) -> str:

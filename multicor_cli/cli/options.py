@@ -10,14 +10,15 @@ import typer
 
 def output_option(*, metavar: str, help: str, show_default: str | bool = False) -> Any:  # noqa: A002  (Typer's name)
     """The option ``-o``, which names what is written."""
-    return typer.Option("--output", "-o", parser=_named_path, metavar=metavar, help=help, show_default=show_default)
+    remedy = "write . for the current directory" if metavar.startswith("DIR") else "give one"
 
+    def named_path(text: str) -> Path:
+        """A path as it was given; an empty one, as of a variable of the shell that is not set, would mean the current directory."""
+        if not text.strip():
+            raise typer.BadParameter(f"the name is empty; {remedy}")
+        return Path(text)
 
-def _named_path(text: str) -> Path:
-    """A path as it was given; an empty one, as of a variable of the shell that is not set, would mean the current directory."""
-    if not text.strip():
-        raise typer.BadParameter("the name is empty; write . for the current directory")
-    return Path(text)
+    return typer.Option("--output", "-o", parser=named_path, metavar=metavar, help=help, show_default=show_default)
 
 
 ScenarioFile = Annotated[Path, typer.Argument(metavar="SCENARIO.toml", help="Scenario file.", show_default=False)]

@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import typer
 
 from multicor_cli.cli.console import emit_json, emit_table, say
+from multicor_cli.text import with_unit_signs
 
 if TYPE_CHECKING:
     from multicor_cli.plots import Terminal
@@ -101,7 +102,10 @@ class TableOutput:
         else:
             say(about)
             digits = [_digits(column) for column in zip(*table.rows, strict=True)]
-            emit_table(table.headings, [[_cell(value, n) for value, n in zip(row, digits, strict=True)] for row in table.rows])
+            emit_table(
+                [with_unit_signs(name) for name in table.headings],
+                [[_cell(value, n) for value, n in zip(row, digits, strict=True)] for row in table.rows],
+            )
 
 
 def _emit_csv(headings: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
@@ -134,4 +138,4 @@ def _digits(column: Sequence[Any]) -> int:
 def _cell(value: Any, digits: int) -> str:
     if isinstance(value, float):
         return "–" if math.isnan(value) else f"{value:.{digits}g}"
-    return str(value)
+    return with_unit_signs(str(value))

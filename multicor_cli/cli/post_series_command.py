@@ -18,7 +18,7 @@ ColumnNames = Annotated[
         "--of",
         metavar="COLUMN",
         help="A column, as kinetic or 'top: force_x'; force_x alone means that of all walls. Several times for several.",
-        show_default="all",
+        show_default="all; in a figure kinetic energy, forces on walls and number of contacts",
     ),
 ]
 SeriesStart = Annotated[
@@ -45,7 +45,7 @@ def series(
 
     with open_run(directory) as run:
         table = make_table(run, of or (), start, end)
-    output.draw(table)
+    output.draw(table if of else table.overview())
     about = f"{count_noun(table.time.size, 'row')} from t = {table.time[0]:g} s to {table.time[-1]:g} s"
     output.deliver(table, about, run=directory, is_detailed=True)
 

@@ -13,6 +13,7 @@ from multicor_cli.plots.style import COLORS, COLUMN, PAGE, draw_with_errors
 from multicor_cli.plots.text_chart import TextLine, draw_text
 from multicor_cli.plots.text_picture import Terminal
 from multicor_cli.post.compare import Comparison, ProfilePair
+from multicor_cli.text import unit_sign
 
 
 def draw_comparison(figure: Any, comparison: Comparison) -> None:
@@ -63,7 +64,7 @@ def comparison_text(comparison: Comparison, _terminal: Terminal) -> str:
     for pair in comparison.profiles.values():
         tables = zip((pair.first, pair.second), comparison.names, strict=True)
         lines = [TextLine(name, table.value, table.y / table.height) for table, name in tables]
-        charts.append(draw_text(lines, f"{pair.first.field.label} [{pair.first.field.unit}]", "height y/H [1]"))
+        charts.append(draw_text(lines, f"{pair.first.field.label} [{unit_sign(pair.first.field.unit)}]", "height y/H [–]"))
     return "\n\n".join(charts)
 
 

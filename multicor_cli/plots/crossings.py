@@ -11,6 +11,7 @@ from multicor_cli.plots.style import COLORS, COLUMN
 from multicor_cli.plots.text_chart import TextLine, draw_text
 from multicor_cli.plots.text_picture import Terminal
 from multicor_cli.post.crossings import FlowTable
+from multicor_cli.text import with_error
 
 
 def draw_flow(figure: Any, table: FlowTable) -> None:
@@ -20,9 +21,9 @@ def draw_flow(figure: Any, table: FlowTable) -> None:
     time, mass = np.append(start, table.time), np.append(0.0, np.cumsum(table.crossed["mass"]))
     axes.plot(time, mass, color=COLORS[0], label="crossed")
     mean, error = table.mean["mass"], float(table.spread["mass"].error)
-    text = f"{mean:.4g} kg/s" if np.isnan(error) else f"({mean:.4g} ± {error:.2g}) kg/s"
-    text = text.replace("-", "−")
-    axes.plot(time, mean * (time - start), color="0.3", linewidth=0.8, linestyle="--", label=f"mean, {text}")
+    rate = with_error(mean, error)
+    text = f"mean, ({rate}) kg/s" if "±" in rate and not rate.startswith("(") else f"mean, {rate} kg/s"
+    axes.plot(time, mean * (time - start), color="0.3", linewidth=0.8, linestyle="--", label=text)
     axes.set_xlabel("time $t$ [s]")
     axes.set_ylabel("mass through the line [kg]")
     axes.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)

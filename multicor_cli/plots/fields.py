@@ -9,11 +9,12 @@ import numpy as np
 from multicor_cli.plots.dispatch import Ways
 from multicor_cli.plots.scene import draw_walls, is_wide, place_scene
 from multicor_cli.plots.small_rises import rise_formatter, rise_label, rise_reference
-from multicor_cli.plots.style import COLORS, COLUMN, color_map
+from multicor_cli.plots.style import COLORS, COLUMN, axis_label, color_map
 from multicor_cli.plots.text_chart import TextLine, draw_text
 from multicor_cli.plots.text_picture import Terminal, draw_picture
 from multicor_cli.post.field_sums import Field
 from multicor_cli.post.fields import FieldTable
+from multicor_cli.text import unit_sign
 
 _INNER = (0.01, 0.99)  # quantiles between which values have a color of their own: corners that hold little scatter widely
 
@@ -29,7 +30,7 @@ def _fill(figure: Any, table: FieldTable) -> None:
     bar = figure.colorbar(mesh, cax=place.bar, extend=extend, extendfrac=0.03, orientation=direction)
     reference = rise_reference(field.unit, mesh.norm.vmin, mesh.norm.vmax)
     if reference is None:
-        bar.set_label(f"{field.label} ${field.symbol}$ [{_unit(field)}]")
+        bar.set_label(axis_label(field.label, field.symbol, field.unit))
     else:
         bar.formatter = rise_formatter(reference)
         bar.set_label(rise_label(field.label, field.symbol, reference))
@@ -79,7 +80,7 @@ def _draw_lines(figure: Any, table: FieldTable) -> None:
             if known.any():
                 hollow: Any = {"color": color, "markersize": 2.5, "markerfacecolor": "white", "markeredgewidth": 0.7}
                 panel.plot(at[~known], value[~known], "o", **hollow)
-        panel.set_ylabel(f"{_common_label(shown)} [{_unit(shown[0])}]")
+        panel.set_ylabel(_label(shown))
         panel.ticklabel_format(scilimits=(-3, 4), useMathText=True)
         if len(shown) > 1:
             panel.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(shown), borderaxespad=0.1, columnspacing=1.0)
@@ -87,15 +88,13 @@ def _draw_lines(figure: Any, table: FieldTable) -> None:
     figure.align_ylabels()
 
 
-def _common_label(shown: list[Field]) -> str:
-    """The words that labels have in common; of a single field its symbol too."""
+def _label(shown: list[Field]) -> str:
+    """The words that labels have in common, and their unit; of a single field its symbol too."""
+    first = shown[0]
     if len(shown) == 1:
-        return f"{shown[0].label} ${shown[0].symbol}$"
-    return " ".join(word for word in shown[0].label.split() if all(word in field.label.split() for field in shown))
-
-
-def _unit(field: Field) -> str:
-    return "–" if field.unit == "1" else field.unit.replace("m2", "m²").replace("s2", "s²")
+        return axis_label(first.label, first.symbol, first.unit)
+    words = " ".join(word for word in first.label.split() if all(word in field.label.split() for field in shown))
+    return f"{words} [{unit_sign(first.unit)}]"
 
 
 def fields_text(table: FieldTable, terminal: Terminal) -> str:
@@ -107,7 +106,7 @@ def fields_text(table: FieldTable, terminal: Terminal) -> str:
     if not table.points.is_grid:
         at = table.points.coordinates[:, 0]
         label = table.points.names[0]
-        charts = [draw_text([TextLine("", at, table.values[f.name])], label, f"{f.label} [{f.unit}]") for f in table.of]
+        charts = [draw_text([TextLine("", at, table.values[f.name])], label, f"{f.label} [{unit_sign(f.unit)}]") for f in table.of]
         return "\n\n".join(charts)
     field = table.of[0]
     low, high, _ = _color_range(table.values[field.name], field)
@@ -117,7 +116,7 @@ def fields_text(table: FieldTable, terminal: Terminal) -> str:
         draw_walls(axes, table.scene)
 
     picture = draw_picture(table.scene, draw, terminal)
-    return f"{picture}\n{field.label} [{field.unit}] from {low:.6g} to {high:.6g}"
+    return f"{picture}\n{field.label} [{unit_sign(field.unit)}] from {low:.6g} to {high:.6g}"
 
 
 def _size(table: FieldTable) -> tuple[float, float]:

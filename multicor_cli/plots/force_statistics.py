@@ -47,6 +47,10 @@ def draw_angles(figure: Any, table: AngularDistribution) -> None:
     _draw_polar(forces, table, table.normal, mean, moments["a_n"], moments["theta_n"], COLORS[1])
     title = "normal force $\\langle f_n \\rangle(\\theta)/\\langle f_n \\rangle$ [–]\n"
     forces.set_title(title + _moment("n", table), fontsize=8.0, pad=10.0)
+    line = forces.lines[-1]
+    figure.legend(
+        [line], [r"$1 + a \cos 2(\theta - \theta_a)$ times the mean, with the $a$ and $\theta_a$ above"], loc="outside lower center"
+    )
 
 
 def _moment(name: str, table: AngularDistribution) -> str:
@@ -77,19 +81,19 @@ def _draw_polar(axes: Any, table: AngularDistribution, values: Any, level: float
 def distribution_text(table: ForceDistribution, _terminal: Terminal) -> str:
     """A force distribution on logarithmic scales."""
     lines = [TextLine("normal", table.center, table.normal), TextLine("tangential", table.center, table.tangential)]
-    return draw_text(lines, "force over mean force [1]", "probability density [1]", is_logarithmic=True)
+    return draw_text(lines, "force over mean force [–]", "probability density [–]", is_logarithmic=True)
 
 
 def angles_text(table: AngularDistribution, _terminal: Terminal) -> str:
     """Directions of the contacts and the forces along them, each over what it would be if all directions were alike."""
     degrees = np.degrees(table.angle)
     density = TextLine("density of contacts", degrees, 2.0 * np.pi * table.density)
-    return draw_text([density, TextLine("normal force", degrees, table.normal)], "direction [deg]", "over mean [1]")
+    return draw_text([density, TextLine("normal force", degrees, table.normal)], "direction [°]", "over mean [–]")
 
 
 FIGURES = {
     ForceDistribution: Ways(
         lambda _: (COLUMN, 0.85 * COLUMN), lambda figure, table: draw_distribution(figure.add_subplot(), table), distribution_text
     ),
-    AngularDistribution: Ways(lambda _: (PAGE, 0.55 * PAGE), draw_angles, angles_text),
+    AngularDistribution: Ways(lambda _: (PAGE, 0.58 * PAGE), draw_angles, angles_text),
 }

@@ -10,10 +10,11 @@ from multicor_cli.plots.dispatch import Ways
 from multicor_cli.plots.scene import Place, draw_discs, draw_walls, is_wide, place_scene
 from multicor_cli.plots.small_rises import rise_formatter, rise_label, rise_reference
 from multicor_cli.plots.streamlines import draw_streamlines
-from multicor_cli.plots.style import COLORS, COLUMN, color_map
+from multicor_cli.plots.style import COLORS, COLUMN, axis_label, color_map
 from multicor_cli.plots.text_picture import Terminal, draw_picture
 from multicor_cli.post.grain_map import GrainMap
 from multicor_cli.post.quantities import color_range
+from multicor_cli.text import unit_sign
 
 _ARROWS = 1500  # at most this many arrows, or they cannot be told apart
 _LONG = 0.95  # this part of the arrows are as long as their velocity says; longer ones are cut to this length
@@ -62,6 +63,10 @@ def _colors(table: GrainMap) -> Any:
 def draw_bar(axes: Any, table: GrainMap, discs: Any, scale: tuple[Any, str]) -> None:
     """Draw the color bar of a map into axes beside or below it."""
     norm, extend = scale
+    if len(table.names) == 1:  # nothing to tell apart
+        axes.set_axis_off()
+        axes.set_title(f"{table.field.label}:\n{table.names[0]}", loc="left", fontsize=8.0, y=0.5)
+        return
     if table.names:
         bar = axes.figure.colorbar(discs, cax=axes, orientation="horizontal" if is_wide(table.scene) else "vertical")
         bar.set_ticks(range(len(table.names)), labels=table.names)
@@ -74,7 +79,7 @@ def draw_bar(axes: Any, table: GrainMap, discs: Any, scale: tuple[Any, str]) -> 
     reference = rise_reference(field.unit, norm.vmin, norm.vmax)
     if reference is None:
         none = "; white: none" if field.scale == "logarithmic" else ""
-        bar.set_label(f"{field.label} ${field.symbol}$ [{field.unit}]{none}")
+        bar.set_label(axis_label(field.label, field.symbol, field.unit) + none)
     else:
         bar.formatter = rise_formatter(reference)
         bar.set_label(rise_label(field.label, field.symbol, reference))
@@ -128,7 +133,8 @@ def map_text(table: GrainMap, terminal: Terminal, *, has_streamlines: bool = Tru
     norm, _ = color_scale(table)
     values = ", ".join(table.names) if table.names else f"from {norm.vmin:.6g} to {norm.vmax:.6g}"
     picture = draw_picture(table.scene, lambda axes: draw_values(axes, table, norm, has_streamlines=has_streamlines), terminal)
-    return f"{picture}\n{table.field.label} [{table.field.unit}] {values}"
+    unit = "" if table.names else f" [{unit_sign(table.field.unit)}]"
+    return f"{picture}\n{table.field.label}{unit} {values}"
 
 
 FIGURES = {GrainMap: Ways(lambda _: (COLUMN, COLUMN), _fill, map_text)}

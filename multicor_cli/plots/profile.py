@@ -8,10 +8,11 @@ import numpy as np
 
 from multicor_cli.plots.dispatch import Ways
 from multicor_cli.plots.small_rises import rise_formatter, rise_label, rise_reference
-from multicor_cli.plots.style import COLORS, COLUMN, draw_with_errors
+from multicor_cli.plots.style import COLORS, COLUMN, axis_label, draw_with_errors
 from multicor_cli.plots.text_chart import TextLine, draw_text
 from multicor_cli.plots.text_picture import Terminal
 from multicor_cli.post import ProfileSet, ProfileTable
+from multicor_cli.text import unit_sign
 
 
 def _fill(figure: Any, profiles: ProfileSet) -> None:
@@ -28,7 +29,7 @@ def _draw_profiles(axes: Any, profiles: ProfileSet) -> None:
         names = (f"${table.field.symbol}$", "", "")
         draw_with_errors(axes, table.value, table.y, table.error, marker, names=names, color=color, markersize=2.5, linewidth=0.9)
     _, upwards = axis_labels(profiles.first)
-    axes.set_xlabel(f"{profiles.name.replace('-', ' ')}, compression positive [{_unit(profiles.first.units[1])}]")
+    axes.set_xlabel(f"{profiles.name.replace('-', ' ')}, compression positive [{unit_sign(profiles.first.units[1])}]")
     axes.set_ylabel(upwards)
     axes.locator_params(axis="x", nbins=5)
     axes.set_ylim(0.0, profiles.first.height)
@@ -58,7 +59,7 @@ def axis_labels(table: ProfileTable) -> tuple[str, str]:
     """Labels of the axes: quantity, symbol and unit."""
     field = table.field
     if not table.is_normalized:
-        return f"{field.label} ${field.symbol}$ [{_unit(field.unit)}]", "height $y$ [m]"
+        return axis_label(field.label, field.symbol, field.unit), "height $y$ [m]"
     return f"{field.label} ${_scaled_symbol(table)}$ [–]", "height $y/H$ [–]"
 
 
@@ -70,17 +71,12 @@ def _scaled_symbol(table: ProfileTable) -> str:
     return f"({field.symbol} - {symbol}_0)/({symbol}_1 - {symbol}_0)" if low else f"{field.symbol}/{symbol}_\\mathrm{{wall}}"
 
 
-def _unit(unit: str) -> str:
-    """A unit as figures print it: powers raised, nothing for numbers."""
-    return "–" if unit == "1" else unit.replace("m2", "m²").replace("s2", "s²")
-
-
 def profiles_text(profiles: ProfileSet, _terminal: Terminal) -> str:
     """Profiles: the fields across, the height upwards."""
     first, has_many = profiles.first, len(profiles.tables) > 1
     lines = [TextLine(t.field.name if has_many else "", t.value, t.y) for t in profiles.tables]
     label = profiles.name.replace("-", " ") if has_many else first.field.label
-    return draw_text(lines, f"{label} [{first.units[1]}]", f"height y [{first.units[0]}]")
+    return draw_text(lines, f"{label} [{unit_sign(first.units[1])}]", f"height y [{first.units[0]}]")
 
 
 FIGURES = {

@@ -8,6 +8,7 @@ import numpy as np
 
 from multicor_cli.plots.dispatch import Ways
 from multicor_cli.plots.rheology import draw_panel, explain
+from multicor_cli.plots.small_rises import rise_formatter, rise_label, rise_reference
 from multicor_cli.plots.style import PAGE
 from multicor_cli.plots.text_chart import TextLine, draw_text
 from multicor_cli.plots.text_picture import Terminal
@@ -33,14 +34,25 @@ def draw_region(figure: Any, table: RegionTable) -> None:
     panels = _PANELS if "temperature" in table.values else (*_PANELS[:-1], _SPIN)
     for panel, (label, quantities) in zip(grid.flat, panels, strict=True):
         draw_panel(panel, table, label, quantities)
-    explain(figure, table)
+        if quantities[0][0] == "temperature":
+            _count_small_rises(panel, table.values["temperature"])
+    explain(figure, table, panels)
     for panel in grid[-1]:
         panel.set_xlabel("time $t$ [s]")
 
 
+def _count_small_rises(panel: Any, values: Any) -> None:
+    """Let an axis of temperatures that hardly differ count from a round one."""
+    known = values[np.isfinite(values)]
+    reference = rise_reference("K", float(known.min()), float(known.max())) if known.size else None
+    if reference is not None:
+        panel.yaxis.set_major_formatter(rise_formatter(reference))
+        panel.set_ylabel(rise_label("temp.", "T", reference))
+
+
 def region_text(table: RegionTable, _terminal: Terminal) -> str:
     """Solid fraction and stresses over time, in low charts."""
-    charts = (("solid fraction nu [1]", ("solid_fraction",)), ("stress of contacts [N/m]", ("stress_xx", "stress_yy", "stress_xy")))
+    charts = (("solid fraction nu [–]", ("solid_fraction",)), ("stress of contacts [N/m]", ("stress_xx", "stress_yy", "stress_xy")))
     return "\n\n".join(
         draw_text(
             [TextLine(name[-2:] if len(names) > 1 else "", table.time, table.values[name]) for name in names],

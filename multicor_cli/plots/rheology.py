@@ -27,12 +27,14 @@ _PANELS: tuple[tuple[str, tuple[tuple[str, str], ...]], ...] = (
 """Label of the axis, and the quantities of each panel with their names."""
 
 
+_KNOWN: Any = "--"  # line of a mean with a standard error
+_UNKNOWN: Any = ":"  # line of one without
 _LOW = 8  # rows of a chart of letters, of which several are shown
 _CHARTS = (
-    ("inertial number I [1]", (("inertial_number", ""),)),
-    ("friction mu* [1]", (("friction_walls", "walls"), ("friction_bulk", "bulk"))),
-    ("solid fraction nu [1]", (("solid_fraction", ""),)),
-    ("contacts per grain [1]", (("coordination", "all"), ("coordination_loaded", "without rattlers"))),
+    ("inertial number I [–]", (("inertial_number", ""),)),
+    ("friction mu* [–]", (("friction_walls", "walls"), ("friction_bulk", "bulk"))),
+    ("solid fraction nu [–]", (("solid_fraction", ""),)),
+    ("contacts per grain [–]", (("coordination", "all"), ("coordination_loaded", "without rattlers"))),
 )
 """The same for charts of letters."""
 
@@ -62,7 +64,7 @@ def draw_rheology(figure: Any, table: Rheology) -> None:
     grid = figure.subplots(2, 4, sharex=True)
     for panel, (label, quantities) in zip(grid.flat, _PANELS, strict=True):
         draw_panel(panel, table, label, quantities)
-    explain(figure, table)
+    explain(figure, table, _PANELS)
     for panel in grid[-1]:
         panel.set_xlabel("time $t$ [s]")
 
@@ -86,17 +88,21 @@ def draw_panel(panel: Any, table: OverTime, label: str, quantities: Sequence[tup
         )
 
 
-def explain(figure: Any, table: OverTime) -> None:
-    """Say below the panels what lines and bands are; bands only if an error is known."""
+def explain(figure: Any, table: OverTime, panels: Sequence[tuple[str, Sequence[tuple[str, str]]]]) -> None:
+    """Say below the panels what lines and bands are."""
     from matplotlib.lines import Line2D
     from matplotlib.patches import Patch
 
-    handles: list[Any] = [Line2D([], [], color="0.3", linewidth=0.7, linestyle="--")]
-    labels = ["mean"]
-    if np.isfinite(list(table.error.values())).any():
-        handles.append(Patch(color="0.3", alpha=0.2, linewidth=0.0))
-        labels.append("± standard error")
-    figure.legend(handles, labels, loc="outside lower center", ncols=2)
+    names = [name for _, quantities in panels for name, _ in quantities]
+    known = [bool(np.isfinite(table.error[name])) for name in names if np.isfinite(table.mean[name])]
+    line: dict[str, Any] = {"color": "0.3", "linewidth": 0.7}
+    entries = [
+        (any(known), Line2D([], [], linestyle=_KNOWN, **line), "mean"),
+        (any(known), Patch(color="0.3", alpha=0.2, linewidth=0.0), "± standard error"),
+        (not all(known), Line2D([], [], linestyle=_UNKNOWN, **line), "mean, error not known"),
+    ]
+    shown = [(handle, text) for is_shown, handle, text in entries if is_shown]
+    figure.legend(*zip(*shown, strict=True), loc="outside lower center", ncols=len(shown))
 
 
 def _widen(panel: Any, means: list[float]) -> None:
@@ -114,7 +120,7 @@ def _draw_quantity(panel: Any, table: OverTime, name: str, text: str, color: str
     mean, error = table.mean[name], table.error[name]
     if not np.isfinite(mean):
         return
-    panel.axhline(mean, color=color, linewidth=0.7, linestyle="--")
+    panel.axhline(mean, color=color, linewidth=0.7, linestyle=_KNOWN if np.isfinite(error) else _UNKNOWN)
     if np.isfinite(error):
         panel.axhspan(mean - error, mean + error, color=color, alpha=0.2, linewidth=0.0)
 

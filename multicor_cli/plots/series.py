@@ -9,6 +9,7 @@ from multicor_cli.plots.style import COLORS, COLUMN, PlotError
 from multicor_cli.plots.text_chart import TextLine, draw_text
 from multicor_cli.plots.text_picture import Terminal
 from multicor_cli.post.series import SeriesTable
+from multicor_cli.text import unit_sign
 
 _LOW = 8  # rows of a chart of letters
 
@@ -34,7 +35,7 @@ def draw_series(figure: Any, table: SeriesTable) -> None:
             panel.plot(table.time, column.values, color=color, linewidth=0.9, label=column.name.replace("_", " "))
         names = list(dict.fromkeys(column.name.rpartition(": ")[2].replace("_", " ") for column in shown))
         name = names[0] if len(names) == 1 else _common_words(names)
-        panel.set_ylabel(f"{name} [{'–' if unit == '1' else unit}]".strip())
+        panel.set_ylabel(f"{name} [{unit_sign(unit)}]".strip())
         panel.ticklabel_format(axis="y", scilimits=(-3, 4), useMathText=True)
         if len(shown) > 1:
             panel.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=2, borderaxespad=0.1, columnspacing=1.0)
@@ -52,7 +53,7 @@ def _common_words(names: list[str]) -> str:
 def series_text(table: SeriesTable, _terminal: Terminal) -> str:
     """The columns as charts of letters, one below the other."""
     charts = [
-        draw_text([TextLine("", table.time, column.values)], "time [s]", f"{column.name} [{column.unit}]", rows=_LOW)  # type: ignore[arg-type]
+        draw_text([TextLine("", table.time, column.values)], "time [s]", f"{column.name} [{unit_sign(column.unit)}]", rows=_LOW)  # type: ignore[arg-type]
         for column in table.columns
     ]
     return "\n\n".join(charts)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import re
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -11,7 +12,8 @@ from typing import Any
 import numpy as np
 
 from multicor_cli.model.model import Floats
-from multicor_cli.store.atomic import commit_result
+from multicor_cli.store.atomic import commit_result, storage_errors
+from multicor_cli.text import unit_sign
 
 COLUMN = 3.35
 """Width of a journal column [inch]."""
@@ -24,6 +26,8 @@ COLORS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00")
 
 SUFFIXES = (".png", ".svg", ".pdf")
 """Formats of figures."""
+
+_COMPONENTS = re.compile(r" [xyrt]{2}$")
 
 _RC: Any = {
     "font.size": 8.0,
@@ -55,6 +59,11 @@ _RC: Any = {
     "pdf.fonttype": 42,
     "svg.hashsalt": "multicor",  # the same data give the same file
 }
+
+
+def axis_label(label: str, symbol: str, unit: str) -> str:
+    """Label of an axis: ``velocity $v_x$ [m/s]``; components, as in ``stress xy``, are left to the symbol."""
+    return f"{_COMPONENTS.sub('', label)} ${symbol}$ [{unit_sign(unit)}]"
 
 
 def draw_with_errors(
@@ -147,7 +156,7 @@ def figure_file(path: Path, width: float, height: float) -> Iterator[Any]:
 
 
 def save_figure(figure: Any, path: Path) -> None:
-    """Write a figure in the format of the file name, whole or not at all; the same data give the same bytes.
+    """Write a figure in the format of the file name, whole or not at all, and its directory; the same data give the same bytes.
 
     Raises:
         PlotError: If the name has no known ending.
@@ -158,4 +167,6 @@ def save_figure(figure: Any, path: Path) -> None:
     undated = {".png": {"Software": None}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
     drawn = io.BytesIO()
     figure.savefig(drawn, format=ending.removeprefix("."), metadata=undated[ending])
+    with storage_errors(path):
+        path.parent.mkdir(parents=True, exist_ok=True)
     commit_result(path, "figure", drawn.getvalue())

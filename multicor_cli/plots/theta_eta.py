@@ -15,6 +15,9 @@ from multicor_cli.post.theta_eta import ThetaTable
 _NOTHING = 0.005
 """Mean θ that cannot be told from 0 in a figure."""
 
+_WARM = 0.5
+"""θ of the coldest grain above which the axis does not begin at 0."""
+
 
 def draw_theta_eta(axes: Any, table: ThetaTable) -> None:
     """Draw θ against η into matplotlib axes."""
@@ -40,7 +43,8 @@ def draw_theta_eta(axes: Any, table: ThetaTable) -> None:
     axes.set_ylabel(r"temperature $\theta = (T - T_0)/(T_\mathrm{wall} - T_0)$ [–]")
     axes.set_xlim(0.0, _shown(table))
     low, high = float(table.theta.min()), float(table.theta.max())
-    axes.set_ylim(min(0.0, low), max(1.0, high))
+    # From 0 to 1, unless all grains are so warm that there would be nothing to see below them.
+    axes.set_ylim(min(0.0, low) if low < _WARM else low - 0.1 * (max(1.0, high) - low), max(1.0, high))
     axes.legend(loc="best")
 
 
@@ -52,7 +56,7 @@ def _shown(table: ThetaTable) -> float:
 
 def theta_eta_text(table: ThetaTable, _terminal: Terminal) -> str:
     """Mean θ of the bins against η."""
-    return draw_text([TextLine("", table.center, table.mean)], "eta [1]", "theta [1]")
+    return draw_text([TextLine("", table.center, table.mean)], "eta [–]", "theta [–]")
 
 
 FIGURES = {

@@ -122,7 +122,8 @@ def fields(
 
     Args:
         source: The run.
-        of: Fields that the table of a line and figures show; default: solid fraction, or the velocities along a line.
+        of: Fields that the table of a line and figures show; default: solid fraction, or the velocities along a line. Along a
+            line ``velocity``, ``stress``, ``strain-rate`` and ``kinetic-stress`` stand for all their components.
         selection: Which frames; default: the later half of the last stage. If forces belong to any of them, the others are left
             out; if to none, there are no stresses.
         spacing: Distance of the points in mean diameters.
@@ -151,7 +152,7 @@ def fields(
     has_heat = source.model.thermal is not None
     names = column_names(has_heat=has_heat, has_stress=has_stress)
     known = tuple(field_list(points.axes, has_heat=has_heat, has_stress=has_stress))
-    wanted = _wanted(of or _default(points), known)
+    wanted = _wanted(of or _default(points), known, is_grid=points.is_grid)
     times = np.asarray(source.frames.time)[chosen]
     total = np.zeros((len(points.coordinates), len(names)))
     rows: list[Floats] = []  # of a grid they would fill the memory
@@ -160,6 +161,9 @@ def fields(
         total += found
         rows += [] if points.is_grid else [found]
     values = derive(total / chosen.size, names, points.axes)
+    if center is not None and points.is_grid:
+        outside = _is_outside(source, chosen, points)
+        values = {name: np.where(outside, np.nan, value) for name, value in values.items()}
     return FieldTable(
         of=wanted,
         fields=known,
@@ -185,12 +189,18 @@ def _default(points: FieldPoints) -> tuple[str, ...]:
     return ("solid-fraction",) if points.is_grid else tuple(f"velocity-{axis}" for axis in points.axes)
 
 
-def _wanted(of: Sequence[str], known: Sequence[Field]) -> tuple[Field, ...]:
+def _wanted(of: Sequence[str], known: Sequence[Field], *, is_grid: bool) -> tuple[Field, ...]:
+    """Fields by name; the name of a vector or tensor stands for its components, of which the figure of a grid shows one."""
     names = {field.name: field for field in known}
+    found: list[Field] = []
     for name in of:
-        if name not in names:
+        components = [field for field in known if field.name.rpartition("-")[0] == name and len(field.name) - len(name) <= 3]
+        if name not in names and not components:
             raise PostError(f"there is no field '{name}' here; {choices(name, names)}")
-    return tuple(names[name] for name in of)
+        if name not in names and is_grid:
+            raise PostError(f"'{name}' has several components: choose one of {', '.join(field.name for field in components)}")
+        found += [names[name]] if name in names else components
+    return tuple(dict.fromkeys(found))
 
 
 def _points(
@@ -227,14 +237,19 @@ def _box(source: FrameSource, chosen: NDArray[np.int64]) -> tuple[Floats, Floats
 
 def _beyond(source: FrameSource, chosen: NDArray[np.int64], points: FieldPoints, spacing: float) -> str:
     """A word on rings of which a part lies beyond the grains: their means are over what is empty there, too."""
-    low, high = _box(source, chosen)
-    if source.model.period > 0.0:
-        low[0], high[0] = -np.inf, np.inf
-    outside = ((points.at < low - spacing) | (points.at > high + spacing)).any(axis=1)
+    outside = _is_outside(source, chosen, points, spacing)
     if not outside.any():
         return ""
     first = float(points.coordinates[points.row[outside].min(), 0])
     return f"rings from r = {first:.4g} m on reach beyond the grains: their means are over what is empty there, too"
+
+
+def _is_outside(source: FrameSource, chosen: NDArray[np.int64], points: FieldPoints, margin: float = 0.0) -> NDArray[np.bool_]:
+    """Which points lie outside of the box around the grains, wider by a margin [m]."""
+    low, high = _box(source, chosen)
+    if source.model.period > 0.0:
+        low[0], high[0] = -np.inf, np.inf
+    return np.asarray(((points.at < low - margin) | (points.at > high + margin)).any(axis=1))
 
 
 def _distances(source: FrameSource, k: int, center: Center) -> tuple[float, float]:

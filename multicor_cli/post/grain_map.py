@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from multicor_cli.model.model import Floats
-from multicor_cli.post.quantities import MAPPED, Quantity
+from multicor_cli.post.quantities import MAPPED, SAME, Quantity
 from multicor_cli.post.scene import GrainScene, make_scene
 from multicor_cli.post.source import FrameSource, PostError, frame_index, rows_of
 from multicor_cli.post.table import Table
@@ -94,7 +94,7 @@ def grain_map(source: FrameSource, of: str, frame: int = -1) -> GrainMap:
         PostError: If there is no such quantity or frame, or the run has no heat and the quantity needs it.
         StoreError: If the run cannot be read.
     """
-    chosen = MAPPED.get(of)
+    chosen = MAPPED.get(SAME.get(of, of))
     if chosen is None or chosen.of_grain is None:
         raise PostError(f"there is no map of '{of}'; {choices(of, MAPPED)}")
     index = frame_index(source.frames, frame)

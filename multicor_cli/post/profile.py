@@ -15,7 +15,7 @@ from multicor_cli.post.contacts import with_forces
 from multicor_cli.post.extent import Between
 from multicor_cli.post.flow import RelativeFrame, mean_flow
 from multicor_cli.post.groups import FrameOfGroups, of_groups
-from multicor_cli.post.quantities import PROFILE_GROUPS, PROFILED, Quantity
+from multicor_cli.post.quantities import PROFILE_GROUPS, PROFILED, SAME, Quantity
 from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Selection, model_of, rows_of
 from multicor_cli.post.sums import (
     Sums,
@@ -321,7 +321,7 @@ _SUMS: dict[str, Callable[[FrameSource, NDArray[np.int64], Bins, Sequence[Values
 
 
 def _find_fields(of: str) -> tuple[Quantity, ...]:
-    names = PROFILE_GROUPS.get(of, (of,))
+    names = PROFILE_GROUPS.get(of, (SAME.get(of, of),))
     if names[0] not in PROFILED:
         known = [name for name in PROFILED if not any(name in group for group in PROFILE_GROUPS.values())]
         raise PostError(f"there is no profile of '{of}'; {choices(of, [*known, *PROFILE_GROUPS])}")

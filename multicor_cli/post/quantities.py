@@ -284,6 +284,9 @@ PROFILED: dict[str, Quantity] = {name: quantity.of_profile() for name, quantity 
 MAPPED: dict[str, Quantity] = {name: quantity for name, quantity in QUANTITIES.items() if quantity.of_grain is not None}
 """What can be shown as a map of the grains, by name."""
 
+SAME = {"velocity-x": "velocity"}
+"""Names of fields (`multicor_cli.post.fields`) that profiles and maps call otherwise."""
+
 PROFILE_GROUPS: dict[str, tuple[str, ...]] = {
     "stress": ("stress-xx", "stress-xy", "stress-yx", "stress-yy"),
     "kinetic-stress": ("kinetic-stress-xx", "kinetic-stress-xy", "kinetic-stress-yy"),

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -20,6 +20,13 @@ if TYPE_CHECKING:
 
 _OWN = ("time", "step", "stage", "window_duration")
 """Columns that say when a row is, and not what."""
+
+
+OVERVIEW = ("kinetic", "force_x", "force_y", "contacts_mean")
+"""Columns of a figure for which none were chosen, where a run has them."""
+
+MOST_LINES = 6
+"""Lines of one unit that a figure can tell apart."""
 
 
 class ColumnHolder(Protocol):
@@ -41,6 +48,15 @@ class SeriesTable(Table):
 
     columns: tuple[NamedColumn, ...]
     time: Floats
+
+    def overview(self) -> SeriesTable:
+        """The columns that a figure shows unless others are asked for, no more of one unit than it can tell apart."""
+        found: list[NamedColumn] = []
+        for word in OVERVIEW:
+            called = [column for column in self.columns if word in (column.name, *column.name.split(": "))]
+            alike = sum(bool(called) and column.unit == called[0].unit for column in found)
+            found += called if alike + len(called) <= MOST_LINES else []
+        return replace(self, columns=tuple(found) or self.columns[:1])
 
     @cached_property
     def spread(self) -> list[Spread]:

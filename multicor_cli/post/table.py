@@ -8,6 +8,8 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
+from multicor_cli.text import with_unit_signs
+
 _UNIT = re.compile(r"(.*) \[([^\]]*)\]")
 _SHOWN = 60  # rows in a notebook
 
@@ -69,7 +71,7 @@ class Table:
 
     def _repr_html_(self) -> str:
         """The table for a notebook, five digits of each number; of long tables the beginning."""
-        head = "".join(f"<th>{html.escape(heading)}</th>" for heading in self.headings)
+        head = "".join(f"<th>{html.escape(with_unit_signs(heading))}</th>" for heading in self.headings)
         body = "".join(f"<tr>{''.join(f'<td>{_cell(v)}</td>' for v in row)}</tr>" for row in self.rows[:_SHOWN])
         more = len(self.rows) - _SHOWN
         rest = f"<p>… and {more} more rows</p>" if more > 0 else ""
@@ -85,4 +87,4 @@ def split_unit(text: str) -> tuple[str, str]:
 def _cell(value: Any) -> str:
     if isinstance(value, float):
         return "–" if math.isnan(value) else f"{value:.5g}"
-    return html.escape(str(value))
+    return html.escape(with_unit_signs(str(value)))

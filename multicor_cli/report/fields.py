@@ -7,7 +7,15 @@ from multicor_cli.post import QUANTITIES, PostError, Quantity
 from multicor_cli.report.quantize import Spacing
 from multicor_cli.store import Run
 
-SPACINGS: dict[str, Spacing] = {"speed": "square", "spin": "signed", "temperature": "even", "heat": "square", "force": "square"}
+SPACINGS: dict[str, Spacing] = {
+    "speed": "square",
+    "velocity": "signed",
+    "velocity-y": "signed",
+    "spin": "signed",
+    "temperature": "even",
+    "heat": "square",
+    "force": "square",
+}
 """How the values of each quantity are stored; the page has these quantities, in this order."""
 
 

@@ -34,12 +34,14 @@ class Chunk:
         data: Compressed bytes.
         arrays: Name, bytes per number and length of the arrays in it.
         contact_count: Contacts that carry a force, packed or not; None where they are not in the file.
+        box: Corners of what is to be seen of it [m], shape ``(2, 2)``.
     """
 
     index: int
     data: bytes
     arrays: list[tuple[str, int, int]]
     contact_count: int | None
+    box: Floats
 
 
 @dataclass(frozen=True)
@@ -190,7 +192,7 @@ def _pack(view: FrameView, codes: dict[str, Code], contact_count: int | None, gr
     if view.contacts is not None:
         arrays |= _contact_arrays(view.contacts, codes["contact"], grains)
     layout = [(name, array.dtype.itemsize, array.size) for name, array in arrays.items()]
-    return Chunk(view.index, compress(list(arrays.values())), layout, contact_count)
+    return Chunk(view.index, compress(list(arrays.values())), layout, contact_count, _join_boxes([view.box], codes))
 
 
 def _contact_arrays(contacts: ContactsView, code: Code, grains: int) -> dict[str, NDArray[Any]]:

@@ -256,6 +256,7 @@ def _meta(run: Run, packing: Packed) -> dict[str, Any]:
                 "stage": _stage_name(run, int(stages[chunk.index])),
                 "arrays": chunk.arrays,
                 "contactCount": chunk.contact_count,
+                "box": chunk.box.tolist(),
                 "walls": packing.walls[k].tolist(),
             }
             for k, chunk in enumerate(packing.chunks)

@@ -9,6 +9,8 @@ const COLORS = {
 const STEPS = 256;
 const CRISP = 20000; // with more grains a picture has two pixels per point at most
 const LEAST = 0.6; // smallest radius of a grain, in points
+const STRIP = 28; // height of the strip below the picture, where the ruler is, in points
+const NONE = STEPS; // number of the color of grains that have nothing of what a logarithmic scale shows
 
 /** Some 256 colors as CSS texts, from evenly spaced ones. */
 function makeColors(name) {
@@ -21,11 +23,12 @@ function makeColors(name) {
   });
 }
 
-/** The number of the color of a value; -1 if it is not known. */
+/** The number of the color of a value; -1 if it is not known, NONE if it is below a logarithmic scale. */
 function colorIndex(field, value, [low, high]) {
   if (Number.isNaN(value)) return -1;
-  let share = (value - low) / (high - low);
-  if (field.scale === "logarithmic") share = value > low ? Math.log(value / low) / Math.log(high / low) : 0;
+  const isLogarithmic = field.scale === "logarithmic";
+  if (isLogarithmic && value < low) return NONE;
+  const share = isLogarithmic ? Math.log(value / low) / Math.log(high / low) : (value - low) / (high - low);
   return Math.max(0, Math.min(STEPS - 1, Math.floor(share * STEPS)));
 }
 
@@ -61,12 +64,19 @@ class Picture {
     this.fit();
   }
 
-  /** Show everything. */
-  fit() {
-    const [[left, bottom], [right, top]] = meta.box;
+  /** Show what is in a box [m], by default everything that the run ever shows. */
+  fit([[left, bottom], [right, top]] = meta.box) {
     this.center = [(left + right) / 2, (bottom + top) / 2];
     this.zoom = 1;
     this.resize();
+    this.zoom = Math.max(1, Math.min(this.canvas.width / (right - left), (2 * this.middle) / (top - bottom)) / this.whole);
+    this.home = this.zoom;
+    this.isMoved = false;
+  }
+
+  /** Height of the middle of the picture, which ends above the ruler, in pixels. */
+  get middle() {
+    return (this.canvas.height - STRIP * this.pixels) / 2;
   }
 
   /** Take up the size that the page gives the canvas. */
@@ -75,12 +85,12 @@ class Picture {
     const width = this.canvas.clientWidth;
     // Not innerHeight: that changes when a phone hides its bars while the page scrolls.
     const most = 0.64 * document.documentElement.clientHeight;
-    const height = Math.round(Math.max(220, Math.min((width * (top - bottom)) / (right - left), most)));
+    const height = STRIP + Math.round(Math.max(192, Math.min((width * (top - bottom)) / (right - left), most)));
     this.canvas.style.height = `${height}px`;
     this.pixels = Math.min(window.devicePixelRatio || 1, meta.grains > CRISP ? 2 : 3);
     this.canvas.width = Math.round(width * this.pixels);
     this.canvas.height = Math.round(height * this.pixels);
-    this.whole = Math.min(this.canvas.width / (right - left), this.canvas.height / (top - bottom));
+    this.whole = Math.min(this.canvas.width / (right - left), (2 * this.middle) / (top - bottom));
   }
 
   /** Pixels per meter. */
@@ -94,7 +104,7 @@ class Picture {
     const x = (clientX - frame.left) * this.pixels, y = (clientY - frame.top) * this.pixels;
     return [
       this.center[0] + (x - this.canvas.width / 2) / this.scale,
-      this.center[1] - (y - this.canvas.height / 2) / this.scale,
+      this.center[1] - (y - this.middle) / this.scale,
     ];
   }
 
@@ -102,6 +112,7 @@ class Picture {
   zoomAt(factor, clientX, clientY) {
     const before = this.toWorld(clientX, clientY);
     this.zoom = Math.max(1, Math.min(this.zoom * factor, 4000));
+    this.isMoved = true;
     const after = this.toWorld(clientX, clientY);
     this.center = [this.center[0] + before[0] - after[0], this.center[1] + before[1] - after[1]];
     this.keepInside();
@@ -109,6 +120,7 @@ class Picture {
 
   /** Move by pixels of the page. */
   pan(dx, dy) {
+    this.isMoved = true;
     this.center = [this.center[0] - (dx * this.pixels) / this.scale, this.center[1] + (dy * this.pixels) / this.scale];
     this.keepInside();
   }
@@ -129,7 +141,7 @@ class Picture {
     context.clearRect(0, 0, this.canvas.width, this.canvas.height);
     const scale = this.scale;
     // The axis y points up: coordinates in meters from here on, lengths of lines too.
-    context.setTransform(scale, 0, 0, -scale, this.canvas.width / 2 - this.center[0] * scale, this.canvas.height / 2 + this.center[1] * scale);
+    context.setTransform(scale, 0, 0, -scale, this.canvas.width / 2 - this.center[0] * scale, this.middle + this.center[1] * scale);
     context.save();
     if (meta.period > 0) this.clipToPeriod();
     this.drawGrains(frame, show);
@@ -159,7 +171,7 @@ class Picture {
     context.setLineDash([]);
   }
 
-  /** A line of a round length in the corner. */
+  /** A line of a round length in the corner, below the picture. */
   drawRuler() {
     const context = this.context, pixel = this.pixels, length = roundDown((0.2 * this.canvas.width) / this.scale);
     const [unit, factor] = [["m", 1], ["mm", 1e3], ["µm", 1e6]].find(([, times]) => length * times >= 1) || ["m", 1];
@@ -187,14 +199,15 @@ class Picture {
 
   /** Corners of what is visible [m], with some room. */
   visible() {
-    const half = [this.canvas.width / 2 / this.scale + this.largest, this.canvas.height / 2 / this.scale + this.largest];
-    return [this.center[0] - half[0], this.center[0] + half[0], this.center[1] - half[1], this.center[1] + half[1]];
+    const [x, y] = this.center, half = this.canvas.width / 2 / this.scale + this.largest;
+    const above = this.middle / this.scale + this.largest, below = (this.canvas.height - this.middle) / this.scale + this.largest;
+    return [x - half, x + half, y - below, y + above];
   }
 
   drawGrains(frame, show) {
     const { x, y } = frame, values = frame.values[show.field.name];
     const [left, right, bottom, top] = this.visible();
-    const buckets = Array.from({ length: STEPS + 1 }, () => []);
+    const buckets = Array.from({ length: NONE + 2 }, () => []);
     for (let k = 0; k < x.length; k++) {
       if (y[k] < bottom || y[k] > top) continue;
       const color = values ? colorIndex(show.field, values[k], show.range) : -1;
@@ -203,7 +216,8 @@ class Picture {
       });
     }
     buckets.forEach((bucket, number) => {
-      if (bucket.length) this.fillDiscs(bucket, y, number ? show.colors[number - 1] : this.ink("--unknown"));
+      const color = { 0: this.ink("--unknown"), [NONE + 1]: this.ink("--paper") }[number] || show.colors[number - 1];
+      if (bucket.length) this.fillDiscs(bucket, y, color);
     });
   }
 

@@ -51,7 +51,7 @@ function chooseTicks([low, high], isLogarithmic) {
 /** What is to be said about values that have no color of their own, if there are any. */
 function tellBeyond({ name, scale }, [low, high], show) {
   const { low: least, high: most } = meta.codes[name], number = (value) => format(show(value), 3);
-  if (scale === "logarithmic") return [];
+  if (scale === "logarithmic") return ["grains without color: none"];
   if (scale === "centered") return most > high ? [`values up to ±${number(most)} share the colors of the ends`] : [];
   return [
     ...(least < low ? [`values down to ${number(least)} share the first color`] : []),
@@ -67,7 +67,7 @@ function showBar(field, colors, range, isOneFrame, isKnown) {
   const { label, unit, scale, reference } = field, isRise = reference !== null, isLogarithmic = scale === "logarithmic";
   const show = (value) => (isRise ? (value - reference) * 1e3 : value);
   const name = isRise ? `${label} above ${reference} K [mK]` : `${label} [${unit}]`;
-  const about = isKnown ? (isOneFrame ? [] : tellBeyond(field, range, show)) : ["not recorded in this frame"];
+  const about = isKnown ? (isOneFrame && !isLogarithmic ? [] : tellBeyond(field, range, show)) : ["not recorded in this frame"];
   $("bar-label").textContent = [name, ...about].join("; ");
   $("bar-colors").style.background = `linear-gradient(to right, ${colors.filter((_, k) => k % 15 === 0).join(",")})`;
   const [low, high] = range.map(show);

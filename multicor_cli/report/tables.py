@@ -16,6 +16,7 @@ from multicor_cli.post.energy import BookLine, EnergyTable
 from multicor_cli.post.rheology import QUANTITIES
 from multicor_cli.store import Run
 from multicor_cli.store.stage_ends import StageEnd
+from multicor_cli.text import unit_sign
 
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
@@ -102,7 +103,7 @@ def describe_rheology(run: Run) -> list[ReportRow]:
         mean, error, note = found.mean[q.name], found.error[q.name], found.spread[q.name].note()
         if math.isfinite(mean):
             within = f" ± {pretty(error, 2)}" if math.isfinite(error) else ""
-            unit = "" if q.unit == "1" else f" {q.unit.replace('m2/s2', 'm²/s²').replace('deg', '°')}"
+            unit = "" if q.unit == "1" else f" {unit_sign(q.unit)}"
             rows.append(ReportRow(q.label, f"{pretty(mean)}{within}{unit}{f' ({note})' if note else ''}"))
     return rows
 

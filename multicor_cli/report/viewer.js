@@ -44,6 +44,11 @@ function widestForce({ contacts }, isOneFrame) {
 
 async function showFrame(number) {
   state.number = Math.max(0, Math.min(number, meta.frames.length - 1));
+  // The view of one frame may be too narrow for the others; one that someone has chosen stays.
+  if (state.frame && !state.picture.isMoved && state.picture.zoom > 1) {
+    state.picture.fit();
+    afterMove();
+  }
   const wanted = state.number;
   const frame = await loadFrame(wanted);
   if (wanted !== state.number) return; // another one was asked for meanwhile
@@ -184,8 +189,8 @@ function pan(dx, dy) {
 }
 
 function afterMove() {
-  // At the smallest zoom a finger scrolls the page; enlarged it moves the picture.
-  $("canvas").style.touchAction = state.picture.zoom > 1 ? "none" : "pan-y";
+  // Where everything is in view a finger scrolls the page; enlarged it moves the picture.
+  $("canvas").style.touchAction = state.picture.zoom > state.picture.home ? "none" : "pan-y";
   if (pointed) showTip(pointed);
   redraw();
 }
@@ -238,7 +243,7 @@ function listenToPointers(canvas) {
   canvas.addEventListener(
     "wheel",
     (event) => {
-      if (state.picture.zoom === 1 && event.deltaY > 0) return; // nothing to zoom out of: the page scrolls
+      if (state.picture.zoom <= state.picture.home && event.deltaY > 0) return; // nothing to zoom out of: the page scrolls
       event.preventDefault();
       zoom(Math.exp(-0.0015 * event.deltaY * (event.deltaMode ? 30 : 1)), event.clientX, event.clientY);
     },
@@ -269,8 +274,10 @@ function onKey(event) {
   act();
 }
 
+/** Show all of the frame shown; once more: of all frames. */
 function fit() {
-  state.picture.fit();
+  const { picture, frame } = state, isFitted = !picture.isMoved && picture.zoom > 1;
+  picture.fit(isFitted ? meta.box : frame.about.box);
   afterMove();
 }
 
@@ -355,6 +362,7 @@ async function start() {
     for (const id of ["play", "back", "next", "scrub"]) $(id).disabled = meta.frames.length === 1;
     await showFrame(meta.frames.length - 1);
     state.field = chooseField();
+    state.picture.fit(state.frame.about.box);
     $("field").replaceChildren(...meta.fields.map((field, k) => new Option(field.label, k, false, field === state.field)));
     listen();
     afterMove();

@@ -39,6 +39,19 @@ _BOUNDS = {
     "less_than_equal": ("le", "must be at most"),
 }
 _TINY = 1e-6
+_OTHER_WORDS = {
+    **dict.fromkeys(("timestep", "time_step", "step", "delta_t", "deltat"), "dt"),
+    **dict.fromkeys(("mu", "friction_coefficient", "coefficient_of_friction"), "friction"),
+    **dict.fromkeys(("cor", "coefficient_of_restitution", "restitution_coefficient"), "restitution"),
+    **dict.fromkeys(("youngs_modulus", "young_modulus", "elastic_modulus"), "young"),
+    **dict.fromkeys(("poisson_ratio", "poissons_ratio"), "poisson"),
+    **dict.fromkeys(("rho", "mass_density"), "density"),
+    **dict.fromkeys(("cp", "c_p", "specific_heat"), "heat_capacity"),
+    **dict.fromkeys(("thermal_conductivity", "lambda"), "conductivity"),
+    **dict.fromkeys(("n", "number", "grains"), "count"),
+    **dict.fromkeys(("t_end", "end_time", "time", "length"), "duration"),
+}
+"""Keys by what other programs and papers call them."""
 
 
 def translate(model: type[BaseModel], errors: Iterable[ErrorDetails]) -> list[Finding]:
@@ -86,7 +99,11 @@ def did_you_mean(word: str, known: Iterable[str]) -> str:
 
 
 def _closest(word: str, known: Iterable[str]) -> str | None:
-    matches = difflib.get_close_matches(word.lower()[:100], list(known)[:200], n=1, cutoff=0.6)
+    names = list(known)[:200]
+    meant = _OTHER_WORDS.get(word.lower())
+    if meant in names:
+        return meant
+    matches = difflib.get_close_matches(word.lower()[:100], names, n=1, cutoff=0.6)
     return matches[0] if matches else None
 
 

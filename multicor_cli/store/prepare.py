@@ -6,6 +6,7 @@ import contextlib
 import errno
 import hashlib
 import os
+import tempfile
 from pathlib import Path
 
 from multicor_cli.store import layout
@@ -52,7 +53,7 @@ def check_usable(path: Path, *, overwrite: bool) -> None:
             nearest = next(parent for parent in path.absolute().parents if parent.exists())
             if not nearest.is_dir():
                 raise DirectoryRefused(f"{path}: {nearest} is not a directory; choose another with -o")
-            _require_writable(nearest)
+            _require_writable(nearest, path)
             return
         if not path.is_dir():
             raise DirectoryRefused(f"{path}: exists and is not a directory; choose another with -o")
@@ -69,10 +70,14 @@ def check_usable(path: Path, *, overwrite: bool) -> None:
         raise DirectoryRefused(f"{path}: holds files that no run has made ({listed}); move them away before overwriting")
 
 
-def _require_writable(directory: Path) -> None:
-    """Raise `PermissionError` now, not when the grains have been placed."""
+def _require_writable(directory: Path, path: Path) -> None:
+    """Refuse a directory in which no directory can be made now, not when the grains have been placed."""
     if not os.access(directory, os.W_OK | os.X_OK):
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), directory)
+    try:
+        Path(tempfile.mkdtemp(prefix=".multicor-", dir=directory)).rmdir()
+    except FileNotFoundError:  # what the kernel says of its own file systems
+        raise DirectoryRefused(f"{path}: no directory can be made in {directory}; choose another place with -o") from None
 
 
 def read_scenario(path: Path, sha256: str) -> str:
