@@ -1,5 +1,6 @@
 """The documentation: the site is built without a warning, and every key and command stands in it."""
 
+import io
 import json
 import os
 import re
@@ -8,6 +9,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from fontTools.ttLib import TTFont
 
 pytest.importorskip("material")
 pytest.importorskip("mkdocstrings")
@@ -16,7 +18,7 @@ ROOT = Path(__file__).resolve().parents[3]
 sys.path.insert(0, str(ROOT / "docs" / "generate"))
 
 from commands import command_pages  # noqa: E402
-from equations import set_equations  # noqa: E402
+from equations import math_font, set_equations  # noqa: E402
 from examples import FOLDERS, examples, shortened  # noqa: E402
 from keys import SINCE, key_pages  # noqa: E402
 
@@ -57,6 +59,19 @@ def test_equations_are_set(site):
     for page in site.rglob("*.html"):
         assert "arithmatex" not in page.read_text(encoding="utf-8"), page
     assert (site / "pictures" / "math.woff").read_bytes().startswith(b"wOFF")
+
+
+def test_equations_look_as_tex_sets_them():
+    """Browsers put no space around the names of functions, and draw the sign of a root without that it stands in the text."""
+    equations = r"\(a \sin\alpha + \sin(x) + \dot x\)", r"\(\sqrt 2\)"
+    page = ", as ".join(f'<span class="arithmatex">{equation}</span>' for equation in equations)
+    found = set_equations(page)
+    space = '<mspace width="0.167em"></mspace>'
+    assert f"<mi>a</mi>{space}" in found
+    assert found.count(space) == 2  # around the first function; the other one has a + and a parenthesis beside it
+    assert '<span class="unbroken"><math' in found
+    font = TTFont(io.BytesIO(math_font([found])))
+    assert ord("√") in font.getBestCmap()
 
 
 def test_an_equation_that_is_no_tex_is_refused():
