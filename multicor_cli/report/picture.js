@@ -10,6 +10,7 @@ const STEPS = 256;
 const CRISP = 20000; // with more grains a picture has two pixels per point at most
 const LEAST = 0.6; // smallest radius of a grain, in points
 const STRIP = 28; // height of the strip below the picture, where the ruler is, in points
+const NEARLY = 1.02; // a box that fills the picture to this factor is all that the run shows
 const NONE = STEPS; // number of the color of grains that have nothing of what a logarithmic scale shows
 
 /** Some 256 colors as CSS texts, from evenly spaced ones. */
@@ -69,7 +70,8 @@ class Picture {
     this.center = [(left + right) / 2, (bottom + top) / 2];
     this.zoom = 1;
     this.resize();
-    this.zoom = Math.max(1, Math.min(this.canvas.width / (right - left), (2 * this.middle) / (top - bottom)) / this.whole);
+    const closer = Math.min(this.canvas.width / (right - left), (2 * this.middle) / (top - bottom)) / this.whole;
+    this.zoom = closer > NEARLY ? closer : 1;
     this.home = this.zoom;
     this.isMoved = false;
   }

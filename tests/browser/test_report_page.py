@@ -88,7 +88,7 @@ class Opened:
             self.page.evaluate(
                 """(grain) => { const p = state.picture, f = state.frame, box = p.canvas.getBoundingClientRect();
                 return [box.left + (p.canvas.width / 2 + (f.x[grain] - p.center[0]) * p.scale) / p.pixels,
-                        box.top + (p.canvas.height / 2 - (f.y[grain] - p.center[1]) * p.scale) / p.pixels]; }""",
+                        box.top + (p.middle - (f.y[grain] - p.center[1]) * p.scale) / p.pixels]; }""",
                 grain,
             )
         )
@@ -97,7 +97,7 @@ class Opened:
         """Color of a point in meters."""
         return self.page.evaluate(
             """([x, y]) => { const p = state.picture;
-            const at = [p.canvas.width / 2 + (x - p.center[0]) * p.scale, p.canvas.height / 2 - (y - p.center[1]) * p.scale];
+            const at = [p.canvas.width / 2 + (x - p.center[0]) * p.scale, p.middle - (y - p.center[1]) * p.scale];
             const pixel = new OffscreenCanvas(1, 1).getContext("2d", { willReadFrequently: true });
             pixel.drawImage(p.canvas, -Math.round(at[0]), -Math.round(at[1]));
             return [...pixel.getImageData(0, 0, 1, 1).data]; }""",
@@ -229,6 +229,35 @@ def test_values_told_are_those_of_the_run_as_far_as_their_digits_go(opened: Open
             assert number == pytest.approx(values[grain], abs=0.5 * last + 2.0 / 65534 * np.abs(values).max()), (name, grain)
         x, y = told["x, y"].removesuffix(" m").split(", ")
         assert (float(x), float(y)) == pytest.approx(tuple(frame.position[grain]), abs=2e-4)
+
+
+def test_grains_without_heat_have_the_color_of_the_paper(opened: Opened) -> None:
+    found = opened.page.evaluate(
+        """() => {
+            const heat = meta.fields.find((field) => field.name === "heat");
+            return [0, -1, heat.range[0], heat.range[1]].map((value) => colorIndex(heat, value, heat.range));
+        }"""
+    )
+    assert found == [256, 256, 0, 255]
+    opened.page.evaluate("() => { state.field = meta.fields.find((field) => field.name === 'heat'); draw(); }")
+    assert "grains without color: none" in opened.page.inner_text("#bar-label")
+
+
+def test_the_view_fits_the_frame_then_the_run_and_stays_where_it_was_put(opened: Opened) -> None:
+    def box() -> list[float]:
+        return opened.page.evaluate(
+            "() => { const [left, right, bottom, top] = state.picture.visible(); return [right - left, top - bottom]; }"
+        )
+
+    whole = opened.page.evaluate("() => meta.box")
+    opened.key("ArrowLeft")
+    assert opened.wait(lambda: opened.frame == 4)
+    assert box()[0] >= whole[1][0] - whole[0][0] or box()[1] >= whole[1][1] - whole[0][1]
+    opened.page.evaluate("() => zoomCenter(2)")
+    near = box()
+    opened.key("ArrowRight")
+    assert opened.wait(lambda: opened.frame == 5)
+    assert box() == near
 
 
 SUPERSCRIPTS = str.maketrans("⁻⁰¹²³⁴⁵⁶⁷⁸⁹", "-0123456789")

@@ -218,8 +218,15 @@ def test_profile_draws(suffix: str, finished: Path, tmp_path: Path) -> None:
     assert figure.read_bytes().startswith(head)
 
 
+def test_the_directory_of_a_figure_is_made(finished: Path, tmp_path: Path) -> None:
+    done = runner.invoke(app, ["post", "profile", str(finished), "--plot", str(tmp_path / "new" / "p.png")])
+    assert done.exit_code == 0, done.stderr
+    assert (tmp_path / "new" / "p.png").is_file()
+
+
 def test_figure_that_cannot_be_written_is_code_5(finished: Path, tmp_path: Path) -> None:
-    done = runner.invoke(app, ["post", "profile", str(finished), "--plot", str(tmp_path / "no" / "p.png")])
+    (tmp_path / "file").touch()
+    done = runner.invoke(app, ["post", "profile", str(finished), "--plot", str(tmp_path / "file" / "p.png")])
     assert done.exit_code == 5
     assert done.stderr.count("\n") == 1 or "frames from" in done.stderr
 

@@ -16,6 +16,7 @@ from multicor_cli.plots.scene import place_scene, solid_polygons
 from multicor_cli.plots.style import COLORS, house_style
 from multicor_cli.post import MAPPED, GrainMap, force_network, grain_map, theta_eta
 from multicor_cli.store import Run, open_run
+from multicor_cli.text import unit_sign
 
 
 @pytest.fixture(scope="module")
@@ -49,7 +50,7 @@ def test_map_shows_every_grain_and_names_its_colors(run: Run, of: str) -> None:
     assert discs.get_array().tolist() == table.value.tolist()  # none crosses the ends of the period
     assert discs.get_offsets() == pytest.approx(table.scene.center)
     label = panel.figure.axes[1].get_xlabel() + panel.figure.axes[1].get_ylabel()
-    assert table.names or f"[{table.field.unit}]" in label
+    assert table.names or f"[{unit_sign(table.field.unit)}]" in label
     assert panel.get_xlim() == (0.0, 4.0)
     assert panel.get_aspect() == 1.0
 

@@ -41,12 +41,12 @@ def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
 def test_every_table_can_be_shown_in_a_terminal(run: Run) -> None:
     tables: dict[str, Any] = {
         "height y [m]": profiles(run, "stress", ALL),
-        "theta [1]": theta_eta(run, wall="top"),
+        "theta [–]": theta_eta(run, wall="top"),
         "energy [J]": energy(run),
-        "friction mu* [1]": rheology(run, ALL),
-        "probability density [1]": force_distribution(run, ALL),
-        "direction [deg]": angular_distribution(run, ALL),
-        "height y/H [1]": compare(run, run, ["velocity"], ALL),
+        "friction mu* [–]": rheology(run, ALL),
+        "probability density [–]": force_distribution(run, ALL),
+        "direction [°]": angular_distribution(run, ALL),
+        "height y/H [–]": compare(run, run, ["velocity"], ALL),
         "temperature [K] from": grain_map(run, "temperature"),
         "normal force, mean": force_network(run),
     }

@@ -95,6 +95,9 @@ def test_columns_of_the_series_by_name_by_wall_and_in_part() -> None:
     assert later.time == pytest.approx(np.arange(5, 11) * 0.1)
     assert later.detail_rows[0] == pytest.approx((0.5, -0.5, 0.5, 1.0))
     assert later.as_dict()["mean"]["lid: force_y"] == 1.0
+    assert [column.name for column in everything.overview().columns] == [column.name for column in everything.columns]
+    crowd = replace(everything, columns=tuple(everything.columns[1]._replace(name=f"w{k}: force_x") for k in range(9)))
+    assert len(crowd.overview().columns) == 1  # nine lines of one unit could not be told apart
     with pytest.raises(PostError, match="no 'pressure'; choose from: kinetic, floor: force_x"):
         series(source, ["pressure"])
     with pytest.raises(PostError, match="no row at these times"):

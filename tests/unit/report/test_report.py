@@ -258,6 +258,13 @@ def test_runs_that_lack_something(options: dict, tmp_path: Path) -> None:
     assert ("contact_step" in frames[-1]) == ("heat" in options)
 
 
+def test_every_frame_says_where_it_is(page: str) -> None:
+    meta, _, _ = read_page(page)
+    boxes = np.array([frame["box"] for frame in meta["frames"]])
+    assert boxes[:, 0].min(axis=0) == pytest.approx(meta["box"][0])
+    assert boxes[:, 1].max(axis=0) == pytest.approx(meta["box"][1])
+
+
 def test_run_without_walls_with_one_grain(tmp_path: Path) -> None:
     run_whole(tmp_path / "run", make_model(1, walls=False), steps=10)
     write_report(tmp_path / "run", tmp_path / "page.html")

@@ -644,6 +644,16 @@ def test_a_problem_reads_as_file_line_column_key_and_shows_the_line():
     assert problem.excerpt().splitlines() == ["     densty = 2500", "     ^"]
 
 
+@pytest.mark.parametrize(("word", "key"), [("timestep", "dt"), ("time_step", "dt"), ("Delta_t", "dt")])
+def test_words_of_other_programs_are_understood(word, key):
+    (problem,) = problems_of(
+        SHEAR + f"\n[solver]\n{word} = 1e-4\n"
+        if "[solver]" not in SHEAR
+        else changed(SHEAR, ("[solver]", f"[solver]\n{word} = 1e-4"))
+    )
+    assert f"did you mean '{key}'?" in problem.remedy
+
+
 def test_messages_carry_no_control_characters_and_long_lines_are_cut():
     (problem,) = problems_of(changed(SHEAR, ("seed = 7", 'seed = 7\n"a\\u001b[2J\\nb' + "c" * 500 + '" = 1')))
     assert str(problem).isprintable()

@@ -35,6 +35,7 @@ from multicor_cli.store import (
 )
 from multicor_cli.store.atomic import GuardedFile
 from multicor_cli.store.lock import RunLock, is_alive
+from multicor_cli.store.prepare import check_usable
 
 
 def listing(path: Path) -> dict[str, bytes]:
@@ -93,6 +94,19 @@ def test_directory_that_is_no_run_is_refused_and_untouched(tmp_path: Path, overw
         RunDirectory.resume(tmp_path)
     with pytest.raises(DirectoryRefused, match="holds no run"):
         open_run(tmp_path)
+
+
+def test_runs_inside_a_directory_are_named(tmp_path: Path) -> None:
+    for name in ("a", "b"):
+        make_run(tmp_path / name)
+    with pytest.raises(DirectoryRefused, match=r"holds no run; name one of those in it: .*/a, .*/b$"):
+        open_run(tmp_path)
+
+
+@pytest.mark.skipif(not Path("/proc/self").exists(), reason="no /proc")
+def test_a_place_where_no_directory_can_be_made_is_refused_at_once() -> None:
+    with pytest.raises(DirectoryRefused, match="no directory can be made in /proc; choose another place with -o"):
+        check_usable(Path("/proc/run"), overwrite=False)
 
 
 def test_existing_run_is_refused_unless_overwritten(tmp_path: Path) -> None:
