@@ -43,7 +43,9 @@ def _draw_mesh(axes: Any, table: FieldTable, field: Field) -> tuple[Any, str]:
     x, y = (np.asarray(edges) for edges in np.meshgrid(*table.points.edges))
     if table.points.axes == "rt":
         x, y = table.points.center[0] + x * np.cos(y), table.points.center[1] + x * np.sin(y)
-        cells = values.reshape(table.points.shape).T
+        low, high = table.scene.box
+        outside = ((table.points.at < low) | (table.points.at > high)).any(axis=1)  # where the kernel alone still reaches
+        cells = np.where(outside, np.nan, values).reshape(table.points.shape).T
     else:
         cells = values.reshape(table.points.shape)
     name = "balance" if field.is_signed else "plasma" if field.name == "temperature" else "viridis"

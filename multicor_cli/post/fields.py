@@ -161,9 +161,6 @@ def fields(
         total += found
         rows += [] if points.is_grid else [found]
     values = derive(total / chosen.size, names, points.axes)
-    if center is not None and points.is_grid:
-        outside = _is_outside(source, chosen, points)
-        values = {name: np.where(outside, np.nan, value) for name, value in values.items()}
     return FieldTable(
         of=wanted,
         fields=known,
@@ -237,19 +234,14 @@ def _box(source: FrameSource, chosen: NDArray[np.int64]) -> tuple[Floats, Floats
 
 def _beyond(source: FrameSource, chosen: NDArray[np.int64], points: FieldPoints, spacing: float) -> str:
     """A word on rings of which a part lies beyond the grains: their means are over what is empty there, too."""
-    outside = _is_outside(source, chosen, points, spacing)
+    low, high = _box(source, chosen)
+    if source.model.period > 0.0:
+        low[0], high[0] = -np.inf, np.inf
+    outside = ((points.at < low - spacing) | (points.at > high + spacing)).any(axis=1)
     if not outside.any():
         return ""
     first = float(points.coordinates[points.row[outside].min(), 0])
     return f"rings from r = {first:.4g} m on reach beyond the grains: their means are over what is empty there, too"
-
-
-def _is_outside(source: FrameSource, chosen: NDArray[np.int64], points: FieldPoints, margin: float = 0.0) -> NDArray[np.bool_]:
-    """Which points lie outside of the box around the grains, wider by a margin [m]."""
-    low, high = _box(source, chosen)
-    if source.model.period > 0.0:
-        low[0], high[0] = -np.inf, np.inf
-    return np.asarray(((points.at < low - margin) | (points.at > high + margin)).any(axis=1))
 
 
 def _distances(source: FrameSource, k: int, center: Center) -> tuple[float, float]:
