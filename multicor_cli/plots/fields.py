@@ -43,8 +43,8 @@ def _draw_mesh(axes: Any, table: FieldTable, field: Field) -> tuple[Any, str]:
     x, y = (np.asarray(edges) for edges in np.meshgrid(*table.points.edges))
     if table.points.axes == "rt":
         x, y = table.points.center[0] + x * np.cos(y), table.points.center[1] + x * np.sin(y)
-        low, high = table.scene.box
-        outside = ((table.points.at < low) | (table.points.at > high)).any(axis=1)  # where the kernel alone still reaches
+        corner, opposite = table.scene.box  # beyond it only the kernel reaches
+        outside = ((table.points.at < corner) | (table.points.at > opposite)).any(axis=1)
         cells = np.where(outside, np.nan, values).reshape(table.points.shape).T
     else:
         cells = values.reshape(table.points.shape)

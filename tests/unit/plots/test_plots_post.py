@@ -18,6 +18,7 @@ from multicor_cli.plots import (
     draw_rheology,
     plot,
 )
+from multicor_cli.plots.fields import _draw_mesh
 from multicor_cli.plots.scene import place_scene
 from multicor_cli.plots.streamlines import smooth_field
 from multicor_cli.plots.style import house_style
@@ -28,6 +29,7 @@ from multicor_cli.post import (
     angular_distribution,
     compare,
     energy,
+    fields,
     force_distribution,
     grain_map,
     profiles,
@@ -86,6 +88,18 @@ def test_distributions_show_bins_with_forces_only(run: Run) -> None:
         draw_distribution(axes, table)
     assert axes.lines[0].get_ydata() == pytest.approx(table.normal[table.count > 0])
     assert (axes.get_xscale(), axes.get_yscale()) == ("log", "log")
+
+
+def test_a_polar_map_ends_where_the_grains_do(run: Run) -> None:
+    table = fields(run, ["velocity-t"], ALL, center=tuple(grain_map(run, "speed").scene.box.mean(axis=0)), reach=4.0)
+    with house_style():
+        mesh, _ = _draw_mesh(make_figure().add_subplot(), table, table.of[0])
+    shown = ~np.ma.getmaskarray(mesh.get_array()).reshape(table.points.shape[::-1]).T.ravel()
+    corner, opposite = table.scene.box
+    assert shown.any()
+    assert (table.points.at[shown] >= corner).all()
+    assert (table.points.at[shown] <= opposite).all()
+    assert np.isfinite(table.values["velocity-t"][~shown]).any()
 
 
 def test_angles_are_polar_histograms_with_their_second_harmonic(run: Run) -> None:
