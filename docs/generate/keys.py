@@ -100,15 +100,36 @@ def _page(
     shown: dict[tuple[str, str], Example],
 ) -> str:
     lines = [f"# {f'`{title}`' if title.startswith('[') else title}", "", _sentence(_text(about)), ""]
+    if len(models) > 1:
+        lines += [*_overview(models, definitions), ""]
     for place, model in enumerate(models):
         node = definitions[model]
         own = place == 0 and table != SHARED and _TITLES[table] in node["description"]
         if not own:
             lines += [f"## {_heading(model, node)}", ""]
         lines += [_about(node, own), ""]
+        if len(models) == 1 and len(node["properties"]) > 1:
+            lines += [f"Keys: {_links(model, node)}.", ""]
         for key, value in node["properties"].items():
             lines += _key(model, key, value, key in node.get("required", ()), homes, table, definitions, shown.get((model, key)))
     return "\n".join(lines)
+
+
+def _overview(models: list[str], definitions: dict[str, Node]) -> list[str]:
+    """A table of all keys of a page, which may be long."""
+    rows = []
+    for model in models:
+        heading = _heading(model, definitions[model])
+        rows.append(f"| {heading} | {_links(model, definitions[model])} |")
+    return ["| table | keys |", "|---|---|", *rows]
+
+
+def _links(model: str, node: Node) -> str:
+    return ", ".join(f"[`{key}`](#{_anchor(model, key)})" for key in node["properties"])
+
+
+def _anchor(model: str, key: str) -> str:
+    return f"{re.sub(' ', '-', _heading(model, {'properties': {}}))}-{key}"
 
 
 def _about(node: Node, own: bool) -> str:
@@ -145,7 +166,7 @@ def _key(
     elif "default" in value and value["default"] not in ([], {}):
         facts.append(f"default `{in_line(value['default'])}`")
     facts.append(f"since {value.get('since', SINCE)}")
-    heading = f"### `{key}` {{ #{re.sub(' ', '-', _heading(model, {'properties': {}}))}-{key} }}"
+    heading = f"### `{key}` {{ #{_anchor(model, key)} }}"
     lines = [heading, "", " · ".join(facts), "", _sentence(_text(description)), ""]
     if example:
         lines += [f'```toml title="{example.file}"', example.text, "```", ""]

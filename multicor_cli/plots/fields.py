@@ -43,14 +43,21 @@ def _draw_mesh(axes: Any, table: FieldTable, field: Field) -> tuple[Any, str]:
     x, y = (np.asarray(edges) for edges in np.meshgrid(*table.points.edges))
     if table.points.axes == "rt":
         x, y = table.points.center[0] + x * np.cos(y), table.points.center[1] + x * np.sin(y)
-        corner, opposite = table.scene.box  # beyond it only the kernel reaches
-        outside = ((table.points.at < corner) | (table.points.at > opposite)).any(axis=1)
-        cells = np.where(outside, np.nan, values).reshape(table.points.shape).T
+        cells = np.where(_is_beyond(table), np.nan, values).reshape(table.points.shape).T
     else:
         cells = values.reshape(table.points.shape)
     name = "balance" if field.is_signed else "plasma" if field.name == "temperature" else "viridis"
     mesh = axes.pcolormesh(x, y, np.ma.masked_invalid(cells), cmap=color_map(name), vmin=low, vmax=high, rasterized=True)
     return mesh, extend
+
+
+def _is_beyond(table: FieldTable) -> Any:
+    """Which points lie outside of the box around the grains, where only the kernel reaches; a period has no sides."""
+    scene, at = table.scene, table.points.at
+    reach = scene.radius[:, np.newaxis]
+    low, high = (scene.center - reach).min(axis=0), (scene.center + reach).max(axis=0)
+    axes = [1] if scene.period > 0.0 else [0, 1]
+    return ((at < low) | (at > high))[:, axes].any(axis=1)
 
 
 def _color_range(values: Any, field: Field) -> tuple[float, float, str]:
