@@ -14,7 +14,7 @@ DOCS = Path(__file__).resolve().parents[1]
 PAGES = DOCS / "how-to" / "cookbook"
 PICTURES = DOCS / "pictures" / "cookbook"
 _LOOK = re.compile(r"^## Look at it\n\n```sh\n(?P<commands>.*?)^```\n", re.MULTILINE | re.DOTALL)
-_SIZE = 700  # pixels
+_SIZE = 1300  # pixels: sharp on a page and on a phone
 
 
 def main() -> None:
