@@ -17,6 +17,7 @@ from keys import key_pages
 from mkdocs.exceptions import PluginError
 from mkdocs.structure.files import File, Files
 from notebooks import notebook_pages
+from performance import MARK, budgets, figure
 
 ROOT = Path(__file__).resolve().parents[2]
 OUTSIDE = "repository"
@@ -30,6 +31,7 @@ def on_files(files: Files, config: Any) -> Files:
     """Add the pages that are made, and what pages link to outside ``docs``."""
     for path, content in {**key_pages(), **command_pages(), **notebook_pages(ROOT / "docs")}.items():
         files.append(File.generated(config, path, content=content))
+    files.append(File.generated(config, "pictures/performance.svg", content=figure()))
     for path in _outside():
         files.append(File.generated(config, f"{OUTSIDE}/{path}", abs_src_path=str(ROOT / path)))
     return files
@@ -38,6 +40,7 @@ def on_files(files: Files, config: Any) -> Files:
 def on_page_markdown(markdown: str, page: Any, **_: Any) -> str:
     """Let links lead to where their files stand on the site; a folder is no page, so its name is left."""
     place = _in_repository(page.file.src_uri)
+    markdown = markdown.replace(MARK, budgets()) if MARK in markdown else markdown
 
     def moved(link: re.Match[str]) -> str:
         target = posixpath.normpath(posixpath.join(posixpath.dirname(place), link[2]))

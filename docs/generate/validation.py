@@ -1,25 +1,36 @@
-"""The page of what validation prints: ``python docs/generate/validation.py RESULTS.xml`` writes it from a run of the tests.
+r"""The page of what validation prints, and the figures of what it found: ``python docs/generate/validation.py RESULTS.xml``.
 
-``python -m pytest -m validation --junitxml=RESULTS.xml -o junit_logging=system-out`` makes the file (a quarter of an hour).
+The file comes from a quarter of an hour of tests, the long ones and those against closed forms::
+
+    python -m pytest -m "validation or not (siconos or reliability or slurm or browser)" tests/validation tests/cookbook \
+        tests/verification --junitxml=RESULTS.xml -o junit_logging=system-out
 """
 
 from __future__ import annotations
 
 import ast
+import json
 import sys
 import xml.etree.ElementTree as ET
 from collections import defaultdict
+from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
+
+from validation_figures import draw_figures
 
 import multicor_cli
 from multicor_cli.store.provenance import processor
 
 ROOT = Path(__file__).resolve().parents[2]
 PAGE = ROOT / "docs" / "explanation" / "recorded-validation.md"
+_SHORT = "tests.verification"
 _HEAD = """# Validation, as recorded
 
 What `python -m pytest -m validation` printed on {date} (multicor {version}, {processor}): {passed} tests passed, {failed} failed.
-`python docs/generate/validation.py` made this page of it. Runs give the same
+{short} further tests against closed forms and independent computations (`tests/verification`), which are part of every run of the tests,
+passed, too.
+`python docs/generate/validation.py` made this page and the figures of [validation](validation.md) of it. Runs give the same
 bits everywhere; what is asked of the numbers stands in the tests.
 """
 
@@ -28,12 +39,16 @@ def main() -> None:
     """Write the page."""
     suite = ET.parse(sys.argv[1]).getroot().find("testsuite")
     assert suite is not None
-    cases = [case for case in suite.findall("testcase") if case.find("skipped") is None]
-    failed = [case for case in cases if case.find("failure") is not None or case.find("error") is not None]
+    everything = [case for case in suite.findall("testcase") if case.find("skipped") is None]
+    draw_figures(_numbers(everything), ROOT / "docs" / "pictures")
+    cases = [case for case in everything if not case.attrib["classname"].startswith(_SHORT)]
+    short = [case for case in everything if case not in cases]
+    assert all(map(_has_passed, short))
+    failed = [case for case in cases if not _has_passed(case)]
     parts = [
         _HEAD.format(
             date=suite.attrib["timestamp"][:10], version=multicor_cli.__version__, processor=processor(),
-            passed=len(cases) - len(failed), failed=len(failed),
+            passed=len(cases) - len(failed), failed=len(failed), short=len(short),
         )
     ]  # fmt: skip
     by_module = defaultdict(list)
@@ -48,9 +63,22 @@ def main() -> None:
     PAGE.write_text("\n".join(parts), encoding="utf-8")
 
 
+def _numbers(cases: Iterable[ET.Element]) -> dict[str, list[dict[str, Any]]]:
+    """What tests have kept (`tests/support/recorded.py`), by the names of their functions."""
+    found = defaultdict(list)
+    for case in cases:
+        for kept in case.iter("property"):
+            found[case.attrib["name"].partition("[")[0]].append(json.loads(kept.attrib["value"]))
+    return found
+
+
+def _has_passed(case: ET.Element) -> bool:
+    return case.find("failure") is None and case.find("error") is None
+
+
 def _case(case: ET.Element, docstring: str | None) -> str:
     name, seconds = case.attrib["name"], float(case.attrib["time"])
-    result = "passed" if case.find("failure") is None and case.find("error") is None else "**failed**"
+    result = "passed" if _has_passed(case) else "**failed**"
     title = name.removeprefix("test_").replace("_", " ").replace("[", ": ").replace("]", "")
     lines = [f"**{title[0].upper()}{title[1:]}**: {result}, {seconds:.0f} s."]
     if docstring:
