@@ -66,6 +66,8 @@ def with_unit_signs(text: str) -> str:
 def choices(word: str, known: Iterable[str]) -> str:
     """What there is instead of a word that is not known, the most similar first: for the end of a message."""
     names = list(known)
+    if not names:
+        return "there are none"
     near = difflib.get_close_matches(word[:100], names, 1)
     hint = f"did you mean '{near[0]}'? " if near else ""
     return f"{hint}choose from: {', '.join(names)}"

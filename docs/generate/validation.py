@@ -28,8 +28,8 @@ _SHORT = "tests.verification"
 _HEAD = """# Validation, as recorded
 
 What `python -m pytest -m validation` printed on {date} (multicor {version}, {processor}): {passed} tests passed, {failed} failed.
-{short} further tests against closed forms and independent computations (`tests/verification`), which are part of every run of the tests,
-passed, too.
+{short} further tests against closed forms and independent computations (`tests/verification`), which are part of every
+run of the tests, passed, too.
 `python docs/generate/validation.py` made this page and the figures of [validation](validation.md) of it. Runs give the same
 bits everywhere; what is asked of the numbers stands in the tests.
 """

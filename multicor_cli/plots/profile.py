@@ -38,7 +38,8 @@ def _draw_profiles(axes: Any, profiles: ProfileSet) -> None:
 
 def draw_profile(axes: Any, table: ProfileTable) -> None:
     """Draw a profile into matplotlib axes."""
-    names = ("mean", "standard error", "mean, error not known")
+    has_errors = np.isfinite(table.error).any()
+    names = ("mean" if has_errors else "mean, errors not known", "standard error", "mean, error not known")
     draw_with_errors(axes, table.value, table.y, table.error, "o", names=names, color=COLORS[0])
     across, upwards = axis_labels(table)
     axes.locator_params(axis="x", nbins=5)
@@ -51,8 +52,7 @@ def draw_profile(axes: Any, table: ProfileTable) -> None:
     axes.set_xlabel(across)
     axes.set_ylabel(upwards)
     axes.set_ylim(0.0, 1.0 if table.is_normalized else table.height)
-    if np.isfinite(table.error).any():
-        axes.legend(loc="best")
+    axes.legend(loc="best")
 
 
 def axis_labels(table: ProfileTable) -> tuple[str, str]:

@@ -44,8 +44,10 @@ def draw_region(figure: Any, table: RegionTable) -> None:
 def _count_small_rises(panel: Any, values: Any) -> None:
     """Let an axis of temperatures that hardly differ count from a round one."""
     known = values[np.isfinite(values)]
-    reference = rise_reference("K", float(known.min()), float(known.max())) if known.size else None
+    low, high = (float(known.min()), float(known.max())) if known.size else (0.0, 0.0)
+    reference = rise_reference("K", low, high)
     if reference is not None:
+        panel.set_ylim(low - 0.12 * (high - low), high + 0.12 * (high - low))
         panel.yaxis.set_major_formatter(rise_formatter(reference))
         panel.set_ylabel(rise_label("temp.", "T", reference))
 

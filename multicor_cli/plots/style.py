@@ -82,6 +82,7 @@ def draw_with_errors(
     """
     mean, band, unknown = (name or None for name in names)
     known = np.isfinite(error)
+    band = band if known.any() else None
     axes.fill_betweenx(y, values - error, values + error, color=style["color"], alpha=0.25, linewidth=0.0, label=band)
     axes.plot(values, y, marker + "-", label=mean, **{"markeredgewidth": 0.0, **style})
     if known.any() and not known.all():

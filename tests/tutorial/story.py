@@ -35,7 +35,7 @@ _PASSING = re.compile(r"^( *\d+\.\d %  |writing |packing |making |frame \d+ of |
 """Lines that come or not, as time goes by."""
 
 
-_WIDTH = 760  # pixels of a picture
+_WIDTH = 1200  # pixels of a picture
 
 
 @dataclass(frozen=True)
