@@ -4,6 +4,7 @@ import io
 import json
 import os
 import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
@@ -51,6 +52,37 @@ def test_asterisks_of_formulas_are_no_emphasis(site):
     for page in site.rglob("*.html"):
         for words in re.findall(r"<em>(.*?)</em>", page.read_text(encoding="utf-8"), re.DOTALL):
             assert not set("=|²·") & set(words), (page, words)
+
+
+_OVERFLOW = """() => [
+    document.documentElement.scrollWidth - document.documentElement.clientWidth,
+    [...document.querySelectorAll(".md-typeset__scrollwrap")].filter((wrap) => wrap.scrollWidth > wrap.clientWidth + 2).length,
+    [...document.querySelectorAll(".equation")].filter((equation) => equation.scrollWidth > equation.clientWidth + 2).length,
+]"""
+
+
+@pytest.mark.browser
+@pytest.mark.parametrize("width", [1400, 768, 360])
+def test_pages_fit_their_window(site, width):
+    """No page scrolls sideways; tables and equations do, in themselves, on small screens only."""
+    sync_api = pytest.importorskip("playwright.sync_api", reason="needs the Python package playwright")
+    chromium = shutil.which("chromium") or shutil.which("chromium-browser")
+    if chromium is None:
+        pytest.skip("needs chromium")
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=chromium, args=["--no-sandbox"])
+        page = browser.new_page(viewport={"width": width, "height": 900})
+        for path in sorted(site.rglob("*.html")):
+            if path.is_relative_to(site / "repository"):
+                continue
+            page.goto(path.as_uri())
+            sideways, tables, equations = page.evaluate(_OVERFLOW)
+            assert sideways <= 0, path
+            if width >= 1400:
+                assert tables == 0, path
+            if width >= 768:
+                assert equations == 0, path
+        browser.close()
 
 
 def test_equations_are_set(site):
