@@ -1,9 +1,9 @@
-r"""The page of what validation prints, and the figures of what it found: ``python docs/generate/validation.py RESULTS.xml``.
+"""The page of what validation prints, and the figures of what it found: ``python docs/generate/validation.py LONG.xml SHORT.xml``.
 
-The file comes from a quarter of an hour of tests, the long ones and those against closed forms::
+The files come from a quarter of an hour of tests, the long ones and those against closed forms::
 
-    python -m pytest -m "validation or not (siconos or reliability or slurm or browser)" tests/validation tests/cookbook \
-        tests/verification --junitxml=RESULTS.xml -o junit_logging=system-out
+    python -m pytest -m validation --junitxml=LONG.xml -o junit_logging=system-out
+    python -m pytest tests/verification --junitxml=SHORT.xml
 """
 
 from __future__ import annotations
@@ -37,9 +37,8 @@ bits everywhere; what is asked of the numbers stands in the tests.
 
 def main() -> None:
     """Write the page."""
-    suite = ET.parse(sys.argv[1]).getroot().find("testsuite")
-    assert suite is not None
-    everything = [case for case in suite.findall("testcase") if case.find("skipped") is None]
+    suites = [suite for file in sys.argv[1:] for suite in ET.parse(file).getroot().findall("testsuite")]
+    everything = [case for suite in suites for case in suite.findall("testcase") if case.find("skipped") is None]
     draw_figures(_numbers(everything), ROOT / "docs" / "pictures")
     cases = [case for case in everything if not case.attrib["classname"].startswith(_SHORT)]
     short = [case for case in everything if case not in cases]
@@ -47,7 +46,7 @@ def main() -> None:
     failed = [case for case in cases if not _has_passed(case)]
     parts = [
         _HEAD.format(
-            date=suite.attrib["timestamp"][:10], version=multicor_cli.__version__, processor=processor(),
+            date=suites[0].attrib["timestamp"][:10], version=multicor_cli.__version__, processor=processor(),
             passed=len(cases) - len(failed), failed=len(failed), short=len(short),
         )
     ]  # fmt: skip
