@@ -17,7 +17,7 @@ from keys import key_pages
 from mkdocs.exceptions import PluginError
 from mkdocs.structure.files import File, Files
 from notebooks import notebook_pages
-from performance import MARK, budgets, figure
+from performance import MARK, budgets
 
 ROOT = Path(__file__).resolve().parents[2]
 OUTSIDE = "repository"
@@ -31,7 +31,6 @@ def on_files(files: Files, config: Any) -> Files:
     """Add the pages that are made, and what pages link to outside ``docs``."""
     for path, content in {**key_pages(), **command_pages(), **notebook_pages(ROOT / "docs")}.items():
         files.append(File.generated(config, path, content=content))
-    files.append(File.generated(config, "pictures/performance.svg", content=figure()))
     for path in _outside():
         files.append(File.generated(config, f"{OUTSIDE}/{path}", abs_src_path=str(ROOT / path)))
     return files

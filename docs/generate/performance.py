@@ -1,8 +1,14 @@
-"""Table and figure of the page about performance, read from the recorded tables of ``benchmarks`` at every build of the site."""
+"""Table and figure of the page about performance, from the recorded tables of ``benchmarks``.
+
+The site takes the table at every build; ``python docs/generate/performance.py`` draws the figure, which a test compares with the
+tables by the digest of their numbers that it carries.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import io
+import json
 import re
 from pathlib import Path
 from typing import Any
@@ -13,6 +19,7 @@ from matplotlib.figure import Figure
 from multicor_cli.plots.style import COLORS, PAGE, house_style
 
 BENCHMARKS = Path(__file__).resolve().parents[2] / "benchmarks"
+FIGURE = BENCHMARKS.parent / "docs" / "pictures" / "performance.svg"
 MARK = "<!-- budgets -->"
 """Where the page has the table of the budgets."""
 
@@ -38,8 +45,14 @@ def figure() -> str:
         _draw_peers(peers)
         _draw_methods(methods)
         written = io.StringIO()
-        drawing.savefig(written, format="svg", metadata={"Date": None})
+        drawing.savefig(written, format="svg", metadata={"Date": None, "Description": digest()})
     return written.getvalue()
+
+
+def digest() -> str:
+    """Digest of the numbers that the figure shows."""
+    shown = _table("scaling", "scene"), _table("peers", "code"), _table("solvers", "method", "shear")
+    return hashlib.blake2b(json.dumps(shown).encode(), digest_size=16).hexdigest()
 
 
 def _draw_scaling(axes: Any) -> None:
@@ -110,3 +123,7 @@ def _number(cell: str) -> float:
     found = re.search(r"[\d.]+(e[+-]?\d+)?", cell.replace(",", "") if re.match(r"[\d,]+$", cell) else cell.replace("*", ""))
     assert found is not None, cell
     return float(found[0])
+
+
+if __name__ == "__main__":
+    FIGURE.write_text(figure(), encoding="utf-8")

@@ -61,7 +61,7 @@ def test_without_errors_there_is_no_band_to_explain() -> None:
     with house_style():
         axes = Figure().add_subplot()
         draw_profile(axes, make_table(error=np.nan))
-    assert axes.get_legend() is None
+    assert [text.get_text() for text in axes.get_legend().get_texts()] == ["mean, errors not known"]
 
 
 def test_figures_are_a_column_wide_and_reproducible(tmp_path: Path) -> None:

@@ -18,6 +18,7 @@ pytest.importorskip("mkdocstrings")
 ROOT = Path(__file__).resolve().parents[3]
 sys.path.insert(0, str(ROOT / "docs" / "generate"))
 
+import performance  # noqa: E402
 from commands import command_pages  # noqa: E402
 from equations import math_font, set_equations  # noqa: E402
 from examples import FOLDERS, examples, shortened  # noqa: E402
@@ -153,6 +154,10 @@ def test_values_are_written_as_toml():
 
 def test_examples_come_from_files_that_are_there():
     assert all((ROOT / example.file).is_file() and example.file.startswith(FOLDERS) for example in examples().values())
+
+
+def test_the_figure_of_performance_shows_the_recorded_tables():
+    assert performance.digest() in performance.FIGURE.read_text(encoding="utf-8")
 
 
 def test_recorded_validation_holds_every_long_test():
