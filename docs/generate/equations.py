@@ -7,7 +7,8 @@ import io
 import re
 from collections.abc import Iterable
 from functools import cache
-from importlib.resources import files
+from importlib.util import find_spec
+from pathlib import Path
 
 import pypandoc
 from fontTools import subset
@@ -50,7 +51,10 @@ def set_equations(content: str) -> str:
 def math_font(contents: Iterable[str]) -> bytes:
     """A WOFF font with what the equations of pages need of STIX Two Math (SIL Open Font License; it comes with `ziamath`)."""
     text = {character for content in contents for math in _MATH.findall(content) for character in html.unescape(math)}
-    font = TTFont(str(files("ziamath") / "fonts" / "STIXTwoMath-Regular.ttf"))
+    package = find_spec("ziamath")
+    assert package is not None
+    assert package.origin is not None
+    font = TTFont(Path(package.origin).parent / "fonts" / "STIXTwoMath-Regular.ttf")
     subsetter = subset.Subsetter(subset.Options(layout_features=["*"]))
     subsetter.populate(text="".join(sorted(text)), unicodes=[*range(0x20, 0x7F), ord("√"), *_ITALICS])
     subsetter.subset(font)
