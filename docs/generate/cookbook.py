@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 import re
-import subprocess
 import sys
 import tempfile
 from pathlib import Path
 
-from PIL import Image
+from pictures import DOCS, carry_out, keep_small
 
-DOCS = Path(__file__).resolve().parents[1]
 PAGES = DOCS / "how-to" / "cookbook"
 PICTURES = DOCS / "pictures" / "cookbook"
 _LOOK = re.compile(r"^## Look at it\n\n```sh\n(?P<commands>.*?)^```\n", re.MULTILINE | re.DOTALL)
@@ -25,13 +23,8 @@ def main() -> None:
         found = _LOOK.search((PAGES / f"{name}.md").read_text(encoding="utf-8"))
         assert found is not None, f"{name}: has no commands under 'Look at it'"
         with tempfile.TemporaryDirectory() as folder:
-            (Path(folder) / "configs").symlink_to(DOCS.parent / "configs")
-            program = f'multicor() {{ "{sys.executable}" -m multicor_cli "$@"; }}\n'
-            subprocess.run(["bash", "-ec", program + found["commands"]], cwd=folder, check=True)
-            with Image.open(Path(folder) / f"{name}.png") as image:
-                small = image.convert("RGB")
-                small.thumbnail((_SIZE, _SIZE))
-                small.quantize(96, dither=Image.Dither.NONE).save(PICTURES / f"{name}.png", optimize=True)
+            carry_out(found["commands"], Path(folder))
+            keep_small(Path(folder) / f"{name}.png", PICTURES / f"{name}.png", _SIZE, 96)
 
 
 if __name__ == "__main__":

@@ -22,8 +22,10 @@ _EQUATION = re.compile(
 _MATH = re.compile(r"<math.*?</math>", re.DOTALL)
 _ANNOTATION = re.compile(r"<annotation.*?</annotation>", re.DOTALL)
 _BESIDE = re.compile(r'[^\s<>]*<math display="inline"(?:(?!</math>).)*</math>[^\s<>]*', re.DOTALL)
+"""An equation in a line, with what stands beside it without a space: browsers would break the line there."""
 _OPERATOR = r'<mrow><mi mathvariant="normal">\w+</mi><mo>&#8289;</mo></mrow>'
 _NAMED = re.compile(rf"(</m[a-z]+>)?(<(msu[bp])>{_OPERATOR}<m[in]>[^<]+</m[in]></\3>|(?<!<msu[bp]>){_OPERATOR})(<m(?!o|space))?")
+"""The name of a function as Pandoc writes it, with its power or index, between the end of what is before and the next element."""
 _ACCENT = re.compile(r'<mo accent="true">(.)</mo>')
 _ACCENTS = str.maketrans("\u0307\u0303\u0302", "\u02d9\u02dc\u02c6")
 """Accents that stand by themselves, for combining ones, which have no width to be centered by."""
