@@ -155,9 +155,10 @@ def _key(
     example: Example | None,
 ) -> list[str]:
     description = value.get("description", "which of the kinds this is")
-    unit = ", ".join(dict.fromkeys(_UNIT.findall(description)))
+    # Of a number that may be a table, too, the unit stands before what the table is.
+    unit = ", ".join(dict.fromkeys(_UNIT.findall(description.partition(", or a")[0])))
     facts = [_type(value, homes, table, definitions)]
-    if unit:
+    if unit and facts != ["string"]:
         facts.append(f"[{unit}]")
     if bounds := _range(value):
         facts.append(bounds)

@@ -129,6 +129,7 @@ def profile(
     about = (
         f"{count_noun(table.frames.size, 'frame')} from t = {table.times[0]:g} s to {table.times[1]:g} s, height {table.height:g} m"
     )
+    about += f", grains{table.about_groups}" if table.groups else ""
     notes = [table.note if len(found.tables) == 1 else f"{table.field.name}: {table.note}" for table in found.tables if table.note]
     output.deliver(found, "\n".join(line for line in (about, table.about_walls, *notes) if line), run=directory)
 

@@ -71,7 +71,7 @@ def flow(
         table = flow_through(run, ends, Selection(start, end, parse_frames(frames, start, end)))
     output.draw(table)
     about = f"{count_noun(table.time.size, 'interval')} from t = {table.time[0] - table.duration[0]:g} s to {table.time[-1]:g} s"
-    output.deliver(table, about, run=directory, is_detailed=True)
+    output.deliver(table, f"{about}; {table.note}" if table.note else about, run=directory, is_detailed=True)
 
 
 COMMANDS = {"series": series, "flow": flow}

@@ -22,12 +22,14 @@ _SHORT = {
     "damping_loss": "damping", "correction_work": "projection", "kinetic_gain": "kinetic", "heat_friction": "friction",
     "heat_impact": "impacts", "heat_from_walls": "from walls", "heat_from_ambient": "from fluid",
     "heat_from_surroundings": "surroundings", "heat_to_walls": "into walls", "heat_stored": "stored",
+    "kinetic_in": "grains in", "kinetic_out": "grains out", "heat_out": "grains out",
 }  # fmt: skip
 COLOR_OF = {
     "gravity_work": "0.5", "wall_work": COLORS[2], "load_work": COLORS[0], "friction_loss": COLORS[1], "impact_loss": COLORS[5],
     "damping_loss": COLORS[3], "correction_work": "#f0e442", "kinetic_gain": COLORS[4], "heat_friction": COLORS[1],
     "heat_impact": COLORS[5], "heat_from_walls": COLORS[2], "heat_from_ambient": "#332288",
     "heat_from_surroundings": "#882255", "heat_to_walls": "0.5", "heat_stored": COLORS[4],
+    "kinetic_in": "#117733", "kinetic_out": "#999933", "heat_out": "#999933",
 }  # fmt: skip
 """One color for one thing: friction and impacts, as a loss and as heat; walls, as work and as heat; what
 is kept, as motion and as heat."""
@@ -35,14 +37,19 @@ is kept, as motion and as heat."""
 
 def draw_energy(figure: Any, table: EnergyTable) -> None:
     """Draw the books into a matplotlib figure: mechanics, beside it heat if there is any, the closures below."""
-    books = [("energy since the start [J]", [*(e for e in MECHANICAL if e.sign), _GAIN], table.closure)]
+    books = [("energy since the start [J]", [*_flows(table, MECHANICAL), _GAIN], table.closure)]
     if table.heat_closure is not None:
-        books.append(("heat since the start [J]", [*(e for e in HEAT if e.sign), _STORED], table.heat_closure))
+        books.append(("heat since the start [J]", [*_flows(table, HEAT), _STORED], table.heat_closure))
     grid = figure.subplots(2, len(books), sharex=True, squeeze=False, height_ratios=(3.0, 1.0))
     for (above, below), (label, entries, closure) in zip(grid.T, books, strict=True):
         _draw_stack(above, table, entries)
         above.set_ylabel(label)
         _draw_closure(below, table.time, closure)
+
+
+def _flows(table: EnergyTable, entries: Sequence[BookLine]) -> list[BookLine]:
+    """The lines of what comes in and goes out that the run has."""
+    return [entry for entry in entries if entry.sign and entry.name in table.books]
 
 
 def _draw_stack(panel: Any, table: EnergyTable, entries: Sequence[BookLine]) -> None:

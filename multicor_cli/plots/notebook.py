@@ -33,7 +33,7 @@ def picture(shown: Any) -> bytes | None:
 
         figure, buffer = Figure(), io.BytesIO()
         draw_map(place_scene(figure, table.scene), table)
-        figure.savefig(buffer, dpi=_DPI, format="png")
+        figure.savefig(buffer, dpi=_DPI, format="png", bbox_inches="tight", pad_inches=0.05)
     return buffer.getvalue()
 
 

@@ -29,7 +29,8 @@ def _draw_profiles(axes: Any, profiles: ProfileSet) -> None:
         names = (f"${table.field.symbol}$", "", "")
         draw_with_errors(axes, table.value, table.y, table.error, marker, names=names, color=color, markersize=2.5, linewidth=0.9)
     _, upwards = axis_labels(profiles.first)
-    axes.set_xlabel(f"{profiles.name.replace('-', ' ')}, compression positive [{unit_sign(profiles.first.units[1])}]")
+    what = profiles.name.replace("-", " ") + profiles.first.about_groups
+    axes.set_xlabel(f"{what}, compression positive [{unit_sign(profiles.first.units[1])}]")
     axes.set_ylabel(upwards)
     axes.locator_params(axis="x", nbins=5)
     axes.set_ylim(0.0, profiles.first.height)
@@ -47,7 +48,7 @@ def draw_profile(axes: Any, table: ProfileTable) -> None:
     field = table.field
     reference = rise_reference(table.units[1], float(np.nanmin(table.value)), float(np.nanmax(table.value)))
     if reference is not None:
-        across = rise_label(field.label, field.symbol, reference)
+        across = rise_label(f"{field.label}{table.about_groups}", field.symbol, reference)
         axes.xaxis.set_major_formatter(rise_formatter(reference))
     axes.set_xlabel(across)
     axes.set_ylabel(upwards)
@@ -59,8 +60,8 @@ def axis_labels(table: ProfileTable) -> tuple[str, str]:
     """Labels of the axes: quantity, symbol and unit."""
     field = table.field
     if not table.is_normalized:
-        return axis_label(field.label, field.symbol, field.unit), "height $y$ [m]"
-    return f"{field.label} ${_scaled_symbol(table)}$ [–]", "height $y/H$ [–]"
+        return axis_label(f"{field.label}{table.about_groups}", field.symbol, field.unit), "height $y$ [m]"
+    return f"{field.label}{table.about_groups} ${_scaled_symbol(table)}$ [–]", "height $y/H$ [–]"
 
 
 def _scaled_symbol(table: ProfileTable) -> str:

@@ -32,7 +32,8 @@ def draw_series(figure: Any, table: SeriesTable) -> None:
     for panel, unit in zip(panels, units, strict=True):
         shown = [column for column in table.columns if column.unit == unit]
         for color, column in zip(COLORS, shown, strict=False):
-            panel.plot(table.time, column.values, color=color, linewidth=0.9, label=column.name.replace("_", " "))
+            style = {"color": color, "linewidth": 0.9, "marker": "o" if table.time.size == 1 else ""}
+            panel.plot(table.time, column.values, label=column.name.replace("_", " "), **style)
         names = list(dict.fromkeys(column.name.rpartition(": ")[2].replace("_", " ") for column in shown))
         name = names[0] if len(names) == 1 else _common_words(names)
         panel.set_ylabel(f"{name} [{unit_sign(unit)}]".strip())

@@ -84,6 +84,10 @@ def draw_with_errors(
     known = np.isfinite(error)
     band = band if known.any() else None
     axes.fill_betweenx(y, values - error, values + error, color=style["color"], alpha=0.25, linewidth=0.0, label=band)
+    beside = np.concatenate([[False], known, [False]])
+    alone = known & ~beside[:-2] & ~beside[2:]  # a band of one point has no area
+    if alone.any():
+        axes.errorbar(values[alone], y[alone], xerr=error[alone], fmt="none", ecolor=style["color"], elinewidth=0.7, capsize=1.2)
     axes.plot(values, y, marker + "-", label=mean, **{"markeredgewidth": 0.0, **style})
     if known.any() and not known.all():
         open_: Any = {**style, "markeredgewidth": 0.7, "markerfacecolor": "white", "linestyle": "none"}

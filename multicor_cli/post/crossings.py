@@ -16,6 +16,7 @@ from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Selecti
 from multicor_cli.post.table import Table
 
 Point = tuple[float, float]
+Rows = NDArray[np.int64]
 _UNITS = {"grains": "1/s", "mass": "kg/s", "area": "m2/s"}
 
 
@@ -30,6 +31,7 @@ class FlowTable(Table):
         crossed: Grains, their mass [kg] and area [m²] that crossed in each interval, by name, shape ``(r,)``.
         forth: Grains that crossed to the left in all.
         back: Grains that crossed to the right in all.
+        lost: Grains that came, went, or went and came back between two frames: what they crossed meanwhile is not known.
     """
 
     line: tuple[Point, Point]
@@ -38,6 +40,14 @@ class FlowTable(Table):
     crossed: dict[str, Floats]
     forth: int
     back: int
+    lost: int = 0
+
+    @property
+    def note(self) -> str:
+        """A word on grains whose way is not known; empty if there are none."""
+        if not self.lost:
+            return ""
+        return f"{self.lost} times a grain came or went between two frames; what it crossed then is not counted: use more frames"
 
     @property
     def rate(self) -> dict[str, Floats]:
@@ -89,6 +99,7 @@ class FlowTable(Table):
             "standard_error": {name: float(found.error) for name, found in self.spread.items()},
             "to_the_left": self.forth,
             "to_the_right": self.back,
+            "not_counted": self.lost,
             "time": self.time.tolist(),
             "rate": {name: values.tolist() for name, values in self.rate.items()},
         }
@@ -97,8 +108,9 @@ class FlowTable(Table):
 def flow_through(source: FrameSource, line: tuple[Point, Point], selection: Selection | None = None) -> FlowTable:
     """Which grains have crossed a line with their centers, from frame to frame.
 
-    Paths between two frames are taken for straight; grains that come or go between them are left out. With a period, the images of
-    the line are crossed too.
+    Paths between two frames are taken for straight. Grains that come or go between them are left out, and so are those that an
+    outlet takes and gives back: they are farther from where they were than any grain could have moved. With a period, the images
+    of the line are crossed too.
 
     Args:
         source: The run.
@@ -115,21 +127,24 @@ def flow_through(source: FrameSource, line: tuple[Point, Point], selection: Sele
     if len(chosen) < 2:
         raise PostError("a flow needs two frames; only one is selected: choose more with --from or --frames")
     times = np.asarray(source.frames.time, np.float64)[chosen]
-    rows, forth, back, before = [], 0, 0, source.frames[chosen[0]]
+    rows: list[tuple[Any, ...]] = []
+    forth, back, lost, before = 0, 0, 0, source.frames[chosen[0]]
     for _, last in pairwise(chosen):
         after = source.frames[last]
-        sign, mass, radius = _crossings(source, before, after, line)
+        one, two, count = _shared(source, before, after, float(times[len(rows) + 1] - times[len(rows)]))
+        lost += count
+        sign, mass, radius = _crossings(source, before, after, line, (one, two))
         rows.append((sign.sum(), (sign * mass).sum(), np.pi * (sign * radius**2).sum()))
         forth, back, before = forth + int((sign > 0).sum()), back + int((sign < 0).sum()), after
     crossed = dict(zip(_UNITS, np.array(rows, np.float64).T, strict=True))
-    return FlowTable(line, times[1:], np.diff(times), crossed, forth, back)
+    return FlowTable(line, times[1:], np.diff(times), crossed, forth, back, lost)
 
 
 def _crossings(
-    source: FrameSource, before: GrainFrame, after: GrainFrame, line: tuple[Point, Point]
+    source: FrameSource, before: GrainFrame, after: GrainFrame, line: tuple[Point, Point], shared: tuple[Rows, Rows]
 ) -> tuple[NDArray[np.int64], Floats, Floats]:
-    """+1, −1 or 0 for each grain that is in both frames, its mass and radius."""
-    one, two = _shared(before, after)
+    """+1, −1 or 0 for each grain that has gone from one frame to the other, its mass and radius."""
+    one, two = shared
     start, end = (np.asarray(f.unwrapped, np.float64)[rows, :2] for f, rows in ((before, one), (after, two)))
     grains, period = model_of(source, before).grains, source.model.period
     sign = np.zeros(one.size, np.int64)
@@ -139,14 +154,22 @@ def _crossings(
     return sign, grains.mass[one], grains.radius[one]
 
 
-def _shared(before: GrainFrame, after: GrainFrame) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
-    """Rows of the grains that two frames share."""
+def _shared(source: FrameSource, before: GrainFrame, after: GrainFrame, duration: float) -> tuple[Rows, Rows, int]:
+    """Rows of the grains that have gone from one frame to the other, and how many others there are in one of the two."""
     first, second = (getattr(frame, "number", None) for frame in (before, after))
-    if first is None or second is None:
+    if first is None or second is None or not getattr(before, "is_open", True):
         everything = np.arange(len(before.position))
-        return everything, everything
+        return everything, everything, 0
     _, one, two = np.intersect1d(first, second, assume_unique=True, return_indices=True)
-    return one, two
+    start, end = (np.asarray(frame.unwrapped, np.float64)[rows, :2] for frame, rows in ((before, one), (after, two)))
+    moved = np.hypot(*(end - start).T) <= _farthest(source, before, after, duration)
+    return one[moved], two[moved], len(first) + len(second) - 2 * one.size + int((~moved).sum())
+
+
+def _farthest(source: FrameSource, before: GrainFrame, after: GrainFrame, duration: float) -> float:
+    """How far a grain can have come between two frames [m]: with the largest speed in them, and as it falls."""
+    speeds = (float(np.hypot(*np.asarray(frame.velocity, np.float64).T[:2]).max(initial=0.0)) for frame in (before, after))
+    return (max(speeds) + float(np.hypot(*source.model.gravity)) * duration) * duration + source.model.mean_diameter
 
 
 def _shifts(start: Floats, end: Floats, line: tuple[Point, Point], period: float) -> list[float]:

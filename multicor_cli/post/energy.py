@@ -45,10 +45,13 @@ MECHANICAL = (
     BookLine("impact_loss", "lost to impacts", -1),
     BookLine("damping_loss", "lost in the damping of loads", -1),
     BookLine("correction_work", "taken up by the projection of positions", -1),
+    BookLine("kinetic_in", "brought by grains that came", 1),
+    BookLine("kinetic_out", "taken along by grains that went", -1),
     BookLine("kinetic_gain", "gain of kinetic energy", 0),
     BookLine("imbalance", "imbalance", 0),
 )
-"""The mechanical books: gain = what came in − what went out + imbalance. The works include those of the projection of positions."""
+"""The mechanical books: gain = what came in − what went out + imbalance. The works include those of the projection of positions.
+What grains bring and take along is there in runs in which they come and go."""
 
 HEAT = (
     BookLine("heat_friction", "heat of friction", 1),
@@ -57,10 +60,11 @@ HEAT = (
     BookLine("heat_from_ambient", "heat from the ambient fluid", 1),
     BookLine("heat_from_surroundings", "heat from the surroundings", 1),
     BookLine("heat_to_walls", "heat of friction and impacts into walls", -1),
+    BookLine("heat_out", "heat taken along by grains that went", -1),
     BookLine("heat_stored", "heat stored in the grains", 0),
     BookLine("heat_imbalance", "imbalance of heat", 0),
 )
-"""The books of heat: stored = what came in − what went into walls + imbalance."""
+"""The books of heat: stored = what came in − what went into walls or with grains + imbalance."""
 
 
 @dataclass(frozen=True, repr=False)
@@ -69,7 +73,7 @@ class EnergyTable(Table):
 
     Attributes:
         time: Times [s], shape ``(s,)``.
-        books: Each line of `MECHANICAL`, and of `HEAT` in a run with heat, by name [J], shape ``(s,)``.
+        books: The lines of `MECHANICAL`, and of `HEAT` in a run with heat, that the run has, by name [J], shape ``(s,)``.
         closure: Largest mechanical imbalance so far over the sum of all terms, shape ``(s,)``.
         heat_closure: The same of heat, or None in a run without.
     """
@@ -82,7 +86,7 @@ class EnergyTable(Table):
     @property
     def entries(self) -> tuple[BookLine, ...]:
         """The lines that the run has."""
-        return MECHANICAL if self.heat_closure is None else (*MECHANICAL, *HEAT)
+        return tuple(entry for entry in (*MECHANICAL, *HEAT) if entry.name in self.books)
 
     @property
     def headings(self) -> tuple[str, str]:
@@ -92,10 +96,10 @@ class EnergyTable(Table):
     @property
     def rows(self) -> list[tuple[str, float]]:
         """The books at the end."""
-        lines = [(f"{entry.label} [J]", float(self.books[entry.name][-1])) for entry in MECHANICAL]
+        lines = [(f"{entry.label} [J]", float(self.books[entry.name][-1])) for entry in MECHANICAL if entry in self.entries]
         lines.append(("closure [1]", float(self.closure[-1])))
         if self.heat_closure is not None:
-            lines += [(f"{entry.label} [J]", float(self.books[entry.name][-1])) for entry in HEAT]
+            lines += [(f"{entry.label} [J]", float(self.books[entry.name][-1])) for entry in HEAT if entry in self.entries]
             lines.append(("closure of heat [1]", float(self.heat_closure[-1])))
         return lines
 
@@ -143,9 +147,9 @@ def energy(source: SeriesHolder, start: float | None = None, end: float | None =
         raise PostError("the time series has no row in this time" if time.size else "the run has no time series yet")
     has_heat = "heat_stored" in series
     gain = np.asarray(series["kinetic"]) - np.asarray(series["kinetic_start"])
-    columns = {e.name: gain if e.name == "kinetic_gain" else np.asarray(series[e.name]) for e in MECHANICAL}
-    if has_heat:
-        columns |= {e.name: np.asarray(series[e.name]) for e in HEAT}
+    names = [entry.name for entry in (*MECHANICAL, *(HEAT if has_heat else ()))]
+    columns = {name: np.asarray(series[name]) for name in names if name in series} | {"kinetic_gain": gain}
+    columns = {name: columns[name] for name in names if name in columns}
     return EnergyTable(
         time[rows],
         {name: np.asarray(column[rows], np.float64) for name, column in columns.items()},

@@ -39,7 +39,7 @@ def field_list(axes: str, *, has_heat: bool, has_stress: bool) -> list[Field]:
         for i, j in pairs:
             names = f"{axes[i]}{axes[j]}"
             label = f"{name.replace('-', ' ')} {names}"
-            made.append(Field(f"{name}-{names}", label, f"{symbol}_{{{tex[i]}{tex[j]}}}", unit, is_signed or i != j))
+            made.append(Field(f"{name}-{names}", label, f"{symbol}_{{{tex[i]} {tex[j]}}}", unit, is_signed or i != j))
         return made
 
     found = [

@@ -63,6 +63,7 @@ class ProfileTable(Table):
             bins hold, for values per area: the area of the grains, the heat per time [W], the sum of f ℓ [N m].
         left_out: What is left out at each wall, in mean diameters.
         note: How many bins drift, and by how much the worst does over the frames, in the unit of the field; empty if none does.
+        groups: The groups of grains that count; empty: all.
     """
 
     field: Quantity
@@ -81,6 +82,12 @@ class ProfileTable(Table):
     left_out: float = 0.0
     bin_area: float = np.nan
     note: str = ""
+    groups: tuple[str, ...] = ()
+
+    @property
+    def about_groups(self) -> str:
+        """Which groups count, as `` of 'glass'``; empty for all."""
+        return f" of {' and '.join(repr(name) for name in self.groups)}" if self.groups else ""
 
     @property
     def about_walls(self) -> str:
@@ -97,7 +104,7 @@ class ProfileTable(Table):
     def headings(self) -> tuple[str, str, str, str]:
         """Names of the columns of `rows` with their units."""
         y, value = (f" [{unit}]" for unit in self.units)
-        return f"y{y}", f"{self.field.name}{value}", f"standard error{value}", "area [m2]"
+        return f"y{y}", f"{self.field.name}{self.about_groups}{value}", f"standard error{value}", "area [m2]"
 
     @property
     def rows(self) -> list[tuple[float, float, float, float]]:
@@ -125,6 +132,7 @@ class ProfileTable(Table):
             "standard_error": self.error.tolist(),
             "area": self.area.tolist(),
             "note": self.note,
+            "groups": list(self.groups),
         }
 
     def normalized(self) -> ProfileTable:
@@ -308,7 +316,8 @@ def profiles(
         sums = sum_contacts(part, chosen, bins_, [field.of_contacts for field in fields if field.of_contacts is not None])
     else:
         sums = _SUMS[kind](part, chosen, bins_, _values_of(source, fields, chosen, bins_))
-    tables = [_make_table(source, *pair, chosen, bins_) for pair in zip(fields, sums, strict=True)]
+    made = (_make_table(source, *pair, chosen, bins_) for pair in zip(fields, sums, strict=True))
+    tables = [replace(table, groups=tuple(groups)) for table in made]
     return ProfileSet(of, tuple(tables))
 
 
