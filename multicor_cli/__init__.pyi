@@ -3,6 +3,8 @@ from .checks import check_scenario as check_scenario
 from .engine.contact.report import PhysicsError as PhysicsError
 from .plots.notebook import picture as picture
 from .running import run as run
+from .running.observer import Observer as Observer
+from .running.observer import Status as Status
 from .running.outcome import RunOutcome as RunOutcome
 from .running.outcome import StageTimeout as StageTimeout
 from .running.steering import Now as Now

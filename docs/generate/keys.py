@@ -200,6 +200,8 @@ def _one_type(value: Node, homes: dict[str, str], table: str, definitions: dict[
     if kind == "object":
         inner = next(iter(value.get("patternProperties", {}).values()), None) or value.get("additionalProperties")
         return "table of " + _type(inner, homes, table, definitions) + " by name" if isinstance(inner, dict) else "table"
+    if kind is None:
+        return "table"
     names = {"integer": "whole number", "boolean": "true or false"}
     return names.get(str(kind), str(kind))
 

@@ -127,4 +127,6 @@ def refuse_frame(source: FrameSource, index: int, name: str) -> None:
     if not frame.contacts.recorded:
         raise PostError(f"the contacts of {name} were not recorded; set contacts = true in [output] and run it again")
     if not frame.dt > 0.0:
-        raise PostError(f"there are no contact forces in {name}: no step was done before; choose later ones")
+        raise PostError(
+            f"there are no contact forces in {name}: no step of the mechanics was done before (none is in stages that are frozen)"
+        )

@@ -14,6 +14,7 @@ from multicor_cli.model.model import Floats
 from multicor_cli.post.averages import Spread, spread
 from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Selection, model_of, rows_of
 from multicor_cli.post.table import Table
+from multicor_cli.text import count_noun
 
 Point = tuple[float, float]
 Rows = NDArray[np.int64]
@@ -47,7 +48,8 @@ class FlowTable(Table):
         """A word on grains whose way is not known; empty if there are none."""
         if not self.lost:
             return ""
-        return f"{self.lost} times a grain came or went between two frames; what it crossed then is not counted: use more frames"
+        times = count_noun(self.lost, "time")
+        return f"{times} a grain came or went between two frames; what it crossed then is not counted: use more frames"
 
     @property
     def rate(self) -> dict[str, Floats]:

@@ -38,7 +38,8 @@ def run(
         max_hours: Wall-clock time after which to stop with a checkpoint [h].
         overwrite: Whether a run that is in the directory may be removed.
         extend: Whether stages that the scenario has more at its end than the run in the directory are added to that run.
-        observer: Is told how the run goes; default: none.
+        observer: An `Observer`, whose methods are told of every step, of messages and warnings, and of the end; it cannot change
+            the run. Default: none.
         steer: A function that is called with a `Now` after steps of stages that are not frozen. It reads what there is, and may
             end the stage, name the next one, or end the run. It must decide by what it reads and by ``now.notes`` alone: then the
             same scenario and function give the same bits, also if the run is stopped in between and goes on with the same call.
@@ -51,11 +52,17 @@ def run(
         StageTimeout: If the condition of a stage was not reached in time, and that is to stop the run (``on_timeout = "stop"``).
         StoreError: If the directory cannot be used, or a file cannot be written or is damaged.
         Exception: What ``steer`` raises, after a checkpoint: the same call goes on before the step after which it failed.
-        ValueError: If there cannot be so many threads, ``overrides`` come with a loaded scenario, or ``overwrite`` with ``extend``;
-            if ``steer_every`` is less than 1.
+        TypeError: If ``observer`` is none.
+        ValueError: If the name of the directory is empty, there cannot be so many threads, ``overrides`` come with a loaded
+            scenario, or ``overwrite`` with ``extend``; if ``steer_every`` is less than 1.
     """
     if overwrite and extend:
         raise ValueError("a run is either extended or overwritten")
+    if directory == "":
+        raise ValueError("the name of the run directory is empty")
+    missing = [name for name in ("message", "warning", "stepped", "closed") if observer is not None and not hasattr(observer, name)]
+    if missing:
+        raise TypeError(f"an observer has the methods of multicor_cli.Observer; this one lacks {', '.join(missing)}")
     if steer_every < 1:
         raise ValueError(f"steer_every counts steps and must be at least 1, is {steer_every}")
     from multicor_cli.running.threads import reserve_threads

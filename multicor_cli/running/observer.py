@@ -33,7 +33,7 @@ class Status:
 
 
 class Observer(Protocol):
-    """Listens to a run."""
+    """Listens to a run; it sees everything and changes nothing, so that results are the same with it and without."""
 
     def message(self, text: str) -> None:
         """Something happened that a person may want to know."""

@@ -70,6 +70,8 @@ def require_space(path: Path, size: int) -> None:
     """
     with storage_errors(path.parent):
         stats = os.statvfs(path.parent)
+    if not stats.f_blocks:
+        return  # the kernel's own file systems have no sizes; what they refuse they refuse when it is written
     free = stats.f_bavail * stats.f_frsize
     if free < size + RESERVE:
         raise StorageFull(path, size + RESERVE, free)

@@ -79,8 +79,8 @@ def test_grains_that_an_outlet_takes_and_gives_back_do_not_cross_back() -> None:
     heights = np.array([[0.9, 0.8], [0.4, 0.3], [9.4, 0.1]])
     position = np.stack([np.stack([np.full(2, 1.0), y], axis=1) for y in heights])
     table = flow_through(falling(position, [[0, 1]] * 3), ((2.0, 0.5), (0.0, 0.5)), ALL)
-    assert (table.forth, table.back, table.lost) == (0, 2, 1) or (table.forth, table.back, table.lost) == (2, 0, 1)
-    assert "1 times a grain came or went" in table.note
+    assert (table.forth, table.back, table.lost) == (2, 0, 1)
+    assert "1 time a grain came or went" in table.note
     assert table.as_dict()["not_counted"] == 1
 
 

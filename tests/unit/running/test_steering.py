@@ -16,7 +16,7 @@ import pytest
 from command_line import call
 from places import ROOT
 from run_fakes import StopAt
-from scenes import SMALL, WARM
+from scenes import SMALL, WARM, write_small
 
 from multicor_cli import Now, Scenario, ScenarioError, open_run, run
 from multicor_cli.running.outcome import StopReason
@@ -284,3 +284,31 @@ def test_the_example_of_the_page_runs(tmp_path: Path, monkeypatch: pytest.Monkey
 def test_there_is_no_time_between_calls_below_a_step() -> None:
     with pytest.raises(ValueError, match="at least 1, is 0"):
         run(scenario(), steer=when_pushed, steer_every=0)
+
+
+class Watch:
+    """Counts what it is told."""
+
+    steps = ended = 0
+
+    def message(self, text):
+        pass
+
+    def warning(self, text):
+        pass
+
+    def stepped(self, status):
+        self.steps += 1
+
+    def closed(self):
+        self.ended += 1
+
+
+def test_an_observer_hears_of_every_step_and_what_is_none_is_refused(tmp_path):
+    scene, watch = write_small(tmp_path), Watch()
+    outcome = run(scene, tmp_path / "run", overrides=["loading.1.until.strain.value=0.01"], observer=watch, threads=1)
+    assert (watch.steps, watch.ended) == (outcome.step, 1)
+    with pytest.raises(TypeError, match="lacks message, warning, stepped, closed"):
+        run(scene, tmp_path / "other", observer=print)
+    with pytest.raises(ValueError, match="name of the run directory is empty"):
+        run(scene, "")

@@ -357,7 +357,7 @@ def test_full_disk_is_noticed_before_a_file_is_begun(tmp_path: Path, monkeypatch
         run.checkpoint(state, writer)
         state.step += 1
         writer.frame(Moment(state, model))
-        monkeypatch.setattr(os, "statvfs", lambda _: SimpleNamespace(f_bavail=300, f_frsize=4096))
+        monkeypatch.setattr(os, "statvfs", lambda _: SimpleNamespace(f_bavail=300, f_frsize=4096, f_blocks=1000))
         before = listing(tmp_path / "run")
         with pytest.raises(StorageFull, match="no space left") as caught:
             run.checkpoint(state, writer)
