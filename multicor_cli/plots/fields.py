@@ -9,7 +9,7 @@ import numpy as np
 from multicor_cli.plots.dispatch import Ways
 from multicor_cli.plots.scene import draw_walls, is_wide, place_scene
 from multicor_cli.plots.small_rises import rise_formatter, rise_label, rise_reference
-from multicor_cli.plots.style import COLORS, COLUMN, axis_label, color_map
+from multicor_cli.plots.style import COLORS, COLUMN, axis_label, color_map, explain_errors
 from multicor_cli.plots.text_chart import TextLine, draw_text
 from multicor_cli.plots.text_picture import Terminal, draw_picture
 from multicor_cli.post.field_sums import Field
@@ -91,8 +91,13 @@ def _draw_lines(figure: Any, table: FieldTable) -> None:
                 panel.plot(at[~known], value[~known], "o", **hollow)
         panel.set_ylabel(_label(shown))
         panel.ticklabel_format(scilimits=(-3, 4), useMathText=True)
-        if len(shown) > 1:
-            panel.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=len(shown), borderaxespad=0.1, columnspacing=1.0)
+        if panel is panels[0]:
+            explain_errors(panel, [table.error[field.name] for field in table.of])
+        handles, labels = panel.get_legend_handles_labels()
+        if len(handles) > 1:
+            panel.legend(
+                handles, labels, loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3, borderaxespad=0.1, columnspacing=1.0
+            )
     panels[-1].set_xlabel("distance from the center $r$ [m]" if table.points.axes == "rt" else "distance along the line [m]")
     figure.align_ylabels()
 

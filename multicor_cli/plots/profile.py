@@ -8,7 +8,7 @@ import numpy as np
 
 from multicor_cli.plots.dispatch import Ways
 from multicor_cli.plots.small_rises import rise_formatter, rise_label, rise_reference
-from multicor_cli.plots.style import COLORS, COLUMN, axis_label, draw_with_errors
+from multicor_cli.plots.style import COLORS, COLUMN, axis_label, draw_with_errors, explain_errors
 from multicor_cli.plots.text_chart import TextLine, draw_text
 from multicor_cli.plots.text_picture import Terminal
 from multicor_cli.post import ProfileSet, ProfileTable
@@ -28,6 +28,7 @@ def _draw_profiles(axes: Any, profiles: ProfileSet) -> None:
     for color, marker, table in zip(COLORS, "os^D", profiles.tables, strict=False):
         names = (f"${table.field.symbol}$", "", "")
         draw_with_errors(axes, table.value, table.y, table.error, marker, names=names, color=color, markersize=2.5, linewidth=0.9)
+    explain_errors(axes, [table.error for table in profiles.tables])
     _, upwards = axis_labels(profiles.first)
     what = profiles.name.replace("-", " ") + profiles.first.about_groups
     axes.set_xlabel(f"{what}, compression positive [{unit_sign(profiles.first.units[1])}]")
@@ -53,7 +54,8 @@ def draw_profile(axes: Any, table: ProfileTable) -> None:
     axes.set_xlabel(across)
     axes.set_ylabel(upwards)
     axes.set_ylim(0.0, 1.0 if table.is_normalized else table.height)
-    axes.legend(loc="best")
+    # Above the panel, where no line runs.
+    axes.legend(loc="lower center", bbox_to_anchor=(0.5, 1.0), ncols=2, borderaxespad=0.2, columnspacing=1.0)
 
 
 def axis_labels(table: ProfileTable) -> tuple[str, str]:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 import re
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -130,6 +130,16 @@ def show_decades(axis: Any, values: Floats) -> None:
     if values.size:
         low, high = np.floor(np.log10(values.min())), np.floor(np.log10(values.max())) + 1.0
         axis.axes.set(**{f"{axis.axis_name}lim": (10.0**low, 10.0**high)})
+
+
+def explain_errors(axes: Any, errors: Iterable[Floats]) -> None:
+    """Let the legend say what bands and hollow markers are, as far as there are any."""
+    known = np.concatenate([np.isfinite(error) for error in errors])
+    if known.any():
+        axes.fill_between([], [], color="0.3", alpha=0.2, linewidth=0.0, label="± standard error")
+    if known.any() and not known.all():
+        hollow: Any = {"color": "0.3", "markerfacecolor": "white", "markeredgewidth": 0.7, "linestyle": "none"}
+        axes.plot([], [], "o", label="error not known", **hollow)
 
 
 def check_suffix(path: Path) -> None:

@@ -66,7 +66,7 @@ def test_contacts_without_force_do_not_count(run: Run) -> None:
 
 
 def test_frames_without_forces_are_refused(tmp_path: Path, run: Run) -> None:
-    with pytest.raises(PostError, match="no step was done before; choose"):
+    with pytest.raises(PostError, match="no step of the mechanics was done before"):
         force_network(run, 0)
     with pytest.raises(PostError, match="no frame -6"):
         force_network(run, -6)

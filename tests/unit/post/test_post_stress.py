@@ -126,7 +126,7 @@ def test_stress_integrates_to_the_virial(column: Run) -> None:
 
 def test_frames_without_forces_are_left_out(column: Run, tmp_path: Path) -> None:
     assert profile(column, "stress-yy", ALL).frames.tolist() == [1, 2, 3, 4]
-    with pytest.raises(PostError, match="no step was done before; choose"):
+    with pytest.raises(PostError, match="no step of the mechanics was done before"):
         profile(column, "coordination", Selection(frames=slice(0, 1)))
     write_heated_run(tmp_path / "run", contacts=False)
     with open_run(tmp_path / "run") as silent:
