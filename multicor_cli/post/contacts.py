@@ -127,6 +127,5 @@ def refuse_frame(source: FrameSource, index: int, name: str) -> None:
     if not frame.contacts.recorded:
         raise PostError(f"the contacts of {name} were not recorded; set contacts = true in [output] and run it again")
     if not frame.dt > 0.0:
-        raise PostError(
-            f"there are no contact forces in {name}: no step of the mechanics was done before (frozen stages do none); choose other frames"
-        )
+        why = "no step of the mechanics was done before (frozen stages do none)"
+        raise PostError(f"there are no contact forces in {name}: {why}; choose other frames")
