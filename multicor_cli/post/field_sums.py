@@ -43,7 +43,7 @@ def field_list(axes: str, *, has_heat: bool, has_stress: bool) -> list[Field]:
         return made
 
     found = [
-        Field("solid-fraction", "solid fraction", r"\phi", "1"),
+        Field("solid-fraction", "solid fraction", r"\nu", "1"),
         *(Field(f"velocity-{k}", f"{_WHICH[k]} velocity", f"v_{t}", "m/s", True) for k, t in zip(axes, tex, strict=True)),
         Field("speed", "speed of the mean flow", r"|\mathbf{v}|", "m/s"),
         Field("spin", "spin", r"\omega", "rad/s", True),

@@ -249,7 +249,7 @@ QUANTITIES: dict[str, Quantity] = {
             averaged=lambda frame, _model: need_heat(frame.generated), kind="rate", per_area=(r"\dot{q}", "W/m2"),
         ),
         Quantity("fluctuation", "velocity fluctuation", r"|v - \langle v_x \rangle|", "m/s", fluctuations, scale="from zero"),
-        Quantity("solid-fraction", "solid fraction", r"\phi", "1", averaged=_one, kind="share"),
+        Quantity("solid-fraction", "solid fraction", r"\nu", "1", averaged=_one, kind="share"),
         Quantity("granular-temperature", "granular temperature", r"T_g", "m2/s2", averaged=_granular_temperature, is_relative=True),
         Quantity(
             "coordination", "contacts per grain", "Z", "1", _of_contacts(lambda contacts: contacts.counts),
