@@ -61,7 +61,7 @@ class OverTime(Protocol):
 
 def draw_rheology(figure: Any, table: Rheology) -> None:
     """Draw the panels of a rheology into a matplotlib figure."""
-    grid = figure.subplots(2, 4, sharex=True)
+    grid = figure.subplots(4, 2, sharex=True)
     for panel, (label, quantities) in zip(grid.flat, _PANELS, strict=True):
         draw_panel(panel, table, label, quantities)
     explain(figure, table, _PANELS)
@@ -134,4 +134,4 @@ def rheology_text(table: Rheology, _terminal: Terminal) -> str:
     return "\n\n".join(charts)
 
 
-FIGURES = {Rheology: Ways(lambda _: (1.25 * PAGE, 0.64 * PAGE), draw_rheology, rheology_text)}
+FIGURES = {Rheology: Ways(lambda _: (PAGE, 0.9 * PAGE), draw_rheology, rheology_text)}
