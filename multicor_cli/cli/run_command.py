@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, Optional
 import typer
 
 from multicor_cli.cli.check_output import Strict, count_verdicts, refuse_bad, show_doubtful
-from multicor_cli.cli.console import format_seconds, say
+from multicor_cli.cli.console import complain, format_seconds, say
 from multicor_cli.cli.following import following
 from multicor_cli.cli.guard import set_crash_directory
 from multicor_cli.cli.options import Overrides, ScenarioFile, output_option
@@ -66,6 +66,7 @@ def run(
     if overwrite and extend:
         raise typer.BadParameter("a run is either extended or overwritten", param_hint="--extend")
     with Switchboard(may_exit=True).installed() as switchboard:
+        switchboard.farewell = lambda _number: complain("interrupted before anything was done")
         with switchboard.impatient():
             job = _prepare(scenario, overrides or [], threads)
         if is_dry:
