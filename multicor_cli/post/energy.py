@@ -96,10 +96,10 @@ class EnergyTable(Table):
     @property
     def rows(self) -> list[tuple[str, float]]:
         """The books at the end."""
-        lines = [(f"{entry.label} [J]", float(self.books[entry.name][-1])) for entry in MECHANICAL if entry in self.entries]
+        lines = [(f"{entry.label} [J]", float(self.books[entry.name][-1])) for entry in MECHANICAL if entry.name in self.books]
         lines.append(("closure [1]", float(self.closure[-1])))
         if self.heat_closure is not None:
-            lines += [(f"{entry.label} [J]", float(self.books[entry.name][-1])) for entry in HEAT if entry in self.entries]
+            lines += [(f"{entry.label} [J]", float(self.books[entry.name][-1])) for entry in HEAT if entry.name in self.books]
             lines.append(("closure of heat [1]", float(self.heat_closure[-1])))
         return lines
 

@@ -52,7 +52,7 @@ def run(
         StageTimeout: If the condition of a stage was not reached in time, and that is to stop the run (``on_timeout = "stop"``).
         StoreError: If the directory cannot be used, or a file cannot be written or is damaged.
         Exception: What ``steer`` raises, after a checkpoint: the same call goes on before the step after which it failed.
-        TypeError: If ``observer`` is none.
+        TypeError: If ``observer`` lacks a method of an `Observer`.
         ValueError: If the name of the directory is empty, there cannot be so many threads, ``overrides`` come with a loaded
             scenario, or ``overwrite`` with ``extend``; if ``steer_every`` is less than 1.
     """

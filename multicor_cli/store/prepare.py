@@ -42,7 +42,7 @@ def lay_out(path: Path, document: Document, source: bytes, resolved: bytes) -> N
 
 
 def check_usable(path: Path, *, overwrite: bool) -> None:
-    """Refuse a directory in which no run may begin; changes nothing.
+    """Refuse a directory in which no run may begin; leaves nothing behind.
 
     Raises:
         DirectoryRefused: If it is not a directory, holds foreign files, or a run and ``overwrite`` is False.
