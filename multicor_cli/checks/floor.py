@@ -97,11 +97,14 @@ def _blocked(model: Model, grid: _Grid, walls: list[Outline]) -> Flags:
     """Cells in which the smallest grain would touch a wall."""
     reach = max(float(model.grains.radius.min()), 0.75 * grid.size)
     found = np.zeros((grid.rows, grid.columns), np.bool_)
-    shifts = (-model.period, 0.0, model.period) if model.period > 0.0 else (0.0,)
     for outline in walls:
+        left, right = outline.corners()[:, :, 0]
         for k in range(len(outline.points)):
-            for shift in shifts if outline.normal is None else (0.0,):
-                _block_shape(grid, outline, k, np.array([shift, 0.0]), reach, found)
+            first, last = 0, 0
+            if model.period > 0.0 and outline.normal is None:  # the images that reach into the period
+                first, last = math.floor(-(right[k] + reach) / model.period) + 1, math.ceil((model.period + reach - left[k]) / model.period) - 1
+            for image in range(first, last + 1):
+                _block_shape(grid, outline, k, np.array([image * model.period, 0.0]), reach, found)
     return found
 
 

@@ -21,6 +21,9 @@ Ints = NDArray[np.int32]
 LEAST_DIAMETERS = 4.0
 """Shortest period over the largest diameter: with less, a grain and the image of its neighbor would be neighbors too."""
 
+LEAST_THROAT = 2.0
+"""Narrowest passage between a disc of a wall and its image, over the largest diameter: with less, a grain in it could meet both."""
+
 SHAPE_FACTOR = {"disc": 2.0, "sphere": 2.5}
 """m a²/I by the shape of the grains."""
 

@@ -110,6 +110,8 @@ SHAPES = {
 }  # fmt: skip
 """All kinds, in the order of their numbers."""
 
+_SPANNED = 1e-9  # of the period, to which points of a line tell that it spans it
+
 TAIL = np.array([shape.tail for shape in SHAPES.values()])
 """`Tail` of each kind."""
 
@@ -161,6 +163,39 @@ class WallBody:
         """The wall with more shapes of one kind: their four numbers [m], shape ``(k, 4)``."""
         kinds = np.append(self.kind, np.full(len(geometry), kind, np.int32))
         return WallBody(self.origin, kinds, np.concatenate([self.geometry, geometry]), self.length)
+
+    def with_line(
+        self, points: Floats, period: float, kind: ShapeKind = ShapeKind.SEGMENT, *, is_closed: bool = False
+    ) -> WallBody:
+        """The wall with a line from point to point: its pieces, then a vertex at each point that knows the pieces it ends.
+
+        A piece meets only the image of a grain that is nearest to its middle, so in a periodic domain pieces of half a period or
+        more are cut into equal ones. A line that ends where it or an image of it began has no ends: it is joined there.
+
+        Args:
+            points: Points of the line in the frame of the wall [m], shape ``(p, 2)``.
+            period: Period in x [m] or 0.
+            kind: Kind of the pieces, `ShapeKind.SEGMENT` or `ShapeKind.SIDE`.
+            is_closed: Whether the last point is joined to the first.
+        """
+        ends = np.concatenate([points[1:], points[:1]]) if is_closed else points[1:].copy()
+        begun = points[0] + np.array([period * np.rint((points[-1, 0] - points[0, 0]) / period) if period > 0.0 else 0.0, 0.0])
+        if not is_closed and (np.abs(points[-1] - begun) <= _SPANNED * period).all():
+            is_closed, ends[-1] = True, begun
+        way = ends - points[: len(ends)]
+        length = np.sqrt(way[:, 0] * way[:, 0] + way[:, 1] * way[:, 1])
+        parts = np.floor(2.0 * length / period).astype(np.int64) + 1 if period > 0.0 else np.ones(len(way), np.int64)
+        piece = np.repeat(np.arange(len(way)), parts)
+        share = (np.arange(len(piece)) - np.repeat(np.cumsum(parts) - parts, parts)) / parts[piece]
+        start = points[piece] + way[piece] * share[:, np.newaxis]
+        end = np.concatenate([start[1:], ends[-1:]])
+        first, last = len(self.kind), len(self.kind) + len(piece) - 1
+        vertices = start if is_closed else np.concatenate([start, end[-1:]])
+        after = first + np.arange(len(vertices))
+        before = np.where(after > first, after - 1, last if is_closed else -1)
+        after = np.where(after > last, -1, after)
+        line = self.with_shapes(kind, np.column_stack([start, end]))
+        return line.with_shapes(ShapeKind.VERTEX, np.column_stack([vertices, before, after]))
 
     @property
     def glued(self) -> Floats:

@@ -8,8 +8,8 @@ import numpy as np
 
 from multicor_cli.engine.exchange.books import note_presence
 from multicor_cli.model import Grains, Model, Presence, State, Thermal
-from multicor_cli.model.columns import X
-from multicor_cli.model.model import LEAST_DIAMETERS, SHAPE_FACTOR, Floats, Ints
+from multicor_cli.model.columns import RADIUS, X
+from multicor_cli.model.model import LEAST_DIAMETERS, LEAST_THROAT, SHAPE_FACTOR, Floats, Ints
 from multicor_cli.model.nudge import nudge, nudge_seed
 from multicor_cli.packing.bodies import Shape, inertias, masses
 from multicor_cli.packing.errors import PackingError
@@ -66,6 +66,7 @@ def place(scenario: Scenario) -> Placed:
         raise _refusal(scenario, [error]) from error
     solid = walls.obstacles()
     groups = _make_groups(scenario, solid)
+    _refuse_throats(scenario, walls, groups)
     model = replace(_model(scenario, walls, groups), thermal=_thermal(scenario, groups))
     state = _state(scenario, model, walls, groups)
     _refuse_overlaps(scenario, model, state, walls)
@@ -86,6 +87,7 @@ def _go_on(scenario: Scenario) -> Placed:
     except PackingError as error:
         raise _refusal(scenario, [error]) from error
     groups = grains_of(scenario, source)
+    _refuse_throats(scenario, walls, groups)
     model = replace(_model(scenario, walls, groups), thermal=_thermal(scenario, groups))
     if source.model.outlets is not None and model.outlets is None:
         model = replace(model, outlets=())  # grains that are not there stay away
@@ -144,6 +146,23 @@ def _check_period(scenario: Scenario, index: int, largest: float) -> None:
     if domain.periodic and domain.size[0] < 2.0 * LEAST_DIAMETERS * largest:
         text = f"the period {domain.size[0]:g} m is less than four of the largest diameters, {2.0 * largest:g} m"
         raise PackingError(text, "widen the domain or use smaller grains", ("sizes",) if sizes is not None else ("packing",))
+
+
+def _refuse_throats(scenario: Scenario, walls: BuiltWalls, groups: list[InitialGrains]) -> None:
+    """Refuse discs of walls so wide that a grain between one and its periodic image meets both: only the nearer is looked at."""
+    period, needed = scenario.domain.period, LEAST_THROAT * 2.0 * max(float(group.radius.max(initial=0.0)) for group in groups)
+    problems = []
+    for k, body in enumerate(walls.bodies):
+        left = period - 2.0 * float(body.glued[:, RADIUS].max(initial=0.0))
+        if 0.0 < period and left < needed:
+            text = (
+                f"a disc of the wall '{scenario.walls[k].name}' and its image one period of {period:g} m beside it leave {left:g} m "
+                f"between them, less than {LEAST_THROAT:g} times the largest diameter of {needed / LEAST_THROAT:g} m"
+            )
+            remedy = "make the disc or the grains smaller or the domain wider: twice as wide with two such discs, the throat is the same"
+            problems.append(PackingError(text, remedy, ("walls", k, "geometry")))
+    if problems:
+        raise _refusal(scenario, problems)
 
 
 def _model(scenario: Scenario, walls: BuiltWalls, groups: list[InitialGrains]) -> Model:

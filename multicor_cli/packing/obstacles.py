@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from multicor_cli.model.areas import Annulus, Area, Polygon, Room
-from multicor_cli.model.columns import RADIUS, X
+from multicor_cli.model.columns import TAIL_X, X
 from multicor_cli.model.model import Floats, Ints
-from multicor_cli.model.shapes import ShapeKind
+from multicor_cli.model.shapes import TAIL, ShapeKind, Tail, outlines
 from multicor_cli.packing.region import PackingRegion
 
 OPEN = Room()
@@ -78,18 +79,35 @@ class Obstacles:
         """Make the obstacles of a periodic domain fit for ``region``, which may cover only a part of the period.
 
         A region that spans the period is packed with its own periodicity and nothing changes. Any other is packed as if space
-        were not periodic, so the discs that reach into it from a neighboring period are added.
+        were not periodic, so what reaches into it from neighboring periods is added.
         """
         if period <= 0.0 or region.is_periodic:
             return self
-        discs = self.discs()
-        first = int(np.floor(region.left / period)) - 1
-        last = int(np.floor(region.right / period)) + 1
-        images = [discs + np.array([k * period, 0.0, 0.0]) for k in range(first, last + 1) if k]
-        moved = np.concatenate(images) if images else np.zeros((0, 3))
-        near = (moved[:, X] + moved[:, RADIUS] > region.left) & (moved[:, X] - moved[:, RADIUS] < region.right)
-        return self.with_discs(moved[near])
+        ends = np.empty((2, self.kind.size))
+        for which, outline in outlines(self.kind, self.world):
+            ends[:, which] = outline.corners()[:, :, X]
+        has_ends = self.kind != ShapeKind.PLANE  # planes are level
+        nearby = self
+        first = math.floor((region.left - float(ends[1, has_ends].max(initial=region.left))) / period)
+        last = math.ceil((region.right - float(ends[0, has_ends].min(initial=region.right))) / period)
+        for k in range(first, last + 1):
+            near = has_ends & (ends[1] + k * period > region.left) & (ends[0] + k * period < region.right)
+            refers = TAIL[self.kind] == Tail.SHAPES
+            for end in self.world[near & refers, TAIL_X:].astype(np.int64).T:
+                near[end[end >= 0]] = True  # a vertex asks its lines
+            if k == 0 or not near.any():
+                continue
+            rows, refers = self.world[near].copy(), refers[near]
+            rows[:, X] += k * period
+            rows[TAIL[self.kind[near]] == Tail.POINT, TAIL_X] += k * period
+            place = np.where(near, len(nearby.kind) + np.cumsum(near) - 1, -1)
+            tail = rows[refers, TAIL_X:].astype(np.int64)
+            rows[refers, TAIL_X:] = np.where(tail >= 0, place[tail], -1)
+            nearby = nearby._with(self.kind[near], rows)
+        return nearby
 
     def _append(self, kind: ShapeKind, rows: Floats) -> Obstacles:
-        added = np.full(len(rows), int(kind), np.int32)
-        return replace(self, kind=np.concatenate([self.kind, added]), world=np.concatenate([self.world, rows]))
+        return self._with(np.full(len(rows), int(kind), np.int32), rows)
+
+    def _with(self, kind: Ints, rows: Floats) -> Obstacles:
+        return replace(self, kind=np.concatenate([self.kind, kind]), world=np.concatenate([self.world, rows]))

@@ -138,28 +138,20 @@ class PolygonGeometry(WallGeometry):
     def body(self, domain: Domain) -> WallBody:
         """A side from each corner to the next, and a vertex at each corner, around the center of area."""
         polygon = self.area()
-        local = polygon.points - polygon.centroid
-        sides = np.column_stack([local, np.roll(local, -1, axis=0)])
-        number = np.arange(len(local), dtype=float)
-        vertices = np.column_stack([local, np.roll(number, 1), number])
         body = WallBody.empty(polygon.centroid.tolist(), polygon.perimeter)
-        return body.with_shapes(ShapeKind.SIDE, sides).with_shapes(ShapeKind.VERTEX, vertices)
+        return body.with_line(polygon.points - polygon.centroid, domain.period, ShapeKind.SIDE, is_closed=True)
 
     def glued(self, domain: Domain | None = None) -> Glued | None:
         """A row along each side, if it is rough."""
         return None if self.rough is None else Glued(Sides(self.area()), self.rough, "rough")
 
     def misfits(self, domain: Domain) -> Iterator[Finding]:
-        """It fits into the period however it is turned, and each point of a side is nearer to both ends than their images."""
-        if not domain.periodic:
-            return
+        """It fits into the period however it is turned."""
         polygon = self.area()
         width = 2.0 * max(hypot(*away) for away in (polygon.points - polygon.centroid).tolist())
-        side = float(polygon.side_lengths().max())
-        if width > domain.size[0] or side >= 0.5 * domain.size[0]:
-            what = f"the polygon is {width:g} m wide with sides up to {side:g} m, too much for the period of {domain.size[0]:g} m"
-            remedy = "keep it narrower than the period and its sides shorter than half of it, or use periodic = false"
-            yield Finding(("points",), what, remedy)
+        if domain.periodic and width > domain.size[0]:
+            what = f"the polygon is {width:g} m wide when it is turned, more than the period of {domain.size[0]:g} m"
+            yield Finding(("points",), what, _ELSEWHERE)
 
     def room(self, discs: Floats) -> Room:
         """All that lies outside, or inside."""

@@ -6,9 +6,11 @@ from abc import abstractmethod
 from collections.abc import Iterator
 from typing import Literal
 
+from multicor_cli.arithmetic import hypot
 from multicor_cli.model import WallBody
 from multicor_cli.model.areas import Room
 from multicor_cli.model.model import Floats
+from multicor_cli.model.shapes import outlines
 from multicor_cli.scenario.base import Table
 from multicor_cli.scenario.gluing import Glued
 from multicor_cli.scenario.problems import Finding
@@ -46,9 +48,16 @@ class WallGeometry(Table):
         """What its mass follows from if none is given; None if it has to be given."""
         return None if self.glued() is None else "discs"
 
-    @property
-    def spans_period(self) -> bool:
-        """Whether it reaches from one period of a periodic domain to the next, so that it cannot turn."""
+    def spans_period(self, domain: Domain) -> bool:
+        """Whether it reaches farther than half a period from its reference point, so that it cannot turn: images would meet."""
+        if not domain.periodic:
+            return False
+        body, half = self.body(domain), 0.5 * domain.period
+        for _, outline in outlines(body.kind, body.geometry):
+            reach = max(hypot(*point) for point in outline.points.reshape(-1, 2).tolist())
+            # A line of one period is joined to its image; a circle of that width is not.
+            if reach >= half * (1.0 - 1e-9) if outline.radius is None else reach + float(outline.radius.max()) > half * (1.0 + 1e-9):
+                return True
         return False
 
     @property

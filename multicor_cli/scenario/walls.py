@@ -56,10 +56,9 @@ class PlaneGeometry(WallGeometry):
             what = f"a plane with normal {list(self.normal)} crosses the periodic domain"
             yield Finding(("normal",), what, "use [0, 1] or [0, -1], or periodic = false")
 
-    @property
-    def spans_period(self) -> bool:
-        """Whether it is level."""
-        return self.normal[0] == 0.0
+    def spans_period(self, domain: Domain) -> bool:
+        """In a periodic domain it does."""
+        return domain.periodic
 
     @property
     def height(self) -> float:
@@ -104,10 +103,9 @@ class RoughGeometry(WallGeometry):
         end = start[0] + math.copysign(domain.period, way), start[1]
         return Row(start, end, is_left, is_closed=True)
 
-    @property
-    def spans_period(self) -> bool:
+    def spans_period(self, domain: Domain) -> bool:
         """As a rule it does."""
-        return True
+        return domain.periodic
 
     @property
     def height(self) -> float:
@@ -116,7 +114,7 @@ class RoughGeometry(WallGeometry):
 
 
 class BoxGeometry(WallGeometry):
-    """A rectangular container around the grains: one body with up to four sides."""
+    """A rectangular container: one body with up to four thin sides, which end at its corners and are solid inside and outside."""
 
     kind: Literal["box"]
     min: Point = Field(description="lower left corner [m]")
@@ -137,29 +135,27 @@ class BoxGeometry(WallGeometry):
         return sides
 
     def body(self, domain: Domain) -> WallBody:
-        """A half-plane for each closed side."""
+        """A line along each run of closed sides, counterclockwise."""
         (left, bottom), (right, top) = self.min, self.max
-        half_width, half_height = 0.5 * (right - left), 0.5 * (top - bottom)
-        sides = {
-            "left": (2.0 * half_height, (-half_width, 0.0, 1.0, 0.0)),
-            "right": (2.0 * half_height, (half_width, 0.0, -1.0, 0.0)),
-            "bottom": (2.0 * half_width, (0.0, -half_height, 0.0, 1.0)),
-            "top": (2.0 * half_width, (0.0, half_height, 0.0, -1.0)),
-        }
-        lengths, planes = zip(*(side for name, side in sides.items() if name not in self.open), strict=True)
-        middle = 0.5 * (left + right), 0.5 * (bottom + top)
-        return WallBody.empty(middle, math.fsum(lengths)).with_shapes(ShapeKind.PLANE, planes)
+        x, y = 0.5 * (right - left), 0.5 * (top - bottom)
+        sides: tuple[Side, ...] = ("bottom", "right", "top", "left")
+        corners = np.array([(-x, -y), (x, -y), (x, y), (-x, y)])  # where each of them begins
+        is_closed = [side not in self.open for side in sides]
+        lengths = [2.0 * (x if side in {"bottom", "top"} else y) for side in sides if side not in self.open]
+        body = WallBody.empty((0.5 * (left + right), 0.5 * (bottom + top)), math.fsum(lengths))
+        if all(is_closed):
+            return body.with_line(corners, domain.period, is_closed=True)
+        for first in range(4):
+            if is_closed[first] and not is_closed[first - 1]:
+                count = next(k for k in range(1, 4) if not is_closed[(first + k) % 4])
+                body = body.with_line(corners[[(first + k) % 4 for k in range(count + 1)]], domain.period)
+        return body
 
     def misfits(self, domain: Domain) -> Iterator[Finding]:
         """In a periodic domain a box has no sides at left and right."""
         if domain.periodic and not {"left", "right"} <= set(self.open):
             what = f"the box has sides at left or right of a periodic domain: open = {list(self.open)}"
             yield Finding(("open",), what, 'add "left" and "right", or use periodic = false')
-
-    @property
-    def spans_period(self) -> bool:
-        """Its bottom and top do."""
-        return True
 
 
 class CircleGeometry(WallGeometry):
@@ -216,20 +212,13 @@ class PolylineGeometry(WallGeometry):
         return self
 
     def body(self, domain: Domain) -> WallBody:
-        """Segments from point to point, and a vertex at every point that knows the segments it ends."""
+        """A line around the mean of its points; a load spreads over its length."""
         points = np.array(self.points)
         origin = column_totals(points) / len(points)
         local = points - origin
         ends = np.roll(local, -1, axis=0) if self.closed else local[1:]
-        segments = np.column_stack([local[: len(ends)], ends])
-        number = np.arange(len(points), dtype=float)
-        before, after = number - 1.0, np.where(number < len(segments), number, -1.0)
-        if self.closed:
-            before[0] = len(segments) - 1.0
-        vertices = np.column_stack([local, before, after])
-        length = total(np.array([hypot(*way) for way in (segments[:, 2:] - segments[:, :2]).tolist()]))
-        body = WallBody.empty(origin.tolist(), length)
-        return body.with_shapes(ShapeKind.SEGMENT, segments).with_shapes(ShapeKind.VERTEX, vertices)
+        length = total(np.array([hypot(*way) for way in (ends - local[: len(ends)]).tolist()]))
+        return WallBody.empty(origin.tolist(), length).with_line(local, domain.period, is_closed=self.closed)
 
 
 Geometry = Annotated[

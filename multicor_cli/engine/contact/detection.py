@@ -6,6 +6,7 @@ With the surface speed s instead of the spin, a contact of discs needs no radius
 
 from __future__ import annotations
 
+from math import floor
 from typing import NamedTuple
 
 import numpy as np
@@ -13,7 +14,6 @@ from numpy.typing import NDArray
 
 from multicor_cli.engine.contact.law import bias
 from multicor_cli.engine.contact.softening import softened_friction
-from multicor_cli.engine.geometry.gaps import nearest_image
 from multicor_cli.engine.geometry.scene import Scene, pair_geometry
 from multicor_cli.engine.jit.chunks import CHUNK
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
@@ -63,7 +63,9 @@ class WarmStart(NamedTuple):
 def _wall_lever(scene: Scene, i: int, wall: int, nx: float, ny: float, gap: float) -> tuple[float, float]:
     """From the reference point of a wall to the point of the wall that is closest to grain i."""
     reach = scene.radius[i] + gap
-    dx = nearest_image(scene.position[i, X] - scene.wall_position[wall, X], scene.period)
+    dx = scene.position[i, X] - scene.wall_position[wall, X]
+    if scene.period > 0.0:  # the image of the point on the wall counts: the grain may lie beyond half a period
+        dx -= scene.period * floor((dx - reach * nx) / scene.period + 0.5)
     return dx - reach * nx, scene.position[i, Y] - scene.wall_position[wall, Y] - reach * ny
 
 

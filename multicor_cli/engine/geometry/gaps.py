@@ -54,6 +54,17 @@ def disc_plane(dx: float, dy: float, nx: float, ny: float, radius: float) -> tup
 
 
 @formula
+def from_first_end(x: float, x0: float, x1: float, period: float) -> float:
+    """``x − x0`` [m] of the image of x nearest to the middle of a line from x0 to x1: that is the one the whole line may meet.
+
+    Lines are shorter than half a period (`WallBody.with_line`), so that an image near one of their ends is near no other image.
+    """
+    if period > 0.0:
+        return x - x0 - period * floor((x - 0.5 * (x0 + x1)) / period + 0.5)
+    return x - x0
+
+
+@formula
 def segment_parameter(px: float, py: float, x0: float, y0: float, x1: float, y1: float) -> float:
     """Where the foot of (px, py) lies on the line from (x0, y0) to (x1, y1): 0 at the first end, 1 at the second."""
     ex, ey = x1 - x0, y1 - y0
@@ -70,10 +81,11 @@ def disc_circle(dx: float, dy: float, circle_radius: float, radius: float) -> tu
 
 
 @kernel
-def _past_end(x: float, y: float, world: Floats, segment: int, is_start: bool) -> bool:
+def _past_end(x: float, y: float, world: Floats, segment: int, is_start: bool, period: float) -> bool:
     """Whether the point of the segment closest to (x, y) is that end."""
     s = world[segment]
-    foot = segment_parameter(x, y, s[X], s[Y], s[TAIL_X], s[TAIL_Y])
+    dx = from_first_end(x, s[X], s[TAIL_X], period)
+    foot = segment_parameter(s[X] + dx, y, s[X], s[Y], s[TAIL_X], s[TAIL_Y])
     return foot <= 0.0 if is_start else foot >= 1.0
 
 
@@ -84,8 +96,14 @@ def gap_to_shape(
     """Gap [m] and unit normal of a grain at (x, y) against a wall shape; ``inf`` where another shape of the wall is closer."""
     what = kind[shape]
     g0, g1, g2, g3 = world[shape, X], world[shape, Y], world[shape, TAIL_X], world[shape, TAIL_Y]
-    dx = nearest_image(x - g0, period)
     dy = y - g1
+    if what == _SEGMENT or what == _SIDE:
+        px, py = g0 + from_first_end(x, g0, g2, period), g1 + dy
+        foot = segment_parameter(px, py, g0, g1, g2, g3)
+        if foot <= 0.0 or foot >= 1.0:
+            return inf, 0.0, 1.0
+        return disc_disc(px - g0 - foot * (g2 - g0), py - g1 - foot * (g3 - g1), radius)
+    dx = nearest_image(x - g0, period)
     if what == _DISC:
         return disc_disc(dx, dy, radius + g2)
     if what == _PLANE:
@@ -93,14 +111,9 @@ def gap_to_shape(
     if what == _CIRCLE:
         return disc_circle(dx, dy, g2, radius)
     px, py = g0 + dx, g1 + dy
-    if what != _VERTEX:  # a segment or a side
-        foot = segment_parameter(px, py, g0, g1, g2, g3)
-        if foot <= 0.0 or foot >= 1.0:
-            return inf, 0.0, 1.0
-        return disc_disc(px - g0 - foot * (g2 - g0), py - g1 - foot * (g3 - g1), radius)
-    if g2 >= 0.0 and not _past_end(px, py, world, int(g2), False):
+    if g2 >= 0.0 and not _past_end(px, py, world, int(g2), False, period):
         return inf, 0.0, 1.0
-    if g3 >= 0.0 and not _past_end(px, py, world, int(g3), True):
+    if g3 >= 0.0 and not _past_end(px, py, world, int(g3), True, period):
         return inf, 0.0, 1.0
     return disc_disc(dx, dy, radius)
 
@@ -115,7 +128,7 @@ def is_near_shape(x: float, y: float, radius: float, shape: int, kind: Ints, wor
     if what != _SEGMENT and what != _SIDE and what != _VERTEX:
         return gap_to_shape(x, y, radius, shape, kind, world, period)[0] < cutoff
     g0, g1, g2, g3 = world[shape, X], world[shape, Y], world[shape, TAIL_X], world[shape, TAIL_Y]
-    dx = nearest_image(x - g0, period)
+    dx = nearest_image(x - g0, period) if what == _VERTEX else from_first_end(x, g0, g2, period)
     dy = y - g1
     if what != _VERTEX:
         foot = min(max(segment_parameter(g0 + dx, y, g0, g1, g2, g3), 0.0), 1.0)

@@ -92,13 +92,15 @@ def _nothing_to_tilt(draft: Draft) -> Iterator[Finding]:
 
 def _check_turning(wall: Wall, draft: Draft) -> Iterator[Finding]:
     """A wall that reaches from one period to the next has no center to turn about."""
-    if draft.domain is None or not draft.domain.periodic or not wall.geometry.spans_period:
+    geometry = wall.geometry
+    if draft.domain is None or any(geometry.misfits(draft.domain)) or not geometry.spans_period(draft.domain):
         return
     for k, stage in _stages(draft):
         drives = stage.drives.get(wall.name)
         if drives is not None and drives.spin is not None and moves(drives.spin):
-            what = f"the wall '{wall.name}' of a periodic domain cannot turn: it has no center"
-            yield Finding(("loading", k, "drives", wall.name, "spin"), what, "remove spin, or use periodic = false")
+            what = f"the wall '{wall.name}' cannot turn: it reaches from one period to the next"
+            remedy = "remove spin, make it narrower than the period in all directions, or use periodic = false"
+            yield Finding(("loading", k, "drives", wall.name, "spin"), what, remedy)
 
 
 def _check_inertia(path: KeyPath, wall: Wall, draft: Draft) -> Iterator[Finding]:

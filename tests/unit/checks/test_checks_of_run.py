@@ -165,10 +165,10 @@ def test_a_stage_that_timed_out(tmp_path: Path) -> None:
 
 
 def test_gravity_is_that_of_the_stage(tmp_path: Path) -> None:
-    """Grains of a box without a right side stay in it until gravity is tilted."""
-    box = '{ kind = "box", min = [0.0, 0.0], max = [0.06, 0.08], open = ["right", "top"] }'
+    """Grains on a floor stay on it until gravity is tilted."""
+    floor = '{ kind = "plane", point = [0.0, 0.0], normal = [0.0, 1.0] }'
     text = changed(PACKED, ("duration = 1.0", "duration = 0.01"))
-    text += f'\n[[walls]]\nname = "box"\nmaterial = "glass"\ngeometry = {box}\n'
+    text += f'\n[[walls]]\nname = "floor"\nmaterial = "glass"\ngeometry = {floor}\n'
     tilt = '\n[[loading]]\nname = "tilt"\nduration = 0.02\ngravity = { angle = { ramp = [0.0, 90.0], duration = 0.02 } }\n'
     path = write_small(tmp_path, text.replace("\n[solver]", tilt + "\n[solver]"))
     before = {check.name: check for check in multicor.check_scenario(path)}["grains without a floor"]

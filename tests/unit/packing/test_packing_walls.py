@@ -83,6 +83,17 @@ def test_closed_polyline_has_no_loose_end():
     assert body.length == pytest.approx(2 + math.sqrt(2))
 
 
+def test_a_line_through_the_period_is_cut_and_joined_to_its_image():
+    floor = PolylineGeometry(kind="polyline", points=((0.1, 0.2), (2.1, 0.2))).body(Domain(size=(2.0, 1.0), periodic=True))
+    assert floor.kind.tolist() == [ShapeKind.SEGMENT] * 3 + [ShapeKind.VERTEX] * 3
+    np.testing.assert_allclose(floor.geometry[:3, 0::2], np.array([[-1, -1 / 3], [-1 / 3, 1 / 3], [1 / 3, 1]]))
+    assert floor.geometry[3:, 2:].tolist() == [[2, 0], [0, 1], [1, 2]]
+    ramp = PolylineGeometry(kind="polyline", points=((0.1, 0.2), (2.1, 0.3))).body(Domain(size=(2.0, 1.0), periodic=True))
+    assert ramp.geometry[3:, 2:].tolist() == [[-1, 0], [0, 1], [1, 2], [2, -1]]  # it ends, one above the other
+    ring = body_of(PolylineGeometry(kind="polyline", points=((0.0, 0.0), (1.0, 0.0), (0.0, 1.0), (0.0, 0.0))))
+    assert ring.geometry[3:, 2:].tolist() == [[2, 0], [0, 1], [1, 2]]
+
+
 def test_corners_refer_to_rows_of_the_joined_table():
     geometries = [
         PlaneGeometry(kind="plane", point=(0.0, 0.0), normal=(0.0, 2.0)),
@@ -103,8 +114,14 @@ def test_bodies_of_simple_geometries():
     assert plane.length == pytest.approx(0.8 * 2.0 + 0.6 * 1.0)
     box = body_of(BoxGeometry(kind="box", min=(0.0, 0.0), max=(2.0, 1.0), open=("top",)))
     np.testing.assert_allclose(box.origin, [1.0, 0.5])
-    np.testing.assert_allclose(box.geometry, [[-1, 0, 1, 0], [1, 0, -1, 0], [0, -0.5, 0, 1]])
+    lines = [[-1, 0.5, -1, -0.5], [-1, -0.5, 1, -0.5], [1, -0.5, 1, 0.5]]
+    np.testing.assert_allclose(box.geometry, [*lines, [-1, 0.5, -1, 0], [-1, -0.5, 0, 1], [1, -0.5, 1, 2], [1, 0.5, 2, -1]])
     assert box.length == 4.0
+    posts = body_of(BoxGeometry(kind="box", min=(0.0, 0.0), max=(2.0, 1.0), open=("top", "bottom")))
+    sides = [[1, -0.5, 1, 0.5], [1, -0.5, -1, 0], [1, 0.5, 0, -1], [-1, 0.5, -1, -0.5], [-1, 0.5, -1, 3], [-1, -0.5, 3, -1]]
+    np.testing.assert_allclose(posts.geometry, sides)
+    closed = body_of(BoxGeometry(kind="box", min=(0.0, 0.0), max=(2.0, 1.0)))
+    assert closed.geometry[4:, 2:].tolist() == [[3, 0], [0, 1], [1, 2], [2, 3]]
     circle = body_of(CircleGeometry(kind="circle", center=(0.5, 0.6), radius=0.25))
     np.testing.assert_allclose(circle.origin, [0.5, 0.6])
     np.testing.assert_allclose(circle.geometry, [[0, 0, 0.25, 0]])

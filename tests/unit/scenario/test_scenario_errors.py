@@ -151,11 +151,18 @@ MISTAKES = {
         'grains = "out"',
         "'outside', 'inside'",
     ),
-    "polygon with long sides": (
-        (PADDLE, 'kind = "polygon", grains = "outside", points = [[0, 0.02], [0.02, 0.02], [0.01, 0.022]]'),
+    "wide polygon": (
+        (PADDLE, 'kind = "polygon", grains = "outside", points = [[0, 0.02], [0.029, 0.02], [0.01, 0.022]]'),
         "walls.2.geometry.points",
         "points = [[0, 0.02]",
-        "sides up to 0.02 m",
+        "0.0320278 m wide when it is turned",
+        "periodic = false",
+    ),
+    "wide line that turns": (
+        (PADDLE, 'kind = "polyline", points = [[0, 0.02], [0.02, 0.05]]'),
+        "loading.0.drives.paddle.spin",
+        "spin = { force",
+        "reaches from one period to the next",
         "periodic = false",
     ),
     "side shorter than a glued grain": (
@@ -545,6 +552,7 @@ def test_the_period_is_wider_than_four_grains():
         ("size = [0.03, 0.05]", "size = [0.0024, 0.05]"),
         ("max = [0.03, 0.049]", "max = [0.0024, 0.049]"),
         ("count = 100", "count = 1"),
+        (PADDLE, 'kind = "polyline", points = [[0.0, 0.02], [0.001, 0.02]]'),
     )
     (problem,) = problems_of(text)
     assert problem.key == "particles.0.sizes"

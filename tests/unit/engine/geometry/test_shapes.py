@@ -7,7 +7,7 @@ import pytest
 
 from multicor_cli.engine.geometry.gaps import gap_to_shape, is_near_shape
 from multicor_cli.engine.geometry.scene import place_shapes
-from multicor_cli.model.shapes import SHAPES, ShapeKind, outlines
+from multicor_cli.model.shapes import SHAPES, ShapeKind, WallBody, outlines
 
 EXAMPLES = {
     ShapeKind.DISC: (0.5, -0.2, 0.7, 0.0),
@@ -88,3 +88,51 @@ def test_grains_that_may_touch_after_a_motion_are_near_before_it(kind: ShapeKind
     after, cutoff = GRAINS[np.isfinite(gap)], gap[np.isfinite(gap)] + 1e-9
     for step in np.random.default_rng(5).normal(0.0, 0.3, (10, *after.shape)):
         assert are_near(kind, after - step, cutoff + np.hypot(*step.T)).all()
+
+
+PERIOD = 1.0
+LINES = {
+    "full-width floor": ([[0.0, 0.4], [1.0, 0.4]], False),
+    "ramp that ends above its image": ([[0.02, 0.5], [1.0, 0.3]], False),
+    "nearly half a period": ([[0.0, 0.3], [0.49, 0.33]], False),
+    "half a period": ([[0.3, 0.3], [0.8, 0.3]], False),
+    "several periods": ([[0.0, 0.9], [1.4, 0.6], [2.7, 0.2]], False),
+    "a sawtooth without ends": ([[0.0, 0.5], [0.7, 0.2], [1.0, 0.5]], False),
+    "a wide triangle": ([[0.1, 0.2], [0.9, 0.2], [0.5, 0.5]], True),
+    "an upright side": ([[0.2, 0.1], [0.2, 1.7]], False),
+}
+
+
+@pytest.mark.parametrize("pose", [(0.0, 0.0, 0.0), (-7.3, 0.2, 0.0), (0.55, 0.1, 0.9), (3.2, -0.1, -2.2)])
+@pytest.mark.parametrize("name", LINES)
+def test_a_line_in_a_periodic_domain_is_where_it_is_drawn(name: str, pose: tuple[float, float, float]) -> None:
+    """Against the distances to all images of the line, by brute force."""
+    drawn, is_closed = LINES[name]
+    if pose[2] and drawn[-1][0] - drawn[0][0] == PERIOD and drawn[-1][1] == drawn[0][1]:
+        pose = (pose[0], pose[1], 0.0)  # one without ends cannot turn
+    points = np.array(drawn)
+    body = WallBody.empty((0.0, 0.0), 1.0).with_line(points, PERIOD, is_closed=is_closed)
+    world = np.empty(body.geometry.shape)
+    place_shapes(body.kind, np.zeros(len(body.kind), np.int32), body.geometry, np.array([pose]), world)
+    turn = np.array([[np.cos(pose[2]), np.sin(pose[2])], [-np.sin(pose[2]), np.cos(pose[2])]])
+    corners = points @ turn + pose[:2]
+    ends = np.roll(corners, -1, axis=0) if is_closed else corners[1:]
+    radius, cutoff = PERIOD / 8.0, PERIOD / 8.0
+    near = 0
+    for x, y in np.random.default_rng(5).uniform((0.0, -1.5), (PERIOD, 2.5), (300, 2)):
+        images = np.column_stack([x + PERIOD * np.arange(-12, 13), np.full(25, y)])
+        distance = min(distances(images, a, b).min() for a, b in zip(corners, ends, strict=False))
+        found = [gap_to_shape(x, y, radius, k, body.kind, world, PERIOD) for k in range(len(body.kind))]
+        listed = [is_near_shape(x, y, radius, k, body.kind, world, PERIOD, cutoff) for k in range(len(body.kind))]
+        if distance < radius + cutoff:
+            near += 1
+            assert min(gap for gap, _, _ in found) == pytest.approx(distance - radius, abs=1e-9)
+        assert any(listed) == (distance < radius + cutoff)
+        assert all(near for near, (gap, _, _) in zip(listed, found, strict=True) if gap < cutoff)
+    assert near > 30
+
+
+def distances(points: np.ndarray, start: np.ndarray, end: np.ndarray) -> np.ndarray:
+    way = end - start
+    along = np.clip((points - start) @ way / (way @ way), 0.0, 1.0)
+    return np.hypot(*(points - start - along[:, np.newaxis] * way).T)
