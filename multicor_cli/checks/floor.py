@@ -100,10 +100,12 @@ def _blocked(model: Model, grid: _Grid, walls: list[Outline]) -> Flags:
     for outline in walls:
         left, right = outline.corners()[:, :, 0]
         for k in range(len(outline.points)):
-            first, last = 0, 0
-            if model.period > 0.0 and outline.normal is None:  # the images that reach into the period
-                first, last = math.floor(-(right[k] + reach) / model.period) + 1, math.ceil((model.period + reach - left[k]) / model.period) - 1
-            for image in range(first, last + 1):
+            images = range(1)
+            if model.period > 0.0 and outline.normal is None:  # those that reach into the period
+                images = range(
+                    math.ceil(-(right[k] + reach) / model.period), math.floor(1.0 + (reach - left[k]) / model.period) + 1
+                )
+            for image in images:
                 _block_shape(grid, outline, k, np.array([image * model.period, 0.0]), reach, found)
     return found
 

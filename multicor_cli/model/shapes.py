@@ -164,9 +164,7 @@ class WallBody:
         kinds = np.append(self.kind, np.full(len(geometry), kind, np.int32))
         return WallBody(self.origin, kinds, np.concatenate([self.geometry, geometry]), self.length)
 
-    def with_line(
-        self, points: Floats, period: float, kind: ShapeKind = ShapeKind.SEGMENT, *, is_closed: bool = False
-    ) -> WallBody:
+    def with_line(self, points: Floats, period: float, kind: ShapeKind = ShapeKind.SEGMENT, *, is_closed: bool = False) -> WallBody:
         """The wall with a line from point to point: its pieces, then a vertex at each point that knows the pieces it ends.
 
         A piece meets only the image of a grain that is nearest to its middle, so in a periodic domain pieces of half a period or

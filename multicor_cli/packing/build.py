@@ -150,16 +150,17 @@ def _check_period(scenario: Scenario, index: int, largest: float) -> None:
 
 def _refuse_throats(scenario: Scenario, walls: BuiltWalls, groups: list[InitialGrains]) -> None:
     """Refuse discs of walls so wide that a grain between one and its periodic image meets both: only the nearer is looked at."""
-    period, needed = scenario.domain.period, LEAST_THROAT * 2.0 * max(float(group.radius.max(initial=0.0)) for group in groups)
-    problems = []
+    mechanisms = scenario.heat.mechanisms.values() if scenario.heat is not None else ()
+    diameters = max(LEAST_THROAT, *(1.0 + (getattr(table, "reach", None) or 0.0) for table in mechanisms))
+    diameter, period, problems = 2.0 * max(float(group.radius.max(initial=0.0)) for group in groups), scenario.domain.period, []
     for k, body in enumerate(walls.bodies):
         left = period - 2.0 * float(body.glued[:, RADIUS].max(initial=0.0))
-        if 0.0 < period and left < needed:
+        if period > 0.0 and left < diameters * diameter:
             text = (
-                f"a disc of the wall '{scenario.walls[k].name}' and its image one period of {period:g} m beside it leave {left:g} m "
-                f"between them, less than {LEAST_THROAT:g} times the largest diameter of {needed / LEAST_THROAT:g} m"
+                f"a disc of the wall '{scenario.walls[k].name}' and its image one period of {period:g} m away leave {left:g} m "
+                f"between them, less than {diameters:g} times the largest diameter of {diameter:g} m"
             )
-            remedy = "make the disc or the grains smaller or the domain wider: twice as wide with two such discs, the throat is the same"
+            remedy = "make the disc or the grains smaller, or the domain twice as wide with two such discs: the throat is the same"
             problems.append(PackingError(text, remedy, ("walls", k, "geometry")))
     if problems:
         raise _refusal(scenario, problems)

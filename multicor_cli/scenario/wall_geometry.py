@@ -56,7 +56,11 @@ class WallGeometry(Table):
         for _, outline in outlines(body.kind, body.geometry):
             reach = max(hypot(*point) for point in outline.points.reshape(-1, 2).tolist())
             # A line of one period is joined to its image; a circle of that width is not.
-            if reach >= half * (1.0 - 1e-9) if outline.radius is None else reach + float(outline.radius.max()) > half * (1.0 + 1e-9):
+            if outline.radius is None:
+                spans = reach >= half * (1.0 - 1e-9)
+            else:
+                spans = reach + float(outline.radius.max()) > half * (1.0 + 1e-9)
+            if spans:
                 return True
         return False
 

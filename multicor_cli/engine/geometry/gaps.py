@@ -96,20 +96,19 @@ def gap_to_shape(
     """Gap [m] and unit normal of a grain at (x, y) against a wall shape; ``inf`` where another shape of the wall is closer."""
     what = kind[shape]
     g0, g1, g2, g3 = world[shape, X], world[shape, Y], world[shape, TAIL_X], world[shape, TAIL_Y]
-    dy = y - g1
-    if what == _SEGMENT or what == _SIDE:
-        px, py = g0 + from_first_end(x, g0, g2, period), g1 + dy
-        foot = segment_parameter(px, py, g0, g1, g2, g3)
-        if foot <= 0.0 or foot >= 1.0:
-            return inf, 0.0, 1.0
-        return disc_disc(px - g0 - foot * (g2 - g0), py - g1 - foot * (g3 - g1), radius)
-    dx = nearest_image(x - g0, period)
+    dx, dy = nearest_image(x - g0, period), y - g1
     if what == _DISC:
         return disc_disc(dx, dy, radius + g2)
     if what == _PLANE:
         return disc_plane(dx, dy, g2, g3, radius)
     if what == _CIRCLE:
         return disc_circle(dx, dy, g2, radius)
+    if what != _VERTEX:  # a segment or a side
+        px, py = g0 + from_first_end(x, g0, g2, period), g1 + dy
+        foot = segment_parameter(px, py, g0, g1, g2, g3)
+        if foot <= 0.0 or foot >= 1.0:
+            return inf, 0.0, 1.0
+        return disc_disc(px - g0 - foot * (g2 - g0), py - g1 - foot * (g3 - g1), radius)
     px, py = g0 + dx, g1 + dy
     if g2 >= 0.0 and not _past_end(px, py, world, int(g2), False, period):
         return inf, 0.0, 1.0
