@@ -151,7 +151,7 @@ def _check_period(scenario: Scenario, index: int, largest: float) -> None:
 def _refuse_throats(scenario: Scenario, walls: BuiltWalls, groups: list[InitialGrains]) -> None:
     """Refuse discs of walls so wide that a grain between one and its periodic image meets both: only the nearer is looked at."""
     mechanisms = scenario.heat.mechanisms.values() if scenario.heat is not None else ()
-    diameters = max(LEAST_THROAT, *(1.0 + (getattr(table, "reach", None) or 0.0) for table in mechanisms))
+    diameters = max([LEAST_THROAT, *(1.0 + (getattr(table, "reach", None) or 0.0) for table in mechanisms)])
     diameter, period, problems = 2.0 * max(float(group.radius.max(initial=0.0)) for group in groups), scenario.domain.period, []
     for k, body in enumerate(walls.bodies):
         left = period - 2.0 * float(body.glued[:, RADIUS].max(initial=0.0))
