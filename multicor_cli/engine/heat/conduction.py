@@ -21,6 +21,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
+from multicor_cli.engine.geometry.places import totals_of_places
 from multicor_cli.engine.geometry.radii import hertz_radius
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.heat.hertz import contact_radius
@@ -114,12 +115,16 @@ def contact_spots(
 
 
 @kernel
-def largest_biot(scene: Scene, i: Ints, j: Ints, conductance: Floats, laws: HeatLaws) -> float:
-    """Largest Biot number H/(λ a) of the grains at some links; arguments as `contact_spots`; 0 if there are none."""
+def largest_biot(scene: Scene, i: Ints, j: Ints, place: Ints, conductance: Floats, laws: HeatLaws) -> float:
+    """Largest Biot number H/(λ a) of the grains at some links, of a place as a whole; 0 if there are none.
+
+    Arguments as `contact_spots`; ``place`` of each link is as `find_places` has it.
+    """
     grains, most = scene.radius.size, 0.0
+    total = totals_of_places(place, conductance)
     for k in range(i.size):
         if conductance[k] > 0.0:
-            most = max(most, biot_number(conductance[k], laws.conductivity[scene.material[i[k]]], scene.radius[i[k]]))
+            most = max(most, biot_number(total[k], laws.conductivity[scene.material[i[k]]], scene.radius[i[k]]))
             if j[k] < grains:
-                most = max(most, biot_number(conductance[k], laws.conductivity[scene.material[j[k]]], scene.radius[j[k]]))
+                most = max(most, biot_number(total[k], laws.conductivity[scene.material[j[k]]], scene.radius[j[k]]))
     return most

@@ -64,7 +64,8 @@ def links_of(scene: Scene, spots: Spots, near: Pairs | None, settings: HeatSetti
     if near is None:
         loaded = spots.conductance > 0.0
         i, j, conductance = spots.i[loaded], spots.j[loaded], spots.conductance[loaded]
-        return Links(i, j, conductance, area, largest_biot(scene, i, j, conductance, laws), (0.0, 0.0))
+        place, _ = find_places(scene, i, j)
+        return Links(i, j, conductance, area, largest_biot(scene, i, j, place, conductance, laws), (0.0, 0.0))
     i, j, gap = _with_contacts(scene, near, spots)
     row = warm_rows(model.grain_count, spots.i)
     conductance, spot = np.empty(i.size), np.empty(i.size)
@@ -83,7 +84,7 @@ def links_of(scene: Scene, spots: Spots, near: Pairs | None, settings: HeatSetti
         if carried.area is not None:
             area = np.where(is_within, share * carried.area, 0.0) + (area if area.size else 0.0)
         ratio = carried.gas_ratio or ratio
-    return Links(i, j, conductance, area, largest_biot(scene, i, j, conductance, laws), ratio)
+    return Links(i, j, conductance, area, largest_biot(scene, i, j, place, conductance, laws), ratio)
 
 
 def _with_contacts(scene: Scene, near: Pairs, spots: Spots) -> Pairs:
