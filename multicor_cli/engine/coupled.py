@@ -156,7 +156,7 @@ class CoupledEngine:
         impulse, couple = np.zeros((i.size, 2)), none
         laws = self.mechanics.laws
         if state.last_dt > 0.0:
-            impulse = net_impulses(state.contact_impulse, resting_attraction(laws, scene.material, i, j, state.last_dt))
+            impulse = net_impulses(state.contact_impulse, resting_attraction(laws, scene, i, j, state.last_dt))
             couple = state.contact_couple
         sticking = np.zeros(i.size, np.bool_)
         return ContactTable(i, j, normal, gap, impulse, none, sticking, couple=couple if laws.rolling.size else None)

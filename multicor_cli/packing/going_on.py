@@ -14,6 +14,7 @@ import numpy as np
 from multicor_cli.arithmetic.sums import total
 from multicor_cli.engine.contact.adhesion import resting_attraction
 from multicor_cli.engine.exchange.books import note_presence
+from multicor_cli.engine.geometry.scene import scene_of
 from multicor_cli.model import BOOK_NAMES, Model, Presence, State, Thermal, WallBody
 from multicor_cli.model.areas import Room
 from multicor_cli.model.columns import NORMAL, Y
@@ -167,8 +168,11 @@ def _carry_contacts(source: Source, model: Model, state: State, same: Mapping[in
     kept, state.contact_i, state.contact_j = _renumbered(source, model, old.contact_i, old.contact_j, same)
     impulse = old.contact_impulse[kept]
     was, now = (
-        resting_attraction(m.laws, m.material, i, j, old.last_dt)
-        for m, i, j in ((before, old.contact_i[kept], old.contact_j[kept]), (model, state.contact_i, state.contact_j))
+        resting_attraction(m.laws, scene_of(m, s.position, s.wall_position), i, j, old.last_dt)
+        for m, s, i, j in (
+            (before, old, old.contact_i[kept], old.contact_j[kept]),
+            (model, state, state.contact_i, state.contact_j),
+        )
     )
     change = (now if now.size else 0.0) - (was if was.size else np.zeros(len(kept)))
     impulse[:, NORMAL] = np.maximum(impulse[:, NORMAL] + change, 0.0)

@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from multicor_cli.engine.contact.adhesion import resting_attraction
+from multicor_cli.engine.geometry.scene import scene_of
 from multicor_cli.model import Model, State
 from multicor_cli.model.columns import NORMAL
 from multicor_cli.model.faults import find_misfit
@@ -139,7 +140,7 @@ def _take_contacts(frame: Frame, model: Model, state: State) -> None:
     i, j = number[contacts.i], number[contacts.j]
     impulse = np.array(contacts.impulse, float)
     is_loaded = impulse.any(axis=1)
-    attraction = resting_attraction(model.laws, model.material, i, j, state.last_dt)
+    attraction = resting_attraction(model.laws, scene_of(model, state.position, state.wall_position), i, j, state.last_dt)
     if attraction.size:
         impulse[:, NORMAL] += attraction
     is_loaded &= impulse[:, NORMAL] > 0.0

@@ -2,6 +2,7 @@
 
 The law is that of Signorini and Coulomb for q_n = p_n + F_a Δt in place of p_n (theory §3.1). F_a is known before the step is
 solved, so it is given to the free velocities, as an attraction of the two bodies, and the solver looks for q: no sweep knows of it.
+A place has one F_a: pieces of walls that a grain touches in one place (`engine/geometry/places.py`) divide it among them.
 In `StepContacts` ``impulse`` holds q and ``attraction`` F_a Δt; p, the impulse of one body on the other, is their difference.
 """
 
@@ -9,7 +10,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from multicor_cli.engine.contact.detection import StepContacts
+from multicor_cli.engine.contact.detection import StepContacts, WarmStart
+from multicor_cli.engine.geometry.places import find_places, met_before, totals_of_places
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.formulas import formula
@@ -27,29 +29,37 @@ def attraction_of(c: int, contacts: StepContacts) -> float:
 
 
 @kernel
-def attractions(scene: Scene, laws: ContactLaws, contacts: StepContacts, bodies: Floats, dt: float) -> Floats:
+def attractions(scene: Scene, laws: ContactLaws, contacts: StepContacts, bodies: Floats, warm: WarmStart, dt: float) -> Floats:
     """F_a Δt of all contacts [N s], shape ``(c,)``; 0 where a contact is not adhesive in this step.
 
-    Adhesive are contacts without a gap (but for rounding), and those that carried an impulse in the step before and that adhesion
-    alone would close within this one, ``gap ≤ F_a Δt² W_nn`` (of the grains): contacts turn, which leaves a gap of second order.
+    Adhesive are contacts without a gap (but for rounding), and those whose place carried an impulse in the step before and that
+    adhesion alone would close within this one, ``gap ≤ F_a Δt² W_nn`` (of the grains): contacts turn, which leaves a gap of second
+    order.
 
     Args:
         scene: Shapes at q_m.
         laws: Contact laws.
         contacts: Contacts with their warm start; new adhesive ones start with p = 0. **Modified.**
         bodies: Body velocities with the inverse masses, shape ``(bodies, 4)``.
+        warm: Impulses of the step before.
         dt: Time step [s].
     """
     count = scene.radius.size
     found = np.zeros(contacts.i.size)
+    carried = met_before(scene, warm.row, warm.j, contacts.i, contacts.j)
     for c in range(found.size):
         i, j = contacts.i[c], contacts.j[c]
         force = laws.adhesion[scene.material[i], scene.material[j]]
         w = bodies[i, INVERSE_MASS] + (bodies[j, INVERSE_MASS] if j < count else 0.0)
-        gap, carried = contacts.frame[c, GAP], contacts.impulse[c, NORMAL] > 0.0
-        if gap <= TOUCHING * scene.radius[i] or (carried and gap <= dt * dt * force * w):
+        gap = contacts.frame[c, GAP]
+        if gap <= TOUCHING * scene.radius[i] or (carried[c] and gap <= dt * dt * force * w):
             found[c] = dt * force
-            if not carried:
+    place, _ = find_places(scene, contacts.i, contacts.j)
+    sharing = totals_of_places(place, (found > 0.0).astype(np.float64))
+    for c in range(found.size):
+        if found[c] > 0.0:
+            found[c] /= sharing[c]
+            if contacts.impulse[c, NORMAL] == 0.0:
                 contacts.impulse[c, NORMAL] = found[c]
     return found
 
@@ -106,6 +116,9 @@ def net_impulses(reaction: Floats, attraction: Floats) -> Floats:
     return net
 
 
-def resting_attraction(laws: ContactLaws, material: Ints, i: Ints, j: Ints, dt: float) -> Floats:
+def resting_attraction(laws: ContactLaws, scene: Scene, i: Ints, j: Ints, dt: float) -> Floats:
     """F_a Δt of contacts that are known to touch [N s], shape ``(c,)``; of size 0 if no pair of materials has adhesion."""
-    return dt * laws.adhesion[material[i], material[j]] if laws.adhesion.size else np.empty(0)
+    if not laws.adhesion.size:
+        return np.empty(0)
+    sharing = totals_of_places(find_places(scene, i, j)[0], np.ones(i.size))
+    return dt * laws.adhesion[scene.material[i], scene.material[j]] / sharing

@@ -40,7 +40,7 @@ def gather_contacts(
         scene, laws, lists.row, lists.partner, lists.gap, lists.normal, margin, kept, start, dt, warm, ratio, contacts, speeds
     )
     if laws.adhesion.size:
-        contacts = contacts._replace(attraction=attractions(scene, laws, contacts, start, dt))
+        contacts = contacts._replace(attraction=attractions(scene, laws, contacts, start, warm, dt))
     if laws.rolling.size:
         contacts = contacts._replace(rolling=rolling_of_contacts(scene, laws, contacts, start, warm, ratio))
     return contacts, column_totals(speeds)

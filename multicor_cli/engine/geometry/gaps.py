@@ -118,14 +118,11 @@ def gap_to_shape(
 
 
 @formula
-def is_near_shape(x: float, y: float, radius: float, shape: int, kind: Ints, world: Floats, period: float, cutoff: float) -> bool:
-    """Whether a grain at (x, y) is nearer than ``cutoff`` [m] to a wall shape with its ends, even if another shape is closer.
-
-    `gap_to_shape` returns infinity where another shape of the wall is closer, so it cannot be used to build the neighbor list.
-    """
+def distance_to_shape(x: float, y: float, shape: int, kind: Ints, world: Floats, period: float) -> tuple[float, float, float]:
+    """Distance of (x, y) from a wall shape with its ends [m] and unit normal, even if another shape of the wall is closer."""
     what = kind[shape]
     if what != _SEGMENT and what != _SIDE and what != _VERTEX:
-        return gap_to_shape(x, y, radius, shape, kind, world, period)[0] < cutoff
+        return gap_to_shape(x, y, 0.0, shape, kind, world, period)
     g0, g1, g2, g3 = world[shape, X], world[shape, Y], world[shape, TAIL_X], world[shape, TAIL_Y]
     dx = nearest_image(x - g0, period) if what == _VERTEX else from_first_end(x, g0, g2, period)
     dy = y - g1
@@ -133,5 +130,13 @@ def is_near_shape(x: float, y: float, radius: float, shape: int, kind: Ints, wor
         foot = min(max(segment_parameter(g0 + dx, y, g0, g1, g2, g3), 0.0), 1.0)
         dx -= foot * (g2 - g0)
         dy -= foot * (g3 - g1)
-    reach = radius + cutoff
-    return dx * dx + dy * dy < reach * reach
+    return disc_disc(dx, dy, 0.0)
+
+
+@formula
+def is_near_shape(x: float, y: float, radius: float, shape: int, kind: Ints, world: Floats, period: float, cutoff: float) -> bool:
+    """Whether a grain at (x, y) is nearer than ``cutoff`` [m] to a wall shape with its ends, even if another shape is closer.
+
+    `gap_to_shape` returns infinity where another shape of the wall is closer, so it cannot be used to build the neighbor list.
+    """
+    return distance_to_shape(x, y, shape, kind, world, period)[0] - radius < cutoff

@@ -12,6 +12,11 @@ if TYPE_CHECKING:
     from multicor_cli.engine.geometry.scene import Scene
 
 _DISC = int(ShapeKind.DISC)
+_CIRCLE = int(ShapeKind.CIRCLE)
+
+LARGEST_CUP = 100.0
+"""Largest radius of contact in a circle, over that of the grain. Beyond (R < 1.01 a) the bodies lie against each other over much of
+the grain: no spot small against it is left, for which alone Hertz' formulas hold."""
 
 
 @formula
@@ -34,6 +39,27 @@ def pair_radius(scene: Scene, i: int, j: int) -> float:
     """a* of a pair [m]; a* = a_i at lines and circles."""
     other = other_radius(scene, j)
     return effective_radius(scene.radius[i], other) if other > 0.0 else scene.radius[i]
+
+
+@formula
+def cup_radius(a: float, circle: float) -> float:
+    """Effective radius inside a circle ``1/a* = 1/a − 1/R`` [m] (Johnson, eq. 4.3, concave), at most `LARGEST_CUP` times a.
+
+    Args:
+        a: Radius of the grain [m].
+        circle: Radius R of the circle [m].
+    """
+    room = (circle - a) / circle
+    return a / room if room * LARGEST_CUP > 1.0 else LARGEST_CUP * a
+
+
+@formula
+def hertz_radius(scene: Scene, i: int, j: int) -> float:
+    """a* of the elastic contact of a pair [m]: as `pair_radius`, but a circle is as hollow as it is. Lines are flat."""
+    shape = j - scene.radius.size
+    if shape >= 0 and scene.kind[shape] == _CIRCLE:
+        return cup_radius(scene.radius[i], scene.world[shape, RADIUS])
+    return pair_radius(scene, i, j)
 
 
 @formula

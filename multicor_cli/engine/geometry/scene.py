@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from multicor_cli.arithmetic import cos, sin
-from multicor_cli.engine.geometry.gaps import disc_disc, gap_to_shape, minimum_image
+from multicor_cli.engine.geometry.gaps import disc_disc, distance_to_shape, gap_to_shape, minimum_image
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.model.columns import ANGLE, TAIL_X, TAIL_Y, X, Y
@@ -94,3 +94,14 @@ def pair_geometry(scene: Scene, i: int, j: int) -> tuple[float, float, float]:
         dx = minimum_image(x - scene.position[j, X], scene.period)
         return disc_disc(dx, y - scene.position[j, Y], scene.radius[i] + scene.radius[j])
     return gap_to_shape(x, y, scene.radius[i], j - count, scene.kind, scene.world, scene.period)
+
+
+@formula
+def known_geometry(scene: Scene, i: int, j: int) -> tuple[float, float, float]:
+    """As `pair_geometry`, of a pair that is known to have met: a wall shape counts with its ends, even if another is closer now."""
+    count = scene.radius.size
+    if j < count:
+        return pair_geometry(scene, i, j)
+    x, y = scene.position[i, X], scene.position[i, Y]
+    distance, nx, ny = distance_to_shape(x, y, j - count, scene.kind, scene.world, scene.period)
+    return distance - scene.radius[i], nx, ny

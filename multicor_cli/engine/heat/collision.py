@@ -23,13 +23,14 @@ from numpy.typing import NDArray
 
 from multicor_cli.arithmetic import power
 from multicor_cli.engine.contact.detection import StepContacts
-from multicor_cli.engine.geometry.radii import pair_radius
+from multicor_cli.engine.geometry.places import totals_of_places
+from multicor_cli.engine.geometry.radii import hertz_radius
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.heat.laws import HeatLaws
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.model.columns import NORMAL
-from multicor_cli.model.model import Floats
+from multicor_cli.model.model import Floats, Ints
 
 
 @formula
@@ -124,20 +125,31 @@ def impact_exchange(
 
 @kernel
 def collide(
-    scene: Scene, mass: Floats, contacts: StepContacts, is_known: NDArray[np.bool_], laws: HeatLaws, dt: float, conductance: Floats
+    scene: Scene,
+    mass: Floats,
+    contacts: StepContacts,
+    place: Ints,
+    is_known: NDArray[np.bool_],
+    laws: HeatLaws,
+    dt: float,
+    conductance: Floats,
 ) -> None:
     """Replace the conductance of contacts that are new in this step by that of an impact, spread over the step (Sun & Chen).
+
+    A place is hit once: its contacts share the impact in proportion to their impulses. Circles of walls have the a* of Hertz.
 
     Args:
         scene: Shapes.
         mass: Masses of the grains [kg], shape ``(n,)``.
         contacts: Contacts with their impulses.
-        is_known: Whether a contact carried an impulse in the step before, shape ``(c,)``.
+        place: Places of the contacts, shape ``(c,)``.
+        is_known: Whether a place carried an impulse in the step before, shape ``(c,)``.
         laws: Properties of materials.
         dt: Time step [s].
         conductance: [W/K], shape ``(c,)``. **Modified.**
     """
     grains = scene.radius.size
+    total = totals_of_places(place, contacts.impulse[:, NORMAL])
     for c in range(contacts.i.size):
         speed = -contacts.before[c, NORMAL]
         if contacts.impulse[c, NORMAL] > 0.0 and speed > 0.0 and not is_known[c]:
@@ -145,7 +157,7 @@ def collide(
             a, b = scene.material[i], scene.material[j]
             m = mass[i] * mass[j] / (mass[i] + mass[j]) if j < grains else mass[i]
             exchange = impact_exchange(
-                m, pair_radius(scene, i, j), laws.modulus[a, b], speed, laws.conductivity[a], laws.volumetric[a],
+                m, hertz_radius(scene, i, j), laws.modulus[a, b], speed, laws.conductivity[a], laws.volumetric[a],
                 laws.conductivity[b], laws.volumetric[b],
             )  # fmt: skip
-            conductance[c] = exchange / dt
+            conductance[c] = exchange / dt * (contacts.impulse[c, NORMAL] / total[c])

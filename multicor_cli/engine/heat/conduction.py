@@ -10,8 +10,10 @@ J. 47 (2001) 1052 (use for grains).
 Validity: smooth, elastic, non-adhesive spheres with ``a_c ≪ a`` in vacuum; the grains must be nearly isothermal inside, which the
 Biot number ``H/(λ a) ≪ 1`` measures. Steel of 215 MPa yields first at the center of the spot where ``p_0 ≈ 1.6 σ_y``, already at
 0.011 N for grains of 3 mm; the spot is then larger than computed. Contacts in parallel on one grain do not disturb each other.
-Discs are treated as spheres of their radius: a line contact in two dimensions has no conductance that is independent of the size
-of the bodies (its constriction resistance is logarithmic).
+Pieces of walls that a grain touches in one place (`engine/geometry/places.py`) have one spot, which the sum of their forces makes,
+and share its conductance in proportion to their forces. Inside a circle of radius R ``1/a* = 1/a − 1/R``.
+Discs and circles are treated as spheres of their radius: a line contact in two dimensions has no conductance that is independent of
+the size of the bodies (its constriction resistance is logarithmic).
 """
 
 from __future__ import annotations
@@ -19,7 +21,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Literal
 
-from multicor_cli.engine.geometry.radii import pair_radius
+from multicor_cli.engine.geometry.places import totals_of_places
+from multicor_cli.engine.geometry.radii import hertz_radius
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.heat.hertz import contact_radius
 from multicor_cli.engine.heat.rough import rough_conductance
@@ -73,19 +76,28 @@ def biot_number(conductance: float, conductivity: float, radius: float) -> float
 
 @parallel_kernel
 def contact_spots(
-    scene: Scene, i: Ints, j: Ints, force: Floats, laws: HeatLaws, is_rough: bool, spot: Floats, conductance: Floats
+    scene: Scene,
+    i: Ints,
+    j: Ints,
+    force: Floats,
+    total: Floats,
+    laws: HeatLaws,
+    is_rough: bool,
+    spot: Floats,
+    conductance: Floats,
 ) -> None:
-    """Hertz radius and conductance of contacts under given normal forces.
+    """Hertz radius of the spots, and conductance of contacts under given normal forces.
 
     Args:
         scene: Shapes.
         i: Grains, shape ``(c,)``.
         j: Grains or wall shapes, shape ``(c,)``.
         force: Normal forces [N], shape ``(c,)``.
+        total: Forces of the places of the contacts [N], shape ``(c,)``.
         laws: Properties of materials.
         is_rough: Whether micro-contacts add their resistance.
-        spot: Contact radii a_c [m], shape ``(c,)``. **Modified.**
-        conductance: H_c [W/K], shape ``(c,)``. **Modified.**
+        spot: Radii a_c of the spots of their places [m], shape ``(c,)``. **Modified.**
+        conductance: H_c, of a place in proportion to the forces [W/K], shape ``(c,)``. **Modified.**
     """
     count = i.size
     for chunk in prange((count + CHUNK - 1) // CHUNK):
@@ -93,22 +105,26 @@ def contact_spots(
             spot[c], conductance[c] = 0.0, 0.0
             if force[c] > 0.0:
                 a, b = scene.material[i[c]], scene.material[j[c]]
-                curvature, modulus, harmonic = pair_radius(scene, i[c], j[c]), laws.modulus[a, b], laws.harmonic[a, b]
-                radius = contact_radius(force[c], curvature, modulus)
+                curvature, modulus, harmonic = hertz_radius(scene, i[c], j[c]), laws.modulus[a, b], laws.harmonic[a, b]
+                radius = contact_radius(total[c], curvature, modulus)
                 h = hertz_conductance(harmonic, radius)
                 if is_rough:
                     sigma, slope, hardness = laws.roughness[a, b], laws.slope[a, b], laws.microhardness[a, b]
-                    h = rough_conductance(force[c], radius, modulus, curvature, harmonic, sigma, slope, hardness)
-                spot[c], conductance[c] = radius, h
+                    h = rough_conductance(total[c], radius, modulus, curvature, harmonic, sigma, slope, hardness)
+                spot[c], conductance[c] = radius, h * (force[c] / total[c])
 
 
 @kernel
-def largest_biot(scene: Scene, i: Ints, j: Ints, conductance: Floats, laws: HeatLaws) -> float:
-    """Largest Biot number H/(λ a) of the grains at some links; arguments as `contact_spots`; 0 if there are none."""
+def largest_biot(scene: Scene, i: Ints, j: Ints, place: Ints, conductance: Floats, laws: HeatLaws) -> float:
+    """Largest Biot number H/(λ a) of the grains at some links, of a place as a whole; 0 if there are none.
+
+    Arguments as `contact_spots`; ``place`` of each link is as `find_places` has it.
+    """
     grains, most = scene.radius.size, 0.0
+    total = totals_of_places(place, conductance)
     for k in range(i.size):
         if conductance[k] > 0.0:
-            most = max(most, biot_number(conductance[k], laws.conductivity[scene.material[i[k]]], scene.radius[i[k]]))
+            most = max(most, biot_number(total[k], laws.conductivity[scene.material[i[k]]], scene.radius[i[k]]))
             if j[k] < grains:
-                most = max(most, biot_number(conductance[k], laws.conductivity[scene.material[j[k]]], scene.radius[j[k]]))
+                most = max(most, biot_number(total[k], laws.conductivity[scene.material[j[k]]], scene.radius[j[k]]))
     return most

@@ -10,10 +10,12 @@ Formulas and sources:
 * *vargas*: closed form for touching spheres of one size, W. L. Vargas & J. J. McCarthy, Int. J. Heat Mass Transf. 45 (2002) 4847.
 
 Validity: stagnant gas without convection in the pores, a continuum (gaps wide against the mean free path), and grains nearly
-isothermal inside. *parallel* and *vargas* take the surfaces as isothermal, that is ``λ_s ≫ λ_f``, and add to the conductance of
-the contact spot; *batchelor* needs ``λ_s/λ_f ≫ 1`` (10 at least) and counts the gradient in the solid near the spot. All reach to
-the rim of the smaller sphere, so shares of neighboring gaps may overlap: an upper estimate. Gas may be left out only if
-``λ_s s/(λ_f a) ≫ 1`` (`solid_to_gas_ratio`), which fails in air for steel grains of millimeters under their own weight.
+isothermal inside. *parallel* and *vargas* take the surfaces as isothermal, that is ``λ_s ≫ λ_f``, and add to the conductance
+of the contact spot; *batchelor* needs ``λ_s/λ_f ≫ 1`` (10 at least) and counts the gradient in the solid near the spot. All
+reach to the rim of the smaller sphere, so shares of neighboring gaps may overlap: an upper estimate. A circle of radius R
+counts as a plane, which it is along the axis of a drum: the film there conducts 1/√(1 − a/R) times as much to leading order,
+and a polygon that stands for the circle is flat too. Gas may be left out only if ``λ_s s/(λ_f a) ≫ 1``
+(`solid_to_gas_ratio`), which fails in air for steel grains of millimeters under their own weight.
 """
 
 from __future__ import annotations

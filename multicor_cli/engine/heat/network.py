@@ -9,6 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.engine.contact.detection import warm_rows
+from multicor_cli.engine.geometry.places import find_places, largest_of_places
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.heat.conduction import largest_biot
 from multicor_cli.engine.heat.mechanism import NearPairs
@@ -50,7 +51,7 @@ class Links:
 
 
 def links_of(scene: Scene, spots: Spots, near: Pairs | None, settings: HeatSettings, model: Model) -> Links:
-    """Contacts, and the gaps that mechanisms cross.
+    """Contacts, and the gaps that mechanisms cross: a gap once for each place, from its nearest point.
 
     Args:
         scene: Shapes.
@@ -63,12 +64,15 @@ def links_of(scene: Scene, spots: Spots, near: Pairs | None, settings: HeatSetti
     if near is None:
         loaded = spots.conductance > 0.0
         i, j, conductance = spots.i[loaded], spots.j[loaded], spots.conductance[loaded]
-        return Links(i, j, conductance, area, largest_biot(scene, i, j, conductance, laws), (0.0, 0.0))
+        place, _ = find_places(scene, i, j)
+        return Links(i, j, conductance, area, largest_biot(scene, i, j, place, conductance, laws), (0.0, 0.0))
     i, j, gap = _with_contacts(scene, near, spots)
     row = warm_rows(model.grain_count, spots.i)
     conductance, spot = np.empty(i.size), np.empty(i.size)
     look_up(row, spots.j, spots.conductance, i, j, conductance)
     look_up(row, spots.j, spots.radius, i, j, spot)
+    place, share = find_places(scene, i, j)
+    spot = np.where(share > 0.0, largest_of_places(place, spot), 0.0)
     ratio = (0.0, 0.0)
     for mechanism in settings.mechanisms:
         if mechanism.reach <= 0.0:
@@ -76,11 +80,11 @@ def links_of(scene: Scene, spots: Spots, near: Pairs | None, settings: HeatSetti
         carried = mechanism.between(NearPairs(i, j, gap, spot), scene, laws, model)
         is_within = _is_within(scene, i, j, gap, mechanism.reach)
         if carried.conductance is not None:
-            conductance += np.where(is_within, carried.conductance, 0.0)
+            conductance += np.where(is_within, share * carried.conductance, 0.0)
         if carried.area is not None:
-            area = np.where(is_within, carried.area, 0.0) + (area if area.size else 0.0)
+            area = np.where(is_within, share * carried.area, 0.0) + (area if area.size else 0.0)
         ratio = carried.gas_ratio or ratio
-    return Links(i, j, conductance, area, largest_biot(scene, i, j, conductance, laws), ratio)
+    return Links(i, j, conductance, area, largest_biot(scene, i, j, place, conductance, laws), ratio)
 
 
 def _with_contacts(scene: Scene, near: Pairs, spots: Spots) -> Pairs:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import numpy as np
 from numpy.typing import NDArray
 
+from multicor_cli.engine.geometry.places import share_place
 from multicor_cli.engine.geometry.radii import smaller_radius
-from multicor_cli.engine.geometry.scene import Scene, pair_geometry
+from multicor_cli.engine.geometry.scene import Scene, known_geometry, pair_geometry
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.model.columns import X, Y
 from multicor_cli.model.model import Floats, Ints
@@ -38,7 +39,7 @@ def near_pairs(scene: Scene, row: NDArray[np.int64], partner: Ints, reach: float
 def resting_contacts(scene: Scene, i: Ints, j: Ints, gap: Floats, normal: Floats) -> None:
     """Gaps [m] and normals of pairs in a state at rest, shapes ``(c,)`` and ``(c, 2)``; the last two are **modified**."""
     for k in range(i.size):
-        gap[k], normal[k, X], normal[k, Y] = pair_geometry(scene, i[k], j[k])
+        gap[k], normal[k, X], normal[k, Y] = known_geometry(scene, i[k], j[k])
 
 
 @kernel
@@ -58,3 +59,34 @@ def look_up(row: NDArray[np.int64], known_j: Ints, values: Floats, i: Ints, j: I
         for k in range(row[i[c]], row[i[c] + 1]):
             if known_j[k] == j[c]:
                 found[c] = values[k]
+
+
+@kernel
+def hand_on(scene: Scene, row: NDArray[np.int64], j: Ints, known_i: Ints, known_j: Ints, values: Floats) -> Floats:
+    """Values known of some pairs, for others; what a pair had that is gone goes to another pair of its place, if there is one.
+
+    A grain that rolls over a wall of many pieces leaves one behind and meets the next: in the same place.
+
+    Args:
+        scene: Shapes.
+        row: First row of each grain among the pairs asked for, shape ``(n + 1,)``.
+        j: Second shapes of the pairs asked for, shape ``(c,)``.
+        known_i: First shapes of the pairs known.
+        known_j: Their second shapes.
+        values: Their values.
+
+    Returns:
+        Values, shape ``(c,)``; 0 where nothing is known.
+    """
+    found = np.zeros(j.size)
+    for k in range(known_i.size):
+        heir = -1
+        for c in range(row[known_i[k]], row[known_i[k] + 1]):
+            if j[c] == known_j[k]:
+                heir = c
+                break
+            if heir < 0 and share_place(scene, known_i[k], j[c], known_j[k]):
+                heir = c
+        if heir >= 0:
+            found[heir] += values[k]
+    return found

@@ -108,7 +108,7 @@ def radiating_areas(scene: Scene, laws: HeatLaws, surface: Floats, is_sphere: bo
     """Area factors of radiation between near bodies [m²], shape ``(e,)``.
 
     Spheres: the smaller cross-section π a² times the emission factor. Discs: the view factor of two parallel cylinders times the
-    surface of the first and the emission factor; a plane counts as a sphere or cylinder of the grain's own radius.
+    surface of the first and the emission factor; a line or circle of a wall counts as a sphere or cylinder of the grain's radius.
 
     Args:
         scene: Shapes.

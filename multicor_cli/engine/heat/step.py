@@ -14,6 +14,7 @@ from multicor_cli.arithmetic.sums import column_totals
 from multicor_cli.engine.contact.detection import StepContacts, warm_rows
 from multicor_cli.engine.contact.report import PhysicsError
 from multicor_cli.engine.geometry.neighbor_list import NeighborList
+from multicor_cli.engine.geometry.places import find_places, met_before
 from multicor_cli.engine.geometry.scene import Scene, scene_of
 from multicor_cli.engine.heat.books import book_flow, book_generated, note_contacts, strike_balance
 from multicor_cli.engine.heat.collision import collide
@@ -21,7 +22,7 @@ from multicor_cli.engine.heat.flow import Flow
 from multicor_cli.engine.heat.friction import ENERGY, NO_FRICTION, SLIDING, generated_heat
 from multicor_cli.engine.heat.integration import integrate
 from multicor_cli.engine.heat.network import Links, Pairs, links_of, network_of
-from multicor_cli.engine.heat.pairs import look_up, near_pairs
+from multicor_cli.engine.heat.pairs import near_pairs
 from multicor_cli.engine.heat.partition import share_out
 from multicor_cli.engine.heat.settings import HeatSettings
 from multicor_cli.engine.heat.spots import TOUCHING, Spots, conducting_spots, forces_of_step, loaded_pairs, pairs_at_rest
@@ -168,9 +169,9 @@ class HeatEngine:
         if self._frozen is None:
             near = self._near(scene)
             if self.state.last_dt > 0.0:
-                pairs = loaded_pairs(self.state, self.settings)
+                pairs = loaded_pairs(self.state, scene, self.settings)
             else:  # no step has said which contacts carry a force
-                pairs = pairs_at_rest(self._pairs(scene, TOUCHING), self.settings)
+                pairs = pairs_at_rest(scene, self._pairs(scene, TOUCHING), self.settings)
             spots = conducting_spots(scene, *pairs, self._laws, self.settings)
             self._frozen = links_of(scene, spots, near, self.settings, self.model), spots
         return self._frozen
@@ -199,14 +200,13 @@ class HeatEngine:
 
     def _spots(self, moved: MovedContacts, dt: float) -> Spots:
         contacts, settings = moved.contacts, self.settings
-        force = forces_of_step(self.state, contacts, settings, dt)
+        force = forces_of_step(self.state, moved.scene, contacts, settings, dt)
         spots = conducting_spots(moved.scene, contacts.i, contacts.j, force, self._laws, settings)
         if settings.collisional:
-            known = np.empty(contacts.i.size)
             row = warm_rows(self.model.grain_count, moved.loaded_i)
-            look_up(row, moved.loaded_j, np.ones(moved.loaded_j.size), contacts.i, contacts.j, known)
-            mass = self.model.grains.mass
-            collide(moved.scene, mass, contacts, known > 0.0, self._laws, dt, spots.conductance)
+            is_known = met_before(moved.scene, row, moved.loaded_j, contacts.i, contacts.j)
+            place, _ = find_places(moved.scene, contacts.i, contacts.j)
+            collide(moved.scene, self.model.grains.mass, contacts, place, is_known, self._laws, dt, spots.conductance)
         return spots
 
     def _near(self, scene: Scene) -> Pairs | None:
