@@ -145,6 +145,9 @@ def carried_over(scenario: Scenario, source: Source, model: Model, state: State)
     state.position, state.image, state.last_dt = old.position.copy(), old.image.copy(), old.last_dt
     for new, before in same.items():
         state.wall_velocity[new] = old.wall_velocity[before]
+    if old.wall_surface.size:
+        state.wall_surface = np.zeros(model.wall_count)
+        state.wall_surface[list(same)] = old.wall_surface[list(same.values())]
     _carry_contacts(source, model, state, same)
     if model.thermal is not None and source.model.thermal is not None:
         thermal = _carry_heat(scenario, source, model.thermal, state)
