@@ -9,7 +9,8 @@
 | impulses, and relative velocities in the frame of a contact | `NORMAL`, `TANGENTIAL` |
 | pairs of bodies | `FIRST`, `SECOND` |
 | frames of contacts | `NX`, `NY`, `GAP` [m], `BIAS` [m/s], `MU` |
-| frames of contacts in a sweep | `NX`, `NY`, `MASS` = 1/W_nn [kg] or `W_NN`, `BIAS`, `MU`, and `W_NT`, `W_TT` [1/kg], `SLIDE` [m/s] |
+| frames of contacts in a sweep | `NX`, `NY`, `MASS` = 1/W_nn [kg] or `W_NN`, `BIAS`, `MU`, and `W_NT`, `W_TT` [1/kg], and |
+| | `SLIDE` = s_j that is taken from u_t [m/s] |
 | geometry of wall shapes | `X`, `Y`; discs, circles: `RADIUS`; others: `TAIL_X`, `TAIL_Y`; see `multicor_cli.model.shapes.SHAPES` |
 | rolling resistance of contacts | `LIMIT` = μ_r, `ARM` = a* [m], `BEFORE` = u_r⁻ [m/s], `COUPLE` = p_r [N s] |
 | heat of contacts | `FRICTION`, `IMPACT` [J] |

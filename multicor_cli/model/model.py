@@ -7,6 +7,7 @@ shape numbers ``(i, j)`` with ``i < j``, so ``i`` is always a grain.
 from __future__ import annotations
 
 import functools
+from collections.abc import Iterator
 from dataclasses import dataclass, field, fields, replace
 from typing import Any, NamedTuple, TypeVar
 
@@ -204,6 +205,16 @@ class Model:
         if not meets.size:
             return np.ones(np.shape(grain), np.bool_)
         return np.asarray(meets[self.shapes.wall[shape], self.grains.group[grain]])
+
+    def meeting_alike(self) -> Iterator[tuple[NDArray[np.int64], NDArray[np.bool_]]]:
+        """Grains that meet the same walls: which grains, ascending, and whether they meet each wall, shape ``(w,)``."""
+        meets = self.walls.meets if self.walls.meets.size else np.ones((self.wall_count, len(self.groups)), np.bool_)
+        alike, kind = np.unique(meets, axis=1, return_inverse=True)
+        of_grain = kind.reshape(-1)[self.grains.group]
+        for k in range(alike.shape[1]):
+            which = np.flatnonzero(of_grain == k)
+            if which.size:
+                yield which, alike[:, k]
 
     def with_grains(self, which: NDArray[np.int64]) -> Model:
         """The same with these grains alone, in this order; walls and laws are shared."""

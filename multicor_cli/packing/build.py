@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from multicor_cli.engine.exchange.books import note_presence
 from multicor_cli.model import Grains, Model, Presence, State, Thermal
@@ -17,7 +18,6 @@ from multicor_cli.packing.going_on import carried_over, carry_presence, grains_o
 from multicor_cli.packing.groups import make_group
 from multicor_cli.packing.initial_grains import InitialGrains
 from multicor_cli.packing.laws import contact_laws, touching_pairs
-from multicor_cli.packing.obstacles import Obstacles
 from multicor_cli.packing.overlap import behind_problem, overlap_problems, solid_problem
 from multicor_cli.packing.pairs import wrap
 from multicor_cli.packing.source import Source, read_source
@@ -64,8 +64,7 @@ def place(scenario: Scenario) -> Placed:
         walls = build_walls(scenario)
     except PackingError as error:
         raise _refusal(scenario, [error]) from error
-    solid = walls.obstacles()
-    groups = _make_groups(scenario, solid)
+    groups = _make_groups(scenario, walls)
     model = replace(_model(scenario, walls, groups), thermal=_thermal(scenario, groups))
     state = _state(scenario, model, walls, groups)
     _refuse_overlaps(scenario, model, state, walls)
@@ -111,20 +110,20 @@ def _refusal(scenario: Scenario, errors: list[PackingError]) -> ScenarioError:
     return ScenarioError([scenario.problem(error.key, error.message, error.remedy) for error in errors])
 
 
-def _make_groups(scenario: Scenario, solid: Obstacles) -> list[InitialGrains]:
+def _make_groups(scenario: Scenario, walls: BuiltWalls) -> list[InitialGrains]:
     """The grains of all groups; problems of all groups are reported together."""
     groups: list[InitialGrains] = []
-    errors = []
+    errors, placed = [], np.zeros((0, 3))
     for k in range(len(scenario.particles)):
         try:
-            group = make_group(scenario, k, solid)
+            group = make_group(scenario, k, walls.obstacles(k).with_discs(placed))
             _check_period(scenario, k, float(group.radius.max(initial=0.0)))
         except PackingError as error:
             errors.append(PackingError(error.message, error.remedy, ("particles", k, *error.key)))
             continue
         groups.append(group)
         if scenario.particles[k].packing is not None:
-            solid = solid.with_discs(np.column_stack([_wrapped(scenario, group.position), group.radius]))
+            placed = np.concatenate([placed, np.column_stack([_wrapped(scenario, group.position), group.radius])])
     if errors:
         raise _refusal(scenario, errors)
     return groups
@@ -149,7 +148,7 @@ def _check_period(scenario: Scenario, index: int, largest: float) -> None:
 def _model(scenario: Scenario, walls: BuiltWalls, groups: list[InitialGrains]) -> Model:
     names = list(scenario.materials)
     grains = _grains(scenario, groups)
-    touching = touching_pairs(grains.material.tolist(), walls.shapes.material.tolist())
+    touching = touching_pairs(grains, walls.shapes, walls.walls)
     domain = scenario.domain
     return Model(
         grains=grains,
@@ -220,15 +219,24 @@ def _refuse_overlaps(scenario: Scenario, model: Model, state: State, walls: Buil
     grains, names, here = model.grains, model.walls.names, np.arange(model.grain_count)[state.here]
     if not here.size:
         return
-    within = [solid_problem(state.position, here, room, names[w], w) for w, room in enumerate(walls.rooms)]
+    meeting = [here[_meets(model, w, here)] for w in range(model.wall_count)]
+    within = [solid_problem(state.position, meeting[w], room, names[w], w) for w, room in enumerate(walls.rooms)]
     problems = [problem for problem in within if problem is not None]
     told = {problem.key for problem in problems}
     solid = walls.obstacles()
-    cut = overlap_problems(state.position, grains.radius, grains.group, solid, model.shapes.wall, names, model.period, here)
+    cut = overlap_problems(
+        state.position, grains.radius, grains.group, solid, model.shapes.wall, names, model.period, here, model.is_met
+    )
     problems += [problem for problem in cut if problem.key not in told]
     for w, front in enumerate(walls.fronts):
         if front is not None:
-            found = behind_problem(state.position, here, front, names[w], w, model.period)
+            found = behind_problem(state.position, meeting[w], front, names[w], w, model.period)
             problems += [found] if found else []
     if problems:
         raise _refusal(scenario, problems)
+
+
+def _meets(model: Model, wall: int, grains: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Whether grains meet a wall."""
+    meets = model.walls.meets
+    return meets[wall, model.grains.group[grains]] if meets.size else np.ones(grains.size, np.bool_)

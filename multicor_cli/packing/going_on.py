@@ -217,7 +217,9 @@ def _renumbered(source: Source, model: Model, i: Ints, j: Ints, same: Mapping[in
         if np.array_equal(kind, kind_before) and np.array_equal(geometry, geometry_before):
             number[n + np.flatnonzero(source.model.shapes.wall == old)] = n + np.flatnonzero(model.shapes.wall == new)
     second = number[j].astype(np.int32)
-    kept = np.flatnonzero(second >= 0)
+    is_kept, of_walls = second >= 0, np.flatnonzero(second >= n)
+    is_kept[of_walls] &= model.is_met(i[of_walls], second[of_walls] - n)
+    kept = np.flatnonzero(is_kept)
     kept = kept[np.lexsort((second[kept], i[kept]))]
     return kept.astype(np.int32), i[kept], second[kept]
 

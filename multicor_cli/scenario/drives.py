@@ -1,7 +1,7 @@
 """From the loading stages to the drives of the engine.
 
-A wall that a stage does not name keeps its drive, and so does a degree of freedom, or the surface, left out of a named wall; at first
-everything is fixed. A signal is a function of the time since the start of the stage that names it: one that is kept goes on
+A wall that a stage does not name keeps its drive, and so does what is left out of a named wall, a degree of freedom or the surface;
+at first everything is fixed. A signal is a function of the time since the start of the stage that names it: one that is kept goes on
 where it is, one that is named again starts anew.
 """
 
@@ -75,13 +75,11 @@ class StageDrives:
         Args:
             stage_starts: Times at which the stages up to this one have begun [s].
         """
-        return [
-            WallDrive(
-                *(self._since(dof, named_by, stage_starts) for dof, named_by in zip(wall.dofs(), stages, strict=False)),
-                surface=kept_signal(wall.surface, stages[-1], self.stage, stage_starts),
-            )
-            for wall, stages in zip(self.walls, self.named_by, strict=True)
-        ]
+        return [self._wall_since(*wall, stage_starts) for wall in zip(self.walls, self.named_by, strict=True)]
+
+    def _wall_since(self, wall: WallDrive, named_by: tuple[int, int, int, int], starts: Sequence[float]) -> WallDrive:
+        x, y, spin = (self._since(dof, number, starts) for dof, number in zip(wall.dofs(), named_by[:3], strict=True))
+        return WallDrive(x, y, spin, kept_signal(wall.surface, named_by[3], self.stage, starts))
 
     def _since(self, dof: DofDrive, named_by: int, starts: Sequence[float]) -> DofDrive:
         def kept(signal: Kept) -> Kept | Shifted:
@@ -117,8 +115,8 @@ def stage_drives(loading: Sequence[Stage], wall_names: Sequence[str]) -> list[St
 
 
 def _engine_drive(dofs: WallDofs) -> WallDrive:
-    *of_body, surface = (_engine_dof(kept.dof) for kept in dofs)
-    return WallDrive(*of_body, surface=surface.velocity)
+    x, y, spin, surface = (_engine_dof(kept.dof) for kept in dofs)
+    return WallDrive(x, y, spin, surface.velocity)
 
 
 def _engine_dof(dof: AnyDof) -> DofDrive:

@@ -27,7 +27,7 @@ def started(engine, *speeds):
 @pytest.mark.parametrize("shape", ["disc", "sphere"])
 @pytest.mark.parametrize("dt", [1e-2, 3.7e-3, 1e-3])
 def test_a_grain_put_on_a_belt_slides_and_then_rolls(shape, dt):
-    """v = μ g t until the contact sticks at v = V/(1 + m a²/I), V/3 of a disc and 2V/7 of a sphere; it takes up as much as it heats."""
+    """v = μ g t until the contact sticks at v = V/(1 + m a²/I), V/3 of a disc and 2V/7 of a sphere; half of the work is heat."""
     model = make_model([1.0], FLOOR, friction=0.3, shape=shape)
     engine = started(make_engine(model, [[0.0, 1.0]], settings=TIGHT, drives=[running()]), SPEED)
     early = int(0.5 * SPEED / (0.3 * G * (1.0 + model.shape_factor)) / dt)
@@ -186,18 +186,13 @@ def test_it_adds_to_the_motion_of_the_wall():
     assert state.velocity[0, 0] == pytest.approx(SPEED - 0.4, abs=1e-9)
 
 
-def press_drives(speed=SPEED):
-    return [running(speed), running(-0.5 * speed, y=DofDrive(force=Constant(-30.0)))]
-
-
-def sheared(settings=None, threads=1, columns=8, rows=3, load=None, speed=SPEED, **laws):
+def sheared(settings=None, threads=1, columns=8, rows=3, load=-120.0, speed=SPEED, **laws):
     """A bed between a running floor and a lid under a load whose surface runs too."""
     model, positions = bed(columns=columns, rows=rows)
     planes = [*FLOOR, (ShapeKind.PLANE, 1, (0.0, 0.0, 0.0, -1.0))]
     model = make_model(
         model.grains.radius, planes, ("floor", "lid"), period=model.period, mass=2.0, gravity=(0.0, 0.0), **laws
     )  # fmt: skip
-    load = -30.0 if load is None else load
     drives = [running(speed), running(-0.5 * speed, y=DofDrive(force=Constant(load)))]
     engine = make_engine(model, positions, settings=settings, drives=drives, threads=threads)
     engine.state.wall_position[1, 1] = 0.95 * rows + 0.1
@@ -207,14 +202,14 @@ def sheared(settings=None, threads=1, columns=8, rows=3, load=None, speed=SPEED,
 def test_scaling_is_exact():
     """V/2, loads/4, 2Δt: the same positions to the bit."""
     first, _ = sheared(restitution=0.25, friction=0.5, rolling=0.1)
-    second, _ = sheared(load=-7.5, speed=0.5 * SPEED, restitution=0.25, friction=0.5, rolling=0.1)
+    second, _ = sheared(load=-30.0, speed=0.5 * SPEED, restitution=0.25, friction=0.5, rolling=0.1)
     for _ in range(4):
         advance(first, 2e-3, 60)
         advance(second, 4e-3, 60)
         assert np.array_equal(first.state.position, second.state.position)
         assert np.array_equal(first.state.velocity, 2.0 * second.state.velocity)
         assert np.array_equal(first.state.wall_surface, 2.0 * second.state.wall_surface)
-    assert first.state.contact_i.size > 20
+    assert book(first.state, "friction_loss") > 0.0
 
 
 def test_threads_and_a_new_engine_on_the_state_change_no_bit(monkeypatch):
@@ -248,12 +243,12 @@ def test_books_close_whatever_the_solver_does(settings):
 def test_the_problem_of_a_step_knows_it(tmp_path):
     """`solve_contacts` finds the impulses of the engine, from the problem as it is and as it is read from its file."""
     engine, _ = sheared(TIGHT)
-    advance(engine, 2e-3, 100)
-    problem, start = engine.next_start(2e-3, 0.2)
+    advance(engine, 2e-3, 240)
+    problem, start = engine.next_start(2e-3, 0.48)
     assert np.unique(problem.slide).tolist() == [-SPEED, 0.0, 0.5 * SPEED]
     problem.save(tmp_path / "problem.npz")
     solution = solve_contacts(type(problem).load(tmp_path / "problem.npz"), TIGHT, start=start)
-    engine.step(2e-3, 0.2)
+    engine.step(2e-3, 0.48)
     table: ContactTable = engine.contacts()
     assert solution.impulse == pytest.approx(table.impulse, abs=1e-9 * np.abs(table.impulse).max())
     assert solution.velocity[: len(engine.state.velocity), 0] == pytest.approx(engine.state.velocity[:, 0], abs=1e-8)

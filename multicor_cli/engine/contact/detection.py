@@ -1,8 +1,8 @@
 """From the neighbor list to the contacts of one step: gaps, frames, relative velocities, laws and warm start.
 
 Bodies are rows of one velocity array: grains ``0 … n-1`` hold (v_x, v_y, s = a ω, 1/m); walls ``n … n+w-1`` hold (V_x, V_y, Ω, s),
-with s = −V_s where a drive lets the surface of the wall run. With the surface speed s instead of the spin, a contact of discs needs no
-radius: u_t = (v_i − v_j)·t − s_i − s_j. That of a wall is its velocity at the contact, and what its surface adds to that.
+with s = −V_s where a drive lets the surface of the wall run. With the surface speed s instead of the spin, a contact of discs needs
+no radius: u_t = (v_i − v_j)·t − s_i − s_j, and s_j of a wall is what its surface adds to its velocity at the contact.
 """
 
 from __future__ import annotations

@@ -10,7 +10,24 @@ import numpy as np
 
 from multicor_cli.engine.contact.law import predict_and_correct, solve_full
 from multicor_cli.engine.jit.compile import loop_body
-from multicor_cli.model.columns import BIAS, FIRST, MU, NORMAL, NX, NY, SECOND, SLIDE, SPIN, SURFACE, TANGENTIAL, W_NN, W_NT, W_TT, X, Y
+from multicor_cli.model.columns import (
+    BIAS,
+    FIRST,
+    MU,
+    NORMAL,
+    NX,
+    NY,
+    SECOND,
+    SLIDE,
+    SPIN,
+    SURFACE,
+    TANGENTIAL,
+    W_NN,
+    W_NT,
+    W_TT,
+    X,
+    Y,
+)
 from multicor_cli.model.model import Floats, Ints
 
 

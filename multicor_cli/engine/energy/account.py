@@ -41,9 +41,7 @@ class ContactSums(NamedTuple):
 
 
 @formula
-def _push_wall(
-    c: int, scene: Scene, contacts: StepContacts, px: float, py: float, chunk: int, wall_impulse: Floats
-) -> None:
+def _push_wall(c: int, scene: Scene, contacts: StepContacts, px: float, py: float, chunk: int, wall_impulse: Floats) -> None:
     wall = scene.wall[contacts.j[c] - scene.radius.size]
     wall_impulse[chunk, wall, X] -= px
     wall_impulse[chunk, wall, Y] -= py
