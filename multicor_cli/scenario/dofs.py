@@ -114,8 +114,8 @@ class WallDrives(Table):
     surface: VelocityDof | None = Field(
         None,
         description="motion of the surface along itself while the shape stays, as { velocity = 0.1 } [m/s] of a conveyor: to the "
-        "right for a grain that the wall carries, along the normal from wall to grain turned by -90 degrees; a disc turns clockwise, "
-        "and so does each of the glued grains of a rough wall, in its place",
+        "right for a grain that the wall carries, along the normal from wall to grain turned by -90 degrees; a disc turns "
+        "clockwise, and so does each of the glued grains of a rough wall, in its place",
     )
 
     @model_validator(mode="after")

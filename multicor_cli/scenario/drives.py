@@ -1,8 +1,8 @@
 """From the loading stages to the drives of the engine.
 
-A wall that a stage does not name keeps its drive, and so does what is left out of a named wall, a degree of freedom or the surface;
-at first everything is fixed. A signal is a function of the time since the start of the stage that names it: one that is kept goes on
-where it is, one that is named again starts anew.
+A wall that a stage does not name keeps its drive, and so does what is left out of a named wall, a degree of freedom or the
+surface; at first everything is fixed. A signal is a function of the time since the start of the stage that names it: one that is
+kept goes on where it is, one that is named again starts anew.
 """
 
 from __future__ import annotations
