@@ -203,7 +203,7 @@ class Model:
         """Whether grains meet wall shapes, which count from 0: pairs of numbers of any equal shape."""
         meets = self.walls.meets
         if not meets.size:
-            return np.ones(np.shape(grain), np.bool_)
+            return np.ones(grain.shape, np.bool_)
         return np.asarray(meets[self.shapes.wall[shape], self.grains.group[grain]])
 
     def meeting_alike(self) -> Iterator[tuple[NDArray[np.int64], NDArray[np.bool_]]]:
