@@ -100,7 +100,7 @@ def column(count: int = 116) -> Problem:
     light = batch(OneByOne(pair, frame, np.zeros((count, 2))), velocity)
     system = System(
         light.velocity, np.zeros((count + 1, 3)), light.slot, light.pair, light.frame, light.impulse, light.tile_start,
-        np.array([0, 1]), np.empty((0, 2), np.int32), np.empty((0, 7)), np.empty((0, 2, 2)), np.empty((0, 2)), 2.0, count,
+        np.array([0, 1]), np.empty((0, 2), np.int32), np.empty((0, 8)), np.empty((0, 2, 2)), np.empty((0, 2)), 2.0, count,
     )  # fmt: skip
     return Problem(f"column of {count}, cold", system, ResidualScale(9.81e-3, 9.81e-3, 0.5 * count * 9.81e-3**2))
 

@@ -44,11 +44,11 @@ class Violations:
 
 
 def contact_velocity(problem: ContactProblem, velocity: Floats) -> Floats:
-    """u_n and u_t of body i relative to body j at the contacts [m/s], shape ``(c, 2)``."""
+    """u_n and u_t of body i relative to the surface of body j at the contacts [m/s], shape ``(c, 2)``."""
     at_contact = [_velocity_of_side(problem, velocity, side) for side in (0, 1)]
     relative = at_contact[0] - at_contact[1]
     nx, ny = problem.normal.T
-    return np.column_stack([relative[:, 0] * nx + relative[:, 1] * ny, relative[:, 1] * nx - relative[:, 0] * ny])
+    return np.column_stack([relative[:, 0] * nx + relative[:, 1] * ny, relative[:, 1] * nx - relative[:, 0] * ny - problem.slide])
 
 
 def _velocity_of_side(problem: ContactProblem, velocity: Floats, side: int) -> Floats:

@@ -52,7 +52,7 @@ class _Grid:
 
 
 def escape_share(model: Model, position: Floats, wall_position: Floats, gravity: Floats) -> float | None:
-    """The part of the grains that can get out of all walls along gravity; None without gravity.
+    """The part of the grains that can get out of all walls that they meet along gravity; None without gravity.
 
     Args:
         model: Grains and walls.
@@ -62,8 +62,16 @@ def escape_share(model: Model, position: Floats, wall_position: Floats, gravity:
     """
     if not np.any(gravity):
         return None
+    escaped = 0
+    for which, is_met in model.meeting_alike():
+        walls = [outline for _, outline in placed_walls(model, wall_position, is_met)]
+        escaped += int(np.count_nonzero(_escape(model.with_grains(which), np.array(position[which, :2], float), walls, gravity)))
+    return escaped / model.grain_count
+
+
+def _escape(model: Model, center: Floats, walls: list[Outline], gravity: Floats) -> Flags:
+    """Whether grains can get out of walls along gravity; arguments as `escape_share`. ``center`` is **modified**."""
     axis = _larger(gravity)
-    center, walls = np.array(position[:, :2], float), [outline for _, outline in placed_walls(model, wall_position)]
     if model.period > 0.0:
         center[:, 0] %= model.period
     grid = _make_grid(model, center, walls)
@@ -73,7 +81,7 @@ def escape_share(model: Model, position: Floats, wall_position: Floats, gravity:
     upright = upright if is_down else upright[::-1]
     open_ = _reaches_bottom(upright, is_periodic=axis == 1 and model.period > 0.0)
     open_ = open_ if is_down else open_[::-1]
-    return float(_at_grains(grid, free, open_ if axis == 1 else open_.T, center).mean())
+    return _at_grains(grid, free, open_ if axis == 1 else open_.T, center)
 
 
 def _larger(gravity: Floats) -> int:

@@ -33,8 +33,18 @@ def _wall_spans(run: Prepared) -> tuple[Floats, Floats]:
 def _outward(run: Prepared) -> Floats:
     """Direction away from the grains of each wall in x and y: 1, -1, or 0 if it does not lie beyond them, shape ``(w, 2)``."""
     low, high = _wall_spans(run)
-    first, last = np.quantile(run.state.position[:, :2], (_STRAY, 1.0 - _STRAY), axis=0)
-    return np.where(low >= last, 1.0, np.where(high <= first, -1.0, 0.0))
+    meets, center = run.model.walls.meets, run.state.position[:, :2]
+    if not meets.size:
+        meets = np.ones((1, len(run.model.groups)), np.bool_)
+    spans = np.array([_span(center[is_met[run.model.grains.group]]) for is_met in meets])
+    return np.where(low >= spans[:, 1], 1.0, np.where(high <= spans[:, 0], -1.0, 0.0))
+
+
+def _span(center: Floats) -> Floats:
+    """Where grains are, but for a few: lowest and highest x and y [m], shape ``(2, 2)``; everywhere if there are none."""
+    if not len(center):
+        return np.array([[-np.inf, -np.inf], [np.inf, np.inf]])
+    return np.asarray(np.quantile(center, (_STRAY, 1.0 - _STRAY), axis=0))
 
 
 def _pulls(run: Prepared) -> Iterator[Measured]:

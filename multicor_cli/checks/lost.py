@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
+from numpy.typing import NDArray
 
 from multicor_cli.checks.check import Measured, Rule
 from multicor_cli.checks.recorded import Recorded
 from multicor_cli.model import Model
 from multicor_cli.model.model import Floats
+from multicor_cli.model.shapes import Outline
 from multicor_cli.post.scene import placed_walls
 
 
 def lost_grains(model: Model, position: Floats, velocity: Floats, wall_position: Floats, gravity: Floats) -> int:
-    """Number of grains below all grains' walls along gravity that go on falling; planes have no end, and nothing is below them.
+    """Number of grains below all walls that they meet along gravity that go on falling.
+
+    Planes have no end, and nothing is below them.
 
     Args:
         model: Grains and walls.
@@ -25,18 +29,27 @@ def lost_grains(model: Model, position: Floats, velocity: Floats, wall_position:
     """
     if not np.any(gravity):
         return 0
-    down = gravity / np.hypot(*gravity)
-    ends = [corners for _, o in placed_walls(model, wall_position) if o.normal is None for corners in o.corners()]
+    down, count = gravity / np.hypot(*gravity), 0
+    for which, is_met in model.meeting_alike():
+        walls = [outline for _, outline in placed_walls(model, wall_position, is_met)]
+        is_lost = _is_lost(position[which], velocity[which], model.grains.radius[which], walls, down)
+        count += int(np.count_nonzero(is_lost))
+    return count
+
+
+def _is_lost(position: Floats, velocity: Floats, radius: Floats, walls: Sequence[Outline], down: Floats) -> NDArray[np.bool_]:
+    """Which of some grains are lost; ``down`` is the unit vector along gravity."""
+    ends = [corners for outline in walls if outline.normal is None for corners in outline.corners()]
     depth = position[:, :2] @ down
     is_falling = velocity[:, :2] @ down > 0.0
     lowest = float((np.concatenate(ends) @ down).max()) if ends else -np.inf
     is_free = np.ones(len(position), np.bool_)
-    for _, outline in placed_walls(model, wall_position):
+    for outline in walls:
         for k in range(len(outline.points) if outline.normal is not None else 0):
             assert outline.normal is not None
             if outline.normal[k] @ down < 0.0:  # a floor without ends
                 is_free &= (position[:, :2] - outline.points[k, 0]) @ outline.normal[k] < 0.0
-    return int(np.count_nonzero(is_free & is_falling & (depth > lowest + 2.0 * model.grains.radius)))
+    return np.asarray(is_free & is_falling & (depth > lowest + 2.0 * radius))
 
 
 def _lost(run: Recorded) -> Iterator[Measured]:

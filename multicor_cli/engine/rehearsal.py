@@ -76,7 +76,7 @@ def _without_contacts() -> System:
     velocity = aligned((1, 4))
     velocity[:] = 0.0
     return System(
-        velocity, np.zeros((1, 3)), slot, pair, frame, impulse, _NO_ROWS, _NO_ROWS, np.empty((0, 2), np.int32), np.empty((0, 7)),
+        velocity, np.zeros((1, 3)), slot, pair, frame, impulse, _NO_ROWS, _NO_ROWS, np.empty((0, 2), np.int32), np.empty((0, 8)),
         np.empty((0, 2, 2)), np.empty((0, 2)), 2.0, 0,
     )  # fmt: skip
 

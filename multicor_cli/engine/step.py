@@ -35,7 +35,7 @@ from multicor_cli.engine.motion.drives import WallDrive
 from multicor_cli.engine.motion.gravity import AnyGravity, Gravity
 from multicor_cli.engine.motion.moves import move, predict, wrap
 from multicor_cli.engine.motion.walls import WallMotion
-from multicor_cli.model.columns import COUPLE
+from multicor_cli.model.columns import BELT, COUPLE
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.model.faults import LARGEST, find_absurd_value
 from multicor_cli.model.model import LEAST_DIAMETERS, Floats, Model
@@ -211,7 +211,9 @@ class Engine:
         before = self._motion.before
         self._start[n:, :3] = before
         self._free[n:, :3] = walls
-        of_walls = np.concatenate([walls, before, state.wall_position])
+        self._start[n:, BELT], self._free[n:, BELT] = self._motion.belt_before, self._motion.belt
+        of_walls = np.concatenate([walls, before, state.wall_position], axis=None)
+        of_walls = np.append(of_walls, self._motion.belt_before)
         if not np.isfinite(speeds).all() or not (np.abs(of_walls) <= LARGEST).all():
             raise PhysicsError(state.step, _name_absurd(state, model))
         scene = scene_of(model, self._middle, state.wall_position + 0.5 * dt * before, self.shape_temperature)
@@ -304,7 +306,7 @@ class Engine:
             kinetic, gravity_work = column_totals(grain_sums).tolist()
             if not np.isfinite(kinetic):
                 raise PhysicsError(state.step, _name_absurd(state, model))
-            state.wall_velocity = wall_after
+            state.wall_velocity, state.wall_surface = wall_after, self._motion.surface_after(state)
             state.wall_position = scene.wall_position + 0.5 * dt * wall_after
         with self._timed("correct"):
             # Not that of q_m with other positions: heat still looks at it.

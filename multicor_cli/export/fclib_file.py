@@ -39,6 +39,7 @@ _UNITS = {
     "lever": "m",
     "bias": "m/s",
     "friction": "1",
+    "slide": "m/s",
 }
 
 
@@ -217,7 +218,9 @@ def read_fclib(path: Path) -> tuple[ContactProblem, Floats | None]:
         if _BODIES not in file:
             known = "an FCLib file, but one of another program" if _LOCAL in file or "fclib_global" in file else "not an FCLib file"
             raise ExportError(f"{path}: is {known}; only files that multicor has exported can be read back")
-        arrays: dict[str, NDArray[Any]] = {f.name: file[f"{_BODIES}/{f.name}"][...] for f in fields(ContactProblem)}
+        arrays: dict[str, NDArray[Any]] = {
+            f.name: file[f"{_BODIES}/{f.name}"][...] for f in fields(ContactProblem) if f.name in file[_BODIES] or f.name != "slide"
+        }
         problem = ContactProblem(**arrays)
         start = file[f"{_GUESSES}/1/r"][...].reshape(len(problem.pair), 2) if _GUESSES in file else None
         return problem, start

@@ -181,7 +181,7 @@ def _wall_origin(run: Run, frame: Frame, stage: StagePlan, moment: _Moment) -> F
     first = [run.frames[int(np.flatnonzero(run.frames.stage == k)[-1]) if k >= 0 else 0] for k in range(-1, moment.stage)]
     origin = frame.wall_position.astype(np.float64)
     for w, named_by in enumerate(stage.drives.named_by):
-        for d, number in enumerate(named_by):
+        for d, number in enumerate(named_by[:3]):  # of its body
             if number >= 0:
                 origin[w, d] = first[number].wall_position[w, d]
     return origin
@@ -192,6 +192,8 @@ def _restore(frame: Frame, model: Model, moment: _Moment) -> State:
     state = State.at_rest(model, np.column_stack([frame.position, frame.angle]).astype(np.float64))
     state.velocity = np.column_stack([frame.velocity, frame.spin]).astype(np.float64)
     state.wall_position, state.wall_velocity = frame.wall_position.copy(), frame.wall_velocity.copy()
+    if frame.wall_surface is not None:
+        state.wall_surface = frame.wall_surface.copy()
     contacts = frame.contacts
     loaded = contacts.impulse[:, 0] > 0.0
     state.contact_i, state.contact_j = contacts.i[loaded], contacts.j[loaded]

@@ -36,7 +36,7 @@ def _fields(dtype: str, *dims: str) -> tuple[str, ...]:
 
 
 _NOTES = _fields("f8", "stage_note", "before_row", "exchange_group", "exchange_outlet")
-_OF_GRAINS, _OF_WALLS = _fields("f8", "heat_grain", "grain"), _fields("f8", "wall", "heat_wall", "origin_row")
+_OF_GRAINS, _OF_WALLS = _fields("f8", "heat_grain", "grain"), _fields("f8", "wall", "heat_wall", "origin_row", "surface_row")
 _NUMBERS, _COUNTS = _fields("f8", "one"), _fields("i8", "one")
 
 
@@ -66,6 +66,8 @@ def find_misfit(state: State, model: Model) -> str | None:
             return f"{name} has shape {getattr(state, name).shape} instead of {shape}"
     if state.wall_origin.shape not in ((0, 3), state.wall_position.shape):
         return f"wall_origin has shape {state.wall_origin.shape} instead of {state.wall_position.shape}"
+    if state.wall_surface.shape not in ((0,), (model.wall_count,)):
+        return f"wall_surface has shape {state.wall_surface.shape} instead of {(model.wall_count,)}"
     for name, (i, j) in _CONTACTS.items():
         first, second = getattr(state, i), getattr(state, j)
         rows = first.size if name != "contact_couple" or model.laws.rolling.size else 0

@@ -7,8 +7,9 @@ shape numbers ``(i, j)`` with ``i < j``, so ``i`` is always a grain.
 from __future__ import annotations
 
 import functools
-from dataclasses import dataclass, fields, replace
-from typing import NamedTuple, TypeVar
+from collections.abc import Iterator
+from dataclasses import dataclass, field, fields, replace
+from typing import Any, NamedTuple, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -74,6 +75,8 @@ class Walls:
         inertia: Moment of inertia about the wall's reference point [kg m²]; ``nan`` likewise.
         has_gravity: Whether gravity acts on its force-driven degrees of freedom.
         length: Length over which a load spreads [m].
+        runs: Whether a drive that was known at the start lets its surface run; of size 0 if that of no wall does.
+        meets: Which groups of grains meet it, shape ``(w, g)``; the others pass through it. Of size 0 if all groups meet all walls.
     """
 
     names: tuple[str, ...]
@@ -81,6 +84,8 @@ class Walls:
     inertia: Floats
     has_gravity: NDArray[np.bool_]
     length: Floats
+    runs: NDArray[np.bool_] = field(default_factory=lambda: np.zeros(0, np.bool_))
+    meets: NDArray[np.bool_] = field(default_factory=lambda: np.zeros((0, 0), np.bool_))
 
 
 _NONE = np.empty((0, 0))
@@ -197,6 +202,23 @@ class Model:
         """What messages call a grain."""
         return f"grain {grain if self.numbers is None else self.numbers[grain]}"
 
+    def is_met(self, grain: NDArray[Any], shape: NDArray[Any]) -> NDArray[np.bool_]:
+        """Whether grains meet wall shapes, which count from 0: pairs of numbers of any equal shape."""
+        meets = self.walls.meets
+        if not meets.size:
+            return np.ones(grain.shape, np.bool_)
+        return np.asarray(meets[self.shapes.wall[shape], self.grains.group[grain]])
+
+    def meeting_alike(self) -> Iterator[tuple[NDArray[np.int64], NDArray[np.bool_]]]:
+        """Grains that meet the same walls: which grains, ascending, and whether they meet each wall, shape ``(w,)``."""
+        meets = self.walls.meets if self.walls.meets.size else np.ones((self.wall_count, len(self.groups)), np.bool_)
+        alike, kind = np.unique(meets, axis=1, return_inverse=True)
+        of_grain = kind.reshape(-1)[self.grains.group]
+        for k in range(alike.shape[1]):
+            which = np.flatnonzero(of_grain == k)
+            if which.size:
+                yield which, alike[:, k]
+
     def with_grains(self, which: NDArray[np.int64]) -> Model:
         """The same with these grains alone, in this order; walls and laws are shared."""
         thermal = self.thermal
@@ -219,4 +241,4 @@ _Rows = TypeVar("_Rows", Grains, Thermal)
 
 def _rows_of(table: _Rows, which: NDArray[np.int64]) -> _Rows:
     """A record of arrays with a row for each grain, of these grains alone."""
-    return type(table)(**{field.name: getattr(table, field.name)[which] for field in fields(table)})
+    return type(table)(**{column.name: getattr(table, column.name)[which] for column in fields(table)})

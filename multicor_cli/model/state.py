@@ -112,6 +112,12 @@ class State:
         "where displacements of each wall count from, for prescribed positions and springs; empty without them",
         since=(1, 2),
     )
+    wall_surface: Floats = _array(
+        ("surface_row",),
+        "m/s",
+        "velocity of the surface of each wall along it; empty as long as none has run",
+        since=(1, 3),
+    )
     # What follows is empty where no grain comes or goes. Arrays of grains hold all: one that is not there keeps what it had.
     presence: NDArray[np.uint8] = _array(
         ("exchange_grain",), "1", "whether a grain is there: 0 waits, 1 is there, 2 has left, 3 is lost", "u1", since=(1, 2)

@@ -5,9 +5,10 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from numpy.typing import NDArray
 
 from multicor_cli.engine.exchange.books import note_presence
-from multicor_cli.model import Grains, Model, Presence, State, Thermal
+from multicor_cli.model import Grains, Model, Presence, ShapeKind, State, Thermal
 from multicor_cli.model.columns import RADIUS, X
 from multicor_cli.model.model import LEAST_DIAMETERS, LEAST_THROAT, SHAPE_FACTOR, Floats, Ints
 from multicor_cli.model.nudge import nudge, nudge_seed
@@ -17,7 +18,6 @@ from multicor_cli.packing.going_on import carried_over, carry_presence, grains_o
 from multicor_cli.packing.groups import make_group
 from multicor_cli.packing.initial_grains import InitialGrains
 from multicor_cli.packing.laws import contact_laws, touching_pairs
-from multicor_cli.packing.obstacles import Obstacles
 from multicor_cli.packing.overlap import behind_problem, overlap_problems, solid_problem
 from multicor_cli.packing.pairs import wrap
 from multicor_cli.packing.source import Source, read_source
@@ -64,10 +64,9 @@ def place(scenario: Scenario) -> Placed:
         walls = build_walls(scenario)
     except PackingError as error:
         raise _refusal(scenario, [error]) from error
-    solid = walls.obstacles()
-    groups = _make_groups(scenario, solid)
-    _refuse_throats(scenario, walls, groups)
+    groups = _make_groups(scenario, walls)
     model = replace(_model(scenario, walls, groups), thermal=_thermal(scenario, groups))
+    _refuse_throats(scenario, model)
     state = _state(scenario, model, walls, groups)
     _refuse_overlaps(scenario, model, state, walls)
     seed = nudge_seed()
@@ -87,8 +86,8 @@ def _go_on(scenario: Scenario) -> Placed:
     except PackingError as error:
         raise _refusal(scenario, [error]) from error
     groups = grains_of(scenario, source)
-    _refuse_throats(scenario, walls, groups)
     model = replace(_model(scenario, walls, groups), thermal=_thermal(scenario, groups))
+    _refuse_throats(scenario, model)
     if source.model.outlets is not None and model.outlets is None:
         model = replace(model, outlets=())  # grains that are not there stay away
     state = _state(scenario, model, walls, groups)
@@ -113,20 +112,20 @@ def _refusal(scenario: Scenario, errors: list[PackingError]) -> ScenarioError:
     return ScenarioError([scenario.problem(error.key, error.message, error.remedy) for error in errors])
 
 
-def _make_groups(scenario: Scenario, solid: Obstacles) -> list[InitialGrains]:
+def _make_groups(scenario: Scenario, walls: BuiltWalls) -> list[InitialGrains]:
     """The grains of all groups; problems of all groups are reported together."""
     groups: list[InitialGrains] = []
-    errors = []
+    errors, placed = [], np.zeros((0, 3))
     for k in range(len(scenario.particles)):
         try:
-            group = make_group(scenario, k, solid)
+            group = make_group(scenario, k, walls.obstacles(k).with_discs(placed))
             _check_period(scenario, k, float(group.radius.max(initial=0.0)))
         except PackingError as error:
             errors.append(PackingError(error.message, error.remedy, ("particles", k, *error.key)))
             continue
         groups.append(group)
         if scenario.particles[k].packing is not None:
-            solid = solid.with_discs(np.column_stack([_wrapped(scenario, group.position), group.radius]))
+            placed = np.concatenate([placed, np.column_stack([_wrapped(scenario, group.position), group.radius])])
     if errors:
         raise _refusal(scenario, errors)
     return groups
@@ -148,20 +147,24 @@ def _check_period(scenario: Scenario, index: int, largest: float) -> None:
         raise PackingError(text, "widen the domain or use smaller grains", ("sizes",) if sizes is not None else ("packing",))
 
 
-def _refuse_throats(scenario: Scenario, walls: BuiltWalls, groups: list[InitialGrains]) -> None:
+def _refuse_throats(scenario: Scenario, model: Model) -> None:
     """Refuse discs of walls so wide that a grain between one and its periodic image meets both: only the nearer is looked at."""
+    if model.period <= 0.0:
+        return
     mechanisms = scenario.heat.mechanisms.values() if scenario.heat is not None else ()
     diameters = max([LEAST_THROAT, *(1.0 + (getattr(table, "reach", None) or 0.0) for table in mechanisms)])
-    diameter, period, problems = 2.0 * max(float(group.radius.max(initial=0.0)) for group in groups), scenario.domain.period, []
-    for k, body in enumerate(walls.bodies):
-        left = period - 2.0 * float(body.glued[:, RADIUS].max(initial=0.0))
-        if period > 0.0 and left < diameters * diameter:
+    shapes, problems = model.shapes, []
+    for w, name in enumerate(model.walls.names):
+        discs = shapes.geometry[(shapes.wall == w) & (shapes.kind == ShapeKind.DISC), RADIUS]
+        meeting = model.grains.radius[_meets(model, w, np.arange(model.grain_count))]
+        left, diameter = model.period - 2.0 * float(discs.max(initial=0.0)), 2.0 * float(meeting.max(initial=0.0))
+        if left < diameters * diameter:
             text = (
-                f"a disc of the wall '{scenario.walls[k].name}' and its image one period of {period:g} m away leave {left:g} m "
-                f"between them, less than {diameters:g} times the largest diameter of {diameter:g} m"
+                f"a disc of the wall '{name}' and its image one period of {model.period:g} m away leave {left:g} m between them, less "
+                f"than {diameters:g} times the largest diameter of {diameter:g} m"
             )
             remedy = "make the disc or the grains smaller, or the domain twice as wide with two such discs: the throat is the same"
-            problems.append(PackingError(text, remedy, ("walls", k, "geometry")))
+            problems.append(PackingError(text, remedy, ("walls", w, "geometry")))
     if problems:
         raise _refusal(scenario, problems)
 
@@ -169,7 +172,7 @@ def _refuse_throats(scenario: Scenario, walls: BuiltWalls, groups: list[InitialG
 def _model(scenario: Scenario, walls: BuiltWalls, groups: list[InitialGrains]) -> Model:
     names = list(scenario.materials)
     grains = _grains(scenario, groups)
-    touching = touching_pairs(grains.material.tolist(), walls.shapes.material.tolist())
+    touching = touching_pairs(grains, walls.shapes, walls.walls)
     domain = scenario.domain
     return Model(
         grains=grains,
@@ -240,15 +243,24 @@ def _refuse_overlaps(scenario: Scenario, model: Model, state: State, walls: Buil
     grains, names, here = model.grains, model.walls.names, np.arange(model.grain_count)[state.here]
     if not here.size:
         return
-    within = [solid_problem(state.position, here, room, names[w], w) for w, room in enumerate(walls.rooms)]
+    meeting = [here[_meets(model, w, here)] for w in range(model.wall_count)]
+    within = [solid_problem(state.position, meeting[w], room, names[w], w) for w, room in enumerate(walls.rooms)]
     problems = [problem for problem in within if problem is not None]
     told = {problem.key for problem in problems}
     solid = walls.obstacles()
-    cut = overlap_problems(state.position, grains.radius, grains.group, solid, model.shapes.wall, names, model.period, here)
+    cut = overlap_problems(
+        state.position, grains.radius, grains.group, solid, model.shapes.wall, names, model.period, here, model.is_met
+    )
     problems += [problem for problem in cut if problem.key not in told]
     for w, front in enumerate(walls.fronts):
         if front is not None:
-            found = behind_problem(state.position, here, front, names[w], w, model.period)
+            found = behind_problem(state.position, meeting[w], front, names[w], w, model.period)
             problems += [found] if found else []
     if problems:
         raise _refusal(scenario, problems)
+
+
+def _meets(model: Model, wall: int, grains: NDArray[np.int64]) -> NDArray[np.bool_]:
+    """Whether grains meet a wall."""
+    meets = model.walls.meets
+    return meets[wall, model.grains.group[grains]] if meets.size else np.ones(grains.size, np.bool_)

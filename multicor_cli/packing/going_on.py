@@ -146,6 +146,9 @@ def carried_over(scenario: Scenario, source: Source, model: Model, state: State)
     state.position, state.image, state.last_dt = old.position.copy(), old.image.copy(), old.last_dt
     for new, before in same.items():
         state.wall_velocity[new] = old.wall_velocity[before]
+    if old.wall_surface.size:
+        state.wall_surface = np.zeros(model.wall_count)
+        state.wall_surface[list(same)] = old.wall_surface[list(same.values())]
     _carry_contacts(source, model, state, same)
     if model.thermal is not None and source.model.thermal is not None:
         thermal = _carry_heat(scenario, source, model.thermal, state)
@@ -218,7 +221,9 @@ def _renumbered(source: Source, model: Model, i: Ints, j: Ints, same: Mapping[in
         if np.array_equal(kind, kind_before) and np.array_equal(geometry, geometry_before):
             number[n + np.flatnonzero(source.model.shapes.wall == old)] = n + np.flatnonzero(model.shapes.wall == new)
     second = number[j].astype(np.int32)
-    kept = np.flatnonzero(second >= 0)
+    is_kept, of_walls = second >= 0, np.flatnonzero(second >= n)
+    is_kept[of_walls] &= model.is_met(i[of_walls], second[of_walls] - n)
+    kept = np.flatnonzero(is_kept)
     kept = kept[np.lexsort((second[kept], i[kept]))]
     return kept.astype(np.int32), i[kept], second[kept]
 

@@ -7,7 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 
 import numpy as np
 
-from multicor_cli.model.model import ContactLaws, Floats, Model
+from multicor_cli.model.model import ContactLaws, Floats, Grains, Model, Walls, WallShapes
 from multicor_cli.scenario import Scenario
 from multicor_cli.scenario.materials import ContactPair, FrictionTable, Softening
 
@@ -21,10 +21,13 @@ _FRICTION = ("friction", "table", "table_start", "table_speed", "table_friction"
 """The other arrays of the laws about friction."""
 
 
-def touching_pairs(grains: Iterable[int], walls: Iterable[int]) -> list[tuple[int, int]]:
-    """Pairs of materials that can meet, smaller index first: those of grains with each other, and with those of walls."""
-    mobile = set(grains)
-    return sorted({(min(a, b), max(a, b)) for a in mobile for b in mobile | set(walls)})
+def touching_pairs(grains: Grains, shapes: WallShapes, walls: Walls) -> list[tuple[int, int]]:
+    """Pairs of materials that can meet, smaller index first: of grains with each other, and with those of the walls they meet."""
+    of_groups = set(zip(grains.group.tolist(), grains.material.tolist(), strict=True))
+    of_walls = set(zip(shapes.wall.tolist(), shapes.material.tolist(), strict=True))
+    pairs = {(a, b) for _, a in of_groups for _, b in of_groups}
+    pairs |= {(a, b) for g, a in of_groups for w, b in of_walls if not walls.meets.size or walls.meets[w, g]}
+    return sorted({(min(pair), max(pair)) for pair in pairs})
 
 
 def contact_laws(
@@ -66,7 +69,7 @@ def contact_laws(
 
 def stage_laws(scenario: Scenario, model: Model) -> list[ContactLaws | None]:
     """The laws of each stage; None as long as they are those of the model: until a stage names friction."""
-    touching = touching_pairs(model.grains.material.tolist(), model.shapes.material.tolist())
+    touching = touching_pairs(model.grains, model.shapes, model.walls)
     found: list[ContactLaws | None] = []
     for number, stage in enumerate(scenario.loading):
         laws = found[-1] if found else None

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 import numpy as np
 from numpy.typing import NDArray
@@ -109,6 +109,7 @@ def overlap_problems(
     names: Sequence[str],
     period: float,
     here: NDArray[np.int64] | None = None,
+    is_met: Callable[[Ints, Ints], NDArray[np.bool_]] | None = None,
 ) -> list[PackingError]:
     """One problem for all grains that overlap each other and one for each wall that cuts grains.
 
@@ -121,6 +122,7 @@ def overlap_problems(
         names: Names of the walls.
         period: Period in x [m] or 0.
         here: Grains that are there, ascending; default: all.
+        is_met: Whether grains meet wall shapes; default: they do.
     """
     count = radius.size
     here = np.arange(count) if here is None else here
@@ -136,8 +138,10 @@ def overlap_problems(
         text = f"grains overlap at the start: {_listing(items, a.size, 'pairs' if kept.size == here.size else 'pairs at least')}"
         key = ("particles", int(max(group[a[0]], group[b[0]])))
         problems.append(PackingError(text, "move them apart: a larger spacing or region, or fewer grains", key))
-    cut_shape = j[~among] - count
-    cut_grain, cut_size = i[~among], overlap[~among]
+    cut_shape, cut_grain, cut_size = j[~among] - count, i[~among], overlap[~among]
+    if is_met is not None:
+        met = is_met(cut_grain, cut_shape)
+        cut_shape, cut_grain, cut_size = cut_shape[met], cut_grain[met], cut_size[met]
     for w in np.unique(wall[cut_shape]):
         mine = np.flatnonzero(wall[cut_shape] == w)
         _, first = np.unique(cut_grain[mine], return_index=True)

@@ -119,6 +119,8 @@ def _of_frame(frame: Frame, model: Model) -> tuple[Model, State, str]:
     if frame.is_open:
         state.presence = np.array(frame.column("particles/presence"), np.uint8)
     state.wall_position, state.wall_velocity = np.array(frame.wall_position, float), np.array(frame.wall_velocity, float)
+    if frame.wall_surface is not None:
+        state.wall_surface = np.array(frame.wall_surface, float)
     state.step, state.time, state.last_dt = frame.step, frame.time, frame.dt
     _take_contacts(frame, model, state)
     digest = hashlib.blake2b(state.digest().encode(), digest_size=16)

@@ -9,6 +9,7 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from multicor_cli.engine.geometry.scene import place_shapes
 from multicor_cli.model import WallBody
@@ -46,16 +47,22 @@ class BuiltWalls(NamedTuple):
     position: Floats
     rooms: list[Room]
 
-    def obstacles(self) -> Obstacles:
-        """The shapes in the world, and what is left for grains."""
-        world = np.empty(self.shapes.geometry.shape)
-        place_shapes(self.shapes.kind, self.shapes.wall, self.shapes.geometry, self.position, world)
+    def obstacles(self, group: int | None = None) -> Obstacles:
+        """The shapes in the world, and what is left for grains; of the walls alone that a group meets, if one is given."""
+        is_met = np.ones(len(self.bodies), np.bool_)
+        if group is not None and self.walls.meets.size:
+            is_met = self.walls.meets[:, group]
+        met = np.flatnonzero(is_met).tolist()
+        shapes = self.shapes if is_met.all() else join_shapes([self.bodies[w] for w in met], [0] * len(met))
+        world = np.empty(shapes.geometry.shape)
+        place_shapes(shapes.kind, shapes.wall, shapes.geometry, self.position[met], world)
+        rooms = [self.rooms[w] for w in met]
         room = Room(
-            tuple(area for room in self.rooms for area in room.inside),
-            tuple(area for room in self.rooms for area in room.outside),
-            max((room.period for room in self.rooms), default=0.0),
+            tuple(area for room in rooms for area in room.inside),
+            tuple(area for room in rooms for area in room.outside),
+            max((room.period for room in rooms), default=0.0),
         )
-        return Obstacles(self.shapes.kind, world, room)
+        return Obstacles(shapes.kind, world, room)
 
 
 def build_walls(scenario: Scenario, known: Mapping[str, WallBody] | None = None) -> BuiltWalls:
@@ -74,14 +81,29 @@ def build_walls(scenario: Scenario, known: Mapping[str, WallBody] | None = None)
     bodies = [body for body, _ in made]
     inertia = [_inertia(scenario, wall, body) for wall, body in zip(scenario.walls, bodies, strict=True)]
     names = [wall.name for wall in scenario.walls]
+    walls = join_walls(names, bodies, inertia, [wall.gravity for wall in scenario.walls])
     return BuiltWalls(
         bodies,
         [front for _, front in made],
-        join_walls(names, bodies, inertia, [wall.gravity for wall in scenario.walls]),
+        replace(walls, runs=_running(scenario), meets=_meetings(scenario)),
         join_shapes(bodies, [materials.index(wall.material) for wall in scenario.walls]),
         np.array([[*body.origin, 0.0] for body in bodies]).reshape(-1, 3),
         [_room(scenario, wall, body) for wall, body in zip(scenario.walls, bodies, strict=True)],
     )
+
+
+def _running(scenario: Scenario) -> NDArray[np.bool_]:
+    """`Walls.runs`."""
+    named = [drives for stage in scenario.loading for drives in stage.drives.items()]
+    names = {name for name, drive in named if drive.surface is not None}
+    return np.array([wall.name in names for wall in scenario.walls] if names else [], np.bool_)
+
+
+def _meetings(scenario: Scenario) -> NDArray[np.bool_]:
+    """`Walls.meets`."""
+    if all(wall.groups is None for wall in scenario.walls):
+        return np.zeros((0, 0), np.bool_)
+    return np.array([[wall.groups is None or g.name in wall.groups for g in scenario.particles] for wall in scenario.walls])
 
 
 def _room(scenario: Scenario, wall: Wall, body: WallBody) -> Room:

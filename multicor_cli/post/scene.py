@@ -60,16 +60,20 @@ def make_scene(source: FrameSource, frame: GrainFrame) -> GrainScene:
     return GrainScene(center, model.grains.radius, walls, model.period, box)
 
 
-def placed_walls(model: Model, pose: Floats) -> Iterator[tuple[NDArray[np.int64], Outline]]:
+def placed_walls(
+    model: Model, pose: Floats, is_asked: NDArray[np.bool_] | None = None
+) -> Iterator[tuple[NDArray[np.int64], Outline]]:
     """What the shapes of the walls look like in the world, kind by kind: which of them, and their outlines.
 
     Args:
         model: The walls.
         pose: Reference points and angles of the walls [m, rad], shape ``(w, 3)``.
+        is_asked: Of which walls, shape ``(w,)``; default: all.
     """
     shapes = model.shapes
-    for which, outline in outlines(shapes.kind, shapes.geometry):
-        yield which, _placed(outline, pose[shapes.wall[which]])
+    asked = np.arange(model.shape_count) if is_asked is None else np.flatnonzero(is_asked[shapes.wall])
+    for which, outline in outlines(shapes.kind[asked], shapes.geometry[asked]):
+        yield asked[which], _placed(outline, pose[shapes.wall[asked[which]]])
 
 
 def images(x: Floats, reach: Floats, period: float) -> tuple[NDArray[np.int64], Floats]:

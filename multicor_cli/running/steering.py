@@ -36,11 +36,13 @@ class WallNow(NamedTuple):
         position: Reference point [m] and angle [rad], shape ``(3,)``.
         velocity: Velocity [m/s] and spin [rad/s], shape ``(3,)``.
         force: Force [N] and torque [N m] of the grains on it in the last step, shape ``(3,)``.
+        surface: Velocity with which its surface runs along it [m/s].
     """
 
     position: Array
     velocity: Array
     force: Array
+    surface: float = 0.0
 
 
 class Now:
@@ -137,7 +139,8 @@ class Now:
         """The walls by name."""
         state, impulse = self._state, self._report.wall_impulse
         force = impulse / self.dt if impulse.size else np.zeros_like(state.wall_position)  # nothing moved
-        rows = zip(map(_read_only, state.wall_position), map(_read_only, state.wall_velocity), map(_read_only, force), strict=True)
+        surface = state.wall_surface.tolist() or [0.0] * len(force)
+        rows = zip(*(map(_read_only, each) for each in (state.wall_position, state.wall_velocity, force)), surface, strict=True)
         return {name: WallNow(*row) for name, row in zip(self._model.walls.names, rows, strict=True)}
 
     @cached_property

@@ -13,11 +13,15 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from decimal import ROUND_DOWN, Decimal
 
+import numpy as np
+
 from multicor_cli.arithmetic import hypot
 from multicor_cli.arithmetic.sums import total
 from multicor_cli.engine.motion.drives import DofDrive, Shifted, Sine, WallDrive
 from multicor_cli.engine.motion.gravity import Gravity
-from multicor_cli.model import ContactLaws, Model
+from multicor_cli.model import ContactLaws, Model, ShapeKind
+from multicor_cli.model.columns import RADIUS
+from multicor_cli.model.shapes import TAIL, Tail
 from multicor_cli.running.plan import RunPlan, StagePlan
 from multicor_cli.scenario.scenario import Scenario
 from multicor_cli.scenario.settings import Output
@@ -50,7 +54,8 @@ class Scales:
         pressure: √(m̄/P), where P is the larger of the weight of all grains over the side across gravity and the loads over their
             length.
         strain: 1/γ̇, with γ̇ the largest of: the sum of the two largest wall speeds in x over the height of the domain, that of the
-            two largest in y over its smaller side, and the fastest spin of a wall.
+            two largest in y over its smaller side, and the fastest spin of a wall; a surface that runs counts as the motion of the
+            wall that would carry grains along like it.
         fall: d̄ over the larger of the speed of a free fall through the domain and the largest initial speed of one group of grains
             relative to another.
         friction: Largest coefficient of friction between grains.
@@ -90,7 +95,7 @@ def find_scales(
     gravity = gravity or Gravity.constant(model.gravity).largest()
     mean_mass = total(model.grains.mass) / model.grain_count
     pressure = largest_pressure(scenario, model, drives, gravity)
-    rate = _largest_rate(scenario, drives)
+    rate = _largest_rate(scenario, model, drives)
     speed = _largest_speed(scenario, gravity)
     return Scales(
         math.sqrt(mean_mass / pressure) if pressure > 0.0 else math.inf,
@@ -158,21 +163,40 @@ def _shortest_period(model: Model, drives: Sequence[WallDrive]) -> float:
     return min(periods)
 
 
-def _largest_rate(scenario: Scenario, drives: Sequence[WallDrive]) -> float:
+def _largest_rate(scenario: Scenario, model: Model, drives: Sequence[WallDrive]) -> float:
     """Rate of shear or compression that the walls bring about, and the fastest spin of one [1/s]."""
     width, height = scenario.domain.size
-    spins = [_largest_velocity(drive.spin) for drive in drives]
+    runs = [_surface_motion(model, w, drive) for w, drive in enumerate(drives)]
+    spins = [_largest_velocity(drive.spin) + of_surface for drive, (_, _, of_surface) in zip(drives, runs, strict=True)]
     # Two walls may move against each other: their speeds add up.
-    along_x = sorted((_largest_velocity(drive.x) for drive in drives), reverse=True)
-    along_y = sorted((_largest_velocity(drive.y) for drive in drives), reverse=True)
+    along_x = sorted((_largest_velocity(drive.x) + x for drive, (x, _, _) in zip(drives, runs, strict=True)), reverse=True)
+    along_y = sorted((_largest_velocity(drive.y) + y for drive, (_, y, _) in zip(drives, runs, strict=True)), reverse=True)
     return max([0.0, *spins, math.fsum(along_x[:2]) / height, math.fsum(along_y[:2]) / min(width, height)])
 
 
+def _surface_motion(model: Model, w: int, drive: WallDrive) -> tuple[float, float, float]:
+    """The largest motion of a wall that would carry grains along as its running surface does: in x and y [m/s], and spin [rad/s].
+
+    Straight shapes as a motion along them, round ones as a spin.
+    """
+    if drive.surface is None:
+        return 0.0, 0.0, 0.0
+    speed, mine = drive.surface.largest(), model.shapes.wall == w
+    kind, geometry = model.shapes.kind[mine], model.shapes.geometry[mine]
+    is_round = (kind == ShapeKind.DISC) | (kind == ShapeKind.CIRCLE)
+    normal = geometry[kind == ShapeKind.PLANE, 2:]
+    way = geometry[TAIL[kind] == Tail.POINT]
+    way = way[:, 2:] - way[:, :2]
+    along = np.abs(np.concatenate([normal[:, ::-1], way / np.sqrt(way[:, [0]] * way[:, [0]] + way[:, [1]] * way[:, [1]])]))
+    x, y = along.max(axis=0, initial=0.0).tolist()
+    return speed * x, speed * y, float((speed / geometry[is_round, RADIUS]).max(initial=0.0))
+
+
 def largest_speed(scenario: Scenario, drives: Sequence[WallDrive], gravity: LargestGravity) -> float:
-    """The larger of the speed in `Scales.fall` and the speeds of the walls in x and y [m/s]."""
-    return max(
-        [_largest_speed(scenario, gravity), *(max(_largest_velocity(drive.x), _largest_velocity(drive.y)) for drive in drives)]
-    )
+    """The larger of the speed in `Scales.fall` and the speeds of the walls in x and y, and of their surfaces [m/s]."""
+    of_walls = [max(_largest_velocity(drive.x), _largest_velocity(drive.y)) for drive in drives]
+    surfaces = [drive.surface.largest() for drive in drives if drive.surface is not None]
+    return max([_largest_speed(scenario, gravity), *of_walls, *surfaces])
 
 
 def _largest_speed(scenario: Scenario, gravity: LargestGravity) -> float:

@@ -106,16 +106,23 @@ AnyDof = VelocityDof | PositionDof | LoadDof | FixedDof
 
 
 class WallDrives(Table):
-    """``drives.NAME``: what a stage does to the wall NAME; a degree of freedom left out keeps its drive."""
+    """``drives.NAME``: what a stage does to the wall NAME; what is left out keeps its drive."""
 
     x: Dof | None = Field(None, description="horizontal motion, as { velocity = 0.1 }, { force = -5.0 } or { fixed = true }")
     y: Dof | None = Field(None, description="vertical motion, as { velocity = 0.1 }, { force = -5.0 } or { fixed = true }")
     spin: Dof | None = Field(None, description="rotation about the wall's reference point, counter-clockwise")
+    surface: VelocityDof | None = Field(
+        None,
+        description="motion of the surface along itself while the shape stays, as { velocity = 0.1 } [m/s] of a conveyor: to the "
+        "right for a grain that the wall carries, along the normal from wall to grain turned by -90 degrees; a disc turns "
+        "clockwise, and so does each of the glued grains of a rough wall, in its place",
+    )
 
     @model_validator(mode="after")
     def _not_empty(self) -> Self:
-        if self.x is None and self.y is None and self.spin is None:
-            raise refuse("the table is empty", "name x, y or spin, or remove it: a wall that is not named keeps its drive")
+        if self.x is None and self.y is None and self.spin is None and self.surface is None:
+            remedy = "name x, y, spin or surface, or remove it: a wall that is not named keeps its drive"
+            raise refuse("the table is empty", remedy)
         return self
 
     @model_validator(mode="after")

@@ -1,8 +1,8 @@
 """From the loading stages to the drives of the engine.
 
-A wall that a stage does not name keeps its drive, and so does a degree of freedom left out of a named wall; at first
-everything is fixed. A signal is a function of the time since the start of the stage that names it: one that is kept goes on
-where it is, one that is named again starts anew.
+A wall that a stage does not name keeps its drive, and so does what is left out of a named wall, a degree of freedom or the
+surface; at first everything is fixed. A signal is a function of the time since the start of the stage that names it: one that is
+kept goes on where it is, one that is named again starts anew.
 """
 
 from __future__ import annotations
@@ -23,19 +23,21 @@ Kept = TypeVar("Kept", bound=EngineSignal | None)
 
 
 class KeptDrive(NamedTuple):
-    """What drives a degree of freedom, and the index of the stage that says so (`NEVER`: none does, it is fixed)."""
+    """What drives a degree of freedom or a surface, and the index of the stage that says so (`NEVER`: none does, it is fixed)."""
 
     dof: AnyDof
     stage: int
 
 
-WallDofs = tuple[KeptDrive, KeptDrive, KeptDrive]
+WallDofs = tuple[KeptDrive, KeptDrive, KeptDrive, KeptDrive]
+"""Of x, y, spin and the surface of a wall."""
+
 _AT_FIRST = KeptDrive(FixedDof(fixed=True), NEVER)
 
 
 def resolve_dofs(loading: Sequence[Stage], wall_names: Sequence[str]) -> list[list[WallDofs]]:
     """What drives each wall in each stage, by stage and wall."""
-    current: list[WallDofs] = [(_AT_FIRST, _AT_FIRST, _AT_FIRST)] * len(wall_names)
+    current: list[WallDofs] = [(_AT_FIRST,) * 4] * len(wall_names)
     resolved = []
     for number, stage in enumerate(loading):
         current = [_named(stage, number, name, before) for name, before in zip(wall_names, current, strict=True)]
@@ -47,9 +49,9 @@ def _named(stage: Stage, number: int, wall: str, before: WallDofs) -> WallDofs:
     drives = stage.drives.get(wall)
     if drives is None:
         return before
-    dofs = (drives.x, drives.y, drives.spin)
-    x, y, spin = (kept if dof is None else KeptDrive(dof, number) for dof, kept in zip(dofs, before, strict=True))
-    return x, y, spin
+    named = (drives.x, drives.y, drives.spin, drives.surface)
+    x, y, spin, surface = (kept if dof is None else KeptDrive(dof, number) for dof, kept in zip(named, before, strict=True))
+    return x, y, spin, surface
 
 
 @dataclass(frozen=True)
@@ -59,12 +61,13 @@ class StageDrives:
     Attributes:
         stage: Index of the stage.
         walls: One drive per wall; signals are functions of the time since the start of the stage that named them.
-        named_by: For each wall the index of the stage that named its x, y and spin; `NEVER` if none has (then it is fixed).
+        named_by: For each wall the index of the stage that named its x, y, spin and surface; `NEVER` if none has (then it is
+            fixed).
     """
 
     stage: int
     walls: tuple[WallDrive, ...]
-    named_by: tuple[tuple[int, int, int], ...]
+    named_by: tuple[tuple[int, int, int, int], ...]
 
     def started(self, stage_starts: Sequence[float]) -> list[WallDrive]:
         """The drives as functions of the time since the start of this stage.
@@ -72,10 +75,11 @@ class StageDrives:
         Args:
             stage_starts: Times at which the stages up to this one have begun [s].
         """
-        return [
-            WallDrive(*(self._since(dof, named_by, stage_starts) for dof, named_by in zip(wall.dofs(), stages, strict=True)))
-            for wall, stages in zip(self.walls, self.named_by, strict=True)
-        ]
+        return [self._wall_since(*wall, stage_starts) for wall in zip(self.walls, self.named_by, strict=True)]
+
+    def _wall_since(self, wall: WallDrive, named_by: tuple[int, int, int, int], starts: Sequence[float]) -> WallDrive:
+        x, y, spin = (self._since(dof, number, starts) for dof, number in zip(wall.dofs(), named_by[:3], strict=True))
+        return WallDrive(x, y, spin, kept_signal(wall.surface, named_by[3], self.stage, starts))
 
     def _since(self, dof: DofDrive, named_by: int, starts: Sequence[float]) -> DofDrive:
         def kept(signal: Kept) -> Kept | Shifted:
@@ -103,11 +107,16 @@ def stage_drives(loading: Sequence[Stage], wall_names: Sequence[str]) -> list[St
     return [
         StageDrives(
             number,
-            tuple(WallDrive(*(_engine_dof(kept.dof) for kept in dofs)) for dofs in walls),
-            tuple((dofs[0].stage, dofs[1].stage, dofs[2].stage) for dofs in walls),
+            tuple(_engine_drive(dofs) for dofs in walls),
+            tuple((x.stage, y.stage, spin.stage, surface.stage) for x, y, spin, surface in walls),
         )
         for number, walls in enumerate(resolved)
     ]
+
+
+def _engine_drive(dofs: WallDofs) -> WallDrive:
+    x, y, spin, surface = (_engine_dof(kept.dof) for kept in dofs)
+    return WallDrive(x, y, spin, surface.velocity)
 
 
 def _engine_dof(dof: AnyDof) -> DofDrive:

@@ -38,7 +38,9 @@ class Stage(Table):
     )
     solver: StageSolver | None = Field(None, description="tolerances of [solver] to override in this stage")
     drives: dict[Name, WallDrives] = Field(
-        default_factory=dict, max_length=1000, description="drives.NAME = { x = ..., y = ..., spin = ... } for the wall NAME"
+        default_factory=dict,
+        max_length=1000,
+        description="drives.NAME = { x = ..., y = ..., spin = ..., surface = ... } for the wall NAME",
     )
     contacts: Annotated[tuple[PairFriction, ...], Strict(False)] = Field(
         (),

@@ -250,9 +250,23 @@ class Wall(Table):
         description="moment of inertia [kg m²]; default: as for the mass; required for other walls that a torque drives",
     )
     gravity: bool = Field(False, description="whether gravity acts on the degrees of freedom that a force drives")
-
+    groups: Annotated[tuple[Name, ...], Strict(False)] | None = Field(
+        None,
+        min_length=1,
+        max_length=1000,
+        description='names of the groups of grains that meet the wall, as ["coarse"]; the others pass through it and exchange no '
+        "heat with it; default: all groups",
+    )
     thermal: WallCondition | None = Field(
         None,
         description="thermal condition from the start of the run: { temperature = 323.15 }, { flow = 5.0 }, "
         "{ capacity = 0.05, initial = 400.0 } or { insulated = true } (the default)",
     )
+
+    @field_validator("groups")
+    @classmethod
+    def _named_once(cls, names: tuple[str, ...] | None) -> tuple[str, ...] | None:
+        for k, name in enumerate(names or ()):
+            if name in (names or ())[:k]:
+                raise refuse(f"the group '{name}' is named twice", "name each group once", k)
+        return names

@@ -97,6 +97,7 @@ def read_model(file: CheckedFile) -> Model:
             data["walls/inertia"],
             data["walls/has_gravity"].astype(np.bool_),
             data["walls/length"],
+            **{name: data[f"walls/{name}"].astype(np.bool_) for name in ("runs", "meets") if f"walls/{name}" in data},
         ),
         laws=ContactLaws(**{name: data[f"laws/{name}"] for name in ContactLaws._fields if f"laws/{name}" in data}),
         materials=tuple(data["material_names"]),

@@ -78,6 +78,11 @@ class Moment:
         return np.array([[self.window[f"virial_{a}{b}"] for b in "xy"] for a in "xy"])
 
     @property
+    def wall_surface(self) -> Floats:
+        """Velocities of the surfaces of the walls [m/s], shape ``(w,)``."""
+        return self.state.wall_surface if self.state.wall_surface.size else np.zeros(self.model.wall_count)
+
+    @property
     def thermal(self) -> Thermal:
         """What temperatures need; only in runs with heat."""
         assert self.model.thermal is not None

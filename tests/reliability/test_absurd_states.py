@@ -20,9 +20,9 @@ from multicor_cli.model import State
 
 WORKER = SUPPORT / "poison_worker.py"
 VALUES = ("nan", "inf", "-inf", "1e308", "-1e308")
-EMPTY = ("stage_notes", "wall_origin", "heat_before", "released", "outlet_flow", "exchange")
-"""The conditions of these stages have nothing to note, no wall has to know where it was, the run does not go on from another,
-and no grain comes or goes."""
+EMPTY = ("stage_notes", "wall_origin", "wall_surface", "heat_before", "released", "outlet_flow", "exchange")
+"""The conditions of these stages have nothing to note, no wall has to know where it was, no surface runs, the run does not go on
+from another, and no grain comes or goes."""
 
 FLOATS = tuple(f.name for f in fields(State) if "Ints" not in str(f.type) and "int" not in str(f.type) and f.name not in EMPTY)
 """Fields of a state that hold numbers with a fraction."""

@@ -102,8 +102,41 @@ drives.intruder = { x = { velocity = 0.1 } }
 )
 """The same with a solid disc that has a temperature of its own, and is pulled to where grains have been."""
 
+BELT = changed(
+    BOX,
+    (
+        "[[loading]]\nduration = 0.03\n",
+        """\
+[[loading]]
+duration = 0.03
+drives.floor = { surface = { velocity = { sine = { amplitude = 0.3, period = 0.02, phase = 1.0 } } } }
+""",
+    ),
+    (
+        "drives.right = { x = { velocity = 0.01 } }",
+        "drives.right = { x = { velocity = 0.01 } }\ndrives.floor.surface.velocity = -0.1",
+    ),
+)
+"""The same on a floor whose surface runs to and fro, then to the left."""
+
+SIEVE = changed(
+    BELT,
+    (
+        "[[loading]]",
+        """\
+[[walls]]
+name = "sieve"
+material = "glass"
+geometry = { kind = "polyline", points = [[0.0, 0.008], [0.012, 0.007]] }
+groups = ["large"]
+[[loading]]
+""",
+    ),
+)
+"""The same with a sieve that only the large grains meet, in their middle at first."""
+
 TAKEN = (
-    "position", "image", "velocity", "wall_position", "wall_velocity", "contact_i", "contact_j", "contact_impulse",
+    "position", "image", "velocity", "wall_position", "wall_velocity", "wall_surface", "contact_i", "contact_j", "contact_impulse",
     "contact_couple", "last_dt", "heat", "heat_dt", "wall_temperature", "mean_i", "mean_j", "mean_force", "mean_age",
 )  # fmt: skip
 """Fields of a state that depend on nothing but what the next step depends on."""

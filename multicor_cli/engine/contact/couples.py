@@ -31,6 +31,7 @@ class Couples(NamedTuple):
         limit: μ_r, shape ``(k,)``.
         inverse: 1/W_rr [kg], shape ``(k,)``.
         impulse: p_r [N s], shape ``(k,)``. **Modified by sweeps.**
+        turning: What the running surface of a wall takes from u_r [m/s], shape ``(k,)``.
     """
 
     contact: Ints
@@ -40,11 +41,12 @@ class Couples(NamedTuple):
     limit: Floats
     inverse: Floats
     impulse: Floats
+    turning: Floats
 
 
 _NONE = np.empty(0)
 NO_COUPLES = Couples(
-    np.empty(0, np.int32), np.empty(0, np.int64), np.empty((0, 2), np.int32), np.empty((0, 2)), _NONE, _NONE, _NONE
+    np.empty(0, np.int32), np.empty(0, np.int64), np.empty((0, 2), np.int32), np.empty((0, 2)), _NONE, _NONE, _NONE, _NONE
 )  # fmt: skip
 
 
@@ -73,7 +75,8 @@ def _bound(k: int, couples: Couples, impulse: Floats, general_impulse: Floats) -
 def couple_velocity(k: int, couples: Couples, velocity: Floats) -> float:
     """u_r [m/s]; ``velocity`` as in `System`."""
     i, j = couples.body[k, FIRST], couples.body[k, SECOND]
-    return couples.arm[k, FIRST] * velocity[i, SURFACE] - couples.arm[k, SECOND] * velocity[j, SURFACE]
+    turning = couples.arm[k, FIRST] * velocity[i, SURFACE] - couples.arm[k, SECOND] * velocity[j, SURFACE]
+    return turning - couples.turning[k]
 
 
 @loop_body

@@ -1,7 +1,8 @@
 """From the neighbor list to the contacts of one step: gaps, frames, relative velocities, laws and warm start.
 
-Bodies are rows of one velocity array: grains ``0 … n-1`` hold (v_x, v_y, s = a ω, 1/m); walls ``n … n+w-1`` hold (V_x, V_y, Ω, 0).
-With the surface speed s instead of the spin, a contact of discs needs no radius: u_t = (v_i − v_j)·t − s_i − s_j.
+Bodies are rows of one velocity array: grains ``0 … n-1`` hold (v_x, v_y, s = a ω, 1/m); walls ``n … n+w-1`` hold (V_x, V_y, Ω, s),
+with s = −V_s where a drive lets the surface of the wall run. With the surface speed s instead of the spin, a contact of discs needs
+no radius: u_t = (v_i − v_j)·t − s_i − s_j, and s_j of a wall is what its surface adds to its velocity at the contact.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from multicor_cli.engine.geometry.scene import Scene, pair_geometry
 from multicor_cli.engine.jit.chunks import CHUNK
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
 from multicor_cli.engine.jit.formulas import formula
-from multicor_cli.model.columns import BIAS, GAP, MU, NORMAL, NX, NY, SURFACE, TANGENTIAL, X, Y
+from multicor_cli.model.columns import BELT, BIAS, GAP, MU, NORMAL, NX, NY, SURFACE, TANGENTIAL, X, Y
 from multicor_cli.model.model import ContactLaws, Floats, Ints
 
 _SQUARES, _CLOSING, _SLIP, _LOADED = range(4)
@@ -78,7 +79,7 @@ def relative_velocity(
     if is_wall:
         dx = velocity[i, X] - (velocity[body_j, X] - velocity[body_j, SURFACE] * ly)
         dy = velocity[i, Y] - (velocity[body_j, Y] + velocity[body_j, SURFACE] * lx)
-        return dx * nx + dy * ny, dy * nx - dx * ny - velocity[i, SURFACE]
+        return dx * nx + dy * ny, dy * nx - dx * ny - velocity[i, SURFACE] - velocity[body_j, BELT]
     dx, dy = velocity[i, X] - velocity[body_j, X], velocity[i, Y] - velocity[body_j, Y]
     return dx * nx + dy * ny, dy * nx - dx * ny - velocity[i, SURFACE] - velocity[body_j, SURFACE]
 

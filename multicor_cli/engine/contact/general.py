@@ -10,7 +10,24 @@ import numpy as np
 
 from multicor_cli.engine.contact.law import predict_and_correct, solve_full
 from multicor_cli.engine.jit.compile import loop_body
-from multicor_cli.model.columns import BIAS, FIRST, MU, NORMAL, NX, NY, SECOND, SPIN, SURFACE, TANGENTIAL, W_NN, W_NT, W_TT, X, Y
+from multicor_cli.model.columns import (
+    BIAS,
+    FIRST,
+    MU,
+    NORMAL,
+    NX,
+    NY,
+    SECOND,
+    SLIDE,
+    SPIN,
+    SURFACE,
+    TANGENTIAL,
+    W_NN,
+    W_NT,
+    W_TT,
+    X,
+    Y,
+)
 from multicor_cli.model.model import Floats, Ints
 
 
@@ -39,7 +56,7 @@ def general_velocity(g: int, velocity: Floats, pair: Ints, frame: Floats, lever:
     a, b = velocity[i, SURFACE], velocity[j, SURFACE]
     u_n = dx * nx + dy * ny + a * lever[g, FIRST, NORMAL] - b * lever[g, SECOND, NORMAL]
     u_t = dy * nx - dx * ny + a * lever[g, FIRST, TANGENTIAL] - b * lever[g, SECOND, TANGENTIAL]
-    return u_n + frame[g, BIAS], u_t
+    return u_n + frame[g, BIAS], u_t - frame[g, SLIDE]
 
 
 @loop_body

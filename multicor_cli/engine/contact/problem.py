@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 from pathlib import Path
 
 import numpy as np
@@ -16,6 +16,7 @@ from multicor_cli.engine.contact.sweep import System, add_impulses
 from multicor_cli.engine.contact.thread_choice import ThreadChoice
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.model.columns import (
+    BELT,
     BIAS,
     FIRST,
     INVERSE_MASS,
@@ -25,6 +26,7 @@ from multicor_cli.model.columns import (
     NX,
     NY,
     SECOND,
+    SLIDE,
     SPIN,
     SURFACE,
     TANGENTIAL,
@@ -44,12 +46,15 @@ _SHAPES = {
     "lever": ("c", 2, 2),
     "bias": ("c",),
     "friction": ("c",),
+    "slide": ("c",),
 }
 
 
 @dataclass(frozen=True)
 class ContactProblem:
     """Find impulses p with ``u = u_free + W p``, ``0 ≤ p_n ⟂ u_n + b ≥ 0``, ``|p_t| ≤ μ p_n`` opposing slip.
+
+    u_t is that of the bodies less ``slide``, by which the surface of j runs ahead of it along t (n turned by +90°).
 
     ``b`` bodies, ``c`` contacts. A body that cannot be moved has inverse masses 0 (and may have a velocity).
 
@@ -61,6 +66,8 @@ class ContactProblem:
         lever: From the center of body i, and of body j, to the contact [m], shape ``(c, 2, 2)``.
         bias: b, the term added to u_n [m/s], shape ``(c,)``.
         friction: Coefficients of friction μ, shape ``(c,)``.
+        slide: What is taken from u_t: the speed along t with which the surface of body j runs over it [m/s], shape ``(c,)``;
+            default: 0.
     """
 
     inverse_mass: Floats
@@ -70,9 +77,12 @@ class ContactProblem:
     lever: Floats
     bias: Floats
     friction: Floats
+    slide: Floats = field(default_factory=lambda: np.zeros(0))
 
     def __post_init__(self) -> None:
         """Check shapes, ranges and finiteness; raises `ValueError` naming the array."""
+        if not self.slide.size:
+            object.__setattr__(self, "slide", np.zeros(len(self.pair)))
         sizes = {"b": len(self.inverse_mass), "c": len(self.pair)}
         for name, symbols in _SHAPES.items():
             expected = tuple(sizes[s] if isinstance(s, str) else s for s in symbols)
@@ -114,7 +124,7 @@ class ContactProblem:
     def load(cls, path: str | Path) -> ContactProblem:
         """Read a problem written by `save`; raises `ValueError` or `KeyError` for anything else."""
         with np.load(path, allow_pickle=False) as data:
-            arrays = {f.name: np.asarray(data[f.name]) for f in fields(cls)}
+            arrays = {f.name: np.asarray(data[f.name]) for f in fields(cls) if f.name in data or f.name != "slide"}
         pair = arrays.pop("pair").astype(np.int32)
         return cls(pair=pair, **{name: array.astype(np.float64) for name, array in arrays.items()})
 
@@ -188,7 +198,7 @@ def free_velocity(problem: ContactProblem) -> Floats:
     dx, dy = vi[:, X] - vj[:, X], vi[:, Y] - vj[:, Y]
     u_n = dx * nx + dy * ny + vi[:, SPIN] * lever[:, FIRST, NORMAL] - vj[:, SPIN] * lever[:, SECOND, NORMAL]
     u_t = dy * nx - dx * ny + vi[:, SPIN] * lever[:, FIRST, TANGENTIAL] - vj[:, SPIN] * lever[:, SECOND, TANGENTIAL]
-    return np.column_stack([u_n, u_t])
+    return np.column_stack([u_n, u_t - problem.slide])
 
 
 def _closing_velocity(problem: ContactProblem) -> float:
@@ -199,9 +209,9 @@ def _closing_velocity(problem: ContactProblem) -> float:
 
 def _general_system(problem: ContactProblem, impulse: Floats) -> System:
     """All contacts with their full 2×2 matrices."""
-    frame = np.empty((len(problem.pair), 7))
+    frame = np.empty((len(problem.pair), 8))
     frame[:, [NX, NY]] = problem.normal
-    frame[:, BIAS], frame[:, MU] = problem.bias, problem.friction
+    frame[:, BIAS], frame[:, MU], frame[:, SLIDE] = problem.bias, problem.friction, problem.slide
     frame[:, [W_NN, W_NT, W_TT]] = problem.delassus()
     velocity = np.zeros((len(problem.velocity), 4))
     velocity[:, :INVERSE_MASS] = problem.velocity
@@ -245,6 +255,7 @@ def _disc_system(problem: ContactProblem, impulse: Floats) -> tuple[System, Floa
     tolerance = 1e-9 * arm.max()
     if (
         not movable[problem.pair[:, FIRST]].all()
+        or problem.slide[~fixed_j].any()
         or (np.abs(lever - expected)[relevant] > tolerance).any()
         or not np.allclose(inverse[movable, X], inverse[movable, Y], rtol=1e-12)
         or not np.allclose(beta, beta[0], rtol=1e-9)
@@ -260,13 +271,14 @@ def _disc_system(problem: ContactProblem, impulse: Floats) -> tuple[System, Floa
     wall, reach = problem.velocity[problem.pair[fixed_j, SECOND]], problem.lever[fixed_j, SECOND]
     velocity[bodies:, X] = wall[:, X] - wall[:, SPIN] * reach[:, Y]
     velocity[bodies:, Y] = wall[:, Y] + wall[:, SPIN] * reach[:, X]
+    velocity[bodies:, SURFACE] = problem.slide[fixed_j]
     frame = np.empty((len(pair), 5))
     frame[:, [NX, NY]] = problem.normal
     frame[:, MASS] = 1.0 / (velocity[pair[:, FIRST], INVERSE_MASS] + velocity[pair[:, SECOND], INVERSE_MASS])
     frame[:, BIAS], frame[:, MU] = problem.bias, problem.friction
     light = batch(OneByOne(pair, frame, impulse), velocity)
     nothing = np.empty((0, 2), np.int32)
-    system = _system(light, np.zeros((bodies, 3)), nothing, np.empty((0, 7)), np.empty((0, 2, 2)), np.empty((0, 2)), float(beta[0]))
+    system = _system(light, np.zeros((bodies, 3)), nothing, np.empty((0, 8)), np.empty((0, 2, 2)), np.empty((0, 2)), float(beta[0]))
     return system, arm
 
 
@@ -276,7 +288,7 @@ def problem_of_step(scene: Scene, contacts: StepContacts, free: Floats, wall_inv
     Args:
         scene: Shapes at q_m.
         contacts: Contacts sorted by key.
-        free: Free velocities (v_x, v_y, a ω or Ω, 1/m), shape ``(n + w, 4)``.
+        free: Free velocities (v_x, v_y, a ω or Ω, 1/m or s), shape ``(n + w, 4)``.
         wall_inverse: Inverse masses of the walls, shape ``(w, 3)``.
         spin_factor: β = m a²/I.
 
@@ -303,8 +315,9 @@ def problem_of_step(scene: Scene, contacts: StepContacts, free: Floats, wall_inv
     lever[:, SECOND] = contacts.lever
     lever[~is_wall, SECOND] = scene.radius[j[~is_wall]][:, None] * normal[~is_wall]
     return ContactProblem(
-        inverse, velocity, np.column_stack([i, body]), normal, lever, contacts.frame[:, BIAS].copy(), contacts.frame[:, MU].copy()
-    )
+        inverse, velocity, np.column_stack([i, body]), normal, lever, contacts.frame[:, BIAS].copy(), contacts.frame[:, MU].copy(),
+        np.where(is_wall, free[body, BELT], 0.0),
+    )  # fmt: skip
 
 
 def delassus(pair: Ints, normal: Floats, lever: Floats, inverse: Floats) -> Floats:

@@ -7,12 +7,12 @@ import numpy as np
 from multicor_cli.engine.contact.couples import NO_COUPLES, Couples
 from multicor_cli.engine.contact.detection import StepContacts, WarmStart
 from multicor_cli.engine.contact.lanes import IMPULSE_ROWS
-from multicor_cli.engine.geometry.radii import pair_radius
+from multicor_cli.engine.geometry.radii import pair_radius, surface_turning
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.engine.jit.vectors import LANES
-from multicor_cli.model.columns import ARM, BEFORE, COUPLE, FIRST, LIMIT, SECOND, SPIN, SURFACE
+from multicor_cli.model.columns import ARM, BEFORE, BELT, COUPLE, FIRST, LIMIT, SECOND, SPIN, SURFACE
 from multicor_cli.model.model import ContactLaws, Floats, Ints
 
 
@@ -20,8 +20,11 @@ from multicor_cli.model.model import ContactLaws, Floats, Ints
 def _rolling_velocity(scene: Scene, i: int, j: int, arm: float, velocity: Floats) -> float:
     """u_r = a* (ω_i − ω_j) of a pair [m/s]; ``velocity`` of grains and walls, shape ``(bodies, 4)``."""
     count = scene.radius.size
-    other = velocity[j, SURFACE] / scene.radius[j] if j < count else velocity[count + scene.wall[j - count], SURFACE]
-    return arm * (velocity[i, SURFACE] / scene.radius[i] - other)
+    if j < count:
+        return arm * (velocity[i, SURFACE] / scene.radius[i] - velocity[j, SURFACE] / scene.radius[j])
+    body = count + scene.wall[j - count]
+    turning = arm * surface_turning(scene, j, velocity[body, BELT])
+    return arm * (velocity[i, SURFACE] / scene.radius[i] - velocity[body, SURFACE]) - turning
 
 
 @kernel
@@ -76,12 +79,15 @@ def couples_of_contacts(contacts: StepContacts) -> Floats:
     return np.asarray(contacts.rolling[:, ARM] * contacts.rolling[:, COUPLE])
 
 
-def pack_couples(scene: Scene, contacts: StepContacts, slot: Ints, general: Ints, place: Ints, inverse: Floats) -> Couples:
+def pack_couples(
+    scene: Scene, contacts: StepContacts, belt: Floats, slot: Ints, general: Ints, place: Ints, inverse: Floats
+) -> Couples:
     """The couples of the contacts that have rolling resistance, in the order of these.
 
     Args:
         scene: Shapes at q_m.
         contacts: Contacts sorted by key, with the warm start in ``rolling``.
+        belt: Speed of the surface of each wall, column `BELT` of the bodies [m/s], shape ``(w,)``.
         slot: Contact in each lane, -1 if there is none, shape ``(q, 4)``.
         general: General contacts, shape ``(g,)``.
         place: Row of each grain, shape ``(n,)``; walls follow the grains.
@@ -100,7 +106,18 @@ def pack_couples(scene: Scene, contacts: StepContacts, slot: Ints, general: Ints
     mobility = spins[:, FIRST] * (arm[:, FIRST] * arm[:, FIRST]) + spins[:, SECOND] * (arm[:, SECOND] * arm[:, SECOND])
     where = _places(slot, general, contacts.i.size)[contact]
     limit, impulse = contacts.rolling[contact, LIMIT], contacts.rolling[contact, COUPLE]
-    return Couples(contact.astype(np.int32), where, body, arm, limit, 1.0 / mobility, impulse)
+    turning = reach * _turning(scene, j, belt)
+    return Couples(contact.astype(np.int32), where, body, arm, limit, 1.0 / mobility, impulse, turning)
+
+
+@kernel
+def _turning(scene: Scene, shape: Ints, belt: Floats) -> Floats:
+    """`surface_turning` of the second bodies of pairs [rad/s]; 0 for grains."""
+    count, found = scene.radius.size, np.zeros(shape.size)
+    for k in range(shape.size):
+        if shape[k] >= count:
+            found[k] = surface_turning(scene, shape[k], belt[scene.wall[shape[k] - count]])
+    return found
 
 
 def _places(slot: Ints, general: Ints, count: int) -> Ints:

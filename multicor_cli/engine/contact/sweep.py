@@ -74,7 +74,7 @@ class System(NamedTuple):
         tile_start: First batch of each tile, shape ``(tiles + 1,)``; no tile has a single batch.
         color_start: First tile of each color, shape ``(colors + 1,)``; the last tile may be of no color and is relaxed serially.
         general_pair: Bodies of the general contacts, shape ``(g, 2)``.
-        general_frame: n_x, n_y, W_nn, b, μ, W_nt, W_tt, shape ``(g, 7)``.
+        general_frame: n_x, n_y, W_nn, b, μ, W_nt, W_tt, and the surface speed of j that is taken from u_t, shape ``(g, 8)``.
         general_lever: What the third velocity of body i adds to u_n and u_t, and what that of j takes from them, shape
             ``(g, 2, 2)``.
         general_impulse: p_n, p_t [N s], shape ``(g, 2)``. **Modified by sweeps.**

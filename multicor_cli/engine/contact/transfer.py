@@ -18,6 +18,7 @@ from multicor_cli.model.columns import (
     NX,
     NY,
     SECOND,
+    SLIDE,
     SPIN,
     SURFACE,
     TANGENTIAL,
@@ -43,6 +44,8 @@ def pack_bodies(free: Floats, place: Ints, velocity: Floats) -> None:
         row = np.int64(place[b]) if b < place.size else np.int64(b)
         for d in range(4):
             velocity[row, d] = free[b, d]
+        if b >= place.size:
+            velocity[row, INVERSE_MASS] = 0.0  # the inverse masses of walls stand elsewhere, and their surfaces in the contacts
 
 
 @loop_body
@@ -56,13 +59,14 @@ def _leave_empty(q: int, lane: int, frame: Floats, impulse: Floats) -> None:
 
 @parallel_kernel
 def pack_contacts(
-    scene: Scene, contacts: StepContacts, slot: Ints, pair: Ints, velocity: Floats, frame: Floats, impulse: Floats
+    scene: Scene, contacts: StepContacts, belt: Floats, slot: Ints, pair: Ints, velocity: Floats, frame: Floats, impulse: Floats
 ) -> None:
     """Copy contacts into their lanes, and give the anchors of walls their velocities.
 
     Args:
         scene: Shapes at q_m.
         contacts: Contacts sorted by key.
+        belt: Speed of the surface of each wall, column `BELT` of the bodies [m/s], shape ``(w,)``.
         slot: Contact in each lane, shape ``(q, 4)``.
         pair: Their bodies as in `System`, shape ``(q, 2, 4)``.
         velocity: From `pack_bodies`. **Modified.**
@@ -81,7 +85,7 @@ def pack_contacts(
                 wall = n + scene.wall[contacts.j[c] - n]
                 velocity[j, X] = velocity[wall, X] - velocity[wall, SURFACE] * contacts.lever[c, Y]
                 velocity[j, Y] = velocity[wall, Y] + velocity[wall, SURFACE] * contacts.lever[c, X]
-                velocity[j, SURFACE] = 0.0
+                velocity[j, SURFACE] = belt[wall - n]
                 velocity[j, INVERSE_MASS] = 0.0
             frame[q, NX, lane], frame[q, NY, lane] = contacts.frame[c, NX], contacts.frame[c, NY]
             frame[q, MASS, lane] = 1.0 / (velocity[i, INVERSE_MASS] + velocity[j, INVERSE_MASS])
@@ -92,23 +96,24 @@ def pack_contacts(
 
 @kernel
 def pack_general(
-    scene: Scene, contacts: StepContacts, place: Ints, general: Ints, inverse: Floats
+    scene: Scene, contacts: StepContacts, belt: Floats, place: Ints, general: Ints, inverse: Floats
 ) -> tuple[Ints, Floats, Floats, Floats]:
     """Arrays of the contacts with walls that have a free degree of freedom, as in `System`.
 
     Args:
         scene: Shapes at q_m.
         contacts: Contacts sorted by key.
+        belt: As for `pack_contacts`.
         place: From `number_bodies`.
         general: Contacts of class 2, shape ``(g,)``.
         inverse: Inverse mass per degree of freedom of grains and walls, shape ``(n + w, 3)``.
 
     Returns:
-        Bodies ``(g, 2)``, frames ``(g, 7)``, levers ``(g, 2, 2)`` and impulses ``(g, 2)``.
+        Bodies ``(g, 2)``, frames ``(g, 8)``, levers ``(g, 2, 2)`` and impulses ``(g, 2)``.
     """
     n = scene.radius.size
     pair, impulse = np.empty((general.size, 2), np.int32), np.empty((general.size, 2))
-    frame, lever = np.zeros((general.size, 7)), np.empty((general.size, 2, 2))
+    frame, lever = np.zeros((general.size, 8)), np.empty((general.size, 2, 2))
     for g in range(general.size):
         c = general[g]
         nx, ny = contacts.frame[c, NX], contacts.frame[c, NY]
@@ -116,6 +121,7 @@ def pack_general(
         pair[g, FIRST], pair[g, SECOND] = place[contacts.i[c]], n + scene.wall[contacts.j[c] - n]
         frame[g, NX], frame[g, NY] = nx, ny
         frame[g, BIAS], frame[g, MU] = contacts.frame[c, BIAS], contacts.frame[c, MU]
+        frame[g, SLIDE] = belt[scene.wall[contacts.j[c] - n]]
         impulse[g, NORMAL], impulse[g, TANGENTIAL] = contacts.impulse[c, NORMAL], contacts.impulse[c, TANGENTIAL]
         # u_t gains −s from the grain's surface speed; u_n and u_t −Ω (l_x n_y − l_y n_x) and −Ω (l_x n_x + l_y n_y) from the wall.
         lever[g, FIRST, NORMAL], lever[g, FIRST, TANGENTIAL] = 0.0, -1.0

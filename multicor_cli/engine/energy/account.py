@@ -10,6 +10,7 @@ from multicor_cli.arithmetic.sums import column_totals
 from multicor_cli.engine.contact.adhesion import attraction_of
 from multicor_cli.engine.contact.detection import StepContacts, contact_after
 from multicor_cli.engine.contact.rolling import couple_of, couples_of_contacts, rolling_loss
+from multicor_cli.engine.geometry.radii import surface_turning
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.jit.chunks import CHUNK, chunks_for
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
@@ -21,13 +22,22 @@ FRICTION, IMPACT, SLIDING, NEGATIVE, VIRIAL, LARGEST, LOADED = 0, 1, 2, 3, 4, 8,
 """Columns of the sums: losses [J], virial (four columns, xx xy yx yy) [J s], largest p_n [N s], number of loaded contacts."""
 
 SUMS = 10
+_ALONG = 3  # column of the impulses of walls, after x, y and spin
 
 
 class ContactSums(NamedTuple):
-    """Result of `account_contacts`: ``total`` of shape ``(SUMS,)``, ``wall_impulse`` (on the walls) of shape ``(w, 3)``."""
+    """Result of `account_contacts`.
+
+    Attributes:
+        total: Sums over the contacts, shape ``(SUMS,)``.
+        wall_impulse: Impulse and angular impulse on the walls, shape ``(w, 3)``.
+        belt_impulse: What the surface of each wall takes up along it, conjugate to its speed `BELT`: −Σ (p_t + κ C) with the
+            curvature κ of the surface and the couple C on the grain [N s], shape ``(w,)``.
+    """
 
     total: Floats
     wall_impulse: Floats
+    belt_impulse: Floats
 
 
 @formula
@@ -36,6 +46,9 @@ def _push_wall(c: int, scene: Scene, contacts: StepContacts, px: float, py: floa
     wall_impulse[chunk, wall, X] -= px
     wall_impulse[chunk, wall, Y] -= py
     wall_impulse[chunk, wall, SPIN] -= contacts.lever[c, X] * py - contacts.lever[c, Y] * px + couple_of(c, contacts)
+    wall_impulse[chunk, wall, _ALONG] -= contacts.impulse[c, TANGENTIAL]
+    if contacts.rolling.size:
+        wall_impulse[chunk, wall, _ALONG] -= surface_turning(scene, contacts.j[c], 1.0) * couple_of(c, contacts)
 
 
 @formula
@@ -97,11 +110,12 @@ def account_contacts(scene: Scene, contacts: StepContacts, after: Floats) -> Con
         after: Body velocities v⁺, shape ``(bodies, 4)``.
     """
     partial = chunks_for(contacts.i.size, SUMS)
-    partial_wall = np.zeros((len(partial), scene.wall_position.shape[0], 3))
+    partial_wall = np.zeros((len(partial), scene.wall_position.shape[0], 4))
     _account_chunks(scene, contacts, after, partial, partial_wall)
     total = column_totals(partial)
     total[LARGEST] = partial[:, LARGEST].max()
-    return ContactSums(total, column_totals(partial_wall))
+    of_walls = column_totals(partial_wall)
+    return ContactSums(total, of_walls[:, :_ALONG].copy(), of_walls[:, _ALONG].copy())
 
 
 def warm_start_of(contacts: StepContacts) -> tuple[Ints, Ints, Floats, Floats]:

@@ -81,6 +81,7 @@ def book_step(
     mean = 0.5 * (motion.before + state.wall_velocity)
     driven = motion.driven
     wall_work = -total(np.where(driven, 0.0, sums.wall_impulse * mean))
+    wall_work -= total(sums.belt_impulse * (0.5 * (motion.belt_before + motion.belt)))
     load_work = motion.load_work(mean, dt) + correction.load_work
     damping = dt * total(motion.damping * mean * mean)
     gravity = gravity_work + dt * total(motion.weight * mean) + correction.gravity_work

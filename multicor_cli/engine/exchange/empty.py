@@ -98,11 +98,11 @@ class EmptyEngine:
         if state.step == 0:
             start_books(state, self.model, motion)
         after = motion.predict(state, self._gravity.value(t + 0.5 * dt), t, dt)
-        if not (np.abs(after) <= LARGEST).all():
+        if not (np.abs(after) <= LARGEST).all() or not (np.abs(motion.belt_before) <= LARGEST).all():
             raise PhysicsError(state.step, find_absurd_value(state, self.model) or "the velocity of a wall is not finite")
         state.wall_position = state.wall_position + 0.5 * dt * motion.before + 0.5 * dt * after
-        state.wall_velocity = after
-        sums = account.ContactSums(np.zeros(account.SUMS), np.zeros((self.model.wall_count, 3)))
+        state.wall_velocity, state.wall_surface = after, motion.surface_after(state)
+        sums = account.ContactSums(np.zeros(account.SUMS), np.zeros((self.model.wall_count, 3)), np.zeros(self.model.wall_count))
         book_step(state, motion, sums, 0.0, 0.0, _NOTHING_TO_CORRECT, _NOTHING_TO_SOLVE, dt)
 
     def _pass_heat(self, dt: float, t: float) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import numpy as np
+from numpy.typing import NDArray
 
 from multicor_cli.engine.exchange.rules import Release
 from multicor_cli.engine.geometry.gaps import gap_to_shape, minimum_image
@@ -14,7 +15,9 @@ from multicor_cli.model.state import State
 
 
 @kernel
-def first_free(place: Floats, radius: float, disc: Floats, kind: Ints, world: Floats, period: float) -> int:
+def first_free(
+    place: Floats, radius: float, disc: Floats, kind: Ints, world: Floats, is_met: NDArray[np.bool_], period: float
+) -> int:
     """The first place where a grain overlaps nothing; −1 if there is none.
 
     Args:
@@ -23,6 +26,7 @@ def first_free(place: Floats, radius: float, disc: Floats, kind: Ints, world: Fl
         disc: x, y and radius of the grains around [m], shape ``(d, 3)``.
         kind: `ShapeKind` of the wall shapes, shape ``(m,)``.
         world: Their geometry in the world [m], shape ``(m, 4)``.
+        is_met: Whether the grain meets them, shape ``(m,)``.
         period: Period in x [m] or 0.
     """
     for k in range(place.shape[0]):
@@ -37,7 +41,7 @@ def first_free(place: Floats, radius: float, disc: Floats, kind: Ints, world: Fl
         for shape in range(kind.size):
             if not is_free:
                 break
-            is_free = gap_to_shape(x, y, radius, shape, kind, world, period)[0] >= 0.0
+            is_free = not is_met[shape] or gap_to_shape(x, y, radius, shape, kind, world, period)[0] >= 0.0
         if is_free:
             return k
     return -1
@@ -58,7 +62,9 @@ def find_room(release: Release, number: int, grain: int, model: Model, state: St
     inset = np.array([0.0 if release.spans_period else radius, radius])
     place = low + inset + release.draw(number) * np.maximum(high - low - 2.0 * inset, 0.0)
     scene = scene_of(model, state.position, state.wall_position)
-    found = first_free(place, radius, _discs_near(low, high, model, state), scene.kind, scene.world, model.period)
+    shapes = np.arange(model.shape_count)
+    is_met = model.is_met(np.full(shapes.size, grain), shapes)
+    found = first_free(place, radius, _discs_near(low, high, model, state), scene.kind, scene.world, is_met, model.period)
     return None if found < 0 else (float(place[found, X]), float(place[found, Y]))
 
 

@@ -8,7 +8,7 @@ from numpy.typing import NDArray
 from multicor_cli import arithmetic
 from multicor_cli.engine.geometry.drift import bound_closing, fit_drift
 from multicor_cli.engine.geometry.grids import cell_count, cells_for, classify, make_grids
-from multicor_cli.engine.geometry.neighbors import find_near
+from multicor_cli.engine.geometry.neighbors import find_near, leave_out_unmet
 from multicor_cli.engine.jit.elementwise import hypot
 from multicor_cli.model.columns import RADIUS, TAIL_X, TAIL_Y, X, Y
 from multicor_cli.model.model import Floats, Ints, Model
@@ -20,6 +20,8 @@ SKIN = 0.3  # of the mean diameter: what is listed beyond the reach of a step
 
 class NeighborList:
     """All pairs of shapes closer than a reach, with a skin that lets the list serve many steps.
+
+    A grain and a wall that its group does not meet are never a pair: no contact, no heat and no correction joins them.
 
     The list is only a superset of the contacts of a step: results do not depend on its age.
 
@@ -96,6 +98,8 @@ class NeighborList:
         self.row, self.partner = find_near(
             grids, model.grain_count, centers, self._radius, self._shape_of, self._others, shapes.kind, world, cutoff, model.period
         )
+        if model.walls.meets.size:
+            self.row, self.partner = leave_out_unmet(self.row, self.partner, model.grains.group, shapes.wall, model.walls.meets)
         pairs = self.partner.size
         self.gap, self.normal, self.gap_after = np.empty(pairs), np.empty((pairs, 2)), np.empty(pairs)
         self._cutoff = cutoff

@@ -245,6 +245,31 @@ def list_pairs(
     return row, partner
 
 
+@kernel
+def leave_out_unmet(
+    row: NDArray[np.int64], partner: Ints, group: Ints, wall: Ints, meets: NDArray[np.bool_]
+) -> tuple[NDArray[np.int64], Ints]:
+    """A list without the pairs of grains and walls that do not meet.
+
+    Args:
+        row: From `find_near`, shape ``(n + 1,)``.
+        partner: From `find_near`.
+        group: Group of each grain, shape ``(n,)``.
+        wall: Wall of each wall shape, shape ``(m,)``.
+        meets: Which groups meet each wall, shape ``(w, g)``.
+    """
+    count, found = row.size - 1, 0
+    kept_row, kept = np.zeros(row.size, np.int64), np.empty(partner.size, np.int32)
+    for i in range(count):
+        for p in range(row[i], row[i + 1]):
+            j = partner[p]
+            if j < count or meets[wall[j - count], group[i]]:
+                kept[found] = j
+                found += 1
+        kept_row[i + 1] = found
+    return kept_row, kept[:found].copy()
+
+
 def find_near(
     grids: Grids,
     grain_count: int,

@@ -11,8 +11,7 @@ from multicor_cli.model.shapes import ShapeKind
 if TYPE_CHECKING:
     from multicor_cli.engine.geometry.scene import Scene
 
-_DISC = int(ShapeKind.DISC)
-_CIRCLE = int(ShapeKind.CIRCLE)
+_DISC, _CIRCLE = int(ShapeKind.DISC), int(ShapeKind.CIRCLE)
 
 LARGEST_CUP = 100.0
 """Largest radius of contact in a circle, over that of the grain. Beyond (R < 1.01 a) the bodies lie against each other over much of
@@ -32,6 +31,18 @@ def other_radius(scene: Scene, j: int) -> float:
     if shape < 0:
         return scene.radius[j]
     return scene.world[shape, RADIUS] if scene.kind[shape] == _DISC else 0.0
+
+
+@formula
+def surface_turning(scene: Scene, j: int, speed: float) -> float:
+    """How fast the material of a wall shape turns whose surface runs along it at ``speed``, counter-clockwise [rad/s].
+
+    Round a disc it turns as the disc would, along the inside of a circle the other way; a straight line does not turn it.
+    """
+    shape = j - scene.radius.size
+    if speed == 0.0 or not (scene.kind[shape] == _DISC or scene.kind[shape] == _CIRCLE):
+        return 0.0
+    return (speed if scene.kind[shape] == _DISC else -speed) / scene.world[shape, RADIUS]
 
 
 @formula

@@ -199,11 +199,20 @@ class DofDrive:
 
 @dataclass(frozen=True)
 class WallDrive:
-    """The three degrees of freedom of one wall during a stage; default: held fixed."""
+    """The three degrees of freedom of one wall during a stage, and its surface; default: held fixed.
+
+    Attributes:
+        x: Horizontal motion.
+        y: Vertical motion.
+        spin: Rotation.
+        surface: V_s, with which the material of the surface runs along it while the shape stays where it is: along the normal
+            (wall → grain) turned by −90° [m/s]; None: it does not.
+    """
 
     x: DofDrive = DofDrive()
     y: DofDrive = DofDrive()
     spin: DofDrive = DofDrive()
+    surface: Signal | None = None
 
     def dofs(self) -> tuple[DofDrive, DofDrive, DofDrive]:
         """The drives of x, y and rotation, in this order."""

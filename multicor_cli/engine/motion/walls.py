@@ -36,6 +36,8 @@ class WallMotion:
         weight: Weights of the driven degrees of freedom, shape ``(w, 3)``; set by `predict`.
         mobility: Inverse masses, 0 where not driven, shape ``(w, 3)``.
         inverse: Inverse effective masses of the step, 0 where not driven, shape ``(w, 3)``; set by `predict`.
+        belt_before: −V_s⁻, as in column `BELT` of the bodies, shape ``(w,)``; set by `predict`.
+        belt: −V_s⁺, shape ``(w,)``; set by `predict`.
     """
 
     def __init__(self, model: Model, drives: list[WallDrive]) -> None:
@@ -62,6 +64,9 @@ class WallMotion:
         self.before: Floats = np.zeros((w, 3))
         self.load: Floats = np.zeros((w, 3))
         self.inverse: Floats = np.zeros((w, 3))
+        self.belt_before: Floats = np.zeros(w)
+        self.belt: Floats = np.zeros(w)
+        self._surfaces = [(wall, drive.surface) for wall, drive in enumerate(drives) if drive.surface is not None]
         self._start: Floats = np.zeros((w, 3))
         self._length: Floats = np.repeat(model.walls.length[:, None], 3, axis=1)
         self._spacings = _spacings(model, self._drives)
@@ -98,6 +103,10 @@ class WallMotion:
                 self.before[w, d], after[w, d] = follow(drive.position, u, t, dt)
             elif drive.velocity is not None:
                 after[w, d] = drive.velocity.value(t + dt)
+        if state.wall_surface.size:
+            self.belt_before = 0.0 - state.wall_surface
+        for w, surface in self._surfaces:
+            self.belt[w] = 0.0 - surface.value(t + dt)
         if self._pushed:
             self._set_free(after, gravity, dt)
             self._start = state.wall_position
@@ -111,6 +120,10 @@ class WallMotion:
         self.inverse = _inverse_where(driven, self.mass + half)
         free = ((self.mass - half) * self.before + dt * (self.load + self.weight)) * self.inverse
         after[driven] = free[driven]
+
+    def surface_after(self, state: State) -> Floats:
+        """What `State.wall_surface` is after the step: V_s⁺, or nothing as long as no surface has ever run."""
+        return 0.0 - self.belt if self._surfaces or state.wall_surface.size else state.wall_surface
 
     def pressure(self) -> float:
         """Largest load per length of a wall [N/m]."""

@@ -77,12 +77,15 @@ def _double_entries(path: KeyPath, entries: Entries) -> Iterator[Finding]:
 
 
 def touching_pairs(draft: Draft) -> list[tuple[str, str]]:
-    """Pairs of defined materials that can touch: grains with grains and with walls."""
-    known = set(draft.material_names)
-    grains = sorted({group.material for group in draft.particles if group} & known)
-    walls = sorted({wall.material for wall in draft.walls if wall} & known)
-    among_grains = set(combinations_with_replacement(grains, 2))
-    return sorted(among_grains | {_key(g, w) for g in grains for w in walls})
+    """Pairs of defined materials that can touch: grains with grains and with the walls that they meet."""
+    known, groups = set(draft.material_names), [group for group in draft.particles if group]
+    grains = sorted({group.material for group in groups} & known)
+    pairs = set(combinations_with_replacement(grains, 2))
+    for wall in draft.walls:
+        if wall and wall.material in known:
+            met = {group.material for group in groups if wall.groups is None or group.name in wall.groups}
+            pairs |= {_key(material, wall.material) for material in met & known}
+    return sorted(pairs)
 
 
 def _show_pair(pair: tuple[str, str]) -> str:

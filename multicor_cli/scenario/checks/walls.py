@@ -11,6 +11,7 @@ from multicor_cli.scenario.particles import ParticleGroup
 from multicor_cli.scenario.problems import Finding, KeyPath, name_list, show
 from multicor_cli.scenario.sizes import AnySizes
 from multicor_cli.scenario.translate import did_you_mean
+from multicor_cli.scenario.walls import Wall
 
 _MAX_GLUED = 10_000_000
 
@@ -21,12 +22,24 @@ def check(draft: Draft) -> Iterator[Finding]:
     for k, wall in enumerate(draft.walls):
         if wall is None:
             continue
+        yield from _unknown_groups(("walls", k, "groups"), wall, draft)
         path, glued = ("walls", k, "geometry"), wall.geometry.glued()
         if glued is not None:
             yield from _check_glued((*path, glued.key), glued, draft)
         if draft.domain:
             for found in wall.geometry.misfits(draft.domain):
                 yield found._replace(path=(*path, *found.path))
+
+
+def _unknown_groups(path: KeyPath, wall: Wall, draft: Draft) -> Iterator[Finding]:
+    """Groups that a wall is to meet."""
+    if None in draft.group_names or not draft.group_names:
+        return  # the group that is meant may be one without a name
+    known = [name for name in draft.group_names if name]
+    for e, name in enumerate(wall.groups or ()):
+        if name not in known:
+            remedy = did_you_mean(name, known) or f"the groups are {name_list(known)}"
+            yield Finding((*path, e), f"there is no group of particles {show(name)}", remedy)
 
 
 def _check_glued(path: KeyPath, glued: Glued, draft: Draft) -> Iterator[Finding]:

@@ -104,6 +104,10 @@ class WallColumns:
         "walls/velocity", "f8", ("frame", "wall", 3), "m/s, m/s, rad/s", "velocity and spin of the wall",
         lambda m: m.state.wall_velocity, columns=("velocity_x", "velocity_y", "spin"), convert=_first,
     )  # fmt: skip
+    wall_surface = Column[Array | None](
+        "walls/surface", "f8", ("frame", "wall"), "m/s", "velocity of the surface of the wall along it", lambda m: m.wall_surface,
+        only_with="surface", since=(1, 3), convert=_first,
+    )  # fmt: skip
     wall_temperature = Column[Array | None](
         "walls/temperature", "f8", ("frame", "wall"), "K", "temperature of the wall; nan where none is prescribed",
         lambda m: m.state.wall_temperature, finite=False, only_with="heat", convert=_first,

@@ -59,6 +59,14 @@ MODEL: tuple[Dataset, ...] = (
         "model/walls/length", "f8", ("wall",), "m", "length over which a load on the wall spreads", lambda m: m.model.walls.length,
     ),
     Dataset(
+        "model/walls/runs", "u1", ("wall",), "1", "whether a drive lets the surface of the wall run along it: 0 or 1",
+        lambda m: m.model.walls.runs, only_with="surface", since=(1, 3),
+    ),
+    Dataset(
+        "model/walls/meets", "u1", ("wall", "group"), "1", "whether grains of the group meet the wall: 0 (they pass through) or 1",
+        lambda m: m.model.walls.meets, only_with="groups", since=(1, 3),
+    ),
+    Dataset(
         "model/shapes/kind", "i4", ("shape",), "1", ", ".join(f"{kind:d} {shape.name}" for kind, shape in SHAPES.items()),
         lambda m: m.model.shapes.kind,
     ),

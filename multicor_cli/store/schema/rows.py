@@ -131,6 +131,8 @@ def features_of(model: Model) -> frozenset[Feature]:
         "adhesion": laws.adhesion.size > 0,
         "rolling": laws.rolling.size > 0,
         "exchange": model.outlets is not None,
+        "surface": model.walls.runs.size > 0,
+        "groups": model.walls.meets.size > 0,
     }
     return frozenset(feature for feature, is_there in found.items() if is_there)
 
@@ -174,6 +176,7 @@ _DIM_SYMBOL: dict[str, str] = {
     "mean_row": "A",
     "stage_note": "N",
     "origin_row": "w°",
+    "surface_row": "w°",
     "before_row": "B",
     "outlet": "o",
     "exchange_grain": "n°",

@@ -80,6 +80,10 @@ SERIES: tuple[Dataset, ...] = (
         "wall_velocity", ("wall", 3), "m/s, m/s, rad/s", "velocity and spin of the wall",
         lambda m: m.state.wall_velocity, ("velocity_x", "velocity_y", "spin"),
     ),
+    _array(
+        "wall_surface", ("wall",), "m/s", "velocity of the surface of the wall along it",
+        lambda m: m.wall_surface, (), only_with="surface", since=(1, 3),
+    ),
     *_kept(HEAT_BOOKS, lambda m: m.heat_books, "heat"),
     _scalar(
         "temperature_mean", "K", "mean temperature of the grains, weighted by heat capacity",

@@ -8,6 +8,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from cut_runs import BOX
 from scenes import HEATED, PACKED, SMALL, changed, write_small
 
 from multicor_cli import check_scenario
@@ -147,6 +148,13 @@ def test_a_rough_floor_of_a_period_has_no_ends(tmp_path: Path) -> None:
     assert checked(tmp_path)["grains without a floor"].verdict is OK
     half = ("from = [0.0, 0.0], to = [0.02, 0.0]", "from = [0.0, 0.0], to = [0.01, 0.0]")
     assert checked(tmp_path, SMALL, half)["grains without a floor"].verdict is WARNING
+
+
+def test_a_floor_holds_those_alone_that_meet_it(tmp_path: Path) -> None:
+    plane = 'geometry = { kind = "plane", point = [0.0, 0.0], normal = [0.0, 1.0] }'
+    text = changed(BOX, (plane, plane + '\ngroups = ["large"]'))
+    model, state = build(load_scenario(write_small(tmp_path, text)))
+    assert escape_share(model, state.position, state.wall_position, model.gravity) == 0.5
 
 
 def test_no_floor_without_gravity(tmp_path: Path) -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import call
-from cut_runs import BODY, BOX, HOT, NAMED, STICKY, going_on, shortened, unlike, written
+from cut_runs import BELT, BODY, BOX, HOT, NAMED, STICKY, going_on, shortened, unlike, written
 from scenes import changed
 
 from multicor_cli import run as run_scenario
@@ -30,6 +30,7 @@ CASES = {
     "before frozen": (HOT, 1),
     "after frozen": (HOT, 2),
     "body": (BODY, 1),
+    "belt": (BELT, 1),
 }
 """Scenarios, and after how many stages they are cut."""
 

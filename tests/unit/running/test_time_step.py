@@ -44,6 +44,20 @@ def test_moving_walls_set_the_rate():
     assert find_scales(scenario, model, drives).strain == pytest.approx(1e-4)
 
 
+def test_a_surface_that_runs_counts_as_the_motion_that_would_carry_grains_along():
+    """A level polyline as if it moved in x, a circle as if it turned, each glued grain as a disc that does."""
+    scenario, model, _ = planned()
+    drives = [WallDrive()] * model.wall_count
+    paddle, bottom = model.walls.names.index("paddle"), model.walls.names.index("bottom")
+    drives[paddle] = WallDrive(surface=Sine(0.0, 3.0, 0.1))
+    assert find_scales(scenario, model, drives).strain == pytest.approx(scenario.domain.size[1] / 3.0)
+    drives[bottom] = WallDrive(x=DofDrive(velocity=Constant(1.0)))
+    assert find_scales(scenario, model, drives).strain == pytest.approx(scenario.domain.size[1] / 4.0)
+    drives[bottom] = WallDrive(surface=Constant(-1.0))
+    smallest = model.shapes.geometry[model.shapes.wall == bottom, 2].min()
+    assert find_scales(scenario, model, drives).strain == pytest.approx(smallest)
+
+
 def test_an_explicit_time_step_is_kept_and_reviewed():
     scenario = parse_scenario(SHEAR, "shear.toml", ["solver.dt=1e-4"])
     model, _ = build(scenario)

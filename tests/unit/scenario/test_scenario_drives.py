@@ -15,7 +15,7 @@ def test_everything_is_fixed_at_first():
     stage = SCENARIO.drives()[0]
     assert stage.walls[BOTTOM] == WallDrive()
     assert stage.walls[TOP].x == DofDrive()
-    assert stage.named_by == ((NEVER,) * 3, (NEVER, 0, NEVER), (0, NEVER, 0))
+    assert stage.named_by == ((NEVER,) * 4, (NEVER, 0, NEVER, NEVER), (0, NEVER, 0, NEVER))
 
 
 def test_signals_and_forces_are_carried_over():
@@ -30,7 +30,7 @@ def test_what_is_not_named_is_kept():
     _, shear, last = SCENARIO.drives()
     assert shear.walls[TOP].y == last.walls[TOP].y == DofDrive(force=Constant(-0.015), damping=0.02)
     assert last.walls[TOP].x == shear.walls[TOP].x
-    assert last.named_by == ((2, NEVER, NEVER), (1, 0, NEVER), (0, NEVER, 0))
+    assert last.named_by == ((2, NEVER, NEVER, NEVER), (1, 0, NEVER, NEVER), (0, NEVER, 0, NEVER))
 
 
 def test_a_kept_signal_goes_on_and_a_named_one_starts_anew():
@@ -56,7 +56,7 @@ def test_naming_again_fixes_or_restarts():
     stages = parse_scenario(SHEAR, "s.toml", again).drives()
     assert stages[2].walls[TOP] == WallDrive(y=DofDrive(velocity=Constant(0.5)))
     assert stages[1].walls[PADDLE].spin == DofDrive(velocity=Constant(2.0))
-    assert stages[2].named_by[TOP] == (2, 2, NEVER)
+    assert stages[2].named_by[TOP] == (2, 2, NEVER, NEVER)
 
 
 def test_walls_come_in_the_order_asked_for():
@@ -65,3 +65,17 @@ def test_walls_come_in_the_order_asked_for():
 
 def test_a_shifted_signal_knows_its_past():
     assert Shifted(Interpolated((0.0, 1.0), (0.0, 2.0)), 0.25).value(0.25) == pytest.approx(1.0)
+
+
+def test_a_surface_keeps_running_until_it_is_named_again():
+    more = [
+        "loading.0.drives.paddle.surface={velocity={sine={amplitude=0.1, period=0.2}}}",
+        "loading.2.drives.top={surface={velocity=-1}}",
+    ]
+    stages = parse_scenario(SHEAR, "s.toml", more).drives()
+    wave = Sine(0.0, 0.1, 0.2, 0.0)
+    assert [stage.walls[PADDLE].surface for stage in stages] == [wave] * 3
+    assert stages[0].started([0.0])[PADDLE].surface == wave
+    assert stages[2].started([0.0, 0.7, 1.0])[PADDLE].surface == Shifted(wave, 1.0)
+    assert stages[2].walls[TOP].surface == Constant(-1.0)
+    assert stages[1].walls[TOP].surface is None

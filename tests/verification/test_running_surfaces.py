@@ -1,0 +1,275 @@
+"""Walls whose surface runs along them: closed forms, and walls that move in earnest beside them."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scene_parts import FLOOR, TIGHT, G, advance, book, make_engine, make_model
+
+from multicor_cli.engine import Engine, Settings, solve_contacts
+from multicor_cli.engine.motion.drives import Constant, DofDrive, Ramp, Sine, WallDrive
+from multicor_cli.model import ShapeKind, State
+from multicor_cli.model.contacts import ContactTable
+
+SPEED = 1.5
+
+
+def running(speed=SPEED, **dofs):
+    return WallDrive(surface=speed if not isinstance(speed, float) else Constant(speed), **dofs)
+
+
+def started(engine, *speeds):
+    """The engine with surfaces that have always run."""
+    engine.state.wall_surface = np.array(speeds)
+    return engine
+
+
+@pytest.mark.parametrize("shape", ["disc", "sphere"])
+@pytest.mark.parametrize("dt", [1e-2, 3.7e-3, 1e-3])
+def test_a_grain_put_on_a_belt_slides_and_then_rolls(shape, dt):
+    """v = μ g t until the contact sticks at v = V/(1 + m a²/I), V/3 of a disc and 2V/7 of a sphere; half of the work is heat."""
+    model = make_model([1.0], FLOOR, friction=0.3, shape=shape)
+    engine = started(make_engine(model, [[0.0, 1.0]], settings=TIGHT, drives=[running()]), SPEED)
+    early = int(0.5 * SPEED / (0.3 * G * (1.0 + model.shape_factor)) / dt)
+    state = advance(engine, dt, early)
+    assert state.velocity[0, 0] == pytest.approx(0.3 * G * dt * early, rel=1e-12)
+    state = advance(engine, dt, int(0.3 / dt))
+    assert state.velocity[0, 0] == pytest.approx(SPEED / (1.0 + model.shape_factor), abs=1e-12)
+    assert state.velocity[0, 0] + state.velocity[0, 2] == pytest.approx(SPEED, abs=1e-12)
+    assert state.wall_position[0].tolist() == [0.0, 0.0, 0.0]
+    assert state.wall_surface.tolist() == [SPEED]
+    energy = 0.5 * model.grains.mass[0] * SPEED**2 / (1.0 + model.shape_factor)
+    assert book(state, "friction_loss") == pytest.approx(energy, rel=1e-12)
+    assert book(state, "kinetic") == pytest.approx(energy, rel=1e-12)
+    assert book(state, "wall_work") == pytest.approx(2.0 * energy, rel=1e-12)
+    assert book(state, "closure") < 1e-13
+
+
+def test_a_surface_that_begins_to_run_has_its_speed_at_the_end_of_the_first_step():
+    """V⁻ is that of the step before, as of all prescribed motion: the mean slip of a sliding grain in the first step is −½V."""
+    model = make_model([1.0], FLOOR, friction=0.01)
+    engine = make_engine(model, [[0.0, 1.0]], settings=TIGHT, drives=[running()])
+    engine.step(1e-3, 0.0)
+    impulse = engine.contacts().impulse[0, 1]
+    assert impulse == pytest.approx(-0.01 * model.grains.mass[0] * G * 1e-3, rel=1e-12)
+    assert book(engine.state, "wall_work") == pytest.approx(-impulse * 0.5 * SPEED, rel=1e-12)
+    assert engine.contacts().slip[0] == pytest.approx(SPEED, rel=1e-3)
+
+
+def test_a_belt_carries_up_what_friction_holds_and_both_its_sides_run():
+    """On a segment inclined by 20°, solid on both sides: to the right above it, to the left below it (μ > tan 20°, no spin: three
+    discs glued by rolling resistance beyond all they can do)."""
+    slope = np.radians(20.0)
+    segment = [(ShapeKind.SEGMENT, 0, (-50.0, 0.0, 50.0, 0.0))]
+    for side in (1.0, -1.0):
+        gravity = (-G * np.sin(slope), -side * G * np.cos(slope))
+        model = make_model([0.1], segment, friction=0.6, gravity=gravity, rolling=50.0)
+        state = advance(make_engine(model, [[0.0, side * 0.1]], settings=TIGHT, drives=[running()]), 1e-3, 1500)
+        if side > 0.0:
+            assert state.velocity[0, 0] == pytest.approx(SPEED, abs=1e-9)
+        else:
+            assert state.velocity[0, 0] == pytest.approx(-SPEED, abs=1e-9)
+        assert book(state, "closure") < 1e-12
+
+
+def bed(seed=1, columns=8, rows=3, **keys):
+    """Grains of several sizes that fall onto a floor, periodic in x."""
+    rng = np.random.default_rng(seed)
+    n = columns * rows
+    k = np.arange(n)
+    radius = rng.uniform(0.3, 0.45, n)
+    positions = np.column_stack([k % columns + 0.5 + 0.02 * rng.random(n), 0.47 + 0.95 * (k // columns)])
+    return make_model(radius, FLOOR, period=float(columns), **keys), positions
+
+
+LAWS = [
+    {"friction": 0.5},
+    {"friction": 0.4, "restitution": 0.4, "rolling": 0.1},
+    {"friction": 0.6, "adhesion": 0.3, "shape": "sphere"},
+    {"table": ([0.0, 0.5, 2.0], [0.6, 0.4, 0.1])},
+]
+
+
+@pytest.mark.parametrize("laws", LAWS)
+@pytest.mark.parametrize("signal", [Constant(SPEED), Ramp(0.0, 2.0, 0.2), Sine(0.3, 1.0, 0.15)])
+def test_a_plane_whose_surface_runs_is_one_that_moves_along_itself(laws, signal):
+    """The same motion, forces, work of the wall and heat up to rounding, whatever the law."""
+    model, positions = bed(**laws)
+    ends = []
+    for drive in (WallDrive(x=DofDrive(velocity=signal)), running(signal)):
+        state = advance(make_engine(model, positions, settings=TIGHT, drives=[drive]), 2e-3, 200)
+        assert book(state, "closure") < 1e-12
+        ends.append(state)
+    moved, ran = ends
+    assert np.allclose(ran.position, moved.position, atol=1e-8)
+    assert np.allclose(ran.velocity, moved.velocity, atol=1e-6)
+    assert np.allclose(ran.window_wall_impulse[0, :2], moved.window_wall_impulse[0, :2], rtol=1e-7)
+    for name in ("wall_work", "friction_loss", "impact_loss", "friction_sliding"):
+        assert book(ran, name) == pytest.approx(book(moved, name), rel=1e-7)
+    assert ran.wall_position[0, 0] == 0.0
+
+
+def in_a_circle(rolling=0.0):
+    rng = np.random.default_rng(4)
+    radius = rng.uniform(0.15, 0.22, 30)
+    k = np.arange(30)
+    positions = np.column_stack([(k % 6) * 0.5 - 1.25, (k // 6) * 0.5 - 1.75])
+    circle = [(ShapeKind.CIRCLE, 0, (0.0, 0.0, 2.5, 0.0))]
+    return make_model(radius, circle, friction=0.4, restitution=0.2, rolling=rolling, mass=40.0, inertia=250.0), positions
+
+
+@pytest.mark.parametrize("rolling", [0.0, 0.05])
+def test_a_circle_whose_surface_runs_is_a_drum_that_turns(rolling):
+    """V = Ω R of a smooth drum: to the right at its bottom, so counter-clockwise; with rolling resistance too, since its material
+    turns as it runs round."""
+    model, positions = in_a_circle(rolling)
+    turned = advance(
+        make_engine(model, positions, settings=TIGHT, drives=[WallDrive(spin=DofDrive(velocity=Constant(0.6)))]), 2e-3, 200
+    )
+    ran = advance(make_engine(model, positions, settings=TIGHT, drives=[running(0.6 * 2.5)]), 2e-3, 200)
+    assert np.allclose(ran.position, turned.position, atol=1e-8)
+    assert book(ran, "friction_loss") > 0.0
+    for name in ("wall_work", "friction_loss", "impact_loss"):
+        assert book(ran, name) == pytest.approx(book(turned, name), rel=1e-7)
+    assert np.allclose(ran.window_wall_impulse, turned.window_wall_impulse, rtol=1e-6, atol=1e-9)
+    assert ran.wall_position[0, 2] == 0.0
+    assert book(ran, "closure") < 1e-12
+
+
+@pytest.mark.parametrize("rolling", [0.0, 0.05])
+def test_a_roll_that_is_pressed_down_is_one_that_turns_and_feels_the_reaction(rolling):
+    """A disc driven by a force in y and held in x: the light contacts of the floor, the general ones of the roll. Its surface runs
+    clockwise, as Ω = −V/R."""
+    shapes = [*FLOOR, (ShapeKind.DISC, 1, (0.0, 0.0, 0.8, 0.0))]
+    model, positions = bed(friction=0.4)
+    model = replace(
+        make_model(
+            model.grains.radius, shapes, ("floor", "roll"), friction=0.4, period=model.period, mass=3.0, inertia=1.0,
+            wall_gravity=True, rolling=rolling,
+        )
+    )  # fmt: skip
+    press, ends = DofDrive(force=Constant(-20.0), damping=1.0), []
+    for drive in (WallDrive(y=press, spin=DofDrive(velocity=Constant(-SPEED / 0.8))), running(SPEED, y=press)):
+        engine = make_engine(model, positions, settings=TIGHT, drives=[WallDrive(), drive])
+        engine.state.wall_position[1] = 4.0, 3.9, 0.0
+        ends.append(advance(engine, 2e-3, 300))
+        assert book(engine.state, "closure") < 1e-12
+    turned, ran = ends
+    assert ran.wall_position[1, 1] < 3.88
+    assert ran.wall_position[1, :2] == pytest.approx(turned.wall_position[1, :2], abs=1e-8)
+    assert np.allclose(ran.position, turned.position, atol=1e-7)
+    assert abs(ran.window_wall_impulse[1, 2]) > 1e-2  # the torque of friction
+    assert np.allclose(ran.window_wall_impulse, turned.window_wall_impulse, rtol=1e-5, atol=1e-7)
+    for name in ("wall_work", "load_work", "friction_loss"):
+        assert book(ran, name) == pytest.approx(book(turned, name), rel=1e-6)
+
+
+def test_a_free_plate_under_a_running_surface_recoils():
+    """Without gravity, pressed between two grains of equal kind: momentum of plate and grain is that of the press alone, 0 in x."""
+    plate = [(ShapeKind.PLANE, 0, (0.0, 0.0, 0.0, 1.0))]
+    model = make_model([0.1], plate, friction=0.3, mass=0.2, inertia=1.0)
+    drive = running(SPEED, x=DofDrive(force=Constant(0.0)))
+    state = advance(started(make_engine(model, [[0.0, 0.1]], settings=TIGHT, drives=[drive]), SPEED), 1e-3, 400)
+    mass = model.grains.mass[0]
+    assert mass * state.velocity[0, 0] == pytest.approx(-0.2 * state.wall_velocity[0, 0], rel=1e-10)
+    # Sticking: v + a ω = V_x + V, with a ω = β v.
+    stuck = state.velocity[0, 0] * (1.0 + model.shape_factor) - state.wall_velocity[0, 0]
+    assert stuck == pytest.approx(SPEED, rel=1e-10)
+    assert book(state, "closure") < 1e-13
+
+
+def test_it_adds_to_the_motion_of_the_wall():
+    """A belt that also moves and turns: V at the contact is that of the body and V_s."""
+    model = make_model([0.2], FLOOR, friction=5.0, rolling=50.0)  # no spin: it is carried
+    drive = running(SPEED, x=DofDrive(velocity=Constant(-0.4)))
+    state = advance(make_engine(model, [[0.0, 0.2]], settings=TIGHT, drives=[drive]), 1e-3, 300)
+    assert state.velocity[0, 0] == pytest.approx(SPEED - 0.4, abs=1e-9)
+
+
+def sheared(settings=None, threads=1, columns=8, rows=3, load=-120.0, speed=SPEED, **laws):
+    """A bed between a running floor and a lid under a load whose surface runs too."""
+    model, positions = bed(columns=columns, rows=rows)
+    planes = [*FLOOR, (ShapeKind.PLANE, 1, (0.0, 0.0, 0.0, -1.0))]
+    model = make_model(
+        model.grains.radius, planes, ("floor", "lid"), period=model.period, mass=2.0, gravity=(0.0, 0.0), **laws
+    )  # fmt: skip
+    drives = [running(speed), running(-0.5 * speed, y=DofDrive(force=Constant(load)))]
+    engine = make_engine(model, positions, settings=settings, drives=drives, threads=threads)
+    engine.state.wall_position[1, 1] = 0.95 * rows + 0.1
+    return engine, drives
+
+
+def test_scaling_is_exact():
+    """V/2, loads/4, 2Δt: the same positions to the bit."""
+    first, _ = sheared(restitution=0.25, friction=0.5, rolling=0.1)
+    second, _ = sheared(load=-30.0, speed=0.5 * SPEED, restitution=0.25, friction=0.5, rolling=0.1)
+    for _ in range(4):
+        advance(first, 2e-3, 60)
+        advance(second, 4e-3, 60)
+        assert np.array_equal(first.state.position, second.state.position)
+        assert np.array_equal(first.state.velocity, 2.0 * second.state.velocity)
+        assert np.array_equal(first.state.wall_surface, 2.0 * second.state.wall_surface)
+    assert book(first.state, "friction_loss") > 0.0
+
+
+def test_threads_and_a_new_engine_on_the_state_change_no_bit(monkeypatch):
+    from multicor_cli.engine import step as engine_module
+    from multicor_cli.engine.contact import thread_choice
+
+    monkeypatch.setattr(engine_module, "PARALLEL_GRAINS", 1)
+    digests = set()
+    for threads, parallel_from in ((1, 1), (2, 1), (2, 10**9)):
+        monkeypatch.setattr(thread_choice, "PARALLEL_FROM", parallel_from)
+        engine, drives = sheared(threads=threads, columns=40, rows=20)
+        advance(engine, 2e-3, 10)
+        copy = State.from_dict({name: np.array(value) for name, value in engine.state.as_dict().items()})
+        other = Engine(engine.model, copy, engine.settings, threads=1)
+        other.resume_drives(drives)
+        for k in range(10, 20):
+            engine.step(2e-3, 2e-3 * k)
+            other.step(2e-3, 2e-3 * k)
+        assert other.state.digest() == engine.state.digest()
+        digests.add(engine.state.digest())
+    assert len(digests) == 1
+
+
+@pytest.mark.parametrize("settings", [Settings(max_sweeps=15), Settings(method="gauss-seidel"), Settings(local="bipotential")])
+def test_books_close_whatever_the_solver_does(settings):
+    state = advance(sheared(settings, restitution=0.3, rolling=0.2)[0], 2e-3, 200)
+    assert book(state, "closure") < 1e-12
+    assert book(state, "friction_loss") > 0.0
+
+
+def test_the_problem_of_a_step_knows_it(tmp_path):
+    """`solve_contacts` finds the impulses of the engine, from the problem as it is and as it is read from its file."""
+    engine, _ = sheared(TIGHT)
+    advance(engine, 2e-3, 240)
+    problem, start = engine.next_start(2e-3, 0.48)
+    assert np.unique(problem.slide).tolist() == [-SPEED, 0.0, 0.5 * SPEED]
+    problem.save(tmp_path / "problem.npz")
+    solution = solve_contacts(type(problem).load(tmp_path / "problem.npz"), TIGHT, start=start)
+    engine.step(2e-3, 0.48)
+    table: ContactTable = engine.contacts()
+    assert solution.impulse == pytest.approx(table.impulse, abs=1e-9 * np.abs(table.impulse).max())
+    assert solution.velocity[: len(engine.state.velocity), 0] == pytest.approx(engine.state.velocity[:, 0], abs=1e-8)
+
+
+def test_the_light_form_of_a_problem_knows_it():
+    """A disc on a fixed body, whose surface runs: the form with anchors, and the general one."""
+    model = make_model([0.5], FLOOR, friction=0.3)
+    engine = make_engine(model, [[0.0, 0.5]], settings=TIGHT, drives=[running()])
+    problem, _ = engine.next_start(1e-2, 0.0)
+    light = solve_contacts(problem, TIGHT)
+    heavy = solve_contacts(replace(problem, inverse_mass=np.where(problem.inverse_mass > 0.0, problem.inverse_mass, 1e-30)), TIGHT)
+    assert light.impulse[0, 1] == pytest.approx(-0.3 * light.impulse[0, 0], rel=1e-12)
+    assert heavy.impulse == pytest.approx(light.impulse, rel=1e-9)
+
+
+def test_a_drive_that_ends_leaves_the_surface_to_slow_down_within_a_step():
+    model = make_model([1.0], FLOOR, friction=0.3)
+    engine = make_engine(model, [[0.0, 1.0]], drives=[running()])
+    advance(engine, 1e-3, 10)
+    engine.set_drives([WallDrive()])
+    engine.step(1e-3, 0.0)
+    assert engine.state.wall_surface.tolist() == [0.0]
+    assert book(engine.state, "closure") < 1e-13
