@@ -163,7 +163,7 @@ def _refuse_throats(scenario: Scenario, model: Model) -> None:
                 f"a disc of the wall '{name}' and its image one period of {model.period:g} m away leave {left:g} m between them, less "
                 f"than {diameters:g} times the largest diameter of {diameter:g} m"
             )
-            remedy = "make the disc or the grains smaller, or the domain twice as wide with two such discs: the throat is the same"
+            remedy = "make the disc or the grains smaller, or the domain twice as wide with two such discs: the same throat"
             problems.append(PackingError(text, remedy, ("walls", w, "geometry")))
     if problems:
         raise _refusal(scenario, problems)
