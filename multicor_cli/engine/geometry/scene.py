@@ -50,7 +50,7 @@ class Scene(NamedTuple):
 def placed_shape(
     kind: int, local: Floats, shape: int, frame_x: float, frame_y: float, angle: float
 ) -> tuple[float, float, float, float]:
-    """The four numbers of a wall shape in the world, with the frame of its wall at (frame_x, frame_y) [m] and turned by an angle."""
+    """The four numbers of a wall shape in the world, if the frame of its wall is at (frame_x, frame_y) [m] and turned [rad]."""
     c, s = cos(angle), sin(angle)
     x, y, u, v = local[shape, X], local[shape, Y], local[shape, TAIL_X], local[shape, TAIL_Y]
     tail = TAIL[kind]

@@ -1,13 +1,14 @@
 """What no step looks at: the way from q to q_m of a body whose velocity no step before has seen.
 
-A step looks for contacts at q_m and lets no pair approach by more than its gap there. So the next q_m is admissible, if that step is no
-longer, and its way there too: nothing can be passed. This does not hold for the first step of a run, for grains that have just come,
-for the longer part of a step that is longer than the one before, and for walls that have to be elsewhere than their velocity leads.
+A step looks for contacts at q_m and lets no pair approach by more than its gap there. So the next q_m is admissible, if that step
+is no longer, and so is the way there: nothing can be passed. This does not hold for the first step of a run, for grains that have
+just come, for the longer part of a step that is longer than the one before, and for walls that have to be elsewhere than their
+velocity leads.
 
-Where such a way leads through a wall or another grain, it ends where they meet: q_m is the place at which they touch, and the contact
-law of the step does the rest, as for any impact. From there on a grain goes with the wall, or with the mean motion of two grains that
-meet; a third one goes with what it meets. Times of contact are found by conservative advancement: a gap that closes no faster than L
-lasts for gap/L (Mirtich 1996).
+Where such a way leads through a wall or another grain, it ends where they meet: q_m is the place at which they touch, and the
+contact law of the step does the rest, as for any impact. From there on a grain goes with the wall, or with the mean motion of two
+grains that meet; a third one goes with what it meets. Times of contact are found by conservative advancement: a gap that closes no
+faster than L lasts for gap/L (Mirtich 1996).
 """
 
 from __future__ import annotations
@@ -167,7 +168,7 @@ def _whole_gap(
     if what == _VERTEX:
         return disc_disc(dx, dy, radius)
     best, nx, ny = np.inf, 0.0, 1.0
-    for image in range(-1, 2 if period > 0.0 else 0):  # the image whose first end is nearest need not be the nearest one
+    for image in range(-1, 2 if period > 0.0 else 0):  # another image may be nearer than that of the first end
         shift = dx + (image * period if period > 0.0 else 0.0)
         foot = min(max(segment_parameter(g0 + shift, y, g0, g1, g2, g3), 0.0), 1.0)
         gap, ax, ay = disc_disc(shift - foot * (g2 - g0), dy - foot * (g3 - g1), radius)
