@@ -42,7 +42,7 @@ class OpenEngine:
     """A `CoupledEngine` for the grains that are there, made anew whenever one comes or goes; it has the same methods.
 
     The engine inside knows nothing of grains that wait or have gone: they cost nothing, and no loop can meet one. Whatever it needs
-    is in the state, as after a stop: being made anew changes no result.
+    is in the state, as after a stop, but for who has come since the last step: being made anew changes no result.
 
     Attributes:
         model: All grains.
