@@ -69,6 +69,10 @@ class CoupledEngine:
     def exchange(self) -> None:
         """Let grains go and come before a step: none does here, see `multicor_cli.engine.exchange`."""
 
+    def welcome(self, grains: NDArray[np.int64]) -> None:
+        """Say which grains have come since the last step."""
+        self.mechanics.newcomers = grains
+
     def set_drives(self, drives: list[WallDrive]) -> None:
         """Choose what the walls do, at the start of a stage."""
         self.mechanics.set_drives(drives)

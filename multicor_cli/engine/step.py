@@ -10,6 +10,7 @@ from dataclasses import replace
 
 import numba
 import numpy as np
+from numpy.typing import NDArray
 
 from multicor_cli.arithmetic import hypot
 from multicor_cli.arithmetic.sums import column_totals, total
@@ -34,6 +35,7 @@ from multicor_cli.engine.motion.correction import correct_positions
 from multicor_cli.engine.motion.drives import WallDrive
 from multicor_cli.engine.motion.gravity import AnyGravity, Gravity
 from multicor_cli.engine.motion.moves import move, predict, wrap
+from multicor_cli.engine.motion.unseen import find_unseen, stop_unseen
 from multicor_cli.engine.motion.walls import WallMotion
 from multicor_cli.model.columns import BELT, COUPLE
 from multicor_cli.model.contacts import ContactTable
@@ -56,6 +58,7 @@ class Engine:
         laws: Contact laws, those of the model at first; others of their friction may take their place between steps.
         timers: Seconds spent in each phase of the time step since the start.
         shape_temperature: Temperatures of all shapes [K], for friction that depends on them; nan where a wall has none.
+        newcomers: Grains that have come since the last step.
     """
 
     def __init__(self, model: Model, state: State, settings: Settings | None = None, threads: int = 0) -> None:
@@ -88,11 +91,13 @@ class Engine:
         self._gravity: AnyGravity = Gravity.constant(model.gravity)
         self._pull: Floats = model.gravity  # what acts in the step: gravity at its middle
         self._middle = np.empty((n, 3))
+        self._stopped: Floats | None = None  # how far grains are from where they would be at q_m, if something stopped them
         self._start = np.zeros((n + w, 4))
         self._free = np.zeros((n + w, 4))
         self._flagged = np.zeros(n, np.bool_)
         self._mass = total(model.grains.mass)
         self.shape_temperature: Floats = np.empty(0)
+        self.newcomers: NDArray[np.int64] = np.empty(0, np.int64)
         self._pace = ThreadChoice(self.threads)
         self._scheduler = Scheduler()
         self._contacts: StepContacts | None = None
@@ -217,11 +222,23 @@ class Engine:
         if not np.isfinite(speeds).all() or not (np.abs(of_walls) <= LARGEST).all():
             raise PhysicsError(state.step, _name_absurd(state, model))
         scene = scene_of(model, self._middle, state.wall_position + 0.5 * dt * before, self.shape_temperature)
-        drift = fit_drift(self._free, self._middle, model.period)
+        reach = self._reach_before(scene, walls, dt)
+        self._stopped = None
+        unseen = find_unseen(state, self.newcomers, model, self._motion, dt)
+        if unseen is not None:
+            self._list.update(self._middle, scene.world, reach)
+            self._stopped = stop_unseen(state, model, self._motion, unseen, self._list, dt, self._middle)
+            if self._stopped is not None:
+                reach = self._reach_before(scene, walls, dt)
+        return scene, reach
+
+    def _reach_before(self, scene: Scene, walls: Floats, dt: float) -> float:
+        """A gap that no pair closes in the step, as far as velocities before the solve tell [m]; ``walls`` are those of walls."""
+        drift = fit_drift(self._free, self._middle, self.model.period)
         fall = dt * np.abs(self._pull)  # between the velocities at the start and the free ones
         drift = replace(drift, rest=drift.rest + hypot(*fall.tolist()), largest=drift.largest + fall)
-        reach = self._motion.closing(drift, scene, before, walls).reach(dt, self._list.largest)
-        return scene, max(reach, closing_distance(self.laws, model.grains, dt))
+        reach = self._motion.closing(drift, scene, self._motion.before, walls).reach(dt, self._list.largest)
+        return max(reach, closing_distance(self.laws, self.model.grains, dt))
 
     def _margin(self, scene: Scene, reach: float, dt: float) -> float:
         """Largest gap of the contacts of the step, as far as velocities before the solve tell [m]; measures the listed pairs."""
@@ -312,12 +329,16 @@ class Engine:
             # Not that of q_m with other positions: heat still looks at it.
             end = scene_of(model, state.position, state.wall_position)
             correction = correct_positions(end, model, self._pull, self._motion, self._list, reach, self._flagged, state.step)
+            if self._stopped is not None:
+                pull = model.grains.mass[:, np.newaxis] * self._pull
+                correction = replace(correction, gravity_work=correction.gravity_work + total(pull * self._stopped))
             if model.period > 0.0:
                 wrap(state.position, state.image, model.period)
         with self._timed("account"):
             book_step(state, self._motion, sums, kinetic, gravity_work, correction, outcome, dt)
             state.contact_i, state.contact_j, state.contact_impulse, state.contact_couple = account.warm_start_of(contacts)
             state.last_dt = dt
+            self.newcomers = self.newcomers[:0]
             state.step += 1
             state.stage_step += 1
             state.time = state.stage_start + state.stage_step * dt

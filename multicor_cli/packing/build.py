@@ -160,8 +160,8 @@ def _refuse_throats(scenario: Scenario, model: Model) -> None:
         left, diameter = model.period - 2.0 * float(discs.max(initial=0.0)), 2.0 * float(meeting.max(initial=0.0))
         if left < diameters * diameter:
             text = (
-                f"a disc of the wall '{name}' and its image one period of {model.period:g} m away leave {left:g} m between them, less "
-                f"than {diameters:g} times the largest diameter of {diameter:g} m"
+                f"a disc of the wall '{name}' and its image one period of {model.period:g} m away leave {left:g} m between them, "
+                f"less than {diameters:g} times the largest diameter of {diameter:g} m"
             )
             remedy = "make the disc or the grains smaller, or the domain twice as wide with two such discs: the same throat"
             problems.append(PackingError(text, remedy, ("walls", w, "geometry")))

@@ -170,9 +170,7 @@ class Controller:
             self._checkpoint_if_due()
             if self._steering is not None:
                 self._steering.keep(state)
-            if not stage.is_frozen:
-                self._engine.exchange()
-            report = self._first_step(stage) if state.stage_step == 0 else self._step(stage)
+            report = self._first_step(stage) if state.stage_step == 0 else self._next_step(stage)
             if report is not None and self._after_step(stage, report):
                 return None
 
@@ -180,6 +178,7 @@ class Controller:
         """The first step of a stage. If it is interrupted the state is what it was before the stage began."""
         state = self._engine.state
         books, origin = state.books.copy(), state.wall_origin
+        self._exchange(stage)
         begin_stage(self._engine, stage, self._starts)
         report = self._step(stage)
         if report is None:
@@ -188,6 +187,14 @@ class Controller:
             state.stage_peak = 0.0
             state.stage_notes = np.empty(0)
         return report
+
+    def _next_step(self, stage: StagePlan) -> StepReport | None:
+        self._exchange(stage)
+        return self._step(stage)
+
+    def _exchange(self, stage: StagePlan) -> None:
+        if not stage.is_frozen:
+            self._engine.exchange()
 
     def _step(self, stage: StagePlan) -> StepReport | None:
         """One step with its gauges; None if a signal interrupted it, which leaves the state as it was."""

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.engine.contact.report import StepReport
-from multicor_cli.engine.contact.solve import Settings
+from multicor_cli.engine.contact.solve import Interrupted, Settings
 from multicor_cli.engine.coupled import CoupledEngine
 from multicor_cli.engine.exchange.empty import EmptyEngine
 from multicor_cli.engine.exchange.passage import pass_grains
@@ -42,7 +42,7 @@ class OpenEngine:
     """A `CoupledEngine` for the grains that are there, made anew whenever one comes or goes; it has the same methods.
 
     The engine inside knows nothing of grains that wait or have gone: they cost nothing, and no loop can meet one. Whatever it needs
-    is in the state, as after a stop: being made anew changes no result.
+    is in the state, as after a stop, but for who has come since the last step: being made anew changes no result.
 
     Attributes:
         model: All grains.
@@ -70,6 +70,8 @@ class OpenEngine:
         self._gravity: AnyGravity | None = None
         self._heat: tuple[list[WallHeat], bool, bool] | None = None
         self._seconds: dict[str, float] = {}
+        self._came: NDArray[np.int64] = np.empty(0, np.int64)
+        self._before: State | None = None
         self._inner = self._made()
 
     @property
@@ -131,21 +133,46 @@ class OpenEngine:
         Raises:
             PhysicsError: If a grain is lost and that is to end the run.
         """
-        if pass_grains(self.rules, self.model, self.state):
-            self._seconds = self.timers
-            self._inner = self._made()
+        came = pass_grains(self.rules, self.model, self.state, self._keep)
+        if came is not None:
+            self._came = came
+            self._remake()
 
     def step(self, dt: float, t: float, should_stop: Callable[[], bool] | None = None) -> StepReport:
-        """Advance by one time step; arguments and errors as `CoupledEngine.step`."""
+        """Advance by one time step; arguments and errors as `CoupledEngine.step`.
+
+        If it is interrupted, the state is what it was before grains came and went: they have to be new to the step that follows.
+        """
         self._share(self.state, self._inner.state)
-        report = self._inner.step(dt, t, should_stop)
+        try:
+            report = self._inner.step(dt, t, should_stop)
+        except Interrupted:
+            self._go_back()
+            raise
         self._take_over()
+        self._came, self._before = self._came[:0], None
         return report
 
     def contacts(self) -> ContactTable:
         """Contacts of the last step, by the numbers of all grains."""
         table = self._inner.contacts()
         return replace(table, i=self._number[table.i], j=self._number[table.j])
+
+    def _keep(self) -> None:
+        """Remember the state before grains come and go."""
+        if self._before is None:
+            self._before = State.from_dict({name: value.copy() for name, value in self.state.as_dict().items()})
+
+    def _go_back(self) -> None:
+        if self._before is not None:
+            for name, value in vars(self._before).items():
+                setattr(self.state, name, value)
+            self._came, self._before = self._came[:0], None
+            self._remake()
+
+    def _remake(self) -> None:
+        self._seconds = self.timers
+        self._inner = self._made()
 
     def _made(self) -> CoupledEngine | EmptyEngine:
         """The engine of the grains that are there, told what has been chosen."""
@@ -156,6 +183,8 @@ class OpenEngine:
         self._number: NDArray[np.int32] = np.concatenate([here, shapes]).astype(np.int32)
         inner_model, inner_state = model.with_grains(here), self._state_of(here)
         engine = self._make(inner_model, inner_state) if here.size else EmptyEngine(inner_model, inner_state)
+        if isinstance(engine, CoupledEngine):
+            engine.welcome(np.searchsorted(here, self._came))
         engine.settings = self._settings
         if self._drives is not None:
             engine.resume_drives(self._drives)

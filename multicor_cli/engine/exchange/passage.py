@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+
 import numpy as np
 from numpy.typing import NDArray
 
@@ -23,37 +25,39 @@ ROUNDING = 1e-9
 _GRAINS, _MASS = 0, 1  # columns of State.released and State.outlet_flow
 
 
-def pass_grains(rules: ExchangeRules, model: Model, state: State) -> bool:
+def pass_grains(rules: ExchangeRules, model: Model, state: State, keep: Callable[[], None]) -> NDArray[np.int64] | None:
     """Let grains go, then let grains come.
 
     Args:
         rules: How.
         model: All grains.
         state: The state of all grains, between two steps. **Modified.**
+        keep: Called before the first change, if any grain goes or comes.
 
     Returns:
-        Whether any did.
+        Those that came; None if none went or came.
 
     Raises:
         PhysicsError: If a grain is lost and that is to end the run; nothing has been changed then.
     """
     before = state.presence.copy()
-    _lose(rules, model, state)
+    _lose(rules, model, state, keep)
     for number, outlet in enumerate(rules.outlets):
-        _let_out(rules, number, outlet, model, state)
+        _let_out(rules, number, outlet, model, state, keep)
     stayed = (before == Presence.THERE) & (state.presence == Presence.THERE)
     behind = 0
     for release in rules.releases:
-        behind += _let_in(release, model, state)
+        behind += _let_in(release, model, state, keep)
     note_presence(state, model, behind)
     # A grain may leave and come back at once: it is there all the time, but elsewhere.
-    is_changed = not (np.array_equal(stayed, before == Presence.THERE) and np.array_equal(stayed, state.presence == Presence.THERE))
-    if is_changed:
-        _forget_contacts(state, stayed)
-    return is_changed
+    came = np.flatnonzero((state.presence == Presence.THERE) & ~stayed)
+    if not came.size and np.array_equal(stayed, before == Presence.THERE):
+        return None
+    _forget_contacts(state, stayed)
+    return came
 
 
-def _lose(rules: ExchangeRules, model: Model, state: State) -> None:
+def _lose(rules: ExchangeRules, model: Model, state: State, keep: Callable[[], None]) -> None:
     if rules.limits is None:
         return
     here = np.flatnonzero(state.presence == Presence.THERE)
@@ -61,6 +65,7 @@ def _lose(rules: ExchangeRules, model: Model, state: State) -> None:
     if lost.size and rules.stops:
         raise PhysicsError(state.step, _describe_lost(lost, state))
     if lost.size:
+        keep()
         book_out(state, model, lost, "lost")
         state.presence[lost] = Presence.LOST
 
@@ -73,11 +78,12 @@ def _describe_lost(lost: NDArray[np.int64], state: State) -> str:
     return f"{', '.join(places)}{more} {verb} beyond the domain; {remedy}"
 
 
-def _let_out(rules: ExchangeRules, number: int, outlet: Outlet, model: Model, state: State) -> None:
+def _let_out(rules: ExchangeRules, number: int, outlet: Outlet, model: Model, state: State, keep: Callable[[], None]) -> None:
     here = np.flatnonzero(state.presence == Presence.THERE)
     leaving = here[outlet.region.holds(state.position[here])]
     if not leaving.size:
         return
+    keep()
     book_out(state, model, leaving, "left")
     state.outlet_flow[number] += float(leaving.size), total(model.grains.mass[leaving])
     state.presence[leaving] = Presence.LEFT
@@ -88,7 +94,7 @@ def _let_out(rules: ExchangeRules, number: int, outlet: Outlet, model: Model, st
         state.presence[returning] = Presence.WAITS
 
 
-def _let_in(release: Release, model: Model, state: State) -> int:
+def _let_in(release: Release, model: Model, state: State, keep: Callable[[], None]) -> int:
     """Release the grains of a group that are due; returns how many of them found no room."""
     group = release.group
     allowed, column = release.allowed(state.time), _MASS if release.is_mass else _GRAINS
@@ -101,6 +107,7 @@ def _let_in(release: Release, model: Model, state: State) -> int:
         place = find_room(release, round(float(state.released[group, _GRAINS])), grain, model, state)
         if place is None:
             return min(int((owed + ROUNDING * unit) / unit) + 1, len(queue) - number)
+        keep()
         _put(grain, place, release, model, state)
     return 0
 

@@ -118,19 +118,30 @@ def gap_to_shape(
 
 
 @formula
-def distance_to_shape(x: float, y: float, shape: int, kind: Ints, world: Floats, period: float) -> tuple[float, float, float]:
-    """Distance of (x, y) from a wall shape with its ends [m] and unit normal, even if another shape of the wall is closer."""
-    what = kind[shape]
-    if what != _SEGMENT and what != _SIDE and what != _VERTEX:
-        return gap_to_shape(x, y, 0.0, shape, kind, world, period)
-    g0, g1, g2, g3 = world[shape, X], world[shape, Y], world[shape, TAIL_X], world[shape, TAIL_Y]
-    dx = nearest_image(x - g0, period) if what == _VERTEX else from_first_end(x, g0, g2, period)
-    dy = y - g1
-    if what != _VERTEX:
+def distance_to_whole(
+    x: float, y: float, what: int, g0: float, g1: float, g2: float, g3: float, period: float
+) -> tuple[float, float, float]:
+    """Distance of (x, y) from a wall shape of kind ``what`` with its ends [m] and unit normal, even if another is closer."""
+    dx, dy = nearest_image(x - g0, period), y - g1
+    if what == _DISC:
+        return disc_disc(dx, dy, g2)
+    if what == _PLANE:
+        return disc_plane(dx, dy, g2, g3, 0.0)
+    if what == _CIRCLE:
+        return disc_circle(dx, dy, g2, 0.0)
+    if what != _VERTEX:  # a segment or a side
+        dx = from_first_end(x, g0, g2, period)
         foot = min(max(segment_parameter(g0 + dx, y, g0, g1, g2, g3), 0.0), 1.0)
         dx -= foot * (g2 - g0)
         dy -= foot * (g3 - g1)
     return disc_disc(dx, dy, 0.0)
+
+
+@formula
+def distance_to_shape(x: float, y: float, shape: int, kind: Ints, world: Floats, period: float) -> tuple[float, float, float]:
+    """As `distance_to_whole`, from a wall shape of a scene."""
+    g0, g1, g2, g3 = world[shape, X], world[shape, Y], world[shape, TAIL_X], world[shape, TAIL_Y]
+    return distance_to_whole(x, y, kind[shape], g0, g1, g2, g3, period)
 
 
 @formula

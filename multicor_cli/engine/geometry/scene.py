@@ -46,6 +46,21 @@ class Scene(NamedTuple):
     temperature: Floats = _NO_TEMPERATURE
 
 
+@formula
+def placed_shape(
+    kind: int, local: Floats, shape: int, frame_x: float, frame_y: float, angle: float
+) -> tuple[float, float, float, float]:
+    """The four numbers of a wall shape in the world, if the frame of its wall is at (frame_x, frame_y) [m] and turned [rad]."""
+    c, s = cos(angle), sin(angle)
+    x, y, u, v = local[shape, X], local[shape, Y], local[shape, TAIL_X], local[shape, TAIL_Y]
+    tail = TAIL[kind]
+    if tail == _DIRECTION:
+        u, v = c * u - s * v, s * u + c * v
+    elif tail == _POINT:
+        u, v = frame_x + c * u - s * v, frame_y + s * u + c * v
+    return frame_x + c * x - s * y, frame_y + s * x + c * y, u, v
+
+
 @kernel
 def place_shapes(kind: Ints, wall: Ints, local: Floats, wall_position: Floats, world: Floats) -> None:
     """Move the wall shapes from the frame of their wall to the world.
@@ -59,21 +74,9 @@ def place_shapes(kind: Ints, wall: Ints, local: Floats, wall_position: Floats, w
     """
     for k in range(kind.size):
         frame = wall_position[wall[k]]
-        c, s = cos(frame[ANGLE]), sin(frame[ANGLE])
-        x, y = local[k, X], local[k, Y]
-        world[k, X] = frame[X] + c * x - s * y
-        world[k, Y] = frame[Y] + s * x + c * y
-        u, v = local[k, TAIL_X], local[k, TAIL_Y]
-        tail = TAIL[kind[k]]
-        if tail == _DIRECTION:
-            world[k, TAIL_X] = c * u - s * v
-            world[k, TAIL_Y] = s * u + c * v
-        elif tail == _POINT:
-            world[k, TAIL_X] = frame[X] + c * u - s * v
-            world[k, TAIL_Y] = frame[Y] + s * u + c * v
-        else:
-            world[k, TAIL_X] = u
-            world[k, TAIL_Y] = v
+        world[k, X], world[k, Y], world[k, TAIL_X], world[k, TAIL_Y] = placed_shape(
+            kind[k], local, k, frame[X], frame[Y], frame[ANGLE]
+        )
 
 
 def scene_of(model: Model, position: Floats, wall_position: Floats, temperature: Floats = _NO_TEMPERATURE) -> Scene:

@@ -38,6 +38,7 @@ class WallMotion:
         inverse: Inverse effective masses of the step, 0 where not driven, shape ``(w, 3)``; set by `predict`.
         belt_before: −V_s⁻, as in column `BELT` of the bodies, shape ``(w,)``; set by `predict`.
         belt: −V_s⁺, shape ``(w,)``; set by `predict`.
+        extent: How far the shapes of each wall reach from its reference point [m]; planes are given 1 m, shape ``(w,)``.
     """
 
     def __init__(self, model: Model, drives: list[WallDrive]) -> None:
@@ -70,7 +71,7 @@ class WallMotion:
         self._start: Floats = np.zeros((w, 3))
         self._length: Floats = np.repeat(model.walls.length[:, None], 3, axis=1)
         self._spacings = _spacings(model, self._drives)
-        self._extent = _extents(model)
+        self.extent: Floats = _extents(model)
 
     def origins(self, state: State) -> Floats:
         """What `State.wall_origin` is from the start of the stage on: a drive that is kept counts from where it did."""
@@ -152,7 +153,7 @@ class WallMotion:
         vectors, turn = np.empty((len(scene.world), 2)), np.empty(len(scene.world))
         closing = Closing(0.0, 0.0, 0.0, 0.0)
         for velocity in velocities:
-            shape_velocities(scene.kind, scene.wall, scene.world, scene.wall_position, velocity, self._extent, vectors, turn)
+            shape_velocities(scene.kind, scene.wall, scene.world, scene.wall_position, velocity, self.extent, vectors, turn)
             closing = closing.or_faster(bound_closing(scene.kind, drift, scene.world, vectors, turn))
         return closing
 
@@ -194,7 +195,7 @@ def _inverse_where(chosen: NDArray[np.bool_], values: Floats) -> Floats:
 
 
 def _extents(model: Model) -> Floats:
-    """How far the shapes of each wall reach from its reference point; planes reach across all grains and are given 1 m."""
+    """How far the shapes of each wall reach from its reference point [m]; planes reach across all grains and are given 1 m."""
     kind, (x, y, u, v) = model.shapes.kind, model.shapes.geometry.T
     head, tail = np.sqrt(x * x + y * y), np.sqrt(u * u + v * v)
     reach = np.where(TAIL[kind] == Tail.POINT, np.maximum(head, tail), head)
