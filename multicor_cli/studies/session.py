@@ -13,7 +13,7 @@ from typing import Any
 from multicor_cli.running.outcome import StopReason
 from multicor_cli.scenario.load import load_scenario
 from multicor_cli.studies.cases import Case, expand
-from multicor_cli.studies.clusters import DoesNotFit, Site, connected, existing, require_dask
+from multicor_cli.studies.clusters import DoesNotFit, Site, connected, existing, require_libraries
 from multicor_cli.studies.computing import Computation, Tally, Watcher
 from multicor_cli.studies.directory import LOGS, CaseState, CaseStatus, StudyDirectory
 from multicor_cli.studies.forecast import Forecast, Needs, check_cases, forecast
@@ -106,7 +106,8 @@ class StudySession:
             StoreError: The directory cannot be used, Dask is missing, or its scheduler is lost.
             RunLocked: Another client is at work on the study.
         """
-        require_dask()
+        if client is None:
+            require_libraries(self.study.model.compute)
         resolved = load_scenario(self.study.scenario, self.study.fixed).resolved_toml()
         if predicted is None:
             predicted = self.check()
