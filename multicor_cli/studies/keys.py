@@ -32,11 +32,12 @@ def cluster_keys(stack: contextlib.ExitStack, folder: Path) -> ClusterKeys:
 
     Args:
         stack: Ends with the cluster.
-        folder: Where the files go: a directory that jobs see, in which no other cluster is at work.
+        folder: Where the files go: a directory that jobs see, for no other cluster; it is made if need be.
 
     Raises:
         ImportError: The library ``cryptography`` is missing.
     """
+    folder.mkdir(parents=True, exist_ok=True)
     for left in folder.glob(f"{_PREFIX}*"):  # of a client that was killed
         shutil.rmtree(left, ignore_errors=True)
     keys: ClusterKeys = ClusterKeys.temporary()

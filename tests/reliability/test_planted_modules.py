@@ -119,7 +119,8 @@ def test_a_study_in_jobs(path: str, tmp_path: Path) -> None:
 
 @pytest.mark.reliability
 @pytest.mark.parametrize(
-    "words", [("run", "small.toml", "-o", "run", "--threads", "2"), ("bench", "bed", "--grains", "100", "--rounds", "1", "--compilation")]
+    "words",
+    [("run", "small.toml", "-o", "run", "--threads", "2"), ("bench", "bed", "--grains", "100", "--rounds", "1", "--compilation")],
 )
 def test_whole_commands_without_kernels(words: tuple[str, ...], tmp_path: Path) -> None:
     write_study(tmp_path, "")
