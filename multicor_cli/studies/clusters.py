@@ -146,8 +146,15 @@ def existing(client: Any, compute: Compute, needs: Needs) -> Site:
 
 
 def _there(stack: contextlib.ExitStack, address: str, threads: int, needs: Needs) -> Site:
-    from distributed import Client
+    from distributed import Client, Security
 
+    if address.startswith("tls://") and not all(
+        Security().get_tls_config_for_role("client").get(key) for key in ("ca_file", "cert")
+    ):
+        raise StoreError(
+            f"the Dask scheduler {address} wants a certificate: set DASK_DISTRIBUTED__COMM__TLS__CA_FILE, …__CLIENT__CERT and "
+            "…__CLIENT__KEY to their files"
+        )
     try:
         client = stack.enter_context(Client(address, timeout=20, set_as_default=False))
     except (OSError, ValueError) as error:
