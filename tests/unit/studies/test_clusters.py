@@ -14,7 +14,15 @@ from typing import Any
 import pytest
 
 from multicor_cli.store.errors import StoreError
-from multicor_cli.studies.clusters import DoesNotFit, MissingDask, _cluster, existing, parse_memory, require_libraries
+from multicor_cli.studies.clusters import (
+    DoesNotFit,
+    MissingDask,
+    _cluster,
+    _wants_dashboard,
+    existing,
+    parse_memory,
+    require_libraries,
+)
 from multicor_cli.studies.forecast import Needs
 from multicor_cli.studies.schema import Compute, Queue
 
@@ -109,6 +117,18 @@ def test_workers_that_say_how_much_memory_they_have() -> None:
     assert existing(_Client(), Compute(), Needs(1, 2e9)).asked == {}
     with pytest.raises(DoesNotFit, match="a case takes about 9 GB, workers offer 8 GB at most"):
         existing(_Client(8e9, 4e9), Compute(), Needs(1, 9e9))
+
+
+@pytest.mark.parametrize(
+    ("options", "wanted"),
+    [({}, False), ({"host": "127.0.0.1"}, False), ({"dashboard_address": ":8787"}, True), ({"dashboard": True}, True)],
+)
+def test_a_dashboard_is_there_only_if_asked_for(options: dict[str, Any], wanted: bool, tmp_path: Path, keys: Any) -> None:
+    table = Queue(scheduler_options=options)
+    assert _wants_dashboard(table) is wanted
+    with _cluster("slurm", table, tmp_path, 1e9, keys) as cluster:
+        assert cluster.scheduler_spec["options"]["dashboard"] is wanted
+        assert cluster.scheduler_spec["options"]["dashboard_address"] == options.get("dashboard_address", "127.0.0.1:0")
 
 
 @pytest.mark.parametrize("address", ["tcp://10.0.0.1:8786", "ucx://10.0.0.1:8786", "ws://10.0.0.1:8786"])
