@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import os
 import subprocess
-import sys
 import tempfile
 from dataclasses import dataclass
+
+from multicor_cli.running.children import python_child
 
 _CODE = """
 import os, time
@@ -52,8 +52,8 @@ def time_compilation() -> CompileTimes:
 
 
 def _first_steps(folder: str) -> tuple[float, float]:
-    environment = {**os.environ, "NUMBA_CACHE_DIR": folder}
-    done = subprocess.run([sys.executable, "-c", _CODE], env=environment, capture_output=True, text=True, check=False)
+    command, environment = python_child("-c", _CODE, NUMBA_CACHE_DIR=folder)
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
     if done.returncode:
         raise RuntimeError(done.stderr.strip().splitlines()[-1])
     first, last = done.stdout.split()

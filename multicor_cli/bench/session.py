@@ -1,18 +1,20 @@
-"""A whole benchmark: calibration, scenes one after the other, each in a process of its own."""
+"""A whole benchmark: calibration, scenes one after the other, each in a process of its own: this module as a program."""
 
 from __future__ import annotations
 
-import multiprocessing
+import os
+import pickle
 import platform
-import signal
+import subprocess
+import sys
 from collections.abc import Callable, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import asdict, dataclass
 from typing import Any, TypeVar
 
 from multicor_cli.bench.calibration import copy_bandwidth
 from multicor_cli.bench.compilation import CompileTimes, time_compilation
 from multicor_cli.bench.measuring import Result, Task, measure
+from multicor_cli.running.children import end_with_parent, python_child
 
 T = TypeVar("T")
 
@@ -68,13 +70,40 @@ def run_benchmark(tasks: Sequence[Task], *, has_compilation: bool, say: Callable
 def _apart(function: Callable[..., T], *arguments: Any) -> T:
     """Call a function in a process of its own, which shares neither memory nor threads with anything else.
 
-    Ctrl-C reaches both processes. Machine code knows no exceptions, so this one answers, and ends the other.
+    Ctrl-C reaches this process only, which ends the other: machine code knows no exceptions.
     """
-    others = set(multiprocessing.active_children())
-    with ProcessPoolExecutor(1, multiprocessing.get_context("spawn"), signal.signal, (signal.SIGINT, signal.SIG_IGN)) as pool:
+    command, environment = python_child("-m", __name__)
+    pipe = subprocess.PIPE
+    with subprocess.Popen(command, env=environment, stdin=pipe, stdout=pipe, start_new_session=True) as other:
+        assert other.stdin is not None
+        assert other.stdout is not None
         try:
-            return pool.submit(function, *arguments).result()
+            pickle.dump((function, arguments), other.stdin)
+            other.stdin.flush()
+            answer = other.stdout.read()
         except BaseException:
-            for process in set(multiprocessing.active_children()) - others:
-                process.terminate()
+            other.kill()
             raise
+    if not answer:
+        raise RuntimeError(f"the process that measures ended with exit code {other.returncode}")
+    result, error = pickle.loads(answer)
+    if error is not None:
+        raise error
+    found: T = result
+    return found
+
+
+def main() -> None:
+    """Call what standard input asks for, and write the result, or the error, to standard output."""
+    with os.fdopen(os.dup(1), "wb") as said:
+        os.dup2(2, 1)  # nothing else is written there
+        function, arguments = pickle.load(sys.stdin.buffer)
+        end_with_parent()
+        try:
+            pickle.dump((function(*arguments), None), said)
+        except Exception as error:
+            pickle.dump((None, error), said)
+
+
+if __name__ == "__main__":
+    main()

@@ -70,12 +70,15 @@ def _threading() -> dict[str, str]:
     """The threading layer that Numba picks, found by running a tiny parallel loop in another process."""
     import subprocess
 
+    from multicor_cli.running.children import python_child
+
     code = (
         "import numba\n@numba.njit(parallel=True)\ndef f():\n s=0\n for i in numba.prange(4):\n  s+=i\n return s\n"
         "f(); print(numba.threading_layer(), numba.config.NUMBA_NUM_THREADS)"
     )
+    command, environment = python_child("-c", code)
     try:
-        done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=120, check=True)
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120, check=True)
     except (OSError, subprocess.SubprocessError) as error:
         return {"threading layer": f"parallel kernels do not work: {error}"}
     layer, _, threads = done.stdout.strip().partition(" ")

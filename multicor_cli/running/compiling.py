@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import contextlib
-import os
 import subprocess
-import sys
-import threading
 from collections.abc import Iterator
 
 from multicor_cli.engine.jit.cache import is_compiled, is_kept
+from multicor_cli.running.children import end_with_parent, python_child
 
 
 @contextlib.contextmanager
@@ -24,8 +22,9 @@ def shared_compilation(threads: int) -> Iterator[subprocess.Popen[bytes] | None]
         yield None
         return
     quiet = subprocess.DEVNULL
+    command, environment = python_child("-m", __name__)
     try:
-        other = subprocess.Popen([sys.executable, "-m", __name__], stdin=subprocess.PIPE, stdout=quiet, stderr=quiet)
+        other = subprocess.Popen(command, env=environment, stdin=subprocess.PIPE, stdout=quiet, stderr=quiet)
     except OSError:  # no more processes, or an interpreter that this user may not start: one core is enough
         yield None
         return
@@ -36,14 +35,8 @@ def shared_compilation(threads: int) -> Iterator[subprocess.Popen[bytes] | None]
             other.terminate()
 
 
-def _end_with_parent() -> None:
-    """End this process when the other end of its standard input is closed."""
-    sys.stdin.buffer.read()
-    os._exit(0)
-
-
 if __name__ == "__main__":
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    end_with_parent()
     from multicor_cli.engine.rehearsal import rehearse
 
     rehearse()

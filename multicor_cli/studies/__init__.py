@@ -26,7 +26,7 @@ def study(
         client: A `dask.distributed.Client` of yours; default: what the file says under ``[compute]``.
         retry: Whether cases that failed are tried again.
         max_hours: Wall-clock time after which to stop with checkpoints [h].
-        watcher: Is told how it goes; default: none.
+        watcher: Is told how it goes; default: Python's warnings are given.
 
     Returns:
         A pandas DataFrame with a row for each case, or, where pandas is not installed, a `multicor_cli.studies.table.StudyTable`.

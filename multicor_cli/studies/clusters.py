@@ -1,24 +1,28 @@
-"""Where cases are computed: worker processes here, a Dask scheduler that runs, or jobs of a batch system."""
+"""Where cases are computed: here, by a Dask scheduler that runs, or in jobs of a batch system."""
 
 from __future__ import annotations
 
 import contextlib
-import importlib
+import importlib.util
 import os
+import shlex
+import sys
 import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from multicor_cli.running.children import python_child
 from multicor_cli.running.memory import available_memory
 from multicor_cli.scenario.problems import Finding
 from multicor_cli.store.errors import StoreError
 from multicor_cli.studies.forecast import Needs
+from multicor_cli.studies.local import LocalClient
 from multicor_cli.studies.schema import Compute, Queue, parse_memory
 from multicor_cli.text import format_bytes
 
 if TYPE_CHECKING:
-    from distributed import Client
+    from distributed import Client, Security
 
 DEATHS = 100
 """Workers that may die under a case before it counts as failed: jobs of a batch system end with their walltime."""
@@ -32,30 +36,35 @@ MEMORY, CORES = "memory", "cores"
 _SHARE = 0.9
 """Part of the free memory that cases may take."""
 
+_NO_PAGE = "DASK_DISTRIBUTED__WORKER__HTTP__ROUTES='[]'"
+"""Leaves out of a worker the pages that it would show to anybody."""
+
 INSTALL = "pip install 'multicor-cli[study]'"
 _CLASSES = {"slurm": "SLURMCluster", "pbs": "PBSCluster", "sge": "SGECluster", "lsf": "LSFCluster"}
 
 
 class MissingDask(StoreError):
-    """Dask is not installed, or the batch system is not there."""
+    """Dask, or what it needs for jobs, is not installed."""
 
 
 class Site(NamedTuple):
     """Where cases are computed.
 
     Attributes:
-        client: Of the Dask scheduler.
+        client: Of the Dask scheduler, or its like here.
         threads: Of a case.
         slots: Cases that can run at a time, as far as that is known beforehand.
         asked: Resources that a case takes of a worker.
         text: In words.
+        doubt: What a person should know about it; may be empty.
     """
 
-    client: Client
+    client: Client | LocalClient
     threads: int
     slots: int
     asked: dict[str, float]
     text: str
+    doubt: str = ""
 
 
 class DoesNotFit(Exception):
@@ -70,12 +79,21 @@ class DoesNotFit(Exception):
         self.finding = finding
 
 
-def require_dask() -> None:
-    """Raise `MissingDask` if it is not installed."""
-    try:
-        importlib.import_module("distributed")
-    except ImportError:
-        raise MissingDask(f"studies need Dask, which is not installed: {INSTALL}") from None
+def require_libraries(compute: Compute) -> None:
+    """Raise `MissingDask` if something is not installed that is needed elsewhere than here."""
+    queue = _queue_of(compute)
+    if compute.scheduler is None and queue is None:
+        return
+    for name in ("distributed",) if queue is None else ("distributed", "dask_jobqueue", "cryptography"):
+        try:
+            importlib.import_module(name)
+        except ImportError:
+            place = "a Dask scheduler" if queue is None else queue[0]
+            raise MissingDask(f"{place} needs {name.replace('_', '-')}, which is not installed: {INSTALL}") from None
+
+
+def _queue_of(compute: Compute) -> tuple[str, Queue] | None:
+    return next(((name, getattr(compute, name)) for name in _CLASSES if getattr(compute, name) is not None), None)
 
 
 @contextlib.contextmanager
@@ -89,11 +107,14 @@ def connected(compute: Compute, logs: Path, needs: Needs, *, most: int) -> Itera
         most: Number of cases: more workers are not started.
 
     Raises:
-        MissingDask: Dask, or dask-jobqueue, is not installed.
         DoesNotFit: A case needs more memory than the machine, a job or the workers have.
         StoreError: The scheduler cannot be reached.
     """
-    require_dask()
+    queue = _queue_of(compute)
+    if compute.scheduler is None and queue is None:
+        with _here(compute, needs, most) as site:
+            yield site
+        return
     import dask
 
     quiet = {
@@ -102,13 +123,10 @@ def connected(compute: Compute, logs: Path, needs: Needs, *, most: int) -> Itera
         "distributed.scheduler.allowed-failures": DEATHS,
     }
     with dask.config.set(quiet), contextlib.ExitStack() as stack:
-        queue = next(((name, getattr(compute, name)) for name in _CLASSES if getattr(compute, name) is not None), None)
-        if compute.scheduler is not None:
-            yield _there(stack, compute.scheduler, compute.threads or 1, needs)
-        elif queue is not None:
-            yield _queued(stack, *queue, compute.threads, logs, needs, most)
+        if queue is None:
+            yield _there(stack, str(compute.scheduler), compute.threads or 1, needs)
         else:
-            yield _here(stack, compute, needs, most)
+            yield _queued(stack, *queue, compute.threads, logs, needs, most)
 
 
 def existing(client: Any, compute: Compute, needs: Needs) -> Site:
@@ -124,12 +142,19 @@ def existing(client: Any, compute: Compute, needs: Needs) -> Site:
         raise DoesNotFit(Finding(("study", "scenario"), message, "use larger workers, or fewer grains"))
     asked = {MEMORY: needs.memory} if offered and all(offered) and needs.memory > 0.0 else {}
     slots = sum(int(worker.get("nthreads", 1)) for worker in workers)
-    return Site(client, compute.threads or 1, slots, asked, "a Dask client")
+    return Site(client, compute.threads or 1, slots, asked, "a Dask client", _doubt(client.scheduler.address))
 
 
 def _there(stack: contextlib.ExitStack, address: str, threads: int, needs: Needs) -> Site:
-    from distributed import Client
+    from distributed import Client, Security
 
+    if address.startswith("tls://") and not all(
+        Security().get_tls_config_for_role("client").get(key) for key in ("ca_file", "cert")
+    ):
+        raise StoreError(
+            f"the Dask scheduler {address} wants a certificate: set DASK_DISTRIBUTED__COMM__TLS__CA_FILE, …__CLIENT__CERT and "
+            "…__CLIENT__KEY to their files"
+        )
     try:
         client = stack.enter_context(Client(address, timeout=20, set_as_default=False))
     except (OSError, ValueError) as error:
@@ -137,9 +162,18 @@ def _there(stack: contextlib.ExitStack, address: str, threads: int, needs: Needs
     return existing(client, Compute(threads=threads), needs)._replace(text=f"Dask at {address}{_dashboard(client)}")
 
 
-def _here(stack: contextlib.ExitStack, compute: Compute, needs: Needs, most: int) -> Site:
-    from distributed import Client, LocalCluster
+def _doubt(address: str) -> str:
+    """What a person should know about a scheduler of somebody else's at this address."""
+    if address.startswith(("tls://", "wss://", "inproc://")):
+        return ""
+    return (
+        f"Dask at {address} asks for no certificate: who can reach it, as every user of the machine can, can run programs as you. "
+        "Start scheduler and workers with --tls-ca-file, --tls-cert and --tls-key"
+    )
 
+
+@contextlib.contextmanager
+def _here(compute: Compute, needs: Needs, most: int) -> Iterator[Site]:
     there = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     workers = min(compute.workers or max(1, there // (compute.threads or 1)), most)
     free = available_memory()
@@ -149,31 +183,23 @@ def _here(stack: contextlib.ExitStack, compute: Compute, needs: Needs, most: int
             message = f"a case takes about {format_bytes(needs.memory)} of memory, {format_bytes(free)} are free here"
             raise DoesNotFit(Finding(("study", "scenario"), message, "use fewer grains, or a machine with more memory"))
         workers = min(workers, fitting)
-    cluster = LocalCluster(
-        n_workers=workers, threads_per_worker=1, processes=True, memory_limit=None,
-        dashboard_address="127.0.0.1:0" if _has_dashboard() else None, silence_logs=50, host="127.0.0.1",
-    )  # fmt: skip
-    stack.enter_context(cluster)
-    client = stack.enter_context(Client(cluster, set_as_default=False))
     threads = compute.threads or min(needs.threads, max(1, there // workers))
-    return Site(client, threads, workers, {}, f"{workers} worker{'s' if workers > 1 else ''} here{_dashboard(cluster)}")
+    with LocalClient(workers) as client:
+        yield Site(client, threads, workers, {}, f"{workers} worker{'s' if workers > 1 else ''} here")
 
 
-def _dashboard(cluster: Any) -> str:
-    return f", dashboard {cluster.dashboard_link}" if _has_dashboard() and cluster.dashboard_link else ""
-
-
-def _has_dashboard() -> bool:
-    try:
-        importlib.import_module("bokeh")
-    except ImportError:
-        return False
-    return True
+def _dashboard(owner: Any) -> str:
+    """Where a cluster or a client says that its dashboard is."""
+    has_bokeh = importlib.util.find_spec("bokeh") is not None
+    return f", dashboard {owner.dashboard_link}" if has_bokeh and owner.dashboard_link else ""
 
 
 def _queued(stack: contextlib.ExitStack, name: str, table: Queue, threads: int | None, logs: Path, needs: Needs, most: int) -> Site:
     """Jobs, each a worker that computes as many cases at a time as its cores and its memory allow."""
+    import dask
     from distributed import Client
+
+    from multicor_cli.studies.keys import cluster_keys
 
     memory = parse_memory(table.memory)
     if needs.memory > memory:
@@ -182,19 +208,30 @@ def _queued(stack: contextlib.ExitStack, name: str, table: Queue, threads: int |
     threads = threads or min(needs.threads, table.cores)
     asked = {CORES: float(threads), MEMORY: needs.memory}
     fitting = min(table.cores // threads, int(memory / needs.memory) if needs.memory > 0.0 else table.cores)
-    cluster = stack.enter_context(_cluster(name, table, logs, memory))
+    has_dashboard = _wants_dashboard(table)
+    if not has_dashboard:  # what is left of the page then answers nothing
+        stack.enter_context(dask.config.set({"distributed.scheduler.http.routes": []}))
+    cluster = stack.enter_context(_cluster(name, table, logs, memory, cluster_keys(stack, logs)))
     jobs = min(table.jobs, -(-most // max(1, fitting)))
     cluster.adapt(minimum_jobs=jobs, maximum_jobs=jobs)  # jobs that end before the study are followed by others
     client = stack.enter_context(Client(cluster, set_as_default=False))
-    text = f"{jobs} job{'s' if jobs > 1 else ''} of {name}, which leave their messages in {logs}{_dashboard(cluster)}"
-    return Site(client, threads, jobs * max(1, fitting), asked, text)
+    text = f"{jobs} job{'s' if jobs > 1 else ''} of {name}, which leave their messages in {logs}"
+    doubt = ""
+    if has_dashboard:
+        text += _dashboard(cluster)
+        doubt = "the dashboard asks for no password: who can reach this machine can look at it"
+    return Site(client, threads, jobs * max(1, fitting), asked, text, doubt)
 
 
-def _cluster(name: str, table: Queue, logs: Path, memory: float) -> Any:
-    try:
-        jobqueue = importlib.import_module("dask_jobqueue")
-    except ImportError:
-        raise MissingDask(f"{name} needs dask-jobqueue, which is not installed: {INSTALL}") from None
+def _wants_dashboard(table: Queue) -> bool:
+    options = (table.model_extra or {}).get("scheduler_options", {})
+    return bool(options.get("dashboard", "dashboard_address" in options))
+
+
+def _cluster(name: str, table: Queue, logs: Path, memory: float, keys: Security) -> Any:
+    import dask
+    import dask_jobqueue
+
     lasts = max(0.5 * table.seconds, table.seconds - _FAREWELL)
     options: dict[str, Any] = {
         "queue": table.queue,
@@ -205,10 +242,17 @@ def _cluster(name: str, table: Queue, logs: Path, memory: float) -> Any:
         "log_directory": str(logs),
         "local_directory": tempfile.gettempdir(),
         "worker_extra_args": ["--lifetime", f"{lasts:.0f}s", "--resources", f"{CORES}={table.cores},{MEMORY}={memory:.0f}"],
+        "python": dask.config.get(f"jobqueue.{name}.python") or shlex.quote(sys.executable),
         **(table.model_extra or {}),
+        "security": keys,
     }
-    options["scheduler_options"] = {"dashboard_address": ":0", **options.get("scheduler_options", {})}
+    options["scheduler_options"] = {
+        "dashboard": _wants_dashboard(table), "dashboard_address": "127.0.0.1:0", **options.get("scheduler_options", {})
+    }  # fmt: skip
+    # A shell reads this. The job's own PYTHONPATH may have parts that mean the working directory: hence one that is only root's.
+    path = shlex.quote(python_child()[1]["PYTHONPATH"])
+    options["python"] = f'cd / && {_NO_PAGE} PYTHONPATH={path}:"$PYTHONPATH" {options["python"]} -P'
     try:
-        return getattr(jobqueue, _CLASSES[name])(**options)
-    except (TypeError, ValueError) as error:
+        return getattr(dask_jobqueue, _CLASSES[name])(**options)
+    except (RuntimeError, TypeError, ValueError) as error:
         raise StoreError(f"[compute] {name}: {error}") from None

@@ -110,6 +110,8 @@ class Computation:
         self._waiting.extend(cases)
         self._deadline = None if seconds is None else time.monotonic() + seconds
         self._watcher.began(self._site.text, len(self._waiting))
+        if self._site.doubt:
+            self._watcher.warning(self._site.doubt)
         tally = Tally()
         try:
             self._fill()

@@ -1,6 +1,6 @@
 """Processes of cases, forked from one that has loaded the program already: loading takes longer than a short case.
 
-`Nursery` is the side of the Dask worker: it starts ``python -m multicor_cli.studies.forking`` once, sends it three descriptors for
+`Nursery` is the side of the worker: it starts ``python -m multicor_cli.studies.forking`` once, sends it three descriptors for
 each case, and gets the number of a process that uses them as its standard streams. The forked processes run
 `multicor_cli.studies.child.main`; they belong to the other side, which waits for them and tells how they have ended. That side has
 one thread only, for the others would be missing in what it forks, and ends with the worker.
@@ -17,6 +17,8 @@ import subprocess
 import sys
 import threading
 from typing import IO, Any
+
+from multicor_cli.running.children import python_child
 
 _LOST = -signal.SIGKILL
 """How a process has ended whose parent has died: nobody knows."""
@@ -70,12 +72,13 @@ class Nursery:
 
         self.threads = max(threads, available_cores())
         self._lock = threading.Lock()
-        self._socket, theirs = socket.socketpair()
+        command, environment = python_child("-m", __name__)
+        self._socket, theirs = socket.socketpair()  # the other side ends with the last reference to this one
         with theirs:
             self._process = subprocess.Popen(
-                [sys.executable, "-m", "multicor_cli.studies.forking"],
+                command,
                 stdin=theirs.fileno(), stdout=subprocess.DEVNULL,
-                env=_SINGLE | os.environ | {"NUMBA_NUM_THREADS": str(self.threads)},
+                env=_SINGLE | environment | {"NUMBA_NUM_THREADS": str(self.threads)},
                 start_new_session=True,  # Ctrl-C is for the client, which stops cases in order
             )  # fmt: skip
 

@@ -193,7 +193,7 @@ class Compute(Table):
 
     workers: int | None = Field(None, ge=1, le=1024, description="cases at a time on this machine; default: one for each core")
     threads: int | None = Field(None, ge=1, le=1024, description="of a case; default: as many as it can use")
-    scheduler: str | None = Field(None, min_length=1, description="address of a Dask scheduler that runs, as tcp://host:8786")
+    scheduler: str | None = Field(None, min_length=1, description="address of a Dask scheduler that runs, as tls://host:8786")
     slurm: Queue | None = Field(None, description="jobs of SLURM")
     pbs: Queue | None = Field(None, description="jobs of PBS")
     sge: Queue | None = Field(None, description="jobs of SGE")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import signal
 import threading
+import warnings
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass
@@ -13,7 +14,7 @@ from typing import Any
 from multicor_cli.running.outcome import StopReason
 from multicor_cli.scenario.load import load_scenario
 from multicor_cli.studies.cases import Case, expand
-from multicor_cli.studies.clusters import DoesNotFit, Site, connected, existing, require_dask
+from multicor_cli.studies.clusters import DoesNotFit, Site, connected, existing, require_libraries
 from multicor_cli.studies.computing import Computation, Tally, Watcher
 from multicor_cli.studies.directory import LOGS, CaseState, CaseStatus, StudyDirectory
 from multicor_cli.studies.forecast import Forecast, Needs, check_cases, forecast
@@ -22,9 +23,10 @@ from multicor_cli.studies.observable import unknown
 from multicor_cli.studies.table import StudyTable, make_table
 
 
-class _Silent:
+class _WarnsOnly:
     def warning(self, text: str) -> None:
-        """Ignore it."""
+        """As Python warns."""
+        warnings.warn(text, stacklevel=2)
 
     def began(self, text: str, cases: int) -> None:
         """Ignore it."""
@@ -98,7 +100,7 @@ class StudySession:
             client: A `dask.distributed.Client` to use; default: what the file says.
             retry: Whether cases that failed are tried again.
             max_hours: Wall-clock time after which to stop with checkpoints [h].
-            watcher: Is told how it goes.
+            watcher: Is told how it goes; default: Python's warnings are given.
             predicted: What `check` has found, if it has been called.
 
         Raises:
@@ -106,7 +108,8 @@ class StudySession:
             StoreError: The directory cannot be used, Dask is missing, or its scheduler is lost.
             RunLocked: Another client is at work on the study.
         """
-        require_dask()
+        if client is None:
+            require_libraries(self.study.model.compute)
         resolved = load_scenario(self.study.scenario, self.study.fixed).resolved_toml()
         if predicted is None:
             predicted = self.check()
@@ -116,7 +119,7 @@ class StudySession:
             if not left:
                 return Tally()
             with _stop_signals() as asked, self._site(client, predicted.needs, len(left)) as site:
-                work = Computation(self.directory, self.study, site, watcher or _Silent())
+                work = Computation(self.directory, self.study, site, watcher or _WarnsOnly())
                 return work.run(left, asked, None if max_hours is None else 3600.0 * max_hours)
 
     def _is_left(self, case: Case, *, retry: bool) -> bool:

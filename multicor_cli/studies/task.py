@@ -1,4 +1,4 @@
-"""What a Dask worker does with a case: it starts a process for it, waits, and stops it when asked."""
+"""What a worker, one of Dask or a thread here, does with a case: it starts a process for it, waits, and stops it when asked."""
 
 from __future__ import annotations
 
@@ -78,6 +78,12 @@ def _nursery(threads: int) -> Nursery:
     if not _nurseries:
         _nurseries.append(Nursery(threads))
     return _nurseries[-1]
+
+
+def close_nurseries() -> None:
+    """Let those that start processes here go: each ends once its last case has ended."""
+    with _lock:
+        _nurseries.clear()
 
 
 def _touch(lock: Path) -> None:

@@ -331,7 +331,8 @@ def test_from_python_with_a_client_of_ones_own(tmp_path: Path, digests: dict[str
         distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as cluster,
         distributed.Client(cluster, set_as_default=False) as client,
     ):
-        found = multicor.study(tmp_path / "s.toml", tmp_path / "here", client=client)
+        with pytest.warns(UserWarning, match="asks for no certificate"):
+            found = multicor.study(tmp_path / "s.toml", tmp_path / "here", client=client)
         assert client.status == "running"  # it is not ours to close
     pandas = pytest.importorskip("pandas")
     assert isinstance(found, pandas.DataFrame)

@@ -196,10 +196,10 @@ def disturb(folder: Path, chance: random.Random, there: Cluster | None, most: in
     return killed
 
 
-@pytest.mark.parametrize("only", ["worker", "scheduler"])
+@pytest.mark.parametrize("only", ["nursery", "worker", "scheduler"])
 def test_one_dies(only: str, tmp_path: Path, alone: dict[str, str]) -> None:
     with cluster(tmp_path) as there:
-        killed = disturb(tmp_path, random.Random(only), there if only == "scheduler" else None, 1, only)
+        killed = disturb(tmp_path, random.Random(only), None if only == "nursery" else there, 1, only)
     assert killed == {only: 1}
     require_undisturbed(tmp_path, alone)
 

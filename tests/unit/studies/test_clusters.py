@@ -2,17 +2,32 @@
 
 from __future__ import annotations
 
+import contextlib
+import shlex
+import stat
+import sys
+from collections.abc import Iterator
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
 
 from multicor_cli.store.errors import StoreError
-from multicor_cli.studies.clusters import DoesNotFit, _cluster, existing, parse_memory
+from multicor_cli.studies.clusters import (
+    DoesNotFit,
+    MissingDask,
+    _cluster,
+    _wants_dashboard,
+    existing,
+    parse_memory,
+    require_libraries,
+)
 from multicor_cli.studies.forecast import Needs
 from multicor_cli.studies.schema import Compute, Queue
 
 pytest.importorskip("dask_jobqueue")
+pytest.importorskip("cryptography")
 
 LINES = {
     "slurm": ["#SBATCH -p main", "#SBATCH -t 02:00:00", "--cpus-per-task=4", "--mem=8G"],
@@ -22,26 +37,72 @@ LINES = {
 }
 
 
+@pytest.fixture
+def keys(tmp_path: Path) -> Iterator[Any]:
+    from multicor_cli.studies.keys import cluster_keys
+
+    with contextlib.ExitStack() as stack:
+        yield cluster_keys(stack, tmp_path / "it's a study" / "logs")
+    assert not list((tmp_path / "it's a study" / "logs").iterdir())
+
+
 @pytest.mark.parametrize("name", LINES)
-def test_scripts_of_jobs(name: str, tmp_path: Path) -> None:
+def test_scripts_of_jobs(name: str, tmp_path: Path, keys: Any) -> None:
     table = Queue(queue="main", walltime="02:00:00", cores=4, memory="8GB", jobs=3, job_extra_directives=["--account=me"])
-    with _cluster(name, table, tmp_path, parse_memory(table.memory)) as cluster:
+    with _cluster(name, table, tmp_path, parse_memory(table.memory), keys) as cluster:
         script = cluster.job_script()
+        assert cluster.scheduler_address.startswith("tls://")
     for line in LINES[name]:
         assert line in script, script
     assert "--account=me" in script
     assert "--lifetime 7155s" in script  # 45 s before the walltime
     assert "--resources cores=4,memory=8000000000" in script
     assert "--nthreads 4" in script
+    (line,) = [line for line in script.splitlines() if "dask_worker" in line]
+    words = shlex.split(line)
+    assert words[:3] == ["cd", "/", "&&"]
+    start = words.index("-m")
+    assert words[start - 2 : start + 2] == [sys.executable, "-P", "-m", "distributed.cli.dask_worker"]
+    assert "PRIVATE KEY" not in script
+    for option, name in (("--tls-ca-file", "tls_ca_file"), ("--tls-cert", "tls_worker_cert"), ("--tls-key", "tls_worker_key")):
+        file = Path(words[words.index(option) + 1])
+        assert file == Path(getattr(keys, name))
+        assert stat.S_IMODE(file.stat().st_mode) == 0o600
+        assert stat.S_IMODE(file.parent.stat().st_mode) == 0o700
 
 
-def test_an_option_that_the_batch_system_does_not_have(tmp_path: Path) -> None:
+def test_the_interpreter_of_jobs_may_be_another(tmp_path: Path, keys: Any) -> None:
+    with _cluster("slurm", Queue(python="/opt/bin/python -E"), tmp_path, 1e9, keys) as cluster:
+        assert " /opt/bin/python -E -P -m distributed.cli.dask_worker tls://" in cluster.job_script()
+
+
+def test_files_of_keys_that_a_killed_client_has_left_are_removed(tmp_path: Path) -> None:
+    from multicor_cli.studies.keys import cluster_keys
+
+    (tmp_path / ".keys-old").mkdir()
+    (tmp_path / ".keys-old" / "tls_worker_key.pem").write_text("secret")
+    (tmp_path / "dask-worker-1.err").write_text("")
+    with contextlib.ExitStack() as stack:
+        kept = Path(cluster_keys(stack, tmp_path).tls_worker_key).parent
+        assert sorted(tmp_path.iterdir()) == sorted([kept, tmp_path / "dask-worker-1.err"])
+
+
+def test_an_option_that_the_batch_system_does_not_have(tmp_path: Path, keys: Any) -> None:
     with pytest.raises(StoreError, match=r"\[compute\] slurm: .*colour"):
-        _cluster("slurm", Queue(colour="red"), tmp_path, 1e9)
+        _cluster("slurm", Queue(colour="red"), tmp_path, 1e9, keys)
+
+
+@pytest.mark.parametrize("missing", ["distributed", "dask_jobqueue", "cryptography"])
+def test_what_is_missing_is_named(missing: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setitem(sys.modules, missing, None)
+    require_libraries(Compute(workers=2))  # here nothing is needed
+    with pytest.raises(MissingDask, match=f"slurm needs {missing.replace('_', '-')}, which is not installed: pip install"):
+        require_libraries(Compute(slurm=Queue()))
 
 
 class _Client:
-    def __init__(self, *memories: float) -> None:
+    def __init__(self, *memories: float, address: str = "tls://10.0.0.1:8786") -> None:
+        self.scheduler = SimpleNamespace(address=address)
         self._workers = {str(k): {"nthreads": 2, "resources": {"memory": m} if m else {}} for k, m in enumerate(memories)}
 
     def scheduler_info(self, n_workers: int) -> dict[str, Any]:
@@ -56,3 +117,27 @@ def test_workers_that_say_how_much_memory_they_have() -> None:
     assert existing(_Client(), Compute(), Needs(1, 2e9)).asked == {}
     with pytest.raises(DoesNotFit, match="a case takes about 9 GB, workers offer 8 GB at most"):
         existing(_Client(8e9, 4e9), Compute(), Needs(1, 9e9))
+
+
+@pytest.mark.parametrize(
+    ("options", "wanted"),
+    [({}, False), ({"host": "127.0.0.1"}, False), ({"dashboard_address": ":8787"}, True), ({"dashboard": True}, True)],
+)
+def test_a_dashboard_is_there_only_if_asked_for(options: dict[str, Any], wanted: bool, tmp_path: Path, keys: Any) -> None:
+    table = Queue(scheduler_options=options)
+    assert _wants_dashboard(table) is wanted
+    with _cluster("slurm", table, tmp_path, 1e9, keys) as cluster:
+        assert cluster.scheduler_spec["options"]["dashboard"] is wanted
+        assert cluster.scheduler_spec["options"]["dashboard_address"] == options.get("dashboard_address", "127.0.0.1:0")
+
+
+@pytest.mark.parametrize("address", ["tcp://10.0.0.1:8786", "ucx://10.0.0.1:8786", "ws://10.0.0.1:8786"])
+def test_a_scheduler_that_anybody_may_use(address: str) -> None:
+    found = existing(_Client(8e9, address=address), Compute(), Needs(1, 2e9)).doubt
+    assert found.startswith(f"Dask at {address} asks for no certificate")
+    assert "--tls-ca-file" in found
+
+
+@pytest.mark.parametrize("address", ["tls://10.0.0.1:8786", "inproc://10.0.0.1/1/1"])
+def test_a_scheduler_that_nobody_else_may_use(address: str) -> None:
+    assert not existing(_Client(8e9, address=address), Compute(), Needs(1, 2e9)).doubt
