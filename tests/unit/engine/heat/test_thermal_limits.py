@@ -35,6 +35,15 @@ def test_a_rigid_or_insulating_partner():
     assert conduction.harmonic_mean(15.0, 1e-9) == pytest.approx(2e-9, rel=1e-9)
 
 
+def test_a_circle_is_as_hollow_as_it_is():
+    """1/a* = 1/a − 1/R: a plane if it is wide; bounded where the grain fills it."""
+    assert radii.cup_radius(A, 4.0 * A) == pytest.approx(4.0 / 3.0 * A)
+    assert radii.cup_radius(A, 1e12) == pytest.approx(A, rel=1e-12)
+    for filled in (1.005, 1.0, 0.5):
+        assert radii.cup_radius(A, filled * A) == radii.LARGEST_CUP * A
+    assert radii.cup_radius(A, 1.0101 * A) == pytest.approx(radii.LARGEST_CUP * A, rel=1e-2)
+
+
 def test_exchanging_the_bodies_changes_nothing():
     assert hertz.contact_modulus(1e11, 0.3, 7e10, 0.2) == hertz.contact_modulus(7e10, 0.2, 1e11, 0.3)
     assert gas.parallel_conductance(AIR, A, 3 * A, 1e-6, 0.0) == gas.parallel_conductance(AIR, 3 * A, A, 1e-6, 0.0)
@@ -237,6 +246,7 @@ SAMPLES = {
     "conduction.biot_number": (5e-4, 15.0, A),
     "hertz.contact_radius": (0.7, 7.5e-4, 1e11),
     "radii.effective_radius": (A, 2e-3),
+    "radii.cup_radius": (A, 4.0 * A),
     "conduction.hertz_conductance": (15.0, 1e-5),
     "convection.coefficient_of": (7.3, AIR, 3e-3),
     "convection.gunn": (100.0, 0.7, 0.4),
