@@ -131,6 +131,7 @@ def features_of(model: Model) -> frozenset[Feature]:
         "adhesion": laws.adhesion.size > 0,
         "rolling": laws.rolling.size > 0,
         "exchange": model.outlets is not None,
+        "motion": model.start_speed > 0.0,
     }
     return frozenset(feature for feature, is_there in found.items() if is_there)
 

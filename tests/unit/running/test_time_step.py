@@ -9,7 +9,16 @@ from scenes import SHEAR
 from multicor_cli.engine.motion.drives import Constant, DofDrive, Ramp, Sine, WallDrive
 from multicor_cli.packing import build
 from multicor_cli.running.planning import make_plan
-from multicor_cli.running.time_step import FALL, HIGH_FRICTION, PRESSURE, STRAIN, Scales, automatic_step, find_scales, review_steps
+from multicor_cli.running.time_step import (
+    HIGH_FRICTION,
+    PRESSURE,
+    STRAIN,
+    TRAVEL,
+    Scales,
+    automatic_step,
+    find_scales,
+    review_steps,
+)
 from multicor_cli.scenario import ScenarioError, parse_scenario
 from multicor_cli.scenario.settings import Output
 
@@ -71,7 +80,7 @@ def test_each_scale_can_be_the_one_that_limits():
     output = Output(frame_interval=1.0)
     assert automatic_step(Scales(1e-3, np.inf, np.inf), output) == pytest.approx(1e-3 * PRESSURE, rel=0.1)
     assert automatic_step(Scales(1.0, 1e-2, np.inf), output) == pytest.approx(1e-2 * STRAIN, rel=0.1)
-    assert automatic_step(Scales(1.0, np.inf, 1e-3), output) == pytest.approx(1e-3 * FALL, rel=0.1)
+    assert automatic_step(Scales(1.0, np.inf, 1e-3), output) == pytest.approx(1e-3 * TRAVEL, rel=0.1)
     assert automatic_step(Scales(np.inf, np.inf, 1e-3), output) is None
 
 
@@ -79,7 +88,7 @@ def test_friction_between_grains_shortens_the_step():
     assert Scales(1.0, np.inf, np.inf, 0.3).limit == PRESSURE
     assert Scales(1.0, np.inf, np.inf, 2.0 * HIGH_FRICTION).limit == pytest.approx(PRESSURE / 8.0)
     assert Scales(np.inf, 1.0, np.inf, 2.0 * HIGH_FRICTION).limit == pytest.approx(STRAIN / 2.0)
-    assert Scales(np.inf, np.inf, 1.0, 2.0 * HIGH_FRICTION).limit == FALL
+    assert Scales(np.inf, np.inf, 1.0, 2.0 * HIGH_FRICTION).limit == TRAVEL
     scenario, model, _ = planned("contacts.0.friction=0.7")
     assert find_scales(scenario, model, [WallDrive()] * model.wall_count).friction == 0.7
     table = "contacts.0.friction={ speed = [0.0, 1.0], values = [0.6, 0.2] }"
