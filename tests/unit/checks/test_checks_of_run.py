@@ -109,7 +109,8 @@ def test_negative_losses_of_shear_do_not_depend_on_restitution(restitution: floa
         f"contacts.0.restitution={restitution}", f"solver.dt={dt}", "loading.0.until.strain.value=2.0",
         "particles.0.count=330", "domain.size=[0.02,0.025]", "particles.0.region.max=[0.02,0.0178]",
         "walls.0.geometry.to=[0.02,0.0]", "walls.1.geometry.from=[0.02,0.019]", "walls.1.geometry.to=[0.0,0.019]",
-        'walls.1.geometry.side="left"', "variables.speed=0.72", "loading.0.drives.top.y.force=-0.2", "particles.0.shear_rate=37.9", "output.frame_interval=0.01",
+        'walls.1.geometry.side="left"', "variables.speed=0.72", "loading.0.drives.top.y.force=-0.2",
+        "particles.0.shear_rate=37.9", "output.frame_interval=0.01",
     )  # fmt: skip
     multicor.run(CONFIGS / "shear-gravity-free.toml", tmp_path / "run", overrides=overrides)
     checks = {check.name: check for check in multicor.check_run(tmp_path / "run")}
