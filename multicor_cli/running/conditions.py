@@ -22,6 +22,7 @@ ROUNDING = 1e-9
 Relation = Literal["at least", "at most"]
 
 KINETIC = BOOK_NAMES.index("kinetic")
+_KINETIC_START = BOOK_NAMES.index("kinetic_start")
 
 
 @dataclass(frozen=True)
@@ -136,5 +137,7 @@ class RestReached(Condition):
 
 
 def update_peak(state: State) -> None:
-    """Keep the largest kinetic energy of the stage after a step; it begins with the one before the first step."""
+    """Keep the largest kinetic energy of the stage after a step, its initial value included."""
+    if state.step == 1:
+        state.stage_peak = max(state.stage_peak, float(state.books[_KINETIC_START]))
     state.stage_peak = max(state.stage_peak, float(state.books[KINETIC]))

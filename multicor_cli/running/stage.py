@@ -58,7 +58,7 @@ def begin_stage(engine: Staged, stage: StagePlan, starts: Sequence[float]) -> No
     if stage.heat is not None:
         engine.begin_heat(stage.heat.conditions.beginning())
     state = engine.state
-    state.stage_peak = float(state.books[KINETIC])
+    state.stage_peak = float(state.books[KINETIC]) if state.step > 0 else 0.0
     if stage.until is not None:
         state.stage_notes = stage.until.first_notes(state)
 
