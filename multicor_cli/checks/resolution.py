@@ -11,6 +11,7 @@ from multicor_cli.arithmetic.sums import total
 from multicor_cli.checks.check import Measured, Rule
 from multicor_cli.checks.prepared import Prepared
 from multicor_cli.checks.recorded import Recorded
+from multicor_cli.model import Model
 from multicor_cli.running.time_step import Scales, StepReview, largest_friction
 
 _SOLID_FRACTION = 0.8
@@ -23,7 +24,8 @@ _DENSE = 0.5
 def _compare(names: Sequence[str], steps: Sequence[float], reviews: Sequence[StepReview | None]) -> Iterator[Measured]:
     for name, dt, review in zip(names, steps, reviews, strict=True):
         if review is not None and review.automatic is not None:
-            yield Measured(1.0 if review.is_automatic else dt / review.automatic, f"{dt:.3g} s in stage {name}")
+            ratio = 1.0 if review.is_automatic else dt / review.automatic
+            yield Measured(ratio, f"{dt:.3g} s in stage {name}; the automatic one is set by {review.set_by}")
 
 
 def _asked_for(run: Prepared) -> Iterator[Measured]:
@@ -71,6 +73,9 @@ def _negative(run: Recorded) -> Iterator[Measured]:
     """The share, unless the grains rest: losses of a step are then below the energy ½ M (g Δt)² of what gravity does in one.
 
     A bed at rest loses a hundredth of that, with any share; flows lose more than ten times as much.
+
+    Impacts with a coefficient of restitution e take up more than they lose, 1/(1 − e²) times as much, and give the rest back. The
+    errors of a step follow what is taken up: over that, their share is the same for all e; over what is lost it has no bound.
     """
     steps = float(run.series("window_steps").sum())
     if not run.has_steps or steps == 0.0:
@@ -78,8 +83,16 @@ def _negative(run: Recorded) -> Iterator[Measured]:
     model, dt = run.run.model, float(np.asarray(run.run.frames.column("steps/dt")).max(initial=0.0))
     kick = run.largest_gravity * dt
     lost = run.book("friction_loss") + run.book("impact_loss") - run.book("negative_loss")
-    if lost > steps * 0.5 * total(model.grains.mass) * kick * kick:
-        yield Measured(run.info["negative_loss_share"])
+    squared = _least_restitution(model) ** 2
+    if lost > steps * 0.5 * total(model.grains.mass) * kick * kick and squared < 1.0:
+        given_back = max(0.0, run.book("impact_loss")) * squared / (1.0 - squared)
+        yield Measured(run.info["negative_loss_share"] * lost / (lost + given_back))
+
+
+def _least_restitution(model: Model) -> float:
+    """Smallest coefficient of restitution between two grains."""
+    materials = np.unique(model.grains.material)
+    return float(model.laws.restitution[np.ix_(materials, materials)].min())
 
 
 _AUTOMATIC = 'Use dt = "auto", or a step of that size.'
@@ -105,13 +118,14 @@ OF_RUN: tuple[Rule[Recorded], ...] = (
     ),
     Rule(
         "negative losses", _negative,
-        "Energy that contacts gained over what others lost. The loss of a contact in a step is -p·½(u⁻ + u⁺): negative where the "
+        "Energy that contacts gained over what others took up: what friction lost, and what impacts lost or gave back, by their "
+        "coefficient of restitution. The loss of a contact in a step is -p·½(u⁻ + u⁺): negative where the "
         "mean of both velocities points along the impulse, although the impulse brakes at the end of the step. A long step, in "
         "which many impacts and reversals of sliding are one, has many of those; a share of some percent is the error of the step. "
         "In slow flows under a load the error that the solver leaves in velocities makes them, too. "
-        "Left out where the grains rest: what is lost there is next to nothing.",
+        "Left out where the grains rest: what is lost there is next to nothing; and where e = 1: impacts lose nothing else.",
         "Use a shorter dt: the share falls with it. Where the checks of the time step are well, the flow is slow: lower "
-        "tolerance_rms.", unit="of the losses", warning=0.05, bad=0.1,
+        "tolerance_rms.", unit="of the energy taken up", warning=0.05, bad=0.1,
     ),
 )  # fmt: skip
 """What is checked of a run."""

@@ -45,7 +45,7 @@ def _under_load(run: Prepared) -> Iterator[Measured]:
 
 def _in_impacts(run: Prepared) -> Iterator[Measured]:
     stages = zip(run.plan.stages, run.drives, strict=True)
-    speed = max(largest_speed(run.scenario, drives, largest_gravity(stage, run.model)) for stage, drives in stages)
+    speed = max(largest_speed(run.scenario, run.model, drives, largest_gravity(stage, run.model)) for stage, drives in stages)
     for name, table in run.scenario.materials.items():
         if table.young is not None and table.poisson is not None and speed > 0.0:
             yield Measured(impact_deflection(speed, table.density, table.young, table.poisson), f"{name} at {speed:.3g} m/s")
@@ -82,8 +82,8 @@ BEFORE_RUN: tuple[Rule[Prepared], ...] = (
     ),
     Rule(
         "deflection in impacts", _in_impacts,
-        "As deflection, in an elastic impact at the larger of the speed of a free fall through the domain, that of one group of "
-        "grains relative to another, and that of a wall. It lasts for the time of an impact only.", _STIFFER,
+        "As deflection, in an elastic impact at the largest of the speed of a free fall through the domain, those of grains at the "
+        "start or at their release, and those of walls. It lasts for the time of an impact only.", _STIFFER,
         unit="of a diameter", warning=_TOO_SOFT, bad=5.0 * _TOO_SOFT,
     ),
     Rule(

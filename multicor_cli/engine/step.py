@@ -25,7 +25,7 @@ from multicor_cli.engine.contact.system import OrderedSystem, assemble
 from multicor_cli.engine.contact.table import tabulate_contacts
 from multicor_cli.engine.contact.thread_choice import ThreadChoice
 from multicor_cli.engine.energy import account
-from multicor_cli.engine.energy.books import book_step, start_books, switch_wall_kinetic
+from multicor_cli.engine.energy.books import book_step, open_books, switch_wall_kinetic
 from multicor_cli.engine.geometry.drift import fit_drift
 from multicor_cli.engine.geometry.neighbor_list import NeighborList
 from multicor_cli.engine.geometry.scene import Scene, scene_of
@@ -111,6 +111,8 @@ class Engine:
         self.state.wall_origin = self._motion.origins(self.state)
         if self.state.step > 0:
             switch_wall_kinetic(self.state, self._motion.kinetic(self.state.wall_velocity) - before)
+        else:
+            open_books(self.state, self.model, self._motion)
 
     def resume_drives(self, drives: list[WallDrive]) -> None:
         """As `set_drives` in the middle of a stage: the books already know the kinetic energy of the walls."""
@@ -137,7 +139,7 @@ class Engine:
         self._contacts = self._last_scene = None  # free the contacts of the last step before there are new ones
         state, model, motion = self.state, self.model, self._motion
         if state.step == 0:
-            start_books(state, model, motion)
+            open_books(state, model, motion)
         with self._timed("predict"):
             scene, reach = self._predict(dt, t)
         margin = -1.0

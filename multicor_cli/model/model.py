@@ -162,6 +162,7 @@ class Model:
         shape_factor: m a²/I, one of `SHAPE_FACTOR`, the same for all grains.
         thermal: Heat capacities and initial temperatures, or None if the run has no heat.
         outlets: Names of the outlets, or None if no grain ever comes or goes.
+        start_speed: Speed of the fastest grain, surface of a grain or wall at the start, but for the shear that walls impose [m/s].
         numbers: Numbers of the grains in messages, shape ``(n,)``; None: their places in the arrays.
     """
 
@@ -176,6 +177,7 @@ class Model:
     shape_factor: float
     thermal: Thermal | None = None
     outlets: tuple[str, ...] | None = None
+    start_speed: float = 0.0
     numbers: NDArray[np.int64] | None = None
 
     @property

@@ -50,9 +50,9 @@ Version = tuple[int, int]
 DType = Literal["f8", "float", "i8", "i4", "u1", "str"]
 """Stored types. ``float`` is f8 or f4 after ``output.precision``; ``str`` is UTF-8 of fixed length."""
 
-Feature = Literal["heat", "softening", "adhesion", "rolling", "exchange", "surface", "groups"]
+Feature = Literal["heat", "softening", "adhesion", "rolling", "exchange", "surface", "groups", "motion"]
 """What only some runs have: temperatures, friction that depends on them, adhesion, rolling resistance, grains that come and go,
-walls whose surface runs, walls that only some groups meet."""
+walls whose surface runs, walls that only some groups meet, motion at the start."""
 
 Export = Literal["vtk", "gsd"]
 """What shows a dataset of the frames besides CSV, which shows all: the view for ParaView, and GSD files."""

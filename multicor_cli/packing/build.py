@@ -21,6 +21,7 @@ from multicor_cli.packing.laws import contact_laws, touching_pairs
 from multicor_cli.packing.overlap import behind_problem, overlap_problems, solid_problem
 from multicor_cli.packing.pairs import wrap
 from multicor_cli.packing.source import Source, read_source
+from multicor_cli.packing.start_speed import start_speed
 from multicor_cli.packing.thermal import group_thermal, joined, sizes_problems
 from multicor_cli.packing.wall_tables import BuiltWalls, build_walls
 from multicor_cli.scenario import Scenario, ScenarioError
@@ -72,7 +73,7 @@ def place(scenario: Scenario) -> Placed:
     seed = nudge_seed()
     if seed is not None:
         state.position = nudge(state.position, model.period, seed)
-    return Placed(model, state)
+    return Placed(replace(model, start_speed=start_speed(scenario, model, state)), state)
 
 
 def _go_on(scenario: Scenario) -> Placed:
@@ -95,6 +96,7 @@ def _go_on(scenario: Scenario) -> Placed:
     _refuse_overlaps(scenario, model, state, walls)
     model, state = carried_over(scenario, source, model, state)
     _refuse_unknown_forces(scenario, source, state)
+    model = replace(model, start_speed=start_speed(scenario, model, state))
     return Placed(model, state, origin_of(source, model))
 
 

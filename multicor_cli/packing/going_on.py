@@ -15,10 +15,10 @@ from multicor_cli.arithmetic.sums import total
 from multicor_cli.engine.contact.adhesion import resting_attraction
 from multicor_cli.engine.exchange.books import note_presence
 from multicor_cli.engine.geometry.scene import scene_of
-from multicor_cli.model import BOOK_NAMES, Model, Presence, State, Thermal, WallBody
+from multicor_cli.model import Model, Presence, State, Thermal, WallBody
 from multicor_cli.model.areas import Room
 from multicor_cli.model.columns import NORMAL, Y
-from multicor_cli.model.model import SHAPE_FACTOR, Floats, Grains, Ints
+from multicor_cli.model.model import SHAPE_FACTOR, Floats, Ints
 from multicor_cli.model.shapes import TAIL, Tail
 from multicor_cli.packing.errors import PackingError
 from multicor_cli.packing.groups import with_motion
@@ -29,7 +29,6 @@ from multicor_cli.scenario import Scenario
 from multicor_cli.store.origin import Origin
 
 _RUN = ("start", "run")
-_KINETIC, _KINETIC_START = BOOK_NAMES.index("kinetic"), BOOK_NAMES.index("kinetic_start")
 
 
 def misfits(scenario: Scenario, source: Source) -> list[PackingError]:
@@ -156,13 +155,7 @@ def carried_over(scenario: Scenario, source: Source, model: Model, state: State)
         for new, before in same.items():
             state.wall_temperature[new] = old.wall_temperature[before]
         model = replace(model, thermal=thermal)
-    state.books[[_KINETIC, _KINETIC_START]] = _kinetic(model.grains, state)  # where the run begins with a frozen stage
     return model, state
-
-
-def _kinetic(grains: Grains, state: State) -> float:
-    (u, v, spin), here = state.velocity[state.here].T, state.here
-    return total(0.5 * grains.mass[here] * (u * u + v * v) + 0.5 * grains.inertia[here] * (spin * spin))
 
 
 def _carry_contacts(source: Source, model: Model, state: State, same: Mapping[int, int]) -> None:

@@ -69,7 +69,8 @@ class Controller:
 
     The order, which decides what a frame and a checkpoint hold:
 
-    1. At the very start of a run: frame 0 and series row 0, then a checkpoint.
+    1. At the very start of a run: the drives of the first stage (the books hold the energy of walls that loads drive); frame 0 and
+       series row 0, then a checkpoint.
     2. Before every step: stop if a signal or the time limit says so (after a checkpoint); a checkpoint if one is due.
     3. Before every step but frozen ones: grains go and come. Before the first step of a stage: its drives.
     4. A step; then peak energy of the stage, and what its condition notes of the step. If the stage goes on, the program that
@@ -138,6 +139,7 @@ class Controller:
             StoreError: If something cannot be written.
         """
         if is_new:
+            begin_stage(self._engine, self._plan.stages[0], self._starts)
             self._write_series()
             self._write_frame()
             self._checkpoint()

@@ -74,7 +74,7 @@ def _automatic_step(
     scales = find_scales(scenario, model, drives.started([0.0] * (number + 1)), gravity.gravity.largest(), laws)
     dt = automatic_step(scales, scenario.output)
     if dt is None:
-        what = f"cannot choose a time step for stage {number}: there is no gravity, no load and no moving wall"
+        what = f"cannot choose a time step for stage {number}: there is no gravity and no load, and nothing moves"
         raise ScenarioError([scenario.problem(path, what, "give the time step [s]")])
     if stage.duration is None:
         return dt

@@ -21,6 +21,7 @@ from multicor_cli.engine.motion.drives import DofDrive, Shifted, Sine, WallDrive
 from multicor_cli.engine.motion.gravity import Gravity
 from multicor_cli.model import ContactLaws, Model, ShapeKind
 from multicor_cli.model.columns import RADIUS
+from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import TAIL, Tail
 from multicor_cli.running.plan import RunPlan, StagePlan
 from multicor_cli.scenario.scenario import Scenario
@@ -38,8 +39,8 @@ HIGH_FRICTION = 0.5
 PERIOD = 0.02
 """Largest Δt over the period of a prescribed displacement, or of the mass of a wall on its spring."""
 
-FALL = 0.3
-"""Largest distance in a step over d̄, at the larger of the speed of a free fall and that between groups of grains."""
+TRAVEL = 0.3
+"""Largest distance in a step over d̄, at the largest speed that is known beforehand (`fastest`)."""
 
 
 LargestGravity = tuple[float, float, float]
@@ -56,24 +57,34 @@ class Scales:
         strain: 1/γ̇, with γ̇ the largest of: the sum of the two largest wall speeds in x over the height of the domain, that of the
             two largest in y over its smaller side, and the fastest spin of a wall; a surface that runs counts as the motion of the
             wall that would carry grains along like it.
-        fall: d̄ over the larger of the speed of a free fall through the domain and the largest initial speed of one group of grains
-            relative to another.
+        travel: d̄ over the largest speed that is known beforehand, see `fastest`.
         friction: Largest coefficient of friction between grains.
         period: Shortest period of a prescribed displacement, or of a wall on its spring.
+        fastest: What moves at that speed.
     """
 
     pressure: float
     strain: float
-    fall: float
+    travel: float
     friction: float = 0.0
     period: float = math.inf
+    fastest: str = ""
 
     @property
     def limit(self) -> float:
         """The largest time step that all of them allow [s]."""
+        return min(self.limits.values())
+
+    @property
+    def limits(self) -> dict[str, float]:
+        """The largest time step that each of them allows [s], by what sets it."""
         excess = max(1.0, self.friction / HIGH_FRICTION)
-        flow = min(PRESSURE / (excess * excess * excess) * self.pressure, STRAIN / excess * self.strain, FALL * self.fall)
-        return min(flow, PERIOD * self.period)
+        return {
+            "the pressure": PRESSURE / (excess * excess * excess) * self.pressure,
+            "the strain of moving walls": STRAIN / excess * self.strain,
+            self.fastest: TRAVEL * self.travel,
+            "a period": PERIOD * self.period,
+        }
 
 
 def find_scales(
@@ -96,13 +107,14 @@ def find_scales(
     mean_mass = total(model.grains.mass) / model.grain_count
     pressure = largest_pressure(scenario, model, drives, gravity)
     rate = _largest_rate(scenario, model, drives)
-    speed = _largest_speed(scenario, gravity)
+    speed, mover = fastest(scenario, model, drives, gravity)
     return Scales(
         math.sqrt(mean_mass / pressure) if pressure > 0.0 else math.inf,
         1.0 / rate if rate > 0.0 else math.inf,
         model.mean_diameter / speed if speed > 0.0 else math.inf,
         largest_friction(model, model.laws if laws is None else laws),
         _shortest_period(model, drives),
+        f"{mover} at {speed:.3g} m/s",
     )
 
 
@@ -192,28 +204,57 @@ def _surface_motion(model: Model, w: int, drive: WallDrive) -> tuple[float, floa
     return speed * x, speed * y, float((speed / geometry[is_round, RADIUS]).max(initial=0.0))
 
 
-def largest_speed(scenario: Scenario, drives: Sequence[WallDrive], gravity: LargestGravity) -> float:
-    """The larger of the speed in `Scales.fall` and the speeds of the walls in x and y, and of their surfaces [m/s]."""
-    of_walls = [max(_largest_velocity(drive.x), _largest_velocity(drive.y)) for drive in drives]
+def largest_speed(scenario: Scenario, model: Model, drives: Sequence[WallDrive], gravity: LargestGravity) -> float:
+    """The larger of the speed of `fastest` and the speeds of the walls in x and y, and of their surfaces [m/s]."""
+    walls = [max(_largest_velocity(drive.x), _largest_velocity(drive.y)) for drive in drives]
     surfaces = [drive.surface.largest() for drive in drives if drive.surface is not None]
-    return max([_largest_speed(scenario, gravity), *of_walls, *surfaces])
+    return max([fastest(scenario, model, drives, gravity)[0], *walls, *surfaces])
 
 
-def _largest_speed(scenario: Scenario, gravity: LargestGravity) -> float:
-    """Speed of a free fall through the domain, or of a group of grains relative to another at the start [m/s]."""
+def fastest(scenario: Scenario, model: Model, drives: Sequence[WallDrive], gravity: LargestGravity) -> tuple[float, str]:
+    """The largest speed that is known beforehand [m/s], and what has it.
+
+    That is a free fall through the domain; what moves at the start; a group of grains relative to another, and grains that are
+    released; and the surfaces of walls, as stages move and turn them. Walls from one period to the next that move along it do not
+    come nearer to anything: they shear, and their rate of shear limits the step.
+    """
     falls = [math.sqrt(2.0 * g * length) for g, length in zip(gravity[:2], scenario.domain.size, strict=True)]
-    velocities = [group.velocity for group in scenario.particles]
-    apart = [hypot(a[0] - b[0], a[1] - b[1]) for a in velocities for b in velocities]
-    return max([*falls, *apart])
+    groups = scenario.particles
+    apart = [hypot(a.velocity[0] - b.velocity[0], a.velocity[1] - b.velocity[1]) for a in groups for b in groups]
+    found = [(max(falls), "a free fall through the domain"), (model.start_speed, "motion at the start")]
+    found.append((max(apart, default=0.0), "groups of grains relative to each other"))
+    for number, group in enumerate(groups):
+        if group.release is not None:
+            largest = float(model.grains.radius[model.grains.group == number].max(initial=0.0))
+            found.append((max(hypot(*group.velocity), largest * abs(group.spin)), f"released grains of group '{group.name}'"))
+    reach = _reach_of_walls(model, hypot(*scenario.domain.size))
+    for name, drive, arm, wall in zip(model.walls.names, drives, reach.tolist(), scenario.walls, strict=True):
+        is_along = wall.geometry.spans_period(scenario.domain)
+        along = 0.0 if is_along else _largest_velocity(drive.x)
+        found.append((hypot(along, _largest_velocity(drive.y)) + arm * _largest_velocity(drive.spin), f"wall '{name}'"))
+        if drive.surface is not None and not is_along:
+            found.append((drive.surface.largest(), f"the surface of wall '{name}'"))
+    return max(found, key=lambda pair: pair[0])
+
+
+def _reach_of_walls(model: Model, far: float) -> Floats:
+    """How far the surface of each wall is from the point about which it turns [m], shape ``(w,)``; ``far`` for planes."""
+    kind, (x, y, u, v) = model.shapes.kind, model.shapes.geometry.T
+    reach = np.sqrt(x * x + y * y)
+    reach = np.where(TAIL[kind] == Tail.POINT, np.maximum(reach, np.sqrt(u * u + v * v)), reach)
+    reach = np.where((kind == ShapeKind.DISC) | (kind == ShapeKind.CIRCLE), reach + u, reach)
+    farthest = np.zeros(model.wall_count)
+    np.maximum.at(farthest, model.shapes.wall, np.where(kind == ShapeKind.PLANE, far, reach))
+    return farthest
 
 
 def automatic_step(scales: Scales, output: Output) -> float | None:
-    """The automatic time step of a stage [s]; None if neither weight, nor load, nor driven wall sets a scale.
+    """The automatic time step of a stage [s]; None if neither weight, nor load, nor driven wall, nor any motion sets a scale.
 
     Rounded down to two digits, so that it is the same on every machine, and then so that a whole number of steps makes up the
     interval between frames, or between rows if one was asked for.
     """
-    if min(scales.pressure, scales.strain, scales.period) == math.inf:
+    if scales.limit == math.inf:
         return None
     interval = output.frame_interval if output.has_default_series else min(output.frame_interval, output.series_interval)
     step = min(_round_down(scales.limit), interval)
@@ -228,27 +269,31 @@ class StepReview:
         is_automatic: Whether it was chosen automatically.
         of_pressure: Δt over √(m̄/P).
         strain: Strain in a step, γ̇ Δt: the sliding distance over the diameter, and the angle by which contacts turn.
-        fall: Distance in a step over d̄, at the speed in `Scales.fall`.
+        travel: Distance in a step over d̄, at the speed in `Scales.travel`.
         of_period: Δt over the shortest period of a prescribed displacement or a spring.
         automatic: What the automatic time step would be [s].
+        set_by: What sets that.
+        fastest: What moves at the speed in `Scales.travel`.
     """
 
     is_automatic: bool
     of_pressure: float | None
     strain: float | None
-    fall: float | None
+    travel: float | None
     of_period: float | None
     automatic: float | None
+    set_by: str
+    fastest: str
 
     def text(self) -> str:
         """In words."""
         shares = [
-            text.format(share)
+            f"{share:.2g} {text}"
             for share, text in (
-                (self.of_pressure, "{:.2g} √(m̄/P)"),
-                (self.strain, "{:.2g} of strain"),
-                (self.fall, "at most {:.2g} diameters per step in free fall"),
-                (self.of_period, "{:.2g} of a period"),
+                (self.of_pressure, "√(m̄/P)"),
+                (self.strain, "of strain"),
+                (self.travel, f"diameters per step of {self.fastest}"),
+                (self.of_period, "of a period"),
             )
             if share is not None
         ]
@@ -268,9 +313,11 @@ def review_steps(scenario: Scenario, model: Model, plan: RunPlan) -> list[StepRe
             is_automatic,
             _ratio(stage.dt, scales.pressure),
             _ratio(stage.dt, scales.strain),
-            _ratio(stage.dt, scales.fall),
+            _ratio(stage.dt, scales.travel),
             _ratio(stage.dt, scales.period),
             automatic_step(scales, scenario.output),
+            min(scales.limits, key=scales.limits.__getitem__),
+            scales.fastest,
         )
         reviews.append(None if stage.is_frozen else review)
     return reviews

@@ -59,7 +59,8 @@ class Solver(Table):
     """``[solver]``: time step and contact solver."""
 
     dt: TimeStep = Field(
-        "auto", description='time step [s], or "auto": the largest that resolves the pressure, the shear and the fall of each stage'
+        "auto",
+        description='time step [s], or "auto": the largest that resolves the pressure, the shear and the motion of each stage',
     )
     method: Literal["accelerated", "gauss-seidel"] = Field("accelerated", description="global solution of the contacts")
     local: Literal["exact", "bipotential"] = Field("exact", description="local solution of one contact")

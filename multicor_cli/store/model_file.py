@@ -107,6 +107,7 @@ def read_model(file: CheckedFile) -> Model:
         shape_factor=float(data["shape_factor"][0]),
         thermal=_thermal(data),
         outlets=tuple(data["outlets"]) if "outlets" in data else None,
+        start_speed=float(data["start_speed"][0]) if "start_speed" in data else 0.0,
     )
     _check_model(model, file.path)
     return model

@@ -13,6 +13,7 @@ from multicor_cli.arithmetic.sums import total
 from multicor_cli.engine.contact.solve import Outcome
 from multicor_cli.engine.energy import account
 from multicor_cli.engine.motion.correction import Correction
+from multicor_cli.engine.motion.moves import kinetic_of
 from multicor_cli.engine.motion.walls import WallMotion
 from multicor_cli.model.books import BOOK_NAMES, EXCHANGE_NAMES, TALLY_NAMES, WINDOW_NAMES
 from multicor_cli.model.model import Model
@@ -24,14 +25,20 @@ _EXCHANGE = {name: k for k, name in enumerate(EXCHANGE_NAMES)}
 _WINDOW = {name: k for k, name in enumerate(WINDOW_NAMES)}
 
 
-def start_books(state: State, model: Model, motion: WallMotion) -> None:
-    """Open the books at the first step with the kinetic energy of the initial state."""
-    grains = model.grains
-    u, v, spin = state.velocity.T
-    kinetic = total(0.5 * grains.mass * (u * u + v * v) + 0.5 * grains.inertia * (spin * spin))
+OPENING_SHARE = 2.0**-8
+"""Share of the first kinetic energy that counts as a term, so that what its sum is rounded by is far below 10⁻¹⁰ of the terms."""
+
+ROUNDED_SHARE = 2.0**-14
+"""Likewise of that after each step: a step rounds every velocity, by up to 2⁻⁵³ of it, perhaps always in the same direction."""
+
+
+def open_books(state: State, model: Model, motion: WallMotion) -> None:
+    """Open the books with the kinetic energy of the initial state; once more if that has changed before the first step."""
+    kinetic = kinetic_of(state.velocity, model.grains.radius, model.grains.mass, model.shape_factor)
     kinetic += motion.kinetic(state.wall_velocity)
     state.books[_BOOK["kinetic"]] = kinetic
     state.books[_BOOK["kinetic_start"]] = kinetic - _brought_in(state)
+    state.books[_BOOK["terms"]] = OPENING_SHARE * kinetic
 
 
 def switch_wall_kinetic(state: State, change: float) -> None:
@@ -104,7 +111,7 @@ def book_step(
         books[_BOOK[name]] += value
     books[_BOOK["friction_sliding"]] += sums.total[account.SLIDING]
     books[_BOOK["negative_loss"]] += sums.total[account.NEGATIVE]
-    books[_BOOK["terms"]] += abs(change) + math.fsum(abs(value) for value in entries.values())
+    books[_BOOK["terms"]] += abs(change) + math.fsum(abs(value) for value in entries.values()) + ROUNDED_SHARE * kinetic
     _close(state)
     _tally(state, sums, correction, outcome, dt)
     _add_to_window(state, sums, outcome, dt)

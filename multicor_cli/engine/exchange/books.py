@@ -35,7 +35,7 @@ def book_out(state: State, model: Model, grains: NDArray[np.int64], what: str) -
     _add(state, "potential_out", potential)
     _count(state, model, grains, what)
     if state.heat.size:
-        book_heat_out(state, total(state.heat[grains]))
+        book_heat_out(state, state.heat[grains])
 
 
 def book_returned(state: State, model: Model, grains: NDArray[np.int64]) -> None:

@@ -10,7 +10,7 @@ from numpy.typing import NDArray
 from multicor_cli.engine.contact.report import PhysicsError, StepReport
 from multicor_cli.engine.contact.solve import Outcome, Settings
 from multicor_cli.engine.energy import account
-from multicor_cli.engine.energy.books import book_step, start_books, switch_wall_kinetic
+from multicor_cli.engine.energy.books import book_step, open_books, switch_wall_kinetic
 from multicor_cli.engine.heat.books import book_undelivered
 from multicor_cli.engine.heat.walls import WallHeat, WallValues, begin_bodies
 from multicor_cli.engine.motion.correction import Correction
@@ -48,6 +48,8 @@ class EmptyEngine:
         self.state.wall_origin = self._motion.origins(self.state)
         if self.state.step > 0:
             switch_wall_kinetic(self.state, self._motion.kinetic(self.state.wall_velocity) - before)
+        else:
+            open_books(self.state, self.model, self._motion)
 
     def resume_drives(self, drives: list[WallDrive]) -> None:
         """Choose what the walls do, in the middle of a stage."""
@@ -96,7 +98,7 @@ class EmptyEngine:
     def _move_walls(self, dt: float, t: float) -> None:
         state, motion = self.state, self._motion
         if state.step == 0:
-            start_books(state, self.model, motion)
+            open_books(state, self.model, motion)
         after = motion.predict(state, self._gravity.value(t + 0.5 * dt), t, dt)
         if not (np.abs(after) <= LARGEST).all() or not (np.abs(motion.belt_before) <= LARGEST).all():
             raise PhysicsError(state.step, find_absurd_value(state, self.model) or "the velocity of a wall is not finite")

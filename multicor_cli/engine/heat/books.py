@@ -51,10 +51,12 @@ def book_undelivered(state: State, heat: float) -> None:
     state.heat_books[_BOOK["undelivered"]] += heat
 
 
-def book_heat_out(state: State, taken: float) -> None:
-    """Enter the heat content that grains take along [J]."""
+def book_heat_out(state: State, contents: Floats) -> None:
+    """Enter the heat contents that grains take along [J], one for each of them."""
+    taken = total(contents)
     state.exchange[_HEAT_OUT] += taken
     state.heat_books[_BOOK["stored"]] -= taken
+    state.heat_books[_BOOK["exchanged"]] += total(np.abs(contents))
 
 
 def note_contacts(state: State, biot: float, gas_ratio: tuple[float, float]) -> None:

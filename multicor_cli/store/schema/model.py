@@ -101,6 +101,11 @@ MODEL: tuple[Dataset, ...] = (
         "model/outlets", "str", ("outlet",), "1", "names of the outlets",
         lambda m: m.model.outlets, only_with="exchange", since=(1, 2),
     ),
+    Dataset(
+        "model/start_speed", "f8", ("one",), "m/s",
+        "speed of the fastest grain, surface of a grain or wall at the start, but for the shear that walls impose",
+        lambda m: m.model.start_speed, only_with="motion", since=(1, 3),
+    ),
     Dataset("model/period", "f8", ("one",), "m", "period in x; 0 if the domain is not periodic", lambda m: m.model.period),
     Dataset("model/gravity", "f8", (2,), "m/s2", "acceleration of gravity (x, y)", lambda m: m.model.gravity),
     Dataset(

@@ -133,6 +133,7 @@ def features_of(model: Model) -> frozenset[Feature]:
         "exchange": model.outlets is not None,
         "surface": model.walls.runs.size > 0,
         "groups": model.walls.meets.size > 0,
+        "motion": model.start_speed > 0.0,
     }
     return frozenset(feature for feature, is_there in found.items() if is_there)
 

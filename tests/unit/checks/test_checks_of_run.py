@@ -15,12 +15,15 @@ from typing import Any
 import numpy as np
 import pytest
 from command_line import call, start
+from places import ROOT
 from scenes import LASTING, PACKED, SMALL, changed, write_small
 
 import multicor_cli as multicor
 from multicor_cli.checks import OF_RUN, Check, Recorded, Verdict, judge_all, resolution, worst_verdict
 from multicor_cli.checks.drift import relative_drift
 from multicor_cli.store import open_run, run_info
+
+CONFIGS = ROOT / "configs"
 
 OK, WARNING, BAD = Verdict.OK, Verdict.WARNING, Verdict.BAD
 
@@ -81,6 +84,39 @@ def test_negative_losses_of_a_bed_at_rest_are_left_out(recorded: Recorded) -> No
     recorded.info["books"] |= {"friction_loss": 0.2 * limit, "negative_loss": -0.3 * limit}
     assert with_info(recorded, "books.impact_loss", 0.6 * limit)["negative losses"].verdict is not None
     assert "negative losses" not in with_info(recorded, "books.impact_loss", 0.4 * limit)
+
+
+@pytest.mark.parametrize(("restitution", "given_back"), [(0.0, 0.0), (0.5, 1.0 / 3.0), (0.9, 0.81 / 0.19)])
+def test_negative_losses_are_compared_with_what_impacts_take_up(
+    restitution: float, given_back: float, recorded: Recorded, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Impacts that lose 1 − e² of what they take up give back e² of it; where they give back all, the share says nothing."""
+    laws = recorded.run.model.laws
+    monkeypatch.setattr(resolution, "_least_restitution", lambda model: restitution)
+    recorded.info["books"] |= {"friction_loss": 3.0, "impact_loss": 2.0, "negative_loss": -0.5}
+    expected = 0.5 / (3.0 + 2.0 + 0.5 + 2.0 * given_back)
+    assert with_info(recorded, "negative_loss_share", 0.5 / 5.5)["negative losses"].value == pytest.approx(expected)
+    monkeypatch.undo()
+    assert resolution._least_restitution(recorded.run.model) == float(laws.restitution.min())
+    monkeypatch.setattr(resolution, "_least_restitution", lambda model: 1.0)
+    assert "negative losses" not in with_info(recorded, "negative_loss_share", 0.5)
+
+
+@pytest.mark.parametrize(("restitution", "dt"), [(0.0, "auto"), (0.9, "auto"), (0.9, 2.5e-3)])
+def test_negative_losses_of_shear_do_not_depend_on_restitution(restitution: float, dt: str | float, tmp_path: Path) -> None:
+    """At the automatic step the check has nothing to say, and a step fifteen times as long is found."""
+    overrides = (
+        f"contacts.0.restitution={restitution}", f"solver.dt={dt}", "loading.0.until.strain.value=2.0",
+        "particles.0.count=330", "domain.size=[0.02,0.025]", "particles.0.region.max=[0.02,0.0178]",
+        "walls.0.geometry.to=[0.02,0.0]", "walls.1.geometry.from=[0.02,0.019]", "walls.1.geometry.to=[0.0,0.019]",
+        'walls.1.geometry.side="left"', "variables.speed=0.72", "loading.0.drives.top.y.force=-0.2",
+        "particles.0.shear_rate=37.9", "output.frame_interval=0.01",
+    )  # fmt: skip
+    multicor.run(CONFIGS / "shear-gravity-free.toml", tmp_path / "run", overrides=overrides)
+    checks = {check.name: check for check in multicor.check_run(tmp_path / "run")}
+    check = checks["negative losses"]
+    assert check.value < run_info(tmp_path / "run")["negative_loss_share"] or restitution == 0.0
+    assert (check.verdict is OK) == (dt == "auto")
 
 
 def test_work_of_corrections_is_compared_with_what_was_put_in(recorded: Recorded) -> None:

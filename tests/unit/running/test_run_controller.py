@@ -78,7 +78,7 @@ def test_times_are_products_not_sums(reference: tuple[FakeEngine, MemoryRecorder
 
 def test_settings_and_drives_of_each_stage_reach_the_engine(reference: tuple[FakeEngine, MemoryRecorder]) -> None:
     engine, _ = reference
-    assert engine.calls == ["set", "set", "set"]
+    assert engine.calls == ["set", "set", "set", "set"]  # those of the first stage before the first row, too
     assert engine.settings.max_sweeps == 50_000
     assert engine.state.wall_position[1, 0] == pytest.approx(-0.5)
 

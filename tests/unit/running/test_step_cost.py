@@ -27,7 +27,7 @@ STAGE = StagePlan("flow", 1e-3, 10, None, 1, 1, Settings(), drives=None)  # type
 
 def scales(number: float) -> Scales:
     """Of a flow with this inertial number, √(m̄/P) γ̇."""
-    return Scales(pressure=number / 100.0, strain=1.0 / 100.0, fall=math.inf)
+    return Scales(pressure=number / 100.0, strain=1.0 / 100.0, travel=math.inf)
 
 
 def test_slow_flows_and_tight_tolerances_need_more_sweeps() -> None:
