@@ -15,9 +15,14 @@ from functools import wraps
 from pathlib import Path
 from typing import Any
 
+import typer
+
 from multicor_cli.cli.console import complain, say
 from multicor_cli.running.outcome import ExitCode, exit_code_of
 from multicor_cli.store import layout
+
+USAGE_ERROR: Any = typer.BadParameter.__mro__[-4]
+"""What the command-line library raises: the class right below Exception, whose name depends on the version."""
 
 _crash_directory: Path | None = None
 
@@ -77,10 +82,7 @@ def _failures() -> Iterator[None]:
 
 def _is_control_flow(error: BaseException) -> bool:
     """Whether the command-line library uses this exception to leave a command, or formats it itself."""
-    import typer
-
-    usage_error = typer.BadParameter.__mro__[-4]  # the one right below Exception: its name depends on the version
-    return isinstance(error, typer.Exit | typer.Abort | usage_error)
+    return isinstance(error, typer.Exit | typer.Abort | USAGE_ERROR)
 
 
 def _report(error: BaseException, code: ExitCode) -> None:

@@ -18,6 +18,7 @@ from numpy.typing import NDArray
 from multicor_cli.engine.contact.problem import ContactProblem, free_velocity
 from multicor_cli.export.errors import ExportError
 from multicor_cli.export.target import check_output
+from multicor_cli.files import regular_path
 from multicor_cli.model.columns import NORMAL, TANGENTIAL
 from multicor_cli.model.model import Floats, Ints
 from multicor_cli.store.atomic import GuardedFile, commit_file, storage_errors, temporary_beside
@@ -213,7 +214,7 @@ def read_fclib(path: Path) -> tuple[ContactProblem, Floats | None]:
         DamagedRun: If it is damaged, or no FCLib file.
         StorageError: If it cannot be read.
     """
-    with reading(path), h5py.File(path, "r", locking=False) as file:
+    with reading(path), regular_path(path) as opened, h5py.File(opened, "r", locking=False) as file:
         if _BODIES not in file:
             known = "an FCLib file, but one of another program" if _LOCAL in file or "fclib_global" in file else "not an FCLib file"
             raise ExportError(f"{path}: is {known}; only files that multicor has exported can be read back")

@@ -18,6 +18,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
+from multicor_cli.files import Unfit, open_regular
 from multicor_cli.store.errors import DamagedRun, StorageError, StorageFull
 
 RESERVE = 1 << 20
@@ -43,23 +44,15 @@ def kill_point(name: str) -> None:
 
 @contextlib.contextmanager
 def storage_errors(path: Path) -> Iterator[None]:
-    """Turn an `OSError` about ``path`` into `StorageFull` or `StorageError`."""
+    """Turn an `OSError` about ``path`` into `StorageFull` or `StorageError`; about what is not a file to be read: `DamagedRun`."""
     try:
         yield
+    except Unfit as error:
+        raise DamagedRun(f"{path}: {error.strerror}") from error
     except OSError as error:
         if error.errno in _NO_SPACE:
             raise StorageFull(path) from error
         raise StorageError(f"{path}: {error.strerror or error}") from error
-
-
-def require_regular(path: Path) -> None:
-    """Refuse anything that exists but is not a regular file: opening a pipe would block forever, and a device has no end.
-
-    Raises:
-        DamagedRun: If it is.
-    """
-    if path.exists() and not path.is_file():
-        raise DamagedRun(f"{path}: not a regular file")
 
 
 def require_space(path: Path, size: int) -> None:
@@ -310,9 +303,9 @@ def fsync_path(path: Path) -> None:
 
 
 def file_digest(path: Path) -> str:
-    """BLAKE2b digest (16 bytes, hexadecimal) of a whole file; raises `StorageError`."""
+    """BLAKE2b digest (16 bytes, hexadecimal) of a whole file; raises `StorageError`, or `DamagedRun` if it is no regular file."""
     digest = hashlib.blake2b(digest_size=16)
-    with storage_errors(path), path.open("rb") as file:
+    with storage_errors(path), open_regular(path) as file:
         while block := file.read(_BLOCK):
             digest.update(block)
     return digest.hexdigest()

@@ -13,7 +13,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from multicor_cli.files import Unfit, read_regular
 from multicor_cli.model import Model
+from multicor_cli.scenario.start import LARGEST_RECORD
 from multicor_cli.store import layout, schema
 from multicor_cli.store.atomic import commit_bytes, file_digest, fsync_path, kill_point, make_directory, storage_errors
 from multicor_cli.store.checked import CheckedFile
@@ -113,11 +115,18 @@ def _keep_former(path: Path, document: Document) -> None:
     number = len(document.get("extensions", [])) + 1
     for name, key in ((layout.SOURCE, "source_sha256"), (layout.RESOLVED, "resolved_sha256")):
         text, former = read_scenario(path / name, str(document[key])).encode(), path / layout.former_name(name, number)
-        with storage_errors(former):
-            is_foreign = os.path.lexists(former) and former.read_bytes() != text
-        if is_foreign:
+        if os.path.lexists(former) and not _holds(former, text):
             raise DirectoryRefused(f"{former}: is in the way of the former scenario of the run; move it away")
         commit_bytes(former, "scenario", text)
+
+
+def _holds(file: Path, text: bytes) -> bool:
+    """Whether a file is there and this is its content; raises `StorageError` if it may not be read."""
+    with storage_errors(file):
+        try:
+            return read_regular(file, LARGEST_RECORD) == text
+        except (FileNotFoundError, Unfit):
+            return False
 
 
 def _reopen(path: Path, document: Document) -> None:

@@ -12,6 +12,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
+from multicor_cli.files import open_regular
 from multicor_cli.store.atomic import storage_errors
 from multicor_cli.store.errors import DirectoryRefused, RunLocked
 
@@ -67,9 +68,7 @@ class RunLock:
 def read_holder(path: Path) -> dict[str, Any]:
     """Who holds (or held, if it died) the lock: ``pid, host, started``; empty if no one does."""
     try:
-        if not path.is_file():
-            return {}
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             return _parse(file.read(_SIZE))
     except OSError:
         return {}

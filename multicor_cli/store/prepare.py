@@ -9,8 +9,10 @@ import os
 import tempfile
 from pathlib import Path
 
+from multicor_cli.files import read_regular
+from multicor_cli.scenario.start import LARGEST_RECORD
 from multicor_cli.store import layout
-from multicor_cli.store.atomic import commit_bytes, make_directory, require_regular, storage_errors
+from multicor_cli.store.atomic import commit_bytes, make_directory, storage_errors
 from multicor_cli.store.documents import Document, read_document, write_document
 from multicor_cli.store.errors import DamagedRun, DirectoryRefused
 from multicor_cli.store.run_document import CREATING
@@ -86,9 +88,8 @@ def read_scenario(path: Path, sha256: str) -> str:
     Where the run was being extended when its process died, it is still the run of a former scenario, kept beside the new one.
     """
     for file in (path, *reversed(layout.former_files(path))):
-        require_regular(file)
         with storage_errors(file):
-            data = file.read_bytes()
+            data = read_regular(file, LARGEST_RECORD)
         if hashlib.sha256(data).hexdigest() == sha256:
             return data.decode()
     raise DamagedRun(f"{path}: was changed after the run had begun; put the original back, or start another run")

@@ -11,6 +11,7 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from multicor_cli.files import open_regular
 from multicor_cli.model import Model, State
 from multicor_cli.scenario.steered import steered_text
 from multicor_cli.store import layout, schema
@@ -278,7 +279,7 @@ _HDF5 = (".h5", ".hdf5", ".vtkhdf")
 
 def _begins_as_hdf5(path: Path) -> bool:
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             return file.read(8) == b"\x89HDF\r\n\x1a\n"
     except OSError as error:
         raise StorageError(f"{path}: {error.strerror}") from error

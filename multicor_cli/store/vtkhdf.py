@@ -24,6 +24,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from multicor_cli.files import regular_path
 from multicor_cli.model import Model, Presence
 from multicor_cli.store import layout, schema
 from multicor_cli.store.checked import reading
@@ -130,7 +131,7 @@ def check_view(path: Path) -> None:
         DamagedRun: If the view is not what was written.
         StorageError: If the file cannot be read.
     """
-    with reading(path), h5py.File(path, "r", locking=False) as file:
+    with reading(path), regular_path(path) as opened, h5py.File(opened, "r", locking=False) as file:
         is_whole = not len(file["steps/time"]) or read_text(file[GROUP], "blake2b") == _digest(file)
     if not is_whole:
         raise DamagedRun(f"{path}: {GROUP}, the view for ParaView, does not match its digest")
