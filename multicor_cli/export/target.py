@@ -24,7 +24,7 @@ def refuse_files_of_runs(path: Path) -> None:
         StorageError: If it cannot be looked at.
     """
     with storage_errors(path):
-        whole = path.parent.resolve() / path.name  # a link at the place itself would be replaced, not followed
+        whole = Path(os.path.realpath(path.parent)) / path.name  # a link at the place itself would be replaced, not followed
         for directory, name in ((whole.parent, whole.name), (whole.parent.parent, whole.parent.name)):
             if (directory / layout.RUN).is_file() and layout.is_file_name(name.removesuffix(".tmp")):
                 raise ExportRefused(f"{path}: is the name of a file of the run; choose another")

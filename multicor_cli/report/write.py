@@ -51,7 +51,7 @@ class ReportSummary:
 
 def default_path(directory: Path) -> Path:
     """Where the page goes unless told: beside the run directory, as ``NAME-report.html``."""
-    whole = directory.resolve()
+    whole = Path(os.path.realpath(directory))  # unlike resolve, it takes links that lead in a circle
     whole = whole.parent if whole.is_file() else whole
     return whole.with_name(f"{whole.name}-report.html")
 

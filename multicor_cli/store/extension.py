@@ -17,7 +17,7 @@ from multicor_cli.files import Unfit, read_regular
 from multicor_cli.model import Model
 from multicor_cli.scenario.start import LARGEST_RECORD
 from multicor_cli.store import layout, schema
-from multicor_cli.store.atomic import commit_bytes, file_digest, fsync_path, kill_point, make_directory, storage_errors
+from multicor_cli.store.atomic import commit_bytes, file_digest, fsync_path, kill_point, make_directory, remove_own, storage_errors
 from multicor_cli.store.checked import CheckedFile
 from multicor_cli.store.checkpoint import Checkpoint, Identity, load_newest, write_checkpoint
 from multicor_cli.store.documents import Document, write_document
@@ -83,7 +83,7 @@ def remove_results(path: Path) -> None:
     """Remove ``results.h5`` of a run that goes on, all of which is in segments now; one that stays is replaced at the end."""
     with contextlib.suppress(OSError):
         for name in (layout.VTKHDF, layout.RESULTS):
-            (path / name).unlink(missing_ok=True)
+            remove_own(path / name)
         fsync_path(path)
 
 
@@ -138,7 +138,7 @@ def _reopen(path: Path, document: Document) -> None:
         make_directory(path / name)
     with storage_errors(path / layout.SEGMENTS):
         for entry in layout.own_files(path, layout.SEGMENTS):  # of an attempt that was interrupted
-            entry.unlink()
+            remove_own(entry)
     identity = Identity.of(document)
     with CheckedFile(results, RESULTS_FILETYPE, run_id=run_id) as file:
         model = read_model(file)

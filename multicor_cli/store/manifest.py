@@ -6,7 +6,7 @@ from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
 from multicor_cli.files import Unfit, read_regular
-from multicor_cli.store.atomic import append_line, commit_bytes, file_digest, kill_point, storage_errors
+from multicor_cli.store.atomic import append_line, commit_bytes, file_digest, kill_point, require_own, storage_errors
 from multicor_cli.store.documents import SIZE_LIMIT, Document, document_line, parse_document
 from multicor_cli.store.errors import DamagedRun
 
@@ -114,6 +114,7 @@ def set_aside(directory: Path, keep: set[str]) -> list[str]:
         if path.name in keep:
             continue
         with storage_errors(path):
+            require_own(path)
             path.rename(_free_orphan_name(path))
         renamed.append(path.name)
         kill_point("orphan.mid")

@@ -27,6 +27,7 @@ from numpy.typing import NDArray
 from multicor_cli.files import regular_path
 from multicor_cli.model import Model, Presence
 from multicor_cli.store import layout, schema
+from multicor_cli.store.atomic import remove_own, require_own
 from multicor_cli.store.checked import reading
 from multicor_cli.store.errors import DamagedRun
 from multicor_cli.store.schema import Dataset
@@ -154,11 +155,12 @@ def link_view(directory: Path) -> None:
     """
     name, temporary = directory / layout.VTKHDF, directory / (layout.VTKHDF + ".tmp")
     with contextlib.suppress(OSError):
-        temporary.unlink(missing_ok=True)
+        remove_own(temporary)
         try:
             temporary.symlink_to(layout.RESULTS)
         except OSError:
             os.link(directory / layout.RESULTS, temporary)
+        require_own(name)
         temporary.replace(name)
 
 

@@ -15,7 +15,6 @@ from multicor_cli.engine.contact.solve import ResidualScale, Settings, solve_sys
 from multicor_cli.engine.contact.sweep import System, add_impulses
 from multicor_cli.engine.contact.thread_choice import ThreadChoice
 from multicor_cli.engine.geometry.scene import Scene
-from multicor_cli.files import regular_path
 from multicor_cli.model.columns import (
     BIAS,
     FIRST,
@@ -114,7 +113,7 @@ class ContactProblem:
     @classmethod
     def load(cls, path: str | Path) -> ContactProblem:
         """Read a problem written by `save`; raises `ValueError` or `KeyError` for anything else."""
-        with regular_path(path) as opened, np.load(opened, allow_pickle=False) as data:
+        with np.load(path, allow_pickle=False) as data:
             arrays = {f.name: np.asarray(data[f.name]) for f in fields(cls)}
         pair = arrays.pop("pair").astype(np.int32)
         return cls(pair=pair, **{name: array.astype(np.float64) for name, array in arrays.items()})
