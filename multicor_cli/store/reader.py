@@ -20,7 +20,7 @@ from multicor_cli.store.checkpoint import Identity, load_newest
 from multicor_cli.store.committed import committed_segments
 from multicor_cli.store.data_frames import NamedColumn, data_frame, series_columns
 from multicor_cli.store.documents import Document
-from multicor_cli.store.errors import DamagedRun, DirectoryRefused, StorageError
+from multicor_cli.store.errors import DamagedRun, DirectoryRefused, NothingStored, StorageError
 from multicor_cli.store.frame_view import Frames, ModelFacts
 from multicor_cli.store.grain_facts import GrainFacts
 from multicor_cli.store.lock import is_alive
@@ -99,7 +99,7 @@ class Run:
     def __init__(self, path: Path, info: Document, results: Path | None) -> None:
         self.path, self.info = path, info
         self._results = results
-        self._parts = Parts(self._find_parts(), self.run_id, self._find_parts_again)
+        self._parts = Parts(self._find_parts(), self.run_id, self._find_parts_again, self._lengths)
         self.frames = Frames(self._parts, ModelFacts(lambda: self.model))
         self.series = Series(self._parts, lambda: self.rows(schema.SERIES), lambda: series_columns(self))
 
@@ -144,13 +144,18 @@ class Run:
 
     @cached_property
     def model(self) -> Model:
-        """Grains, walls and laws; raises `DamagedRun` if it is missing or damaged."""
+        """Grains, walls and laws; raises `DamagedRun` if it is missing or damaged, `NothingStored` if none was written yet."""
         if self._results is None:
             try:
                 return load_model(self.path / layout.MODEL, self.run_id)
             except DamagedRun:
-                if (self.path / layout.MODEL).exists() or self._find_results() is None:
+                if (self.path / layout.MODEL).exists():
                     raise
+                if self._find_results() is None:
+                    has_stored = bool(self._parts.parts) or self.info["summary"] is not None
+                    if has_stored:
+                        raise
+                    raise NothingStored(self.path) from None
         assert self._results is not None
         with CheckedFile(self._results, RESULTS_FILETYPE, run_id=self.run_id) as file:
             return read_model(file)
@@ -228,6 +233,13 @@ class Run:
             return [results_part(self._results, self.run_id)]
         directory = self.path / layout.SEGMENTS
         return [segment_part(directory, segment) for segment in committed_segments(self.path)]
+
+    def _lengths(self) -> dict[str, int]:
+        """Numbers of walls and outlets, as far as they are known."""
+        try:
+            return {"wall": self.model.wall_count, "outlet": len(self.model.outlets or ())}
+        except DamagedRun:
+            return {}
 
     def _find_parts_again(self) -> list[Part]:
         """The files of a run that was finished, or resumed from a checkpoint, since it was opened."""

@@ -15,7 +15,7 @@ from multicor_cli.scenario.steered import Decision, is_decision
 from multicor_cli.store import layout
 from multicor_cli.store.checked import check_version
 from multicor_cli.store.documents import Document, plain, read_document
-from multicor_cli.store.errors import DamagedRun, no_run
+from multicor_cli.store.errors import DamagedRun, NothingStored, no_run
 from multicor_cli.store.hdf5 import Precision
 from multicor_cli.store.origin import Origin, is_origin
 from multicor_cli.store.provenance import current_command
@@ -33,7 +33,7 @@ def read_run_document(path: Path) -> Document:
 
     Raises:
         DirectoryRefused: If there is no run.
-        DamagedRun: If it is damaged, or of an incompatible version (`UnsupportedVersion`).
+        DamagedRun: If it is damaged, or of an incompatible version (`UnsupportedVersion`), or only begun (`NothingStored`).
         StorageError: If it cannot be read.
     """
     file = path / layout.RUN
@@ -43,6 +43,8 @@ def read_run_document(path: Path) -> Document:
     if document.get("filetype") != FILETYPE:
         raise DamagedRun(f"{file}: not the description of a run")
     check_version(file, document.get("format_version"))
+    if document.get("status") == CREATING:
+        raise NothingStored(path)
     missing = _KEYS - document.keys()
     if missing:
         raise DamagedRun(f"{file}: lacks {', '.join(sorted(missing))}")

@@ -17,7 +17,7 @@ from multicor_cli.store.checked import CheckedFile
 from multicor_cli.store.checkpoint import Identity, load_checkpoint, newest_first, step_of
 from multicor_cli.store.committed import committed_segments
 from multicor_cli.store.documents import Document
-from multicor_cli.store.errors import DamagedRun, StoreError
+from multicor_cli.store.errors import DamagedRun, NothingStored, StoreError
 from multicor_cli.store.hdf5 import data_digest
 from multicor_cli.store.manifest import Segment, check_segment
 from multicor_cli.store.model_file import load_model, read_model
@@ -69,6 +69,8 @@ def verify(path: Path | str) -> list[FileFinding]:
         return _missing_run_document(path) + verify(path / layout.RESULTS)
     try:
         document = read_run_document(path)
+    except NothingStored:
+        raise
     except DamagedRun as error:
         return [FileFinding("error", str(path / layout.RUN), str(error))]
     findings = _run_checks(_scenario_checks(path, document))
