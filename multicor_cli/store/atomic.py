@@ -58,6 +58,12 @@ def storage_errors(path: Path) -> Iterator[None]:
         raise StorageError(f"{path}: {error.strerror or error}") from error
 
 
+def is_regular(path: Path) -> bool:
+    """Whether there is a regular file, or a link to one; raises `StorageError` if that cannot be seen."""
+    with storage_errors(path):
+        return path.is_file()
+
+
 def require_own(path: Path) -> None:
     """Refuse to change a file in a directory that this process has locked, or one below it, if another has taken its place.
 

@@ -27,6 +27,8 @@ FILETYPE = "multicor-checkpoint"
 KEEP = 2
 """Number of checkpoints kept."""
 
+START_AGAIN = "begin again with the same command and --overwrite, or in another directory with -o"
+
 _NAME = re.compile(r"step-(\d+)(?:\.(\d+))?\.json")
 
 
@@ -177,8 +179,7 @@ def load_newest(directory: Path, identity: Identity, segments: Path | None, mode
         warnings = tuple(f"{problem}; going back to an older checkpoint" for problem in problems)
         return replace(found, warnings=warnings)
     if problems:
-        remedy = "no usable checkpoint is left; start again with --overwrite"
-        raise DamagedRun("; ".join([*problems, remedy]))
+        raise DamagedRun("; ".join([*problems, f"no usable checkpoint is left; {START_AGAIN}"]))
     return None
 
 

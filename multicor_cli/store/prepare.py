@@ -12,7 +12,7 @@ from pathlib import Path
 from multicor_cli.files import read_regular
 from multicor_cli.scenario.start import LARGEST_RECORD
 from multicor_cli.store import layout
-from multicor_cli.store.atomic import commit_bytes, make_directory, remove_own, storage_errors
+from multicor_cli.store.atomic import commit_bytes, is_regular, make_directory, remove_own, storage_errors
 from multicor_cli.store.documents import Document, read_document, write_document
 from multicor_cli.store.errors import DamagedRun, DirectoryRefused
 from multicor_cli.store.run_document import CREATING
@@ -28,7 +28,7 @@ def is_run(path: Path) -> bool:
     """Whether ``path`` holds a run that can be resumed or is finished; False if there is nothing, or only a beginning."""
     require_room_for_names(path)
     file = path / layout.RUN
-    if not file.is_file():
+    if not is_regular(file):
         return False
     try:
         return bool(read_document(file).get("status") != CREATING)

@@ -15,6 +15,7 @@ from multicor_cli.files import open_regular
 from multicor_cli.model import Model, State
 from multicor_cli.scenario.steered import steered_text
 from multicor_cli.store import layout, schema
+from multicor_cli.store.atomic import is_regular
 from multicor_cli.store.checked import CheckedFile
 from multicor_cli.store.checkpoint import Identity, load_newest
 from multicor_cli.store.committed import committed_segments
@@ -266,11 +267,11 @@ def open_run(path: Path | str) -> Run:
         StorageError: If a file cannot be read.
     """
     path = Path(path)
-    if path.is_file():
+    if is_regular(path):
         if path.suffix not in _HDF5 and not _begins_as_hdf5(path):
             raise DirectoryRefused(f"{path}: is no run; give the run directory, or its {layout.RESULTS}")
         return Run(path, _info_of_results(path), path)
-    if not (path / layout.RUN).exists() and (path / layout.RESULTS).is_file():
+    if not is_regular(path / layout.RUN) and is_regular(path / layout.RESULTS):
         return open_run(path / layout.RESULTS)
     for attempt in range(3):
         info = read_run_document(path)

@@ -13,6 +13,7 @@ from typing import Any
 from multicor_cli.model import EXCHANGE_NAMES
 from multicor_cli.scenario.steered import Decision, is_decision
 from multicor_cli.store import layout
+from multicor_cli.store.atomic import is_regular
 from multicor_cli.store.checked import check_version
 from multicor_cli.store.documents import Document, plain, read_document
 from multicor_cli.store.errors import DamagedRun, NothingStored, no_run
@@ -37,7 +38,7 @@ def read_run_document(path: Path) -> Document:
         StorageError: If it cannot be read.
     """
     file = path / layout.RUN
-    if not file.is_file():
+    if not is_regular(file):
         raise no_run(path)
     document = read_document(file)
     if document.get("filetype") != FILETYPE:

@@ -14,7 +14,7 @@ from multicor_cli.model.stored import Version
 from multicor_cli.scenario.steered import steered_text
 from multicor_cli.store import layout
 from multicor_cli.store.atomic import commit_bytes, file_digest, kill_point, make_directory, remove_own, require_own, storage_errors
-from multicor_cli.store.checkpoint import Checkpoint, Identity, load_newest, prune, write_checkpoint
+from multicor_cli.store.checkpoint import START_AGAIN, Checkpoint, Identity, load_newest, prune, write_checkpoint
 from multicor_cli.store.documents import Document, plain, write_document
 from multicor_cli.store.errors import DamagedRun, StoreError, no_run
 from multicor_cli.store.extension import Extension, extend
@@ -264,7 +264,7 @@ class RunDirectory:
         checkpoint = self.load_checkpoint()
         digest = model_digest(model)
         if checkpoint and checkpoint.model_digest != digest:
-            raise DamagedRun(f"{self.path}: the checkpoint belongs to another model; start again with --overwrite")
+            raise DamagedRun(f"{self.path}: the checkpoint belongs to another model; {START_AGAIN}")
         path = self.path / layout.MODEL
         if checkpoint is None or not path.exists():
             write_model(path, model, self.run_id)

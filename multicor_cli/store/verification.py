@@ -12,7 +12,7 @@ from numpy.typing import NDArray
 
 from multicor_cli.model import Model
 from multicor_cli.store import layout, schema
-from multicor_cli.store.atomic import file_digest
+from multicor_cli.store.atomic import file_digest, is_regular
 from multicor_cli.store.checked import CheckedFile
 from multicor_cli.store.checkpoint import Identity, load_checkpoint, newest_first, step_of
 from multicor_cli.store.committed import committed_segments
@@ -63,9 +63,9 @@ def verify(path: Path | str) -> list[FileFinding]:
         DirectoryRefused: If there is no run.
     """
     path = Path(path)
-    if path.is_file():
+    if is_regular(path):
         return _run_checks([(path, lambda: _check_results(path, None, None))])
-    if not (path / layout.RUN).exists() and (path / layout.RESULTS).is_file():
+    if not is_regular(path / layout.RUN) and is_regular(path / layout.RESULTS):
         return _missing_run_document(path) + verify(path / layout.RESULTS)
     try:
         document = read_run_document(path)

@@ -28,11 +28,11 @@ RUN = ("run", "small.toml", "-o", "run", "-q", "--set", INTERVAL)
 KILLED = (
     "runjson.mid_tmp", "runjson.after_rename", "scenario.after_rename", "runjson.after_rename:2", "model.mid_tmp",
     "model.after_rename", "segment.mid_tmp", "segment.after_rename", "manifest.torn", "manifest.after_append",
-    "checkpoint.after_rename", "checkpointjson.after_rename", "checkpoint.before_prune:3", "segment.after_rename:3",
+    "checkpoint.after_rename", "checkpointjson.after_rename", "checkpoint.before_prune:2", "segment.after_rename:2",
     "results.mid_tmp", "results.after_rename", "cleanup.before", "cleanup.mid",
 )  # fmt: skip
 """Where a run is killed: the first file, no scenario yet, nothing but scenarios, the model and no segment, a segment that is not
-listed, one without a checkpoint, checkpoints half there and rotated, results beside segments, segments half removed."""
+listed, one without a checkpoint, checkpoints half there and whole, results beside segments, segments half removed."""
 
 
 def readers(run: str) -> dict[str, tuple[str, ...]]:
