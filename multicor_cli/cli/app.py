@@ -46,7 +46,7 @@ def _brief_usage_errors() -> Iterator[None]:
     try:
         yield
     except USAGE_ERROR as error:
-        error.message = brief(printable(error.message))
+        error.message = brief(printable(error.message).replace("\n", "\\n"))
         raise
 
 

@@ -21,7 +21,7 @@ from multicor_cli.export.target import check_output
 from multicor_cli.files import regular_path
 from multicor_cli.model.columns import NORMAL, TANGENTIAL
 from multicor_cli.model.model import Floats, Ints
-from multicor_cli.store.atomic import GuardedFile, commit_file, storage_errors, temporary_beside
+from multicor_cli.store.atomic import GuardedFile, commit_file, make_directory, temporary_beside
 from multicor_cli.store.checked import reading
 from multicor_cli.store.errors import StorageError
 
@@ -170,8 +170,7 @@ def write_fclib(
 
     arrays = [getattr(part, field.name) for part in (form, problem) for field in fields(part)]
     try:
-        with storage_errors(path):
-            path.parent.mkdir(parents=True, exist_ok=True)
+        make_directory(path.parent)
         size = sum(array.nbytes for array in arrays) + 64 * len(form.q) + (64 << 10)
         commit_file(path, "fclib", write, size=size, temporary=temporary_beside(path))
     except RuntimeError as error:

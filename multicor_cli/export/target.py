@@ -11,7 +11,7 @@ from pathlib import Path
 
 from multicor_cli.export.errors import ExportRefused
 from multicor_cli.store import layout
-from multicor_cli.store.atomic import fsync_path, storage_errors, temporary_beside
+from multicor_cli.store.atomic import fsync_path, make_directory, storage_errors, temporary_beside
 
 _REMEDY = "choose another name, or give --overwrite"
 
@@ -65,7 +65,7 @@ def new_file(path: Path, *, is_overwriting: bool) -> Iterator[Path]:
     temporary = temporary_beside(path)
     try:
         with storage_errors(path):
-            path.parent.mkdir(parents=True, exist_ok=True)
+            make_directory(path.parent)
             temporary.touch(exist_ok=False)  # with the permissions that the user's mask gives; a library may choose others
             yield temporary
             fsync_path(temporary)
@@ -96,7 +96,8 @@ def new_directory(path: Path, names: re.Pattern[str], *, is_overwriting: bool) -
     temporary = temporary_beside(path)
     try:
         with storage_errors(path):
-            temporary.mkdir(parents=True)
+            make_directory(path.parent)
+            temporary.mkdir()
             yield temporary
             for file in (*temporary.iterdir(), temporary):
                 fsync_path(file)

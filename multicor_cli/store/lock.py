@@ -75,7 +75,8 @@ class RunLock:
         """Give the lock back; does nothing the second time. If the file cannot be emptied, it names a holder that has died."""
         if self._descriptor < 0:
             return
-        guards.pop(self.path.parent, None)
+        if guards.get(self.path.parent) == self.require:
+            del guards[self.path.parent]
         with contextlib.suppress(OSError):
             os.ftruncate(self._descriptor, 0)
         os.close(self._descriptor)
