@@ -139,7 +139,7 @@ ROWS = {
         "give the command that began it",
         AGAIN,
     ),
-    "stopped": Row(lambda r: shutil.rmtree(r), (*RUN, "--max-hours", "0"), "the same command continues", AGAIN),
+    "stopped": Row(shutil.rmtree, (*RUN, "--max-hours", "0"), "the same command continues", AGAIN),
 }
 
 
