@@ -21,6 +21,28 @@ def one_line(text: str) -> str:
     return "".join(c if c.isprintable() else "\N{REPLACEMENT CHARACTER}" for c in text)
 
 
+LONGEST_WORD = 400
+"""No file name is longer, and no path that people give [characters]."""
+
+_LONGEST_LINE = 3000
+_LONG_WORD = re.compile(rf"\S{{{LONGEST_WORD + 1},}}")
+
+
+def shortened(text: str, most: int = LONGEST_WORD) -> str:
+    """A text with the middle left out if it has more than ``most`` characters: what is left says how many there were."""
+    if len(text) <= most:
+        return text
+    mark = f"…({len(text):,} characters)…"
+    room = max(most - len(mark), 2)
+    return text[: room - room // 3] + mark + text[-(room // 3) :]
+
+
+def brief(message: str) -> str:
+    """A message that quotes what others have named, whatever its length: long words and then long lines are shortened."""
+    lines = (_LONG_WORD.sub(lambda word: shortened(word[0]), line) for line in message.split("\n"))
+    return "\n".join(shortened(line, _LONGEST_LINE) for line in lines)
+
+
 def format_bytes(size: float) -> str:
     """A size in bytes with a unit, as ``1.5 GB``."""
     for unit in ("B", "kB", "MB", "GB", "TB"):

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from multicor_cli.bench.measuring import Result
+from multicor_cli.files import read_regular
 from multicor_cli.store.atomic import commit_result
 
 MARGINS = {"sweeps": 1.25, "cold_sweeps": 1.9, "sweep_over_c": 1.8, "solve_over_c": 1.8, "other_over_reference": 2.5}
@@ -21,6 +22,9 @@ LOOK = 3.0
 
 _ENOUGH = 30.0
 """Sweeps of a step from which on the solve is mostly sweeps, and its time comparable with them."""
+
+RECORD_LIMIT = 1 << 20
+"""Larger files are not read as records [bytes]."""
 
 
 class RecordError(Exception):
@@ -73,7 +77,7 @@ def write_record(path: Path, results: Iterable[Result]) -> None:
 def read_record(path: Path) -> dict[str, dict[str, float]]:
     """Recorded ratios by name of the result; raises `RecordError` if the file is not a record, `OSError` if it cannot be read."""
     try:
-        data: Any = json.loads(path.read_text(encoding="utf-8"))
+        data: Any = json.loads(read_regular(path, RECORD_LIMIT))
         return {str(name): {str(key): float(value) for key, value in found.items()} for name, found in data.items()}
     except (ValueError, AttributeError, TypeError) as error:
         raise RecordError(f"{path} is not a record of a benchmark ({error}); write one with --record") from error

@@ -14,6 +14,7 @@ from multicor_cli.checks.prepared import Prepared
 from multicor_cli.checks.recorded import Recorded
 from multicor_cli.scenario.scenario import Scenario
 from multicor_cli.store import open_run, run_info
+from multicor_cli.store.errors import NothingStored
 
 BEFORE_RUN: tuple[Rule[Prepared], ...] = (
     *resolution.BEFORE_RUN,
@@ -81,7 +82,10 @@ def check_run(directory: Path | str) -> list[Check]:
         StoreError: If there is no run, or a file that is needed is damaged.
     """
     with open_run(directory) as run:
-        return judge_all(OF_RUN, Recorded(run, run_info(directory)))
+        try:
+            return judge_all(OF_RUN, Recorded(run, run_info(directory)))
+        except NothingStored:
+            return []
 
 
 __all__ = [

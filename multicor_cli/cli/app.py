@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import contextlib
 import os
 import sys
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, TextIO
+from typing import Annotated, Any, TextIO
 
 import typer
+from typer.core import TyperGroup
 
 from multicor_cli import __version__
 from multicor_cli.cli import (
@@ -20,9 +23,35 @@ from multicor_cli.cli import (
     scenario_commands,
     study_commands,
 )
-from multicor_cli.cli.guard import guarded
+from multicor_cli.cli.guard import USAGE_ERROR, guarded
+from multicor_cli.text import brief, printable
+
+
+class _Commands(TyperGroup):
+    """All commands. What is wrong with a command line quotes what was typed, however long that is."""
+
+    def parse_args(self, ctx: Any, args: list[str]) -> list[str]:
+        """Parse the options before a command."""
+        with _brief_usage_errors():
+            return super().parse_args(ctx, args)
+
+    def invoke(self, ctx: Any) -> Any:
+        """Parse the arguments of a command, and carry it out."""
+        with _brief_usage_errors():
+            return super().invoke(ctx)
+
+
+@contextlib.contextmanager
+def _brief_usage_errors() -> Iterator[None]:
+    try:
+        yield
+    except USAGE_ERROR as error:
+        error.message = brief(printable(error.message).replace("\n", "\\n"))
+        raise
+
 
 app = typer.Typer(
+    cls=_Commands,
     name="multicor",
     no_args_is_help=True,
     pretty_exceptions_enable=False,

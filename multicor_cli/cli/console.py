@@ -9,18 +9,18 @@ import sys
 from collections.abc import Sequence
 from typing import Any
 
-from multicor_cli.text import printable
+from multicor_cli.text import brief, printable
 
 
 def say(text: str = "") -> None:
     """A line for people, on stderr; if no one can read it anymore (a closed pipe, a closed terminal), nothing happens."""
     with contextlib.suppress(OSError):
-        print(printable(text), file=sys.stderr, flush=True)
+        print(brief(printable(text)), file=sys.stderr, flush=True)
 
 
 def complain(text: str) -> None:
-    """An error, on stderr."""
-    say(f"multicor: {text}")
+    """An error, on stderr: one line, whatever the names in it are."""
+    say(f"multicor: {text}".replace("\n", "\\n"))
 
 
 def emit(text: str) -> None:
@@ -44,7 +44,7 @@ def emit_table(columns: Sequence[str], rows: Sequence[Sequence[str]], *, title: 
     for number, name in enumerate(columns):
         table.add_column(Text(name), justify="left" if number == 0 else "right", no_wrap=True)
     for row in rows:
-        table.add_row(*(Text(printable(cell)) for cell in row))
+        table.add_row(*(Text(brief(printable(cell))) for cell in row))
     is_terminal = sys.stdout.isatty()
     Console(file=sys.stdout, width=None if is_terminal else 200, highlight=False).print(table)
 
@@ -53,7 +53,7 @@ def emit_pairs(pairs: Sequence[tuple[str, str]]) -> None:
     """Names and values on stdout, aligned."""
     width = max((len(name) for name, _ in pairs), default=0)
     for name, value in pairs:
-        emit(printable(f"{name:<{width}}  {value}"))
+        emit(brief(printable(f"{name:<{width}}  {value}")))
 
 
 def format_seconds(seconds: float) -> str:

@@ -15,9 +15,17 @@ from functools import wraps
 from pathlib import Path
 from typing import Any
 
+import typer
+
 from multicor_cli.cli.console import complain, say
 from multicor_cli.running.outcome import ExitCode, exit_code_of
 from multicor_cli.store import layout
+from multicor_cli.store.atomic import commit_bytes
+from multicor_cli.store.errors import StoreError
+from multicor_cli.store.lock import was_taken
+
+USAGE_ERROR: Any = typer.BadParameter.__mro__[-4]
+"""What the command-line library raises: the class right below Exception, whose name depends on the version."""
 
 _crash_directory: Path | None = None
 
@@ -51,7 +59,7 @@ def _terminable() -> Iterator[None]:
 
 
 def set_crash_directory(path: Path | None) -> None:
-    """Where ``crash.txt`` goes if the command crashes: a directory that is a run of ours by then, or None: a temporary one."""
+    """Where ``crash.txt`` goes if the command crashes and has locked this directory by then; else, or if None, a temporary one."""
     global _crash_directory  # noqa: PLW0603  (one command per process)
     _crash_directory = path
 
@@ -77,10 +85,7 @@ def _failures() -> Iterator[None]:
 
 def _is_control_flow(error: BaseException) -> bool:
     """Whether the command-line library uses this exception to leave a command, or formats it itself."""
-    import typer
-
-    usage_error = typer.BadParameter.__mro__[-4]  # the one right below Exception: its name depends on the version
-    return isinstance(error, typer.Exit | typer.Abort | usage_error)
+    return isinstance(error, typer.Exit | typer.Abort | USAGE_ERROR)
 
 
 def _report(error: BaseException, code: ExitCode) -> None:
@@ -114,12 +119,10 @@ def _write_crash(error: BaseException) -> str:
     text = "".join(traceback.format_exception(error))
     command = " ".join(sys.argv)
     content = f"multicor crashed\ncommand: {command}\n\n{text}".encode(errors="backslashreplace")
-    if _crash_directory is not None and (_crash_directory / layout.RUN).is_file():
-        with contextlib.suppress(OSError):
-            path = _crash_directory / layout.CRASH
-            with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_NOFOLLOW, 0o666), "wb") as file:
-                file.write(content)
-            return str(path)
+    if _crash_directory is not None and was_taken(_crash_directory / layout.LOCK):
+        with contextlib.suppress(StoreError):
+            commit_bytes(_crash_directory / layout.CRASH, "crash", content)
+            return str(_crash_directory / layout.CRASH)
     try:
         handle, name = tempfile.mkstemp(prefix="multicor-crash-", suffix=".txt")
         with os.fdopen(handle, "wb") as file:

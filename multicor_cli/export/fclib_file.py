@@ -18,9 +18,10 @@ from numpy.typing import NDArray
 from multicor_cli.engine.contact.problem import ContactProblem, free_velocity
 from multicor_cli.export.errors import ExportError
 from multicor_cli.export.target import check_output
+from multicor_cli.files import regular_path
 from multicor_cli.model.columns import NORMAL, TANGENTIAL
 from multicor_cli.model.model import Floats, Ints
-from multicor_cli.store.atomic import GuardedFile, commit_file, storage_errors, temporary_beside
+from multicor_cli.store.atomic import GuardedFile, commit_file, make_directory, temporary_beside
 from multicor_cli.store.checked import reading
 from multicor_cli.store.errors import StorageError
 
@@ -170,8 +171,7 @@ def write_fclib(
 
     arrays = [getattr(part, field.name) for part in (form, problem) for field in fields(part)]
     try:
-        with storage_errors(path):
-            path.parent.mkdir(parents=True, exist_ok=True)
+        make_directory(path.parent)
         size = sum(array.nbytes for array in arrays) + 64 * len(form.q) + (64 << 10)
         commit_file(path, "fclib", write, size=size, temporary=temporary_beside(path))
     except RuntimeError as error:
@@ -214,7 +214,7 @@ def read_fclib(path: Path) -> tuple[ContactProblem, Floats | None]:
         DamagedRun: If it is damaged, or no FCLib file.
         StorageError: If it cannot be read.
     """
-    with reading(path), h5py.File(path, "r", locking=False) as file:
+    with reading(path), regular_path(path) as opened, h5py.File(opened, "r", locking=False) as file:
         if _BODIES not in file:
             known = "an FCLib file, but one of another program" if _LOCAL in file or "fclib_global" in file else "not an FCLib file"
             raise ExportError(f"{path}: is {known}; only files that multicor has exported can be read back")

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from multicor_cli.export.errors import ExportRefused
 from multicor_cli.store import layout
-from multicor_cli.store.atomic import fsync_path, storage_errors, temporary_beside
+from multicor_cli.store.atomic import fsync_path, make_directory, storage_errors, temporary_beside
 
 _REMEDY = "choose another name, or give --overwrite"
 
@@ -24,7 +24,7 @@ def refuse_files_of_runs(path: Path) -> None:
         StorageError: If it cannot be looked at.
     """
     with storage_errors(path):
-        whole = path.parent.resolve() / path.name  # a link at the place itself would be replaced, not followed
+        whole = Path(os.path.realpath(path.parent)) / path.name  # a link at the place itself would be replaced, not followed
         for directory, name in ((whole.parent, whole.name), (whole.parent.parent, whole.parent.name)):
             if (directory / layout.RUN).is_file() and layout.is_file_name(name.removesuffix(".tmp")):
                 raise ExportRefused(f"{path}: is the name of a file of the run; choose another")
@@ -65,7 +65,7 @@ def new_file(path: Path, *, is_overwriting: bool) -> Iterator[Path]:
     temporary = temporary_beside(path)
     try:
         with storage_errors(path):
-            path.parent.mkdir(parents=True, exist_ok=True)
+            make_directory(path.parent)
             temporary.touch(exist_ok=False)  # with the permissions that the user's mask gives; a library may choose others
             yield temporary
             fsync_path(temporary)
@@ -96,7 +96,8 @@ def new_directory(path: Path, names: re.Pattern[str], *, is_overwriting: bool) -
     temporary = temporary_beside(path)
     try:
         with storage_errors(path):
-            temporary.mkdir(parents=True)
+            make_directory(path.parent)
+            temporary.mkdir()
             yield temporary
             for file in (*temporary.iterdir(), temporary):
                 fsync_path(file)

@@ -2,14 +2,21 @@
 
 from __future__ import annotations
 
+import contextlib
+import csv
+import io
+from collections.abc import Iterator
 from pathlib import Path
 
-from multicor_cli.text import format_bytes
+from multicor_cli.files import open_regular
 
 Key = tuple[str | int, ...]
 
 NAMED = 5
 """So many faulty lines, rows or grains are named."""
+
+LINE_LIMIT = 10_000
+"""So much of a line is read at a time [characters]: a file may be one line as long as itself."""
 
 
 class PackingError(ValueError):
@@ -28,17 +35,30 @@ class PackingError(ValueError):
         self.key = key
 
 
-def check_input(path: Path, most: int, key: Key) -> None:
-    """Refuse a file from elsewhere that is not there or has more than ``most`` bytes, before memory is taken for it.
+@contextlib.contextmanager
+def reading_input(path: Path, what: str, key: Key) -> Iterator[None]:
+    """Tell what goes wrong while a file from elsewhere is opened and read as `PackingError`.
 
-    Raises:
-        PackingError: If so, with this key.
+    Args:
+        path: The file.
+        what: What it must be, for the remedy.
+        key: That of the error.
     """
     try:
-        is_file, size = path.is_file(), path.stat().st_size if path.exists() else 0
-    except (OSError, ValueError) as error:
-        raise PackingError(f"cannot read '{path}': {error}", "give an existing file", key) from None
-    if not is_file:
-        raise PackingError(f"there is no file '{path}'", "give its path relative to the scenario file", key)
-    if size > most:
-        raise PackingError(f"'{path}' is too large ({format_bytes(size)})", f"the limit is {format_bytes(most)}", key)
+        yield
+    except FileNotFoundError:
+        raise PackingError(f"there is no file '{path}'", "give its path relative to the scenario file", key) from None
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise PackingError(f"'{path}' cannot be read: {reason}", f"it must be {what}", key) from None
+
+
+def text_lines(path: Path, most: int) -> Iterator[str]:
+    """Lines of a text file in UTF-8 with at most ``most`` bytes; pieces of those longer than `LINE_LIMIT`, without line breaks.
+
+    Raises:
+        OSError: As `multicor_cli.files.open_regular`.
+        UnicodeDecodeError: It is not UTF-8.
+    """
+    with io.TextIOWrapper(open_regular(path, most), encoding="utf-8-sig", newline="") as file:
+        yield from iter(lambda: file.readline(LINE_LIMIT), "")

@@ -15,8 +15,9 @@ from typing import Any
 
 import numpy as np
 
+from multicor_cli.files import regular_path
 from multicor_cli.model.model import Floats
-from multicor_cli.packing.errors import NAMED, PackingError, check_input
+from multicor_cli.packing.errors import LINE_LIMIT, NAMED, PackingError, reading_input, text_lines
 from multicor_cli.packing.initial_grains import InitialGrains
 from multicor_cli.packing.values import describe_faults, faulty_rows, find_fault
 from multicor_cli.scenario.checks.grains import MAX_GRAINS
@@ -26,7 +27,6 @@ OPTIONAL = ("angle", "vx", "vy", "spin")
 MAX_BYTES = 2**33
 
 _KEY = ("packing", "path")
-_HEADER_LENGTH = 10_000
 _MOST_COMPRESSED = 1100
 """Times by which the compression of HDF5 can shrink data, somewhat more."""
 _LARGEST_CHUNK = 2**20  # values
@@ -43,7 +43,6 @@ def read_grains(path: Path, shift: tuple[float, float]) -> InitialGrains:
     Raises:
         PackingError: The file is missing, unreadable, too large, or holds something else; rows are named.
     """
-    check_input(path, MAX_BYTES, _KEY)
     kind = path.suffix.lower()
     if kind == ".csv":
         columns = _read_csv(path)
@@ -83,7 +82,7 @@ def _refuse_rows(path: Path, faults: list[str], total: str) -> PackingError:
 
 
 def _read_csv(path: Path) -> dict[str, Floats]:
-    try:
+    with reading_input(path, "comma-separated text in UTF-8", _KEY):
         names, header_line = _read_header(path)
         _check_names(names, path, "column")
         table = _parse_rows(path, header_line)
@@ -94,46 +93,39 @@ def _read_csv(path: Path) -> dict[str, Floats]:
                 if not faulty_rows(columns).size:
                     return columns
         raise _explain_csv(path, names, header_line)
-    except (OSError, UnicodeDecodeError, csv.Error) as error:
-        raise PackingError(f"cannot read '{path}': {error}", "it must be comma-separated text in UTF-8", _KEY) from None
 
 
 def _parse_rows(path: Path, header_line: int) -> Floats | None:
     """All rows below the header, at most one more than `MAX_GRAINS`; None if they are not a table of numbers."""
     try:
         with warnings.catch_warnings(action="ignore"):  # about empty lines and files
-            return np.loadtxt(
-                path, delimiter=",", skiprows=header_line, ndmin=2, max_rows=MAX_GRAINS + 1, encoding="utf-8", dtype=float
-            )
+            lines = text_lines(path, MAX_BYTES)
+            return np.loadtxt(lines, delimiter=",", skiprows=header_line, ndmin=2, max_rows=MAX_GRAINS + 1, dtype=float)
     except ValueError:
         return None
 
 
 def _read_header(path: Path) -> tuple[list[str], int]:
     """Names of the columns and the number of the line they stand in (the first that is neither empty nor a comment)."""
-    with path.open(encoding="utf-8-sig", newline="") as file:
-        number = 0
-        while line := file.readline(_HEADER_LENGTH):
-            number += 1
-            if line.strip() and not line.startswith("#"):
-                cells = next(csv.reader([line]))
-                return [cell.strip() for cell in cells], number
+    for number, line in enumerate(text_lines(path, MAX_BYTES), 1):
+        if line.strip() and not line.startswith("#"):
+            cells = next(csv.reader([line]))
+            return [cell.strip() for cell in cells], number
     raise PackingError(f"'{path}' is empty", f"its first line must name the columns, as {','.join(REQUIRED)}", _KEY)
 
 
 def _explain_csv(path: Path, names: list[str], header_line: int) -> PackingError:
     """Read a faulty file again, slowly, and name the first faulty lines."""
     faults: list[str] = []
-    with path.open(encoding="utf-8-sig", newline="") as file:
-        for number, line in enumerate(file, 1):
-            text = line.split("#", 1)[0]
-            if number <= header_line or not text.strip():
-                continue
-            fault = _line_fault(text, names)
-            if fault and len(faults) == NAMED:
-                return _refuse_rows(path, faults, "; and more")
-            if fault:
-                faults.append(f"line {number}: {fault}")
+    for number, line in enumerate(text_lines(path, MAX_BYTES), 1):
+        text = line.split("#", 1)[0]
+        if number <= header_line or not text.strip():
+            continue
+        fault = _line_fault(text, names) if len(line) < LINE_LIMIT else f"has more than {LINE_LIMIT} characters"
+        if fault and len(faults) == NAMED:
+            return _refuse_rows(path, faults, "; and more")
+        if fault:
+            faults.append(f"line {number}: {fault}")
     return _refuse_rows(path, faults or ["the rows cannot be read as numbers"], "")
 
 
@@ -155,7 +147,11 @@ def _read_hdf5(path: Path) -> dict[str, Floats]:
     import h5py
 
     try:
-        with h5py.File(path, "r") as file:
+        with (
+            reading_input(path, "an HDF5 file with a dataset for each column", _KEY),
+            regular_path(path, MAX_BYTES) as opened,
+            h5py.File(opened, "r") as file,
+        ):
             names = list(file)
             if "particles" in names and "model" in names:
                 raise PackingError(f"'{path}' is the result of a run", 'use packing kind = "run" with the run directory', _KEY)

@@ -5,6 +5,7 @@ What is taken over is what the next step depends on, to the bit; clocks, counter
 
 from __future__ import annotations
 
+import os
 import tomllib
 from collections.abc import Mapping
 from dataclasses import replace
@@ -225,7 +226,7 @@ def origin_of(source: Source, model: Model) -> Origin:
     """What the run keeps of where it goes on from."""
     names, before = model.walls.names, source.model.walls.names
     return Origin(
-        run=str(source.path.resolve()).encode(errors="backslashreplace").decode(),
+        run=os.path.realpath(source.path).encode(errors="backslashreplace").decode(),
         run_id=source.run_id,
         frame=source.frame,
         step=source.state.step,

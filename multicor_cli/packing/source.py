@@ -19,6 +19,7 @@ from multicor_cli.model.model import Floats
 from multicor_cli.packing.errors import PackingError
 from multicor_cli.scenario import Scenario
 from multicor_cli.store import Run, StoreError, layout, open_run
+from multicor_cli.store.atomic import is_regular
 from multicor_cli.store.errors import NoFrame
 from multicor_cli.store.frame_view import Frame
 
@@ -64,9 +65,10 @@ def read_source(scenario: Scenario) -> Source:
     start = scenario.start
     assert start is not None  # only then it is asked for
     path = scenario.resolve_path(start.run)
-    if not (path / layout.RUN).is_file():
-        raise PackingError(f"'{path}' is not a run directory", "give the directory of a run, relative to the scenario file", _RUN)
     try:
+        if not is_regular(path / layout.RUN):
+            what = f"'{path}' is not a run directory"
+            raise PackingError(what, "give the directory of a run, relative to the scenario file", _RUN)
         with open_run(path) as run:
             model, told = run.model, _told(run.scenario_resolved)
             if start.frame is None:
@@ -76,6 +78,8 @@ def read_source(scenario: Scenario) -> Source:
             source = Source(path, run.run_id, frame.index, model, state, digest, *told)
     except NoFrame as error:
         raise PackingError(f"cannot go on from the run '{path}': {error}", "choose another frame", _FRAME) from None
+    except PackingError:
+        raise
     except (StoreError, ValueError, RecursionError) as error:
         remedy = "check it with multicor verify, and whether it ever began"
         raise PackingError(f"cannot go on from the run '{path}': {error}", remedy, _RUN) from None

@@ -12,7 +12,7 @@ from pathlib import Path
 import numpy as np
 
 from multicor_cli.model.model import Floats
-from multicor_cli.packing.errors import NAMED, PackingError, check_input
+from multicor_cli.packing.errors import LINE_LIMIT, NAMED, PackingError, reading_input, text_lines
 from multicor_cli.packing.values import find_fault
 from multicor_cli.scenario.checks.grains import MAX_GRAINS
 
@@ -20,7 +20,6 @@ MAX_BYTES = 2**31
 """Largest file: more than 40 characters for each of the most grains there can be."""
 
 _KEY = ("temperature", "file")
-_MAX_LINE = 1000
 
 
 def read_temperatures(path: Path) -> Floats:
@@ -32,10 +31,9 @@ def read_temperatures(path: Path) -> Floats:
     Raises:
         PackingError: The file is missing, unreadable, too large, or holds something else; lines are named.
     """
-    check_input(path, MAX_BYTES, _KEY)
     values: list[float] = []
     faults: list[str] = []
-    try:
+    with reading_input(path, "text in UTF-8, one temperature per line", _KEY):
         for number, text in _lines(path):
             value, fault = _parse(text)
             if fault:
@@ -43,8 +41,6 @@ def read_temperatures(path: Path) -> Floats:
             values.append(value)
             if len(faults) > NAMED or len(values) > MAX_GRAINS:
                 break
-    except (OSError, UnicodeDecodeError) as error:
-        raise PackingError(f"cannot read '{path}': {error}", "it must be text in UTF-8, one temperature per line", _KEY) from None
     if faults:
         more = "; and more" if len(faults) > NAMED else ""
         raise PackingError(f"'{path}': {'; '.join(faults[:NAMED])}{more}", "give one temperature in kelvin per line", _KEY)
@@ -55,17 +51,15 @@ def read_temperatures(path: Path) -> Floats:
 
 def _lines(path: Path) -> Iterator[tuple[int, str]]:
     """Number and text of each line that holds something; a line too long for a number is cut and ends with "…"."""
-    with path.open(encoding="utf-8-sig") as file:
-        number = 0
-        while line := file.readline(_MAX_LINE):
+    number, is_rest = 0, False
+    for line in text_lines(path, MAX_BYTES):
+        is_cut = len(line) == LINE_LIMIT and not line.endswith("\n")
+        if not is_rest:
             number += 1
             text = line.split("#", 1)[0].strip()
-            is_cut = len(line) == _MAX_LINE and not line.endswith("\n")
             if text:
                 yield number, f"{text[:40]}…" if is_cut else text
-            while is_cut:
-                line = file.readline(_MAX_LINE)
-                is_cut = bool(line) and not line.endswith("\n")
+        is_rest = is_cut
 
 
 def _parse(text: str) -> tuple[float, str]:

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from multicor_cli.model.model import Floats
-from multicor_cli.store.atomic import commit_result, storage_errors
+from multicor_cli.store.atomic import commit_result, make_directory
 from multicor_cli.text import unit_sign
 
 COLUMN = 3.35
@@ -182,6 +182,5 @@ def save_figure(figure: Any, path: Path) -> None:
     undated = {".png": {"Software": None}, ".svg": {"Date": None}, ".pdf": {"CreationDate": None}}
     drawn = io.BytesIO()
     figure.savefig(drawn, format=ending.removeprefix("."), metadata=undated[ending])
-    with storage_errors(path):
-        path.parent.mkdir(parents=True, exist_ok=True)
+    make_directory(path.parent)
     commit_result(path, "figure", drawn.getvalue())

@@ -11,13 +11,14 @@ import numpy as np
 from multicor_cli.checks import check_run
 from multicor_cli.export.errors import ExportRefused
 from multicor_cli.export.target import check_output
+from multicor_cli.files import open_regular
 from multicor_cli.post.energy import energy
 from multicor_cli.post.source import PostError
 from multicor_cli.report.figures import make_figures
 from multicor_cli.report.pack import Packed, pack_frames
 from multicor_cli.report.page import MARK, make_page
 from multicor_cli.store import open_run, run_info
-from multicor_cli.store.atomic import commit_result
+from multicor_cli.store.atomic import commit_result, storage_errors
 from multicor_cli.store.progress import Progress, no_progress
 
 SIZE_LIMIT = 30_000_000
@@ -50,7 +51,7 @@ class ReportSummary:
 
 def default_path(directory: Path) -> Path:
     """Where the page goes unless told: beside the run directory, as ``NAME-report.html``."""
-    whole = directory.resolve()
+    whole = Path(os.path.realpath(directory))  # unlike resolve, it takes links that lead in a circle
     whole = whole.parent if whole.is_file() else whole
     return whole.with_name(f"{whole.name}-report.html")
 
@@ -100,7 +101,7 @@ def check_target(path: Path, *, is_overwriting: bool) -> None:
 
 
 def _head(path: Path) -> str:
-    with path.open("rb") as file:
+    with storage_errors(path), open_regular(path) as file:
         return file.read(400).decode("utf-8", "replace")
 
 

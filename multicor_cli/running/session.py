@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import dataclasses
 import functools
+import os
 import time
 import tomllib
 from collections.abc import Callable, Iterator
@@ -370,7 +371,7 @@ def _with_groups_of(scenario: Scenario, before: str) -> Scenario:
 
 def _refuse_own_start(scenario: Scenario, path: Path) -> None:
     """A run cannot replace the one that it goes on from."""
-    if scenario.start is not None and scenario.resolve_path(scenario.start.run).resolve() == path.resolve():
+    if scenario.start is not None and os.path.realpath(scenario.resolve_path(scenario.start.run)) == os.path.realpath(path):
         what = f"the run '{path}' is the one that this run would replace"
         remedy = "choose another directory with -o; to add stages to that run itself, use its own scenario and --extend"
         raise ScenarioError([scenario.problem(("start", "run"), what, remedy)])

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import csv
+import io
 from pathlib import Path
 from typing import Any
 
 from pydantic import ValidationInfo
 from pydantic_core import PydanticCustomError
 
+from multicor_cli.files import open_regular
 from multicor_cli.scenario.base import refuse
 
 DIRECTORY = "directory"
@@ -62,16 +64,10 @@ def _remedy(columns: tuple[Names, ...]) -> str:
 
 def _rows(path: Path, name: str) -> list[list[str]]:
     try:
-        is_file, size = path.is_file(), path.stat().st_size if path.exists() else 0
-    except (OSError, ValueError) as error:
-        raise _unreadable(name, error) from None
-    if not is_file:
-        raise refuse(f"there is no file '{name}'", "give its path relative to the scenario file", "file")
-    if size > MAX_BYTES:
-        raise refuse(f"'{name}' is larger than {MAX_BYTES // 1_000_000} MB", "give fewer rows", "file")
-    try:
-        with path.open(encoding="utf-8-sig", newline="") as file:
+        with io.TextIOWrapper(open_regular(path, MAX_BYTES), encoding="utf-8-sig", newline="") as file:
             rows = list(csv.reader(line for line in file if not line.lstrip().startswith("#")))
+    except FileNotFoundError:
+        raise refuse(f"there is no file '{name}'", "give its path relative to the scenario file", "file") from None
     except (OSError, ValueError, csv.Error) as error:
         raise _unreadable(name, error) from None
     if len(rows) > MAX_ROWS + 1:

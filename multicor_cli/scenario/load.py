@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import errno
 import re
 import tomllib
 from collections.abc import Sequence
@@ -12,6 +13,7 @@ from typing import Any
 
 from pydantic import ValidationError
 
+from multicor_cli.files import Unfit, read_regular
 from multicor_cli.scenario.checks import Draft, check_all
 from multicor_cli.scenario.csv_columns import DIRECTORY
 from multicor_cli.scenario.evaluate import evaluate_expressions, unused_overrides
@@ -123,17 +125,17 @@ def read_text(path: Path, *, kind: str = "scenario") -> str:
         ScenarioError: It cannot be read, is too large, or is not UTF-8.
     """
     try:
-        if not path.is_file():
-            raise ScenarioError([_no_file(path, kind)])
-        if path.stat().st_size > MAX_FILE_SIZE:
-            size = f"the file is larger than {MAX_FILE_SIZE // 1_000_000} MB"
-            raise ScenarioError([_whole_file(path, size, "put long tables of grains into a CSV file")])
-        content = path.read_bytes()
-    except (OSError, ValueError) as error:
-        reason = getattr(error, "strerror", None) or str(error)
-        raise ScenarioError(
-            [_whole_file(path, f"the file cannot be read: {reason}", "check the path and its permissions")]
-        ) from None
+        content = read_regular(path, MAX_FILE_SIZE)
+    except FileNotFoundError:
+        hint = ", or make one with: multicor new NAME" if kind == "scenario" else ""
+        raise ScenarioError([_whole_file(path, "there is no such file", f"check the path{hint}")]) from None
+    except Unfit as error:
+        is_large = error.errno == errno.EFBIG
+        remedy = "put long tables of grains into a CSV file" if is_large else f"give the path of a {kind} file"
+        raise ScenarioError([_whole_file(path, f"this cannot be a {kind}: {error.strerror}", remedy)]) from None
+    except OSError as error:
+        what = f"the file cannot be read: {error.strerror}"
+        raise ScenarioError([_whole_file(path, what, "check the path and its permissions")]) from None
     try:
         return content.decode("utf-8")
     except UnicodeDecodeError as error:
@@ -142,15 +144,6 @@ def read_text(path: Path, *, kind: str = "scenario") -> str:
 
 def _whole_file(path: Path, message: str, remedy: str) -> Problem:
     return Problem(str(path), 0, 0, "", message, remedy)
-
-
-def _no_file(path: Path, kind: str) -> Problem:
-    if path.is_dir():
-        return _whole_file(path, "this is a directory", f"give the path of a {kind} file")
-    if path.exists():
-        return _whole_file(path, "this is not a regular file", f"give the path of a {kind} file")
-    hint = ", or make one with: multicor new NAME" if kind == "scenario" else ""
-    return _whole_file(path, "there is no such file", f"check the path{hint}")
 
 
 def _not_utf8(path: Path, content: bytes, offset: int) -> Problem:

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 from typing import Any, NamedTuple
 
-from multicor_cli.text import one_line
+from multicor_cli.text import brief, one_line, shortened
 
 KeyPath = tuple[str | int, ...]
 """Path of a key in the document: names of tables and keys, 0-based indices of array elements."""
@@ -19,6 +19,7 @@ OVERRIDE = "--set"
 
 _BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
 _MAX_SHOWN = 60
+_MAX_NAME = 80  # more than a name of a scenario may have
 _MAX_LINE = 120
 
 
@@ -64,7 +65,7 @@ class Problem:
         """``file:line:column: key: what is wrong; remedy``, always one line."""
         where = f"{self.file}:{self.line}:{self.column}" if self.line else self.file
         what = f"{self.message}; {self.remedy}" if self.remedy else self.message
-        return one_line(": ".join(part for part in (where, self.key, what) if part))
+        return brief(one_line(": ".join(part for part in (where, self.key, what) if part)))
 
     def excerpt(self) -> str:
         """The quoted source line with a caret under the column, as two lines; empty if there is no source line."""
@@ -102,8 +103,7 @@ def _format_part(part: str | int) -> str:
 
 
 def _quote(text: str) -> str:
-    short = text if len(text) <= _MAX_SHOWN else text[:_MAX_SHOWN] + "…"
-    return one_line(json.dumps(short, ensure_ascii=False))
+    return one_line(json.dumps(shortened(text, _MAX_SHOWN), ensure_ascii=False))
 
 
 def show(value: Any) -> str:
@@ -127,5 +127,5 @@ def show(value: Any) -> str:
 
 def name_list(names: Iterable[str]) -> str:
     """Names for a message, as ``'a', 'b'``; many are cut short."""
-    shown = [f"'{name}'" for name in names]
+    shown = [f"'{shortened(name, _MAX_NAME)}'" for name in names]
     return ", ".join(shown if len(shown) <= 20 else [*shown[:20], f"… ({len(shown) - 20} more)"])

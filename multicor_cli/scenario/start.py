@@ -8,6 +8,7 @@ from typing import Any, Literal, Self
 
 from pydantic import Field, model_validator
 
+from multicor_cli.files import read_regular
 from multicor_cli.scenario.base import Table, refuse
 from multicor_cli.scenario.packings import FilePath
 
@@ -17,7 +18,7 @@ RECORD = "scenario.resolved.toml"
 KIND = "start"
 """Kind of packing of the groups whose grains come from the run of ``[start]``."""
 
-_LARGEST_RECORD = 64 << 20
+LARGEST_RECORD = 64 << 20
 """Longer records are not read [bytes]: no scenario that was accepted is nearly as long when it is resolved."""
 
 _KEPT = ("name", "material", "shape", "thickness", "sizes")
@@ -65,9 +66,7 @@ def take_groups(document: dict[str, Any], directory: Path) -> bool:
 
 def _groups_of(run: Path) -> list[dict[str, Any]]:
     try:
-        if (run / RECORD).stat().st_size > _LARGEST_RECORD:
-            return []
-        groups = tomllib.loads((run / RECORD).read_text(encoding="utf-8"))["particles"]
+        groups = tomllib.loads(read_regular(run / RECORD, LARGEST_RECORD).decode())["particles"]
         return [{key: group[key] for key in _KEPT if key in group} | {"packing": {"kind": KIND}} for group in groups]
     except (OSError, ValueError, RecursionError, LookupError, TypeError):
         return []

@@ -18,7 +18,8 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
 
-from multicor_cli.store.errors import DamagedRun, StorageError, StorageFull
+from multicor_cli.files import Unfit, open_regular
+from multicor_cli.store.errors import DamagedRun, RunLocked, StorageError, StorageFull
 
 RESERVE = 1 << 20
 """Bytes that large files leave free, so that ``run.json`` can still say why the run stopped."""
@@ -27,6 +28,9 @@ _NO_SPACE = {errno.ENOSPC, errno.EDQUOT, errno.EFBIG}
 _CANNOT_RESERVE = {errno.EOPNOTSUPP, errno.EINVAL, errno.ENOSYS}
 _BLOCK = 1 << 20
 _passed: Counter[str] = Counter()
+
+guards: dict[Path, Callable[[], None]] = {}
+"""What to ask before anything is changed in a directory that this process has locked: raises if it is not its own any more."""
 
 
 def kill_point(name: str) -> None:
@@ -43,23 +47,40 @@ def kill_point(name: str) -> None:
 
 @contextlib.contextmanager
 def storage_errors(path: Path) -> Iterator[None]:
-    """Turn an `OSError` about ``path`` into `StorageFull` or `StorageError`."""
+    """Turn an `OSError` about ``path`` into `StorageFull` or `StorageError`; about what is not a file to be read: `DamagedRun`."""
     try:
         yield
+    except Unfit as error:
+        raise DamagedRun(f"{path}: {error.strerror}") from error
     except OSError as error:
         if error.errno in _NO_SPACE:
             raise StorageFull(path) from error
         raise StorageError(f"{path}: {error.strerror or error}") from error
 
 
-def require_regular(path: Path) -> None:
-    """Refuse anything that exists but is not a regular file: opening a pipe would block forever, and a device has no end.
+def is_regular(path: Path) -> bool:
+    """Whether there is a regular file, or a link to one; raises `StorageError` if that cannot be seen."""
+    with storage_errors(path):
+        return path.is_file()
+
+
+def require_own(path: Path) -> None:
+    """Refuse to change a file in a directory that this process has locked, or one below it, if another has taken its place.
+
+    Somebody may move or remove the directory of a process that is frozen, and put another under its name.
 
     Raises:
-        DamagedRun: If it is.
+        RunLocked: If so.
     """
-    if path.exists() and not path.is_file():
-        raise DamagedRun(f"{path}: not a regular file")
+    for directory in (path.parent, path.parent.parent):
+        if (require := guards.get(directory)) is not None:
+            require()
+
+
+def remove_own(path: Path) -> None:
+    """Remove a file if it is there; raises `RunLocked` as `require_own`, and `OSError`."""
+    require_own(path)
+    path.unlink(missing_ok=True)
 
 
 def require_space(path: Path, size: int) -> None:
@@ -170,6 +191,7 @@ def commit_file(
     verify: Callable[[Path], None] | None = None,
     read_only: bool = False,
     temporary: Path | None = None,
+    is_durable: bool = True,
 ) -> None:
     """Create or replace ``path`` by the commit protocol.
 
@@ -181,12 +203,15 @@ def commit_file(
         verify: Raises if the closed temporary file is not what was meant.
         read_only: Whether to take the write permission away: the file is never changed again.
         temporary: Name of the file until then; ``NAME.tmp``, which belongs to us in a run directory, if None.
+        is_durable: Whether the file must outlive a power cut.
 
     Raises:
         StorageFull: If there is not enough space.
         StorageError: For any other error of the system.
+        RunLocked: If the directory was locked and is another by now; see `require_own`.
     """
     temporary = temporary or path.with_name(path.name + ".tmp")
+    require_own(path)
     if size:
         require_space(path, size)
     try:
@@ -196,14 +221,17 @@ def commit_file(
         if verify is not None:
             verify(temporary)
         with storage_errors(path):
-            fsync_path(temporary)
+            if is_durable:
+                fsync_path(temporary)
             kill_point(f"{label}.before_rename")
+            require_own(path)
             temporary.replace(path)
             kill_point(f"{label}.after_rename")
-            fsync_path(path.parent)
+            if is_durable:
+                fsync_path(path.parent)
     finally:
-        with contextlib.suppress(OSError):
-            temporary.unlink(missing_ok=True)
+        with contextlib.suppress(OSError, RunLocked):
+            remove_own(temporary)
 
 
 def temporary_beside(path: Path) -> Path:
@@ -226,7 +254,7 @@ def _write_temporary(path: Path, write: Callable[[GuardedFile], None], size: int
         os.close(descriptor)
 
 
-def commit_bytes(path: Path, label: str, data: bytes) -> None:
+def commit_bytes(path: Path, label: str, data: bytes, *, is_durable: bool = True) -> None:
     """Create or replace a small file by the commit protocol; raises as `commit_file` does."""
 
     def write(file: GuardedFile) -> None:
@@ -234,7 +262,7 @@ def commit_bytes(path: Path, label: str, data: bytes) -> None:
         kill_point(f"{label}.mid_tmp")
         file.write(data[len(data) // 2 :])
 
-    commit_file(path, label, write)
+    commit_file(path, label, write, is_durable=is_durable)
 
 
 def commit_result(path: Path, label: str, data: bytes) -> None:
@@ -259,10 +287,14 @@ def append_line(path: Path, label: str, line: bytes) -> None:
     Raises:
         StorageFull: If there is not enough space.
         StorageError: For any other error of the system.
+        RunLocked: As `commit_file`.
     """
+    require_own(path)
     with storage_errors(path):
         is_new = not path.exists()
-        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC | os.O_NOFOLLOW, 0o666)
+        # Without O_NONBLOCK, a pipe would be waited for.
+        flags = os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC | os.O_NOFOLLOW | os.O_NONBLOCK
+        descriptor = os.open(path, flags, 0o666)
         try:
             _append(descriptor, label, line)
             os.fsync(descriptor)
@@ -292,12 +324,14 @@ def _append(descriptor: int, label: str, line: bytes) -> None:
 def make_directory(path: Path) -> None:
     """Make a directory, with its parents, so that they outlive a power cut; raises `StorageFull` or `StorageError`."""
     with storage_errors(path):
-        if path.is_dir():
-            return
-        if not path.parent.is_dir():
-            make_directory(path.parent)
-        path.mkdir(exist_ok=True)
-        fsync_path(path.parent)
+        missing = [path]
+        while not missing[-1].is_dir() and missing[-1].parent != missing[-1]:
+            missing.append(missing[-1].parent)
+        for directory in reversed(missing[:-1]):
+            if os.path.lexists(directory) and not directory.is_dir():
+                raise StorageError(f"{path}: {directory} is not a directory")
+            directory.mkdir(exist_ok=True)
+            fsync_path(directory.parent)
 
 
 def fsync_path(path: Path) -> None:
@@ -310,9 +344,9 @@ def fsync_path(path: Path) -> None:
 
 
 def file_digest(path: Path) -> str:
-    """BLAKE2b digest (16 bytes, hexadecimal) of a whole file; raises `StorageError`."""
+    """BLAKE2b digest (16 bytes, hexadecimal) of a whole file; raises `StorageError`, or `DamagedRun` if it is no regular file."""
     digest = hashlib.blake2b(digest_size=16)
-    with storage_errors(path), path.open("rb") as file:
+    with storage_errors(path), open_regular(path) as file:
         while block := file.read(_BLOCK):
             digest.update(block)
     return digest.hexdigest()

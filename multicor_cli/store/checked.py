@@ -6,6 +6,7 @@ import contextlib
 import hashlib
 import json
 import math
+import os
 from collections.abc import Iterable, Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
@@ -16,7 +17,7 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.store.atomic import require_regular
+from multicor_cli.files import Unfit, regular_path
 from multicor_cli.store.errors import DamagedRun, StorageError, UnsupportedVersion
 from multicor_cli.store.schema import FORMAT_VERSION, Dataset
 from multicor_cli.store.texts import DIGESTS, read_text, text_digest
@@ -36,6 +37,8 @@ def reading(path: Path) -> Iterator[None]:
     """Turn what h5py raises about a damaged file into `DamagedRun`, and errors of the system into `StorageError`."""
     try:
         yield
+    except Unfit as error:
+        raise DamagedRun(f"{path}: {error.strerror}") from error
     except FileNotFoundError as error:
         raise DamagedRun(f"{path}: missing") from error
     except OSError as error:
@@ -72,10 +75,9 @@ class CheckedFile:
         self.path = path
         self.dims: dict[str, int] = {"one": 1, **(dims or {})}
         self._accepted: dict[str, h5py.Dataset] = {}
-        require_regular(path)
-        with reading(path):
-            self._size = path.stat().st_size
-            self._file = h5py.File(path, "r", locking=False)
+        with reading(path), regular_path(path) as opened:
+            self._size = os.stat(opened).st_size  # noqa: PTH116  (not that of what has this name by now)
+            self._file = h5py.File(opened, "r", locking=False)
         try:
             self.version = self._check_header(filetype, run_id)
         except BaseException:

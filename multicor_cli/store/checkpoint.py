@@ -15,7 +15,7 @@ from multicor_cli.model.books import HEAT_BOOKS, entry_counts
 from multicor_cli.model.faults import find_misfit
 from multicor_cli.model.state import digest_of
 from multicor_cli.store import schema
-from multicor_cli.store.atomic import file_digest, kill_point, storage_errors
+from multicor_cli.store.atomic import file_digest, kill_point, remove_own, storage_errors
 from multicor_cli.store.checked import CheckedFile, check_version
 from multicor_cli.store.documents import Document, read_document, write_document
 from multicor_cli.store.errors import DamagedRun, UnsupportedVersion
@@ -26,6 +26,8 @@ from multicor_cli.store.summary import Summary, summarize
 FILETYPE = "multicor-checkpoint"
 KEEP = 2
 """Number of checkpoints kept."""
+
+START_AGAIN = "begin again with the same command and --overwrite, or in another directory with -o"
 
 _NAME = re.compile(r"step-(\d+)(?:\.(\d+))?\.json")
 
@@ -177,8 +179,7 @@ def load_newest(directory: Path, identity: Identity, segments: Path | None, mode
         warnings = tuple(f"{problem}; going back to an older checkpoint" for problem in problems)
         return replace(found, warnings=warnings)
     if problems:
-        remedy = "no usable checkpoint is left; start again with --overwrite"
-        raise DamagedRun("; ".join([*problems, remedy]))
+        raise DamagedRun("; ".join([*problems, f"no usable checkpoint is left; {START_AGAIN}"]))
     return None
 
 
@@ -248,7 +249,7 @@ def prune(directory: Path, newest: str | None = None) -> None:
         # Descriptions first: state and description are a checkpoint only together.
         for path in sorted(directory.glob("step-*"), key=lambda path: (path.suffix != ".json", path.name)):
             if path.suffix == ".tmp" or path.name.removesuffix(".json").removesuffix(".h5") not in keep:
-                path.unlink()
+                remove_own(path)
 
 
 def _free_name(directory: Path, step: int) -> Path:

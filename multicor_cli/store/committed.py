@@ -5,10 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 
 from multicor_cli.store import layout
-from multicor_cli.store.checkpoint import newest_first
+from multicor_cli.store.checkpoint import START_AGAIN, Identity, load_newest, newest_first
 from multicor_cli.store.documents import read_document
 from multicor_cli.store.errors import DamagedRun, StorageError
 from multicor_cli.store.manifest import NAME, Segment, read_manifest
+from multicor_cli.store.run_document import read_run_document
 
 
 def committed_segments(run: Path) -> list[Segment]:
@@ -25,8 +26,20 @@ def committed_segments(run: Path) -> list[Segment]:
     sidecar, names = _listed_by_checkpoint(run / layout.CHECKPOINTS)
     segments = read_manifest(directory)
     if [segment.name for segment in segments[: len(names)]] != names:
-        raise DamagedRun(f"{directory / NAME}: damaged (segments listed in {sidecar} are missing); continue the run to repair it")
+        what = f"{directory / NAME}: damaged (segments listed in {sidecar} are missing)"
+        raise DamagedRun(f"{what}; {_remedy(run)}")
     return segments
+
+
+def _remedy(run: Path) -> str:
+    """What helps if the manifest of a run is damaged: to continue from a checkpoint whose segments are whole, if there is one."""
+    try:
+        found = load_newest(run / layout.CHECKPOINTS, Identity.of(read_run_document(run)), run / layout.SEGMENTS)
+    except (DamagedRun, StorageError):
+        found = None
+    if found is None:
+        return f"no checkpoint has all its segments; {START_AGAIN}"
+    return f"continue the run to repair it, from step {found.state.step}"
 
 
 def _listed_by_checkpoint(directory: Path) -> tuple[str, list[str]]:

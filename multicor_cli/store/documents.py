@@ -8,7 +8,8 @@ import math
 from pathlib import Path
 from typing import Any
 
-from multicor_cli.store.atomic import commit_bytes, require_regular, storage_errors
+from multicor_cli.files import read_regular
+from multicor_cli.store.atomic import commit_bytes, storage_errors
 from multicor_cli.store.errors import DamagedRun
 
 Document = dict[str, Any]
@@ -37,11 +38,8 @@ def read_document(path: Path) -> Document:
         StorageError: If the file cannot be read.
         DamagedRun: If it is not a document of ours, or has been changed.
     """
-    require_regular(path)
-    with storage_errors(path), path.open("rb") as file:
-        data = file.read(SIZE_LIMIT + 1)
-    if len(data) > SIZE_LIMIT:
-        raise DamagedRun(f"{path}: {len(data)} bytes are too many for such a file; it does not come from this program")
+    with storage_errors(path):
+        data = read_regular(path, SIZE_LIMIT)
     return parse_document(data, str(path))
 
 

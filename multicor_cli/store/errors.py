@@ -77,6 +77,15 @@ class DamagedRun(StoreError):
     exit_code = 7
 
 
+class NothingStored(DamagedRun):
+    """A run was stopped before it had stored anything: nothing is damaged, and there is nothing to read (exit code 6)."""
+
+    exit_code = 6
+
+    def __init__(self, path: Path) -> None:
+        super().__init__(f"{path}: the run has stored nothing yet; if it does not go on, give the command that began it again")
+
+
 class UnsupportedVersion(DamagedRun):
     """A file was made by an incompatible version of the program (exit code 7)."""
 

@@ -13,9 +13,11 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from multicor_cli.files import Unfit, read_regular
 from multicor_cli.model import Model
+from multicor_cli.scenario.start import LARGEST_RECORD
 from multicor_cli.store import layout, schema
-from multicor_cli.store.atomic import commit_bytes, file_digest, fsync_path, kill_point, make_directory, storage_errors
+from multicor_cli.store.atomic import commit_bytes, file_digest, fsync_path, kill_point, make_directory, remove_own, storage_errors
 from multicor_cli.store.checked import CheckedFile
 from multicor_cli.store.checkpoint import Checkpoint, Identity, load_newest, write_checkpoint
 from multicor_cli.store.documents import Document, write_document
@@ -81,7 +83,7 @@ def remove_results(path: Path) -> None:
     """Remove ``results.h5`` of a run that goes on, all of which is in segments now; one that stays is replaced at the end."""
     with contextlib.suppress(OSError):
         for name in (layout.VTKHDF, layout.RESULTS):
-            (path / name).unlink(missing_ok=True)
+            remove_own(path / name)
         fsync_path(path)
 
 
@@ -113,11 +115,18 @@ def _keep_former(path: Path, document: Document) -> None:
     number = len(document.get("extensions", [])) + 1
     for name, key in ((layout.SOURCE, "source_sha256"), (layout.RESOLVED, "resolved_sha256")):
         text, former = read_scenario(path / name, str(document[key])).encode(), path / layout.former_name(name, number)
-        with storage_errors(former):
-            is_foreign = os.path.lexists(former) and former.read_bytes() != text
-        if is_foreign:
+        if os.path.lexists(former) and not _holds(former, text):
             raise DirectoryRefused(f"{former}: is in the way of the former scenario of the run; move it away")
         commit_bytes(former, "scenario", text)
+
+
+def _holds(file: Path, text: bytes) -> bool:
+    """Whether a file is there and this is its content; raises `StorageError` if it may not be read."""
+    with storage_errors(file):
+        try:
+            return read_regular(file, LARGEST_RECORD) == text
+        except (FileNotFoundError, Unfit):
+            return False
 
 
 def _reopen(path: Path, document: Document) -> None:
@@ -129,7 +138,7 @@ def _reopen(path: Path, document: Document) -> None:
         make_directory(path / name)
     with storage_errors(path / layout.SEGMENTS):
         for entry in layout.own_files(path, layout.SEGMENTS):  # of an attempt that was interrupted
-            entry.unlink()
+            remove_own(entry)
     identity = Identity.of(document)
     with CheckedFile(results, RESULTS_FILETYPE, run_id=run_id) as file:
         model = read_model(file)

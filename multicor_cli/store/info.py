@@ -10,11 +10,15 @@ from pathlib import Path
 from typing import Any
 
 from multicor_cli.engine.heat.hertz import largest_deflection
+from multicor_cli.files import read_regular
 from multicor_cli.store import layout
 from multicor_cli.store.errors import DamagedRun, StoreError
 from multicor_cli.store.lock import read_holder
 from multicor_cli.store.reader import Run, open_run
 from multicor_cli.store.summary import empty_summary
+
+_HEARTBEAT_LIMIT = 1 << 20
+"""A longer ``progress.json`` is not read [bytes]."""
 
 
 def run_info(path: Path | str) -> dict[str, Any]:
@@ -79,7 +83,7 @@ def _heartbeat(run: Run) -> dict[str, Any]:
     holder = read_holder(run.path / layout.LOCK)
     pid = holder.get("pid") if holder.get("host") == socket.gethostname() else None
     try:
-        beat = json.loads((run.path / layout.PROGRESS).read_text())
+        beat = json.loads(read_regular(run.path / layout.PROGRESS, _HEARTBEAT_LIMIT))
     except (OSError, ValueError, RecursionError):  # not protected: it may be missing or torn
         beat = None
     is_whole = isinstance(beat, dict) and all(isinstance(beat.get(name), int | float) for name in ("step", "time", "progress"))

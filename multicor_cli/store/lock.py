@@ -12,7 +12,8 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from multicor_cli.store.atomic import storage_errors
+from multicor_cli.files import open_regular
+from multicor_cli.store.atomic import guards, storage_errors
 from multicor_cli.store.errors import DirectoryRefused, RunLocked
 
 _RETRIES, _PAUSE = 5, 0.05
@@ -20,8 +21,22 @@ _SIZE = 4096
 """Bytes of a lock that are read at most."""
 
 
+_taken: set[tuple[int, int]] = set()
+"""Lock files that this process has held: device and inode."""
+
+
+def was_taken(path: Path) -> bool:
+    """Whether this process holds or has held this very lock file, not only one of the same name."""
+    try:
+        return _inode(path.stat()) in _taken
+    except OSError:
+        return False
+
+
 class RunLock:
     """Holds the lock of a run directory until `release`; the kernel gives it back when the process dies.
+
+    Until then nothing is changed in the directory by the commit protocol unless the file is still there (`atomic.require_own`).
 
     The file ``lock`` is locked with ``flock`` and names the holder. ``flock`` may not reach across hosts, so a file that
     names another host counts as held, unless ``force`` is given. A clean release empties the file.
@@ -48,6 +63,8 @@ class RunLock:
         except BaseException:
             os.close(self._descriptor)
             raise
+        _taken.add(_inode(os.fstat(self._descriptor)))
+        guards[path.parent] = self.require
 
     def require(self) -> None:
         """Raise `RunLocked` if the file is not there any more, or another: someone has taken this process for dead."""
@@ -58,6 +75,8 @@ class RunLock:
         """Give the lock back; does nothing the second time. If the file cannot be emptied, it names a holder that has died."""
         if self._descriptor < 0:
             return
+        if guards.get(self.path.parent) == self.require:
+            del guards[self.path.parent]
         with contextlib.suppress(OSError):
             os.ftruncate(self._descriptor, 0)
         os.close(self._descriptor)
@@ -67,9 +86,7 @@ class RunLock:
 def read_holder(path: Path) -> dict[str, Any]:
     """Who holds (or held, if it died) the lock: ``pid, host, started``; empty if no one does."""
     try:
-        if not path.is_file():
-            return {}
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             return _parse(file.read(_SIZE))
     except OSError:
         return {}
@@ -111,9 +128,13 @@ def _acquire(path: Path) -> int:
 def _is_current(path: Path, descriptor: int) -> bool:
     """Whether the file that is locked is still the one under this name."""
     try:
-        return path.stat().st_ino == os.fstat(descriptor).st_ino
-    except FileNotFoundError:
+        return _inode(path.stat()) == _inode(os.fstat(descriptor))
+    except OSError:  # the directory is gone, or cannot be reached any more
         return False
+
+
+def _inode(status: os.stat_result) -> tuple[int, int]:
+    return status.st_dev, status.st_ino
 
 
 def _own_identity() -> dict[str, Any]:

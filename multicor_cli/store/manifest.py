@@ -5,8 +5,9 @@ from __future__ import annotations
 from dataclasses import asdict, dataclass, fields
 from pathlib import Path
 
-from multicor_cli.store.atomic import append_line, commit_bytes, file_digest, kill_point, require_regular, storage_errors
-from multicor_cli.store.documents import Document, document_line, parse_document
+from multicor_cli.files import Unfit, read_regular
+from multicor_cli.store.atomic import append_line, commit_bytes, file_digest, kill_point, require_own, storage_errors
+from multicor_cli.store.documents import SIZE_LIMIT, Document, document_line, parse_document
 from multicor_cli.store.errors import DamagedRun
 
 NAME = "MANIFEST.jsonl"
@@ -71,9 +72,8 @@ def read_manifest(directory: Path) -> list[Segment]:
     path = directory / NAME
     if not path.exists():
         return []
-    require_regular(path)
     with storage_errors(path):
-        lines = path.read_bytes().split(b"\n")[:-1]
+        lines = read_regular(path, SIZE_LIMIT).split(b"\n")[:-1]
     segments = []
     for number, line in enumerate(lines, 1):
         where = f"{path}, line {number}"
@@ -98,8 +98,11 @@ def keep_segments(directory: Path, segments: list[Segment]) -> list[str]:
     data = b"".join(document_line(segment.as_document()) for segment in segments)
     path = directory / NAME
     with storage_errors(path):
-        is_same = path.exists() and path.read_bytes() == data
-    if not is_same:
+        try:
+            before = read_regular(path, SIZE_LIMIT)
+        except (FileNotFoundError, Unfit):
+            before = None
+    if before != data:
         commit_bytes(path, "manifest", data)
     return set_aside(directory, {segment.name for segment in segments})
 
@@ -111,6 +114,7 @@ def set_aside(directory: Path, keep: set[str]) -> list[str]:
         if path.name in keep:
             continue
         with storage_errors(path):
+            require_own(path)
             path.rename(_free_orphan_name(path))
         renamed.append(path.name)
         kill_point("orphan.mid")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from bisect import bisect_right
 from collections import OrderedDict
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from itertools import accumulate
 from pathlib import Path
@@ -95,10 +95,17 @@ class Parts:
         parts: The files in order.
         run_id: Identity of the run; any if ``None``.
         again: Called when a file has gone, because the run was finished in the meantime; returns the present files.
+        lengths: Lengths of dimensions that no file tells while there is none: numbers of walls and outlets.
     """
 
-    def __init__(self, parts: Sequence[Part], run_id: str | None, again: Callable[[], Sequence[Part]]) -> None:
-        self._run_id, self._again = run_id, again
+    def __init__(
+        self,
+        parts: Sequence[Part],
+        run_id: str | None,
+        again: Callable[[], Sequence[Part]],
+        lengths: Callable[[], Mapping[str, int]],
+    ) -> None:
+        self._run_id, self._again, self._lengths = run_id, again, lengths
         self._open: OrderedDict[Path, OpenPart] = OrderedDict()
         self._set(parts)
 
@@ -179,7 +186,10 @@ class Parts:
             opened = self._opened(part)
             for spec in specs:
                 pieces[spec.path].append(opened.file.read(spec))
-        return {spec.path: np.concatenate(pieces[spec.path]) if pieces[spec.path] else _nothing(spec) for spec in specs}
+        if not self.parts:
+            lengths = self._lengths()
+            return {spec.path: _nothing(spec, lengths) for spec in specs}
+        return {spec.path: np.concatenate(pieces[spec.path]) for spec in specs}
 
     def _opened(self, part: Part) -> OpenPart:
         if part.path not in self._open:
@@ -190,6 +200,6 @@ class Parts:
         return self._open[part.path]
 
 
-def _nothing(spec: Dataset) -> NDArray[Any]:
+def _nothing(spec: Dataset, lengths: Mapping[str, int]) -> NDArray[Any]:
     dtype = {"f8": np.float64, "float": np.float64, "i8": np.int64, "i4": np.int32, "u1": np.uint8}[spec.dtype]
-    return np.zeros(tuple(d if isinstance(d, int) else 0 for d in spec.dims), dtype)
+    return np.zeros(tuple(d if isinstance(d, int) else lengths.get(d, 0) for d in spec.dims), dtype)

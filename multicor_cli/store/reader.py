@@ -11,15 +11,17 @@ from typing import Any
 
 from numpy.typing import NDArray
 
+from multicor_cli.files import open_regular
 from multicor_cli.model import Model, State
 from multicor_cli.scenario.steered import steered_text
 from multicor_cli.store import layout, schema
+from multicor_cli.store.atomic import is_regular
 from multicor_cli.store.checked import CheckedFile
 from multicor_cli.store.checkpoint import Identity, load_newest
 from multicor_cli.store.committed import committed_segments
 from multicor_cli.store.data_frames import NamedColumn, data_frame, series_columns
 from multicor_cli.store.documents import Document
-from multicor_cli.store.errors import DamagedRun, DirectoryRefused, StorageError
+from multicor_cli.store.errors import DamagedRun, DirectoryRefused, NothingStored, StorageError
 from multicor_cli.store.frame_view import Frames, ModelFacts
 from multicor_cli.store.grain_facts import GrainFacts
 from multicor_cli.store.lock import is_alive
@@ -98,7 +100,7 @@ class Run:
     def __init__(self, path: Path, info: Document, results: Path | None) -> None:
         self.path, self.info = path, info
         self._results = results
-        self._parts = Parts(self._find_parts(), self.run_id, self._find_parts_again)
+        self._parts = Parts(self._find_parts(), self.run_id, self._find_parts_again, self._lengths)
         self.frames = Frames(self._parts, ModelFacts(lambda: self.model))
         self.series = Series(self._parts, lambda: self.rows(schema.SERIES), lambda: series_columns(self))
 
@@ -143,13 +145,18 @@ class Run:
 
     @cached_property
     def model(self) -> Model:
-        """Grains, walls and laws; raises `DamagedRun` if it is missing or damaged."""
+        """Grains, walls and laws; raises `DamagedRun` if it is missing or damaged, `NothingStored` if none was written yet."""
         if self._results is None:
             try:
                 return load_model(self.path / layout.MODEL, self.run_id)
             except DamagedRun:
-                if (self.path / layout.MODEL).exists() or self._find_results() is None:
+                if (self.path / layout.MODEL).exists():
                     raise
+                if self._find_results() is None:
+                    has_stored = bool(self._parts.parts) or self.info["summary"] is not None
+                    if has_stored:
+                        raise
+                    raise NothingStored(self.path) from None
         assert self._results is not None
         with CheckedFile(self._results, RESULTS_FILETYPE, run_id=self.run_id) as file:
             return read_model(file)
@@ -228,6 +235,13 @@ class Run:
         directory = self.path / layout.SEGMENTS
         return [segment_part(directory, segment) for segment in committed_segments(self.path)]
 
+    def _lengths(self) -> dict[str, int]:
+        """Numbers of walls and outlets, as far as they are known."""
+        try:
+            return {"wall": self.model.wall_count, "outlet": len(self.model.outlets or ())}
+        except DamagedRun:
+            return {}
+
     def _find_parts_again(self) -> list[Part]:
         """The files of a run that was finished, or resumed from a checkpoint, since it was opened."""
         self._find_results()
@@ -253,11 +267,11 @@ def open_run(path: Path | str) -> Run:
         StorageError: If a file cannot be read.
     """
     path = Path(path)
-    if path.is_file():
+    if is_regular(path):
         if path.suffix not in _HDF5 and not _begins_as_hdf5(path):
             raise DirectoryRefused(f"{path}: is no run; give the run directory, or its {layout.RESULTS}")
         return Run(path, _info_of_results(path), path)
-    if not (path / layout.RUN).exists() and (path / layout.RESULTS).is_file():
+    if not is_regular(path / layout.RUN) and is_regular(path / layout.RESULTS):
         return open_run(path / layout.RESULTS)
     for attempt in range(3):
         info = read_run_document(path)
@@ -278,7 +292,7 @@ _HDF5 = (".h5", ".hdf5", ".vtkhdf")
 
 def _begins_as_hdf5(path: Path) -> bool:
     try:
-        with path.open("rb") as file:
+        with open_regular(path) as file:
             return file.read(8) == b"\x89HDF\r\n\x1a\n"
     except OSError as error:
         raise StorageError(f"{path}: {error.strerror}") from error

@@ -13,9 +13,10 @@ from typing import Any
 from multicor_cli.model import EXCHANGE_NAMES
 from multicor_cli.scenario.steered import Decision, is_decision
 from multicor_cli.store import layout
+from multicor_cli.store.atomic import is_regular
 from multicor_cli.store.checked import check_version
 from multicor_cli.store.documents import Document, plain, read_document
-from multicor_cli.store.errors import DamagedRun, no_run
+from multicor_cli.store.errors import DamagedRun, NothingStored, no_run
 from multicor_cli.store.hdf5 import Precision
 from multicor_cli.store.origin import Origin, is_origin
 from multicor_cli.store.provenance import current_command
@@ -33,16 +34,18 @@ def read_run_document(path: Path) -> Document:
 
     Raises:
         DirectoryRefused: If there is no run.
-        DamagedRun: If it is damaged, or of an incompatible version (`UnsupportedVersion`).
+        DamagedRun: If it is damaged, or of an incompatible version (`UnsupportedVersion`), or only begun (`NothingStored`).
         StorageError: If it cannot be read.
     """
     file = path / layout.RUN
-    if not file.is_file():
+    if not is_regular(file):
         raise no_run(path)
     document = read_document(file)
     if document.get("filetype") != FILETYPE:
         raise DamagedRun(f"{file}: not the description of a run")
     check_version(file, document.get("format_version"))
+    if document.get("status") == CREATING:
+        raise NothingStored(path)
     missing = _KEYS - document.keys()
     if missing:
         raise DamagedRun(f"{file}: lacks {', '.join(sorted(missing))}")

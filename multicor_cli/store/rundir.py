@@ -13,8 +13,8 @@ from multicor_cli.model import Model, State
 from multicor_cli.model.stored import Version
 from multicor_cli.scenario.steered import steered_text
 from multicor_cli.store import layout
-from multicor_cli.store.atomic import file_digest, kill_point, make_directory, storage_errors
-from multicor_cli.store.checkpoint import Checkpoint, Identity, load_newest, prune, write_checkpoint
+from multicor_cli.store.atomic import commit_bytes, file_digest, kill_point, make_directory, remove_own, require_own, storage_errors
+from multicor_cli.store.checkpoint import START_AGAIN, Checkpoint, Identity, load_newest, prune, write_checkpoint
 from multicor_cli.store.documents import Document, plain, write_document
 from multicor_cli.store.errors import DamagedRun, StoreError, no_run
 from multicor_cli.store.extension import Extension, extend
@@ -264,7 +264,7 @@ class RunDirectory:
         checkpoint = self.load_checkpoint()
         digest = model_digest(model)
         if checkpoint and checkpoint.model_digest != digest:
-            raise DamagedRun(f"{self.path}: the checkpoint belongs to another model; start again with --overwrite")
+            raise DamagedRun(f"{self.path}: the checkpoint belongs to another model; {START_AGAIN}")
         path = self.path / layout.MODEL
         if checkpoint is None or not path.exists():
             write_model(path, model, self.run_id)
@@ -281,7 +281,6 @@ class RunDirectory:
             version=self.version,
             committed=checkpoint.segments if checkpoint else (),
             last_steps=checkpoint.last_steps if checkpoint else (-1, -1),
-            require_lock=self._lock.require,
         )
         return self._writer
 
@@ -331,11 +330,9 @@ class RunDirectory:
 
     def progress(self, values: Mapping[str, Any]) -> None:
         """Replace ``progress.json``, a heartbeat for people and scripts; a failure to write it does not matter."""
-        path = self.path / layout.PROGRESS
-        temporary = path.with_name(path.name + ".tmp")
-        with contextlib.suppress(OSError):
-            temporary.write_text(json.dumps(plain({**values, "updated": now()}), indent=1) + "\n")
-            temporary.replace(path)
+        data = (json.dumps(plain({**values, "updated": now()}), indent=1) + "\n").encode()
+        with contextlib.suppress(StoreError):
+            commit_bytes(self.path / layout.PROGRESS, "progress", data, is_durable=False)
 
     def finish(
         self,
@@ -431,8 +428,9 @@ class RunDirectory:
         directory = self.path / layout.SEGMENTS
         with storage_errors(directory):
             for entry in layout.own_files(self.path, layout.SEGMENTS):
-                entry.unlink()
+                remove_own(entry)
                 kill_point("cleanup.mid")
+            require_own(directory)
             if not directory.is_symlink() and directory.is_dir() and not any(directory.iterdir()):
                 directory.rmdir()
-            (self.path / layout.MODEL).unlink(missing_ok=True)
+            remove_own(self.path / layout.MODEL)

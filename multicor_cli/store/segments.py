@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -41,7 +41,6 @@ class FrameWriter:
         version: Version of the file format in which the run was begun.
         committed: Segments that are there already.
         last_steps: Steps of the last frame and of the last row of the series that were committed; -1 if none.
-        require_lock: Raises if another process has taken the run over; asked before anything is written.
 
     Attributes:
         model: The model of the run.
@@ -62,7 +61,6 @@ class FrameWriter:
         version: Version = schema.FORMAT_VERSION,
         committed: Iterable[Segment] = (),
         last_steps: tuple[int, int] = (-1, -1),
-        require_lock: Callable[[], None] = lambda: None,
     ) -> None:
         self._directory, self._run_id, self._precision, self._version = directory, run_id, precision, version
         self.model = model
@@ -78,7 +76,6 @@ class FrameWriter:
         self.series_table = schema.select(schema.SERIES, self._features, version)
         self._table = schema.select(schema.SEGMENT_TABLE, self._features, version)
         self.segments = list(committed)
-        self._require_lock = require_lock
         self.last_frame_step, self.last_series_step = last_steps
         self._frames: list[Columns] = []
         self._rows: list[Columns] = []
@@ -143,10 +140,9 @@ class FrameWriter:
         return sum(len(rows["series/step"]) for rows in self._rows)
 
     def flush(self) -> None:
-        """Commit what is pending; raises `StorageFull`, `StorageError` or what ``require_lock`` does, and then keeps it pending."""
+        """Commit what is pending; raises `StorageFull`, `StorageError` or `RunLocked`, and then keeps it pending."""
         if not self._frames and not self._rows:
             return
-        self._require_lock()
         path = self._directory / segment_name(len(self.segments))
         attributes = {"filetype": FILETYPE, "run_id": self._run_id, "features": sorted(self._features)}
         size = estimate_size(self._table, self._bytes)

@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 
 from multicor_cli.model import Model
 from multicor_cli.store import layout, schema
-from multicor_cli.store.atomic import file_digest
+from multicor_cli.store.atomic import file_digest, is_regular
 from multicor_cli.store.checked import CheckedFile
 from multicor_cli.store.checkpoint import Identity, load_checkpoint, newest_first, step_of
 from multicor_cli.store.committed import committed_segments
 from multicor_cli.store.documents import Document
-from multicor_cli.store.errors import DamagedRun, StoreError
+from multicor_cli.store.errors import DamagedRun, NothingStored, StoreError
 from multicor_cli.store.hdf5 import data_digest
 from multicor_cli.store.manifest import Segment, check_segment
 from multicor_cli.store.model_file import load_model, read_model
@@ -63,12 +63,14 @@ def verify(path: Path | str) -> list[FileFinding]:
         DirectoryRefused: If there is no run.
     """
     path = Path(path)
-    if path.is_file():
+    if is_regular(path):
         return _run_checks([(path, lambda: _check_results(path, None, None))])
-    if not (path / layout.RUN).exists() and (path / layout.RESULTS).is_file():
+    if not is_regular(path / layout.RUN) and is_regular(path / layout.RESULTS):
         return _missing_run_document(path) + verify(path / layout.RESULTS)
     try:
         document = read_run_document(path)
+    except NothingStored:
+        raise
     except DamagedRun as error:
         return [FileFinding("error", str(path / layout.RUN), str(error))]
     findings = _run_checks(_scenario_checks(path, document))

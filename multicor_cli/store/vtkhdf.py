@@ -24,8 +24,10 @@ import h5py
 import numpy as np
 from numpy.typing import NDArray
 
+from multicor_cli.files import regular_path
 from multicor_cli.model import Model, Presence
 from multicor_cli.store import layout, schema
+from multicor_cli.store.atomic import remove_own, require_own
 from multicor_cli.store.checked import reading
 from multicor_cli.store.errors import DamagedRun
 from multicor_cli.store.schema import Dataset
@@ -130,7 +132,7 @@ def check_view(path: Path) -> None:
         DamagedRun: If the view is not what was written.
         StorageError: If the file cannot be read.
     """
-    with reading(path), h5py.File(path, "r", locking=False) as file:
+    with reading(path), regular_path(path) as opened, h5py.File(opened, "r", locking=False) as file:
         is_whole = not len(file["steps/time"]) or read_text(file[GROUP], "blake2b") == _digest(file)
     if not is_whole:
         raise DamagedRun(f"{path}: {GROUP}, the view for ParaView, does not match its digest")
@@ -153,11 +155,12 @@ def link_view(directory: Path) -> None:
     """
     name, temporary = directory / layout.VTKHDF, directory / (layout.VTKHDF + ".tmp")
     with contextlib.suppress(OSError):
-        temporary.unlink(missing_ok=True)
+        remove_own(temporary)
         try:
             temporary.symlink_to(layout.RESULTS)
         except OSError:
             os.link(directory / layout.RESULTS, temporary)
+        require_own(name)
         temporary.replace(name)
 
 

@@ -9,6 +9,7 @@ import tomllib
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
+from multicor_cli.files import read_regular
 from multicor_cli.scenario.csv_columns import MAX_BYTES
 from multicor_cli.scenario.problems import Finding
 from multicor_cli.studies.schema import MAX_CASES, OPTIONS, Range, Sampled, Vary
@@ -122,11 +123,14 @@ def _rows(path: Path, name: str, taken: set[str]) -> list[Values]:
         return BadAxes(Finding(("vary", "file"), message, remedy))
 
     try:
-        if path.stat().st_size > MAX_BYTES:
-            raise bad(f"'{name}' is larger than {MAX_BYTES // 1_000_000} MB", "vary less")
-        lines = [row for row in csv.reader(path.read_text(encoding="utf-8-sig").splitlines()) if row and not row[0].startswith("#")]
+        text = read_regular(path, MAX_BYTES).decode("utf-8-sig")
+        lines = [row for row in csv.reader(text.splitlines()) if row and not row[0].startswith("#")]
+    except FileNotFoundError:
+        raise bad(f"there is no file '{name}'", "give its path relative to the study file") from None
     except (OSError, ValueError, csv.Error) as error:
-        raise bad(f"'{name}' cannot be read: {getattr(error, 'strerror', None) or error}", "check the path") from None
+        raise bad(
+            f"'{name}' cannot be read: {getattr(error, 'strerror', None) or error}", "it must be a CSV file in UTF-8"
+        ) from None
     if len(lines) < 2:
         raise bad(f"'{name}' has no rows", "let the first line name the keys, and each further one give their values")
     keys = [title.strip() for title in lines[0]]

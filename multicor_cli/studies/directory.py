@@ -15,10 +15,12 @@ from enum import Enum
 from pathlib import Path
 from typing import Any
 
+from multicor_cli.files import read_regular
 from multicor_cli.running.differences import Difference, find_differences
 from multicor_cli.scenario.problems import Finding
 from multicor_cli.store import layout
 from multicor_cli.store.atomic import commit_bytes, make_directory, storage_errors
+from multicor_cli.store.documents import SIZE_LIMIT
 from multicor_cli.store.errors import DamagedRun, DirectoryRefused
 from multicor_cli.store.lock import RunLock, is_alive
 from multicor_cli.studies.cases import Case
@@ -102,8 +104,8 @@ class StudyDirectory:
             raise DirectoryRefused(f"{self.path}: holds no study")
         with storage_errors(file):
             try:
-                found = json.loads(file.read_bytes())
-            except ValueError:
+                found = json.loads(read_regular(file, SIZE_LIMIT))
+            except (ValueError, RecursionError):
                 raise DamagedRun(f"{file}: is damaged; restore it from a copy") from None
         if not isinstance(found, dict) or found.get("filetype") != FILETYPE or found.get("format_version") != VERSION:
             raise DamagedRun(f"{file}: is not a study of this version of the program")
@@ -211,7 +213,7 @@ def _about_scenario(difference: Difference) -> Finding:
 def _read_json(file: Path) -> dict[str, Any]:
     """The document in a file; empty if there is none, or none yet on a shared file system."""
     try:
-        found = json.loads(file.read_bytes())
-    except (OSError, ValueError):
+        found = json.loads(read_regular(file, SIZE_LIMIT))
+    except (OSError, ValueError, RecursionError):
         return {}
     return found if isinstance(found, dict) else {}

@@ -11,9 +11,11 @@ from typing import Any
 
 import numpy as np
 
+from multicor_cli.files import read_regular
 from multicor_cli.post.source import Selection
 from multicor_cli.post.sums import Sums, average
 from multicor_cli.store.atomic import commit_bytes
+from multicor_cli.store.documents import SIZE_LIMIT
 from multicor_cli.studies.cases import Case
 from multicor_cli.studies.directory import StudyDirectory
 from multicor_cli.studies.schema import After, Observable
@@ -28,8 +30,8 @@ def observe(directory: StudyDirectory, case: Case, observables: Sequence[Observa
     """
     file = directory.observed(case.name)
     try:
-        kept = json.loads(file.read_bytes())
-    except (OSError, ValueError):
+        kept = json.loads(read_regular(file, SIZE_LIMIT))
+    except (OSError, ValueError, RecursionError):
         kept = {}
     kept = kept if isinstance(kept, dict) and isinstance(kept.get("numbers"), dict) else {}
     wanted = {row.name: _digest(row) for row in observables}

@@ -80,11 +80,14 @@ def test_bytes_that_are_no_text(tmp_path):
 
 
 def test_missing_foreign_and_huge_files(tmp_path, monkeypatch):
-    for path, words in ((tmp_path / "none.csv", "no file"), (tmp_path, "no file"), (csv(tmp_path, "", "a.xls"), "kind of file")):
+    (tmp_path / "folder.csv").mkdir()
+    cases = {"none.csv": "no file", "folder.csv": "it is a directory", "a.xls": "kind of file"}
+    csv(tmp_path, "", "a.xls")
+    for path, words in ((tmp_path / name, words) for name, words in cases.items()):
         with pytest.raises(PackingError, match=words):
             read_grains(path, (0.0, 0.0))
     monkeypatch.setattr(file, "MAX_BYTES", 10)
-    with pytest.raises(PackingError, match=r"is too large \(\d+ B\); the limit is 10 B"):
+    with pytest.raises(PackingError, match=r"larger than 10 B \(\d+ B\)"):
         read_grains(csv(tmp_path, "x,y,radius\n1,2,3\n"), (0.0, 0.0))
 
 
@@ -136,7 +139,7 @@ def test_hdf5_links_to_other_files_are_not_followed(tmp_path):
 
 
 def test_damaged_hdf5(tmp_path):
-    with pytest.raises(PackingError, match="cannot read"):
+    with pytest.raises(PackingError, match="cannot be read"):
         read_grains(csv(tmp_path, "this is no HDF5 file", "grains.h5"), (0.0, 0.0))
 
 

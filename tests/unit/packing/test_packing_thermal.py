@@ -143,10 +143,10 @@ def test_bad_files_are_refused_with_their_lines(tmp_path, case):
 def test_unreadable_files(tmp_path):
     with pytest.raises(PackingError, match="there is no file"):
         read_temperatures(tmp_path / "T.csv")
-    with pytest.raises(PackingError, match="there is no file"):
+    with pytest.raises(PackingError, match="it is a directory"):
         read_temperatures(tmp_path)
     (tmp_path / "T.csv").write_bytes(b"300\n\xff\xfe")
-    with pytest.raises(PackingError, match="cannot read"):
+    with pytest.raises(PackingError, match="cannot be read"):
         read_temperatures(tmp_path / "T.csv")
 
 

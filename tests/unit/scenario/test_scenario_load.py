@@ -111,10 +111,10 @@ def test_what_is_no_file_is_refused(tmp_path):
 def test_an_unreadable_file_is_refused(write, monkeypatch):
     path = write(SHEAR)
 
-    def refuse(_self):
+    def refuse(*_arguments):
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr(type(path), "read_bytes", refuse)
+    monkeypatch.setattr("multicor_cli.files.os.open", refuse)
     with pytest.raises(ScenarioError, match="cannot be read: Permission denied"):
         load_scenario(path)
 

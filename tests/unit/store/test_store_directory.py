@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import contextlib
+import dataclasses
 import errno
 import json
 import os
 import resource
+import shutil
 import signal
 import subprocess
 import sys
@@ -20,6 +23,7 @@ import pytest
 from places import ROOT
 from store_support import PROVENANCE, RESOLVED, SOURCE, continue_run, drive, make_model, make_run, run_whole, start
 
+from multicor_cli.model import State
 from multicor_cli.store import (
     DamagedRun,
     DirectoryRefused,
@@ -34,7 +38,9 @@ from multicor_cli.store import (
     verify,
 )
 from multicor_cli.store.atomic import GuardedFile
+from multicor_cli.store.checkpoint import prune
 from multicor_cli.store.lock import RunLock, is_alive
+from multicor_cli.store.manifest import keep_segments
 from multicor_cli.store.prepare import check_usable
 
 
@@ -505,3 +511,42 @@ def test_what_reads_back_differently_is_not_committed(tmp_path: Path, monkeypatc
         assert listing(tmp_path / "run") == before
         run.checkpoint(state, run._writer)
     assert verify(tmp_path / "run") == []
+
+
+WRITING: dict[str, Callable[[RunDirectory, State], object]] = {
+    "heartbeat": lambda run, state: run.progress({"step": state.step}),
+    "checkpoint": lambda run, state: run.checkpoint(state, run._writer),  # type: ignore[arg-type]
+    "segment": lambda run, state: run._writer.flush() if run._writer else None,
+    "results": lambda run, state: run.consolidate(),
+    "stop": lambda run, state: run.finish("stopped"),
+    "end": lambda run, state: run.finish("finished"),
+    "removal of segments": lambda run, state: run._remove_segments(),
+    "removal of checkpoints": lambda run, state: prune(run.path / "checkpoints"),
+    "orphans": lambda run, state: keep_segments(run.path / "segments", []),
+}
+"""Everything that changes a run directory."""
+
+
+@pytest.mark.parametrize("act", list(WRITING.values()), ids=list(WRITING))
+@pytest.mark.parametrize("other", ["run", "folder", "nothing", "copy"])
+def test_nothing_is_changed_in_a_directory_that_has_taken_the_place_of_the_run(
+    tmp_path: Path, act: Callable[[RunDirectory, State], object], other: str
+) -> None:
+    path, model = tmp_path / "run", make_model()
+    with make_run(path) as run:
+        state = drive(run, model, steps=22, checkpoint_every=10, finish=False)
+        assert run._writer is not None
+        run._writer.series_row(Moment(dataclasses.replace(state, step=state.step + 1), model))
+        path.rename(tmp_path / "moved")
+        if other == "run":
+            run_whole(tmp_path / "other", steps=20)
+            (tmp_path / "other").rename(path)
+        elif other == "copy":
+            shutil.copytree(tmp_path / "moved", path)
+        elif other == "folder":
+            path.mkdir()
+            (path / "progress.json").write_text("mine")
+        before = listing(path)
+        with contextlib.suppress(RunLocked):
+            act(run, dataclasses.replace(state, step=state.step + 1))
+        assert listing(path) == before

@@ -83,7 +83,7 @@ def test_rows_of_a_file(read: Read, tmp_path: Path) -> None:
     assert values(read('[vary]\nfile = "cases.csv"\n')) == [(0.2, 1e-4), (0.4, "auto")]
     (tmp_path / "cases.csv").write_text(f"{FRICTION}\n0.2,3\n")
     assert "row 2" in problems(lambda: expand(read('[vary]\nfile = "cases.csv"\n')))[0]
-    assert "cannot be read" in problems(lambda: expand(read('[vary]\nfile = "none.csv"\n')))[0]
+    assert "there is no file" in problems(lambda: expand(read('[vary]\nfile = "none.csv"\n')))[0]
 
 
 @pytest.mark.parametrize("kind", ["latin-hypercube", "sobol"])
