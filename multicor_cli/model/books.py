@@ -57,9 +57,9 @@ BOOKS = (
     _book("correction_work", "energy moved by the projection of positions since the start"),  # ΣF·δq of gravity and loads
     _book("friction_sliding", "mu |u_t+| p_n summed since the start: the end-of-step rule"),  # the rule of the paper
     _book("negative_loss", "negative part of friction_loss + impact_loss since the start"),  # contacts that gained energy
-    _book("terms", "sum of the absolute terms of the energy balance since the start, with a small share of the kinetic energies"),
+    _book("terms", "sum of the absolute terms of the energy balance since the start"),
     _book("imbalance", "kinetic - kinetic_start - works + losses now"),  # the correction is among the losses
-    _book("closure", "largest |imbalance|/terms so far", "1"),
+    _book("closure", "largest |imbalance| so far over terms, or over a small share of the kinetic energy where that is more", "1"),
 )
 """The energy books, in the order of `State.books`."""
 

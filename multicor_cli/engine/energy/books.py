@@ -25,11 +25,11 @@ _EXCHANGE = {name: k for k, name in enumerate(EXCHANGE_NAMES)}
 _WINDOW = {name: k for k, name in enumerate(WINDOW_NAMES)}
 
 
-OPENING_SHARE = 2.0**-8
-"""Share of the first kinetic energy that counts as a term, so that what its sum is rounded by is far below 10⁻¹⁰ of the terms."""
+SUMMED_SHARE = 2.0**-8
+"""Share of the kinetic energy that an imbalance is compared with at least: what its sum is rounded by is far below 10⁻¹⁰ of it."""
 
 ROUNDED_SHARE = 2.0**-14
-"""Likewise of that after each step: a step rounds every velocity, by up to 2⁻⁵³ of it, perhaps always in the same direction."""
+"""The same for each step taken: a step rounds every velocity, by up to 2⁻⁵³ of it, perhaps always in the same direction."""
 
 
 def open_books(state: State, model: Model, motion: WallMotion) -> None:
@@ -38,7 +38,6 @@ def open_books(state: State, model: Model, motion: WallMotion) -> None:
     kinetic += motion.kinetic(state.wall_velocity)
     state.books[_BOOK["kinetic"]] = kinetic
     state.books[_BOOK["kinetic_start"]] = kinetic - _brought_in(state)
-    state.books[_BOOK["terms"]] = OPENING_SHARE * kinetic
 
 
 def switch_wall_kinetic(state: State, change: float) -> None:
@@ -111,22 +110,27 @@ def book_step(
         books[_BOOK[name]] += value
     books[_BOOK["friction_sliding"]] += sums.total[account.SLIDING]
     books[_BOOK["negative_loss"]] += sums.total[account.NEGATIVE]
-    books[_BOOK["terms"]] += abs(change) + math.fsum(abs(value) for value in entries.values()) + ROUNDED_SHARE * kinetic
+    books[_BOOK["terms"]] += abs(change) + math.fsum(abs(value) for value in entries.values())
     _close(state)
     _tally(state, sums, correction, outcome, dt)
     _add_to_window(state, sums, outcome, dt)
 
 
 def _close(state: State) -> None:
-    """Strike the balance."""
+    """Strike the balance.
+
+    An imbalance is compared with the terms, and where nothing has worked on the grains yet with what rounding makes of their energy.
+    """
     books = state.books
     works = books[_BOOK["gravity_work"]] + books[_BOOK["wall_work"]] + books[_BOOK["load_work"]]
     losses = books[_BOOK["friction_loss"]] + books[_BOOK["impact_loss"]] + books[_BOOK["damping_loss"]]
     gain = books[_BOOK["kinetic"]] - books[_BOOK["kinetic_start"]]
     imbalance = gain - (works - losses - books[_BOOK["correction_work"]]) - _brought_in(state)
     books[_BOOK["imbalance"]] = imbalance
-    if books[_BOOK["terms"]] > 0.0:
-        books[_BOOK["closure"]] = max(books[_BOOK["closure"]], abs(imbalance) / books[_BOOK["terms"]])
+    kinetic, steps = max(float(books[_BOOK["kinetic"]]), float(books[_BOOK["kinetic_start"]])), state.step + 1
+    scale = max(float(books[_BOOK["terms"]]), SUMMED_SHARE * kinetic, ROUNDED_SHARE * steps * float(books[_BOOK["kinetic"]]))
+    if scale > 0.0:
+        books[_BOOK["closure"]] = max(books[_BOOK["closure"]], abs(imbalance) / scale)
 
 
 def _tally(state: State, sums: account.ContactSums, correction: Correction, outcome: Outcome, dt: float) -> None:
