@@ -13,7 +13,7 @@ from command_line import call
 from scenes import SMALL, WARM, changed
 from trials import thinned
 
-pytestmark = pytest.mark.timeout(60)
+pytestmark = pytest.mark.timeout(60, func_only=True)  # a fixture may compile
 
 GRAINS = """sizes = { kind = "uniform", min = 0.4e-3, max = 0.6e-3 }
 count = 60
