@@ -13,7 +13,6 @@ from multicor_cli.arithmetic.sums import total
 from multicor_cli.engine.contact.solve import Outcome
 from multicor_cli.engine.energy import account
 from multicor_cli.engine.motion.correction import Correction
-from multicor_cli.engine.motion.moves import kinetic_of
 from multicor_cli.engine.motion.walls import WallMotion
 from multicor_cli.model.books import BOOK_NAMES, EXCHANGE_NAMES, TALLY_NAMES, WINDOW_NAMES
 from multicor_cli.model.model import Model
@@ -34,7 +33,9 @@ ROUNDED_SHARE = 2.0**-14
 
 def open_books(state: State, model: Model, motion: WallMotion) -> None:
     """Open the books with the kinetic energy of the initial state; once more if that has changed before the first step."""
-    kinetic = kinetic_of(state.velocity, model.grains.radius, model.grains.mass, model.shape_factor)
+    grains = model.grains
+    u, v, spin = state.velocity.T
+    kinetic = total(0.5 * grains.mass * (u * u + v * v) + 0.5 * grains.inertia * (spin * spin))
     kinetic += motion.kinetic(state.wall_velocity)
     state.books[_BOOK["kinetic"]] = kinetic
     state.books[_BOOK["kinetic_start"]] = kinetic - _brought_in(state)
@@ -119,7 +120,7 @@ def book_step(
 def _close(state: State) -> None:
     """Strike the balance.
 
-    An imbalance is compared with the terms, and where nothing has worked on the grains yet with what rounding makes of their energy.
+    An imbalance is compared with the terms; where hardly anything has worked on the grains, with a share of their energy (theory §8).
     """
     books = state.books
     works = books[_BOOK["gravity_work"]] + books[_BOOK["wall_work"]] + books[_BOOK["load_work"]]

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import numpy as np
 
-from multicor_cli.arithmetic.sums import column_totals
 from multicor_cli.engine.jit.chunks import CHUNK
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
 from multicor_cli.model.columns import ANGLE, INVERSE_MASS, SPIN, SURFACE, X, Y
@@ -117,11 +116,3 @@ def wrap(position: Floats, image: np.ndarray, period: float) -> None:
         elif position[i, X] < 0.0:
             position[i, X] += period
             image[i] -= 1
-
-
-def kinetic_of(velocity: Floats, radius: Floats, mass: Floats, spin_factor: float) -> float:
-    """Kinetic energy of grains [J], with the bits that `move` would give of these velocities; arguments as there."""
-    vx, vy, s = velocity[:, X], velocity[:, Y], radius * velocity[:, SPIN]
-    energy = np.zeros(-(-radius.size // CHUNK) * CHUNK)
-    energy[: radius.size] = 0.5 * mass * (vx * vx + vy * vy + s * s / spin_factor)
-    return float(column_totals(np.add.accumulate(energy.reshape(-1, CHUNK), axis=1)[:, -1:])[0])
