@@ -18,7 +18,7 @@ def start_speed(scenario: Scenario, model: Model, state: State) -> float:
     themselves do not count: neighbors pass each other no faster than the rate of shear says.
     """
     here, radius = state.here, model.grains.radius
-    spans = np.array([scenario.domain.periodic and wall.geometry.spans_period for wall in scenario.walls], bool)
+    spans = np.array([wall.geometry.spans_period(scenario.domain) for wall in scenario.walls], bool)
     velocity = state.velocity[here]
     along = velocity[:, X] - _imposed(scenario, model, state, spans, state.position[here, Y])
     of_walls = np.where(spans, 0.0, state.wall_velocity[:, X])
