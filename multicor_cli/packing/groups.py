@@ -39,6 +39,7 @@ from multicor_cli.scenario.models import (
     StartPacking,
     TilePacking,
 )
+from multicor_cli.scenario.packings import MAX_FILL
 from multicor_cli.text import count_noun
 
 _MOST_FILLED = 1.5
@@ -84,7 +85,8 @@ class _Task:
         if reached > _MOST_FILLED * self.fill:
             grains = count_noun(radii.size, "grain")
             what = f"a fill of {self.fill:g} is too small for grains of these sizes: {grains} fill {reached:.3g}"
-            raise PackingError(what, f"give a fill of {reached:.2g} or more, count = {radii.size}, or smaller grains")
+            larger = f"give a fill of {reached:.2g} or more, " if reached < MAX_FILL else ""
+            raise PackingError(what, f"{larger}enlarge the region, or use smaller grains")
         return radii
 
 
