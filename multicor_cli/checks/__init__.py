@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from multicor_cli.checks import books, cost, drift, floor, lids, lost, plausible, resolution, rigidity, stages
+from multicor_cli.checks import books, cost, drift, floor, lids, lost, plausible, resolution, rigidity, rounding, stages
 from multicor_cli.checks.check import Check, Rule, Verdict, judge_all, worst_verdict
 from multicor_cli.checks.prepared import Prepared
 from multicor_cli.checks.recorded import Recorded
@@ -21,6 +21,7 @@ BEFORE_RUN: tuple[Rule[Prepared], ...] = (
     *rigidity.BEFORE_RUN,
     *plausible.RULES,
     *lids.RULES,
+    *rounding.RULES,
     *floor.RULES,
     *cost.RULES,
 )

@@ -55,21 +55,21 @@ def animate(
 
 
 def _maps(run: Run, of: str, chosen: list[int]) -> Iterator[GrainMap | None]:
-    """Maps of frames; None for those that lack the quantity, unless all do."""
+    """Maps of frames; None for those that lack the quantity. Not all may lack it, and there must be a grain in some."""
     from multicor_cli.post import PostError, grain_map
 
     found, trouble = False, None
     for frame in chosen:
         try:
-            table = grain_map(run, of, frame)
+            table = grain_map(run, of, frame, may_be_empty=True)
         except PostError as error:
             trouble = error
             yield None
             continue
-        found = True
+        found |= bool(table.value.size)
         yield table
-    if trouble is not None and not found:
-        raise trouble
+    if not found:
+        raise trouble or PostError("no grain is there in any of the frames")
 
 
 COMMANDS = {"animate": animate}

@@ -7,6 +7,9 @@ about 0.8, but not every heap made so is stable under every friction. It always 
 between its sides unless it is periodic. Grains of earlier groups, glued grains and solid discs are piled upon; other walls are not
 seen, so the region has to keep clear of them.
 
+Grains begin to fall at the top of the region, or below a row of glued grains in it that faces down. Discs that lie there or higher
+are not piled upon, and the grains that come to rest have to keep clear of them, as of a smooth lid.
+
 Solid polygons and regions that are no rectangles are not seen either. Where a grain comes to rest in solid matter or beyond the
 boundary, a dummy of its size stays as a support for the others, and the grain is dropped again; dummies are then taken away.
 """
@@ -48,16 +51,18 @@ def deposit(radius: Floats, region: PackingRegion, obstacles: Obstacles, rng: St
         text = f"the largest diameter, {2.0 * radius.max():g} m, exceeds the width of the region, {region.width:g} m"
         raise PackingError(text, "widen the region")
     left = 0.0 if region.is_periodic else region.left
-    sides = np.array([left, region.bottom, left + region.width, region.top])
+    top = min([region.top, *(height for height in obstacles.lids if height > region.bottom)])
+    sides = np.array([left, region.bottom, left + region.width, top])
     if not obstacles.room.is_open:
         return _deposit_in_room(radius, region, obstacles, rng, sides)
-    field, fixed = make_field(radius, region, obstacles)
+    field, fixed = make_field(radius, region, obstacles, top)
     done, tried = 0, 0
     while done < radius.size:
         uniform = rng.random(max(_BATCH, radius.size - done))
         done, tried = drop_and_roll(field, fixed, done, tried, _ATTEMPTS, uniform, sides)
         if tried >= _ATTEMPTS:
-            raise _refusal(radius, done, f" (area fraction {np.pi * total(radius[:done] * radius[:done]) / region.area:.3f})")
+            filled = np.pi * total(radius[:done] * radius[:done]) / (region.width * (top - region.bottom))
+            raise _refusal(radius, done, f" (area fraction {filled:.3f})", region, top)
     return field.disc[fixed:, :2].copy()
 
 
@@ -65,7 +70,7 @@ def _deposit_in_room(radius: Floats, region: PackingRegion, obstacles: Obstacles
     """As `deposit`, with dummies where grains must not be."""
     # Dummies cover less than the region; large grains, which fit in fewer places, are more often among them than small ones.
     spare = math.ceil(_SPARE * region.area / (math.pi * mean(radius * radius)))
-    field, fixed = make_field(radius[np.arange(radius.size + spare) % radius.size], region, obstacles)
+    field, fixed = make_field(radius[np.arange(radius.size + spare) % radius.size], region, obstacles, float(sides[-1]))
     level = field.grids.level[fixed : fixed + radius.size].copy()
     kept: list[int] = []
     for d in range(fixed, len(field.disc)):
@@ -78,9 +83,10 @@ def _deposit_in_room(radius: Floats, region: PackingRegion, obstacles: Obstacles
             kept.append(d)
         if len(kept) == radius.size:
             return field.disc[kept, :2].copy()
-    raise _refusal(radius, len(kept), "")
+    raise _refusal(radius, len(kept), "", region, float(sides[-1]))
 
 
-def _refusal(radius: Floats, done: int, more: str) -> PackingError:
-    text = f"{radius.size} grains do not fit: the region is full with {done} of them{more}"
-    return PackingError(text, "enlarge the region or ask for fewer grains")
+def _refusal(radius: Floats, done: int, more: str, region: PackingRegion, top: float) -> PackingError:
+    under = f" up to the rough wall above them at y = {top:g} m" if top < region.top else ""
+    text = f"{radius.size} grains do not fit: the region is full{under} with {done} of them{more}"
+    return PackingError(text, "raise the wall, or ask for fewer grains" if under else "enlarge the region or ask for fewer grains")

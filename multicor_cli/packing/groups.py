@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from multicor_cli.arithmetic.sums import total
 from multicor_cli.model.areas import Area
 from multicor_cli.model.columns import SPIN, X, Y
 from multicor_cli.model.model import Floats
@@ -38,6 +39,11 @@ from multicor_cli.scenario.models import (
     StartPacking,
     TilePacking,
 )
+from multicor_cli.scenario.packings import MAX_FILL
+from multicor_cli.text import count_noun
+
+_MOST_FILLED = 1.5
+"""Area fraction of grains over the one asked for, at most: whole grains meet it to within half of one."""
 
 Source = LatticePacking | RandomPacking | DepositedPacking | CompactedPacking
 
@@ -73,8 +79,15 @@ class _Task:
         if self.fill is None:
             message = "neither a count nor a fill"
             raise ValueError(message)
-        area = self.fill * (self.region.area if self.area is None else self.area.size)
-        return draw_to_total(self.sizes, disc_area, area, lambda: self.random(Purpose.SIZES))
+        room = self.region.area if self.area is None else self.area.size
+        radii = draw_to_total(self.sizes, disc_area, self.fill * room, lambda: self.random(Purpose.SIZES))
+        reached = total(disc_area(radii)) / room
+        if reached > _MOST_FILLED * self.fill:
+            grains = count_noun(radii.size, "grain")
+            what = f"a fill of {self.fill:g} is too small for grains of these sizes: {grains} fill {reached:.3g}"
+            larger = f"give a fill of {reached:.2g} or more, " if reached < MAX_FILL else ""
+            raise PackingError(what, f"{larger}enlarge the region, or use smaller grains")
+        return radii
 
 
 def make_group(scenario: Scenario, index: int, obstacles: Obstacles) -> InitialGrains:

@@ -25,11 +25,13 @@ class Obstacles:
         kind: `ShapeKind` of each shape, shape ``(m,)``.
         world: Geometry [m], as in `multicor_cli.model.WallShapes` but in the world, shape ``(m, 4)``.
         room: What solid bodies leave to the grains, and the region: outlines do not tell on which side of them to be.
+        lids: Heights of the lowest points of rows of glued grains under which grains are to be [m].
     """
 
     kind: Ints
     world: Floats
     room: Room = OPEN
+    lids: tuple[float, ...] = ()
 
     @classmethod
     def none(cls) -> Obstacles:

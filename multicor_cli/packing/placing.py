@@ -6,6 +6,7 @@ it can be stale.
 
 from __future__ import annotations
 
+import math
 from typing import NamedTuple
 
 import numpy as np
@@ -339,8 +340,11 @@ def drop_and_roll(
     return i, tried
 
 
-def make_field(radius: Floats, region: PackingRegion, obstacles: Obstacles) -> tuple[PlacedDiscs, int]:
-    """A field for grains of these radii that holds the obstacles so far, and how many discs the obstacles have."""
+def make_field(radius: Floats, region: PackingRegion, obstacles: Obstacles, ceiling: float = math.inf) -> tuple[PlacedDiscs, int]:
+    """A field for grains of these radii that holds the obstacles so far, and how many discs the obstacles have.
+
+    Discs with their centers at ``ceiling`` [m] or above it are left out.
+    """
     period = region.period
     left = 0.0 if region.is_periodic else region.left
     reach = 2.0 * float(radius.max())
@@ -351,7 +355,7 @@ def make_field(radius: Floats, region: PackingRegion, obstacles: Obstacles) -> t
     if period > 0.0:
         discs = np.column_stack([wrap(discs[:, X], period), discs[:, 1:]])
     # Discs far from the region can hit nothing; clamped into the border cells they would only lengthen the lists.
-    near = np.all((discs[:, :2] + discs[:, 2:] > low) & (discs[:, :2] - discs[:, 2:] < high), axis=1)
+    near = np.all((discs[:, :2] + discs[:, 2:] > low) & (discs[:, :2] - discs[:, 2:] < high), axis=1) & (discs[:, Y] < ceiling)
     discs = discs[near]
     disc = np.concatenate([discs, np.column_stack([np.zeros((radius.size, 2)), radius])])
     grids = make_grids(classify(disc[:, RADIUS]), low, high, period, 0.0)

@@ -10,27 +10,24 @@ from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
 from multicor_cli.packing.errors import NAMED
-from multicor_cli.scenario.base import KELVIN_BOUNDS
+from multicor_cli.scenario.base import COORDINATE_BOUNDS, KELVIN_BOUNDS, NUMBER_BOUNDS, RADIUS_BOUNDS
 
-MAX_COORDINATE = 1e6
-"""Bound on coordinates and radii [m], as in the scenario file."""
-MAX_SPEED = 1e12
-"""Bound on angles [rad], velocities [m/s] and spins [rad/s]."""
+_BOUNDS = {"x": COORDINATE_BOUNDS, "y": COORDINATE_BOUNDS, "radius": RADIUS_BOUNDS, "temperature": KELVIN_BOUNDS}
+"""Bounds of columns, those of the keys of a scenario; all others are angles [rad], velocities [m/s] and spins [rad/s]."""
+
+_UNITS = {"x": " m", "y": " m", "radius": " m", "temperature": " K"}
 
 
 def find_fault(name: str, value: float) -> str:
     """What is wrong with a value of the column ``name`` (``x, y, radius, temperature`` or a motion); empty if nothing is."""
     if not math.isfinite(value):
         return f"{name} = {value} is not finite"
-    if name == "radius" and not 0.0 < value <= MAX_COORDINATE:
-        return f"radius = {value:g} m is not between 0 and {MAX_COORDINATE:g} m"
-    if name == "temperature" and not KELVIN_BOUNDS[0] <= value <= KELVIN_BOUNDS[1]:
-        hint = f" (from degrees Celsius: {value + 273.15:g})" if -273.15 < value <= 0.0 else ""
-        return f"temperature = {value:g} K is not between {KELVIN_BOUNDS[0]:g} and {KELVIN_BOUNDS[1]:g} K{hint}"
-    low, high = _bounds(name)
-    if not low <= value <= high:
-        return f"{name} = {value:g} m is beyond {high:g} m" if name in ("x", "y") else f"{name} = {value:g} is beyond {high:g}"
-    return ""
+    low, high = _BOUNDS.get(name, NUMBER_BOUNDS)
+    if low <= value <= high:
+        return ""
+    hint = f" (from degrees Celsius: {value + 273.15:g})" if name == "temperature" and -273.15 < value <= 0.0 else ""
+    unit = _UNITS.get(name, "")
+    return f"{name} = {value:g}{unit} is not between {low:g} and {high:g}{unit}{hint}"
 
 
 def describe_faults(columns: Mapping[str, Floats]) -> str:
@@ -48,18 +45,11 @@ def describe_faults(columns: Mapping[str, Floats]) -> str:
 
 def faulty_rows(columns: Mapping[str, Floats]) -> NDArray[np.int64]:
     """Rows with a value that `find_fault` finds something wrong with."""
-    bad = ~(columns["radius"] > 0.0)
+    bad = np.zeros(columns["radius"].shape, np.bool_)
     for name, values in columns.items():
-        low, high = _bounds(name)
+        low, high = _BOUNDS.get(name, NUMBER_BOUNDS)
         bad |= ~((values >= low) & (values <= high))
     return np.flatnonzero(bad)
-
-
-def _bounds(name: str) -> tuple[float, float]:
-    if name == "temperature":
-        return KELVIN_BOUNDS
-    size = MAX_COORDINATE if name in ("x", "y", "radius") else MAX_SPEED
-    return -size, size
 
 
 def _name_rows(columns: Mapping[str, Floats], rows: NDArray[np.int64]) -> Iterator[str]:

@@ -62,7 +62,9 @@ class BuiltWalls(NamedTuple):
             tuple(area for room in rooms for area in room.outside),
             max((room.period for room in rooms), default=0.0),
         )
-        return Obstacles(shapes.kind, world, room)
+        lids = [self.bodies[w] for w, front in enumerate(self.fronts) if front is not None and front.is_lid and is_met[w]]
+        lowest = [float((body.origin[1] + body.glued[:, 1] - body.glued[:, 2]).min()) for body in lids]
+        return Obstacles(shapes.kind, world, room, tuple(lowest))
 
 
 def build_walls(scenario: Scenario, known: Mapping[str, WallBody] | None = None) -> BuiltWalls:

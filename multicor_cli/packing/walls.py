@@ -15,6 +15,8 @@ from multicor_cli.model.shapes import TAIL, Tail
 from multicor_cli.packing.bodies import Shape, inertias, masses
 from multicor_cli.scenario.gluing import Row
 
+_LEVEL = math.sqrt(0.5)  # a row is a lid if its flow lies within 45 degrees below it
+
 
 @dataclass(frozen=True)
 class Front:
@@ -33,6 +35,11 @@ class Front:
     normal: Floats
     length: float
     depth: float
+
+    @property
+    def is_lid(self) -> bool:
+        """Whether the flow is below the row."""
+        return bool(self.normal[1] <= -_LEVEL)
 
     @classmethod
     def of(cls, row: Row, glued: Floats) -> Front:

@@ -30,7 +30,8 @@ def _draw_profiles(axes: Any, pair: ProfilePair, names: tuple[str, str]) -> None
         draw_with_errors(axes, table.value, y, table.error, marker, names=(name, "", ""), color=color)
     across = axis_labels(pair.first)[0]
     tables = (pair.first, pair.second)
-    low, high = min(float(np.nanmin(t.value)) for t in tables), max(float(np.nanmax(t.value)) for t in tables)
+    values = np.concatenate([table.value for table in tables])
+    low, high = float(np.nanmin(values, initial=np.inf)), float(np.nanmax(values, initial=-np.inf))
     reference = rise_reference(pair.first.units[1], low, high)
     if reference is not None:
         across = rise_label(pair.first.field.label, pair.first.field.symbol, reference)

@@ -25,7 +25,7 @@ def picture(shown: Any) -> bytes | None:
         shown: `Run` or `Frame`.
     """
     run: Any = shown if hasattr(shown, "frames") else _Single(shown)
-    if not len(run.frames.time) or find_spec("matplotlib") is None:
+    if not len(run.frames.time) or not len(run.frames[-1].position) or find_spec("matplotlib") is None:
         return None
     table = grain_map(run, "temperature" if run.frames[-1].has_heat else "speed")
     with house_style():

@@ -47,7 +47,8 @@ def draw_profile(axes: Any, table: ProfileTable) -> None:
     axes.locator_params(axis="x", nbins=5)
     axes.ticklabel_format(scilimits=(-3, 4), useMathText=True)
     field = table.field
-    reference = rise_reference(table.units[1], float(np.nanmin(table.value)), float(np.nanmax(table.value)))
+    low, high = float(np.nanmin(table.value, initial=np.inf)), float(np.nanmax(table.value, initial=-np.inf))
+    reference = rise_reference(table.units[1], low, high)
     if reference is not None:
         across = rise_label(f"{field.label}{table.about_groups}", field.symbol, reference)
         axes.xaxis.set_major_formatter(rise_formatter(reference))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -124,9 +125,10 @@ def _shear_and_spin(band: Band, model: Model, first: GrainFrame, second: GrainFr
 
 
 def _slope(x: Floats, y: Floats) -> float:
-    """Slope of the least-squares line."""
+    """Slope of the least-squares line; nan if all x are the same."""
     apart = x - x.mean()
-    return float((apart * (y - y.mean())).sum() / (apart * apart).sum())
+    square = float((apart * apart).sum())
+    return float((apart * (y - y.mean())).sum()) / square if square > 0.0 else math.nan
 
 
 def _change(first: GrainFrame, second: GrainFrame, name: str) -> Floats:

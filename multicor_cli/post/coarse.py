@@ -17,6 +17,7 @@ from multicor_cli.model.model import Floats
 from multicor_cli.post.scene import images
 
 _PAIRS = 2_000_000  # pairs of a source and a point that are looked at together
+_MOST_CELLS = 1000  # along x and along y, however short the kernel is
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
 
 
@@ -44,7 +45,8 @@ class CoarseGrid:
             period: Period in x [m]; 0 if there is none.
         """
         self.points, self.reach, self._period = points, reach, period
-        cell = np.floor(points / reach).astype(np.int64)
+        self._width = max(reach, float(np.ptp(points, axis=0).max()) / _MOST_CELLS)
+        cell = self._cell(points)
         self._low = cell.min(axis=0)
         self._size = cell.max(axis=0) - self._low + 1
         key = self._key(cell)
@@ -98,6 +100,9 @@ class CoarseGrid:
         for column in range(values.shape[1]):
             total[:, column] += np.bincount(point, values[:, column], minlength=len(total))
 
+    def _cell(self, points: Floats) -> NDArray[np.int64]:
+        return np.asarray(np.floor(points / self._width).astype(np.int64))
+
     def _key(self, cell: NDArray[np.int64]) -> NDArray[np.int64]:
         at = cell - self._low
         return np.asarray(at[..., 0] * self._size[1] + at[..., 1])
@@ -106,7 +111,7 @@ class CoarseGrid:
         """All pairs within reach, some at a time."""
         which, shift = images(position[:, 0], np.full(len(position), self.reach), self._period)
         at = position[which] + np.column_stack([shift, np.zeros_like(shift)])
-        cell = np.floor(at / self.reach).astype(np.int64)
+        cell = self._cell(at)
         for across in (-1, 0, 1):
             column = cell[:, 0] + across - self._low[0]
             low, high = (np.clip(cell[:, 1] + up - self._low[1], 0, self._size[1] - 1) for up in (-1, 1))

@@ -20,6 +20,7 @@ Between = tuple[str, str]
 _LEVEL = 0.7  # a plane bounds the grains in y if its normal points within 45 degrees up or down
 _WIDE = 0.5  # a wall bounds a layer if it is at least this part as wide as nearly all grains
 _FAR = 10.0  # a wall bounds the grains if it is at most so many times farther away than they reach
+_TOUCHING = 1e-6  # relative gap of discs that touch, after the rounding of files
 _STRAY = 0.1  # a wall still bounds the grains if no more than this part of them has got through it
 
 
@@ -153,7 +154,7 @@ def _widths(model: Model) -> Floats:
 def wall_spans(model: Model) -> tuple[Floats, Floats]:
     """Lowest and highest reference point of each wall in its frame [m]; infinite where a wall is upright.
 
-    Upright are planes more than 45° from the level, other walls that are higher than wide, and bodies around a solid disc.
+    Upright are planes more than 45° from the level, other walls that are higher than wide, and discs, smooth or rough.
     """
     low, high = np.full((model.wall_count, 2), np.inf), np.full((model.wall_count, 2), -np.inf)
     is_upright = np.zeros(model.wall_count, np.bool_)
@@ -171,9 +172,23 @@ def wall_spans(model: Model) -> tuple[Floats, Floats]:
 
 
 def _are_round(model: Model) -> NDArray[np.bool_]:
-    """Which walls consist of one disc that is larger than every grain, and of what is glued to it."""
-    shapes, radius = model.shapes, model.shapes.geometry[:, RADIUS]
-    is_disc = shapes.kind == ShapeKind.DISC
-    large = np.bincount(shapes.wall[is_disc & (radius > model.grains.radius.max())], minlength=model.wall_count)
-    others = np.bincount(shapes.wall[~is_disc], minlength=model.wall_count)
-    return np.asarray((large == 1) & (others == 0))
+    """Which walls are one disc, alone or with others glued around it."""
+    shapes = model.shapes
+    found = np.zeros(model.wall_count, np.bool_)
+    for wall in np.unique(shapes.wall).tolist():
+        own = shapes.wall == wall
+        found[wall] = bool((shapes.kind[own] == ShapeKind.DISC).all()) and _surround_one(shapes.geometry[own])
+    return found
+
+
+def _surround_one(discs: Floats) -> bool:
+    """Whether all discs but the largest touch it, and leave no half of its rim free: x, y and radius come first [m]."""
+    largest = int(discs[:, RADIUS].argmax())
+    others = np.delete(discs, largest, axis=0)
+    if not len(others):
+        return True
+    way = others[:, :2] - discs[largest, :2]
+    touch = np.hypot(*way.T) <= (1.0 + _TOUCHING) * (others[:, RADIUS] + discs[largest, RADIUS])
+    bearing = np.sort(np.arctan2(way[:, 1], way[:, 0]))
+    widest = np.diff(bearing, append=bearing[0] + 2.0 * np.pi).max()
+    return bool(touch.all() and widest < (1.0 - _TOUCHING) * np.pi)

@@ -62,8 +62,9 @@ def grid(low: Sequence[float], high: Sequence[float], spacing: float) -> FieldPo
 def polar_grid(center: tuple[float, float], inner: float, outer: float, spacing: float) -> FieldPoints:
     """Centers of cells of a ring between two radii, about ``spacing`` wide in the middle; ring by ring from inside."""
     radii = _edges(inner, outer, spacing)
-    turns = np.linspace(0.0, 2.0 * np.pi, max(round(np.pi * (inner + outer) / spacing), 8) + 1)
-    _refuse_many((radii.size - 1) * (turns.size - 1), spacing)
+    around = max(np.pi * (inner + outer) / spacing, 8.0)
+    _refuse_many((radii.size - 1) * around, spacing)
+    turns = np.linspace(0.0, 2.0 * np.pi, round(around) + 1)
     radius, angle = (values.ravel() for values in np.meshgrid(_middle(radii), _middle(turns), indexing="ij"))
     at = _on_rings(center, radius, angle)
     shape = (radii.size - 1, turns.size - 1)

@@ -22,6 +22,9 @@ from multicor_cli.text import choices
 
 Center = tuple[float, float]
 
+_LEAST_REACH = 0.01
+"""Least distance to which the kernel may reach, in mean diameters: what reaches no farther meets hardly a grain."""
+
 
 @dataclass(frozen=True, repr=False)
 class FieldTable(Table):
@@ -176,8 +179,9 @@ def fields(
 
 
 def _refuse_sizes(spacing: float, reach: float, diameter: float, period: float) -> None:
-    if not (0.0 < spacing < np.inf and 0.0 < reach < np.inf):
-        raise PostError(f"spacing and reach are numbers of mean diameters above 0; they are {spacing:g} and {reach:g}")
+    if not (0.0 < spacing < np.inf and _LEAST_REACH <= reach < np.inf):
+        what = f"spacing and reach are numbers of mean diameters, spacing above 0 and reach from {_LEAST_REACH:g} on"
+        raise PostError(f"{what}; they are {spacing:g} and {reach:g}")
     if period > 0.0 and reach * diameter > period:
         raise PostError(f"the kernel reaches {reach * diameter:.3g} m, beyond the period of {period:.3g} m: choose a shorter reach")
 

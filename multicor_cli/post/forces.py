@@ -11,7 +11,7 @@ from numpy.typing import NDArray
 from multicor_cli.model.model import Floats
 from multicor_cli.post.contacts import loaded_contacts, with_forces
 from multicor_cli.post.scene import GrainScene, make_scene
-from multicor_cli.post.source import FrameSource, frame_index, model_of, rows_of
+from multicor_cli.post.source import FrameSource, frame_index, model_of, need_grains, rows_of
 from multicor_cli.post.table import Table
 
 SUMMARY = (
@@ -129,10 +129,11 @@ def force_network(source: FrameSource, frame: int = -1) -> ForceNetwork:
         frame: Index of the frame; negative counts from the last one.
 
     Raises:
-        PostError: If there is no such frame, or no contact forces belong to it.
+        PostError: If there is no such frame, or no grain in it, or no contact forces belong to it.
         StoreError: If the run cannot be read.
     """
     index = frame_index(source.frames, frame)
+    need_grains(source, np.array([index]))
     with_forces(source, np.array([index]))
     chosen = source.frames[index]
     loaded = loaded_contacts(chosen, model_of(source, chosen))

@@ -10,7 +10,7 @@ import numpy as np
 from multicor_cli.model.model import Floats
 from multicor_cli.post.quantities import MAPPED, SAME, Quantity
 from multicor_cli.post.scene import GrainScene, make_scene
-from multicor_cli.post.source import FrameSource, PostError, frame_index, rows_of
+from multicor_cli.post.source import FrameSource, PostError, frame_index, need_grains, rows_of
 from multicor_cli.post.table import Table
 from multicor_cli.text import choices
 
@@ -82,22 +82,25 @@ class GrainMap(Table):
         return data if self.vector is None else data | {"vector": self.vector.tolist()}
 
 
-def grain_map(source: FrameSource, of: str, frame: int = -1) -> GrainMap:
+def grain_map(source: FrameSource, of: str, frame: int = -1, *, may_be_empty: bool = False) -> GrainMap:
     """A quantity of every grain of one frame.
 
     Args:
         source: The run.
         of: Name of the quantity, one of `MAPPED`.
         frame: Index of the frame; negative counts from the last one.
+        may_be_empty: Whether there may be no grain in the frame, of whose values a table can tell nothing.
 
     Raises:
-        PostError: If there is no such quantity or frame, or the run has no heat and the quantity needs it.
+        PostError: If there is no such quantity, frame or grain, or the run has no heat and the quantity needs it.
         StoreError: If the run cannot be read.
     """
     chosen = MAPPED.get(SAME.get(of, of))
     if chosen is None or chosen.of_grain is None:
         raise PostError(f"there is no map of '{of}'; {choices(of, MAPPED)}")
     index = frame_index(source.frames, frame)
+    if not may_be_empty:
+        need_grains(source, np.array([index]))
     values = chosen.of_grain(source, index)
     vector = values if values.ndim == 2 else None
     return GrainMap(

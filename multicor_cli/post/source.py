@@ -115,7 +115,7 @@ def need_grains(source: FrameSource, chosen: NDArray[np.int64]) -> None:
     """Raises `PostError` if a frame of ``chosen`` has no grain: none is there yet, or any more."""
     for k in chosen.tolist():
         if not len(source.frames[k].position):
-            raise PostError(f"no grain is there in frame {k}: choose frames with --from, --to or --frames")
+            raise PostError(f"no grain is there in frame {k}: choose frames with --frame, --frames, --from or --to")
 
 
 def need_same_grains(first: GrainFrame, second: GrainFrame) -> None:

@@ -46,12 +46,18 @@ class Formerly:
 Name = Annotated[str, Field(pattern=r"^[A-Za-z0-9_-]+$", max_length=64)]
 """A name that can be a bare TOML key."""
 
-Number = Annotated[float, Field(ge=-1e12, le=1e12)]
+NUMBER_BOUNDS = (-1e12, 1e12)
+COORDINATE_BOUNDS = (-1e6, 1e6)
+RADIUS_BOUNDS = (1e-9, 1e4)
+TIME_BOUNDS = (0.0, 1e12)
+FRACTION_BOUNDS = (0.0, 1.0)
+
+Number = Annotated[float, Field(ge=NUMBER_BOUNDS[0], le=NUMBER_BOUNDS[1])]
 Time = Annotated[float, Field(ge=1e-12, le=1e12)]
 Length = Annotated[float, Field(ge=1e-9, le=1e6)]
-Coordinate = Annotated[float, Field(ge=-1e6, le=1e6)]
-Radius = Annotated[float, Field(ge=1e-9, le=1e4)]
-Fraction = Annotated[float, Field(ge=0.0, le=1.0)]
+Coordinate = Annotated[float, Field(ge=COORDINATE_BOUNDS[0], le=COORDINATE_BOUNDS[1])]
+Radius = Annotated[float, Field(ge=RADIUS_BOUNDS[0], le=RADIUS_BOUNDS[1])]
+Fraction = Annotated[float, Field(ge=FRACTION_BOUNDS[0], le=FRACTION_BOUNDS[1])]
 Ratio = Annotated[float, Field(gt=0.0, lt=1.0)]
 Tolerance = Annotated[float, Field(ge=1e-15, le=1.0)]
 Friction = Annotated[float, Field(ge=0.0, le=10.0)]

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import csv
 import io
+import math
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from pydantic import ValidationInfo
 from pydantic_core import PydanticCustomError
@@ -19,8 +20,17 @@ DIRECTORY = "directory"
 MAX_BYTES = 10_000_000
 MAX_ROWS = 100_000
 
-Names = dict[str, float]
-"""Names that a column may have, each with the factor that its numbers are multiplied with."""
+
+class Column(NamedTuple):
+    """A column of numbers.
+
+    Attributes:
+        names: Names that it may have, each with the factor that its numbers are multiplied with.
+        bounds: Smallest and largest value that they may then have.
+    """
+
+    names: dict[str, float]
+    bounds: tuple[float, float]
 
 
 def refuse_both(data: dict[str, Any], *arrays: str) -> None:
@@ -30,42 +40,52 @@ def refuse_both(data: dict[str, Any], *arrays: str) -> None:
             raise refuse(f"both file and {key} are given", "give one of them", key)
 
 
-def read_columns(name: str, info: ValidationInfo, *columns: Names) -> list[list[float]]:
+def read_columns(name: str, info: ValidationInfo, *columns: Column) -> list[list[float]]:
     """The columns of a CSV file; its first line names them, others may stand between them.
 
     Args:
         name: Path of the file, relative to the scenario file.
         info: Of the validation, whose context knows the directory of the scenario file.
-        columns: For each column the names that it may have.
+        columns: What is wanted.
 
     Raises:
-        PydanticCustomError: The file is missing or unreadable, a column is missing, or a value is not a number.
+        PydanticCustomError: The file is missing or unreadable, a column is missing, or a value is not a number within bounds.
     """
     path = Path((info.context or {}).get(DIRECTORY, ".")) / name
     rows = _rows(path, name)
     if not rows:
         raise refuse(f"'{name}' is empty", _remedy(columns), "file")
-    header = [title.strip().lower() for title in rows[0]]
+    header = [title.strip().lower() for title in rows[0][1]]
     values: list[list[float]] = []
-    for names in columns:
+    for names, bounds in columns:
         found = [title for title in names if title in header]
         if len(found) != 1:
             what = "no column" if not found else "several columns"
             raise refuse(f"'{name}' has {what} {' or '.join(names)}", _remedy(columns), "file")
-        place, factor = header.index(found[0]), names[found[0]]
-        values.append([factor * _number(row, place, name, line) for line, row in enumerate(rows[1:], 2) if row])
+        title, factor = found[0], names[found[0]]
+        place, least, most = header.index(title), bounds[0] / factor, bounds[1] / factor
+        numbers: list[float] = []
+        for line, row in rows[1:]:
+            text = row[place].strip() if place < len(row) else ""
+            fault = _fault(text, least, most)
+            if fault:
+                raise refuse(f"line {line} of '{name}': {title} = {text[:40]!r} {fault}", "correct it", "file")
+            numbers.append(factor * float(text))
+        values.append(numbers)
     return values
 
 
-def _remedy(columns: tuple[Names, ...]) -> str:
-    example = ",".join(next(iter(names)) for names in columns)
+def _remedy(columns: tuple[Column, ...]) -> str:
+    example = ",".join(next(iter(column.names)) for column in columns)
     return f"let the first line name the columns, as {example}, and each further line give their numbers"
 
 
-def _rows(path: Path, name: str) -> list[list[str]]:
+def _rows(path: Path, name: str) -> list[tuple[int, list[str]]]:
+    """Rows that are neither empty nor comments, with the numbers of their lines."""
     try:
         with io.TextIOWrapper(open_regular(path, MAX_BYTES), encoding="utf-8-sig", newline="") as file:
-            rows = list(csv.reader(line for line in file if not line.lstrip().startswith("#")))
+            reader = csv.reader("\n" if line.lstrip().startswith("#") else line for line in file)
+            rows = [(reader.line_num, row) for row in reader if row]
     except FileNotFoundError:
         raise refuse(f"there is no file '{name}'", "give its path relative to the scenario file", "file") from None
     except (OSError, ValueError, csv.Error) as error:
@@ -80,9 +100,12 @@ def _unreadable(name: str, error: Exception) -> PydanticCustomError:
     return refuse(f"'{name}' cannot be read: {reason}", "it must be a CSV file in UTF-8", "file")
 
 
-def _number(row: list[str], place: int, name: str, line: int) -> float:
-    text = row[place].strip() if place < len(row) else ""
+def _fault(text: str, least: float, most: float) -> str:
+    """What is wrong with the text of a number; empty if nothing is."""
     try:
-        return float(text)
+        value = float(text)
     except ValueError:
-        raise refuse(f"row {line} of '{name}': {text[:40]!r} is not a number", "correct it", "file") from None
+        return "is not a number"
+    if not math.isfinite(value):
+        return "is not finite"
+    return "" if least <= value <= most else f"is not between {least:g} and {most:g}"

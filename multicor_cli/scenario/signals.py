@@ -7,8 +7,8 @@ from typing import Annotated, Any, Self
 from pydantic import Field, Strict, Tag, ValidationInfo, field_validator, model_validator
 
 from multicor_cli.arithmetic import sin
-from multicor_cli.scenario.base import Number, Table, Time, Vector, one_of, refuse, require_ascending
-from multicor_cli.scenario.csv_columns import read_columns, refuse_both
+from multicor_cli.scenario.base import NUMBER_BOUNDS, TIME_BOUNDS, Number, Table, Time, Vector, one_of, refuse, require_ascending
+from multicor_cli.scenario.csv_columns import Column, read_columns, refuse_both
 
 
 class RampSignal(Table):
@@ -50,7 +50,7 @@ class TableSignal(Table):
     """Linear between the rows of a table, constant before the first and after the last."""
 
     file: str | None = Field(None, description="CSV file with the columns time [s] and value, in place of the two arrays")
-    times: Annotated[tuple[Annotated[float, Field(ge=0.0, le=1e12)], ...], Strict(False)] = Field(
+    times: Annotated[tuple[Annotated[float, Field(ge=TIME_BOUNDS[0], le=TIME_BOUNDS[1])], ...], Strict(False)] = Field(
         (), max_length=100_000, description="times since the start of the stage [s], ascending"
     )
     values: Annotated[tuple[Number, ...], Strict(False)] = Field((), max_length=100_000, description="value at each of the times")
@@ -61,7 +61,7 @@ class TableSignal(Table):
         if not (isinstance(data, dict) and isinstance(data.get("file"), str)):
             return data
         refuse_both(data, "times", "values")
-        times, values = read_columns(data["file"], info, {"time": 1.0}, {"value": 1.0})
+        times, values = read_columns(data["file"], info, Column({"time": 1.0}, TIME_BOUNDS), Column({"value": 1.0}, NUMBER_BOUNDS))
         return {**data, "file": None, "times": times, "values": values}
 
     @field_validator("times")

@@ -7,8 +7,8 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, Strict, ValidationInfo, field_validator, model_validator
 
-from multicor_cli.scenario.base import Fraction, Radius, Table, refuse, require_ascending
-from multicor_cli.scenario.csv_columns import read_columns, refuse_both
+from multicor_cli.scenario.base import FRACTION_BOUNDS, RADIUS_BOUNDS, Fraction, Radius, Table, refuse, require_ascending
+from multicor_cli.scenario.csv_columns import Column, read_columns, refuse_both
 
 MAX_SIZE_RATIO = 1000.0
 
@@ -144,7 +144,8 @@ class TableSizes(Table):
         if not (isinstance(data, dict) and isinstance(data.get("file"), str)):
             return data
         refuse_both(data, "radii", "passing")
-        columns = read_columns(data["file"], info, {"radius": 1.0, "diameter": 0.5}, {"passing": 1.0})
+        radius, passing = Column({"radius": 1.0, "diameter": 0.5}, RADIUS_BOUNDS), Column({"passing": 1.0}, FRACTION_BOUNDS)
+        columns = read_columns(data["file"], info, radius, passing)
         return {**data, "file": None, "radii": columns[0], "passing": columns[1]}
 
     @field_validator("radii")

@@ -30,6 +30,22 @@ def test_an_ordinary_scenario_is_ok(tmp_path: Path) -> None:
     assert worst_verdict(checked(tmp_path, SMALL, ("dt = 2e-4", "")).values()) is OK
 
 
+GHOST = ('side = "right" }', 'side = "right" }\nmass = 1e-18')
+SINGLE = ("frame_interval = 0.002", 'frame_interval = 0.002\nprecision = "single"')
+
+
+def _at_height(height: float) -> list[tuple[str, str]]:
+    return [
+        ("min = [0.0, 0.001], max = [0.02, 0.009]", f"min = [0.0, {height + 0.001}], max = [0.02, {height + 0.009}]"),
+        ("from = [0.0, 0.0], to = [0.02, 0.0]", f"from = [0.0, {height}], to = [0.02, {height}]"),
+        ("from = [0.0, 0.01], to = [0.02, 0.01]", f"from = [0.0, {height + 0.01}], to = [0.02, {height + 0.01}]"),
+    ]
+
+
+SHIFTED, FAR = _at_height(1e3), _at_height(9e5)
+"""The same far above the origin."""
+
+
 @pytest.mark.parametrize(
     ("name", "verdict", "changes"),
     [
@@ -44,6 +60,13 @@ def test_an_ordinary_scenario_is_ok(tmp_path: Path) -> None:
         ("deflection in impacts", BAD, [("young = 70e9", "young = 3e5")]),
         ("friction coefficient", WARNING, [("friction = 0.4", "friction = 2.5")]),
         ("load off the grains", WARNING, [("force = -0.1", "force = 0.1")]),
+        ("round-off", BAD, [("force = -0.1, damping = 0.1 } }\n", "force = -0.1 } }\n"), GHOST]),
+        ("round-off", OK, [("force = -0.1, damping = 0.1 } }\n", "force = -0.1 } }\n")]),
+        ("round-off", OK, [GHOST]),
+        ("round-off", WARNING, FAR),
+        ("round-off", OK, SHIFTED),
+        ("stored places", OK, [SINGLE]),
+        ("stored places", BAD, [*SHIFTED, SINGLE]),
         ("grain diameter", WARNING, [
             ("size = [0.02, 0.02]", "size = [20.0, 20.0]"), ("min = 0.4e-3, max = 0.6e-3", "min = 0.4, max = 0.6"),
             ("min = [0.0, 0.001], max = [0.02, 0.009]", "min = [0.0, 1.0], max = [20.0, 9.0]"),

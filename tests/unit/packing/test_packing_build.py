@@ -261,3 +261,26 @@ def test_large_lattice():
     model, state = build(scenario(*overrides, extra=FLOOR))
     assert model.grain_count == 100_000
     assert math.isclose(state.position[:, 1].min(), 1e-4)
+
+
+@pytest.mark.parametrize("packing", ['"random"', '"deposited"', '"lattice", lattice = "square"'])
+@pytest.mark.parametrize("fill", [1e-6, 1e-4, 2e-4])
+def test_a_fill_of_less_than_one_grain_is_refused(packing, fill):
+    """The area is that of 1528 grains."""
+    changes = (
+        ("count = 200", f"fill = {fill}"),
+        ('kind = "random"', f"kind = {packing}"),
+        ("size = [0.06, 0.08]", "size = [0.06, 0.08]\ngravity = [0.0, -9.81]"),
+    )
+    with pytest.raises(
+        ScenarioError, match=rf"fill of {fill:g} is too small for grains of these sizes: 1 grain fill 0\.000\d+; give"
+    ):
+        build(scenario(text=changed(PACKED, *changes)))
+
+
+def test_a_fill_of_some_grains_is_met_as_closely_as_they_can():
+    for fill in (1e-3, 2e-3, 5e-3):
+        model, _ = build(scenario(text=changed(PACKED, ("count = 200", f"fill = {fill}"))))
+        assert np.pi * (model.grains.radius**2).sum() / (0.06 * 0.08) == pytest.approx(
+            fill, abs=0.5 * np.pi * 1.2e-3**2 / (0.06 * 0.08)
+        )

@@ -2,13 +2,15 @@
 
 import numpy as np
 import pytest
-from packing_support import generator, pair_gaps, smallest_gap
+from packing_support import generator, pair_gaps, scenario, smallest_gap, wall
 
+from multicor_cli.packing import build
 from multicor_cli.packing.deposited import deposit
 from multicor_cli.packing.errors import PackingError
 from multicor_cli.packing.obstacles import Obstacles
 from multicor_cli.packing.region import PackingRegion
 from multicor_cli.packing.sizes import uniform_sizes
+from multicor_cli.scenario import ScenarioError
 
 WIDTH = 0.06
 
@@ -85,3 +87,33 @@ def test_full_region_is_refused_with_the_number_that_fits():
 def test_grain_wider_than_the_region_is_refused():
     with pytest.raises(PackingError, match="width of the region"):
         drop(np.array([0.04]))
+
+
+LIDS = {
+    "rough": 'kind = "rough", from = [0, 0.05], to = [0.06, 0.05], side = "right"',
+    "rough, tilted": 'kind = "rough", from = [0, 0.05], to = [0.06, 0.055], side = "right"',
+    "plane": 'kind = "plane", point = [0, 0.05], normal = [0, -1]',
+    "polyline": 'kind = "polyline", points = [[0.01, 0.05], [0.05, 0.05]]',
+    "box": 'kind = "box", min = [0, 0], max = [0.06, 0.05], open = ["left", "right", "bottom"]',
+    "disc": 'kind = "disc", center = [0.03, 0.06], radius = 0.01',
+    "rough disc": 'kind = "disc", center = [0.03, 0.064], radius = 0.01, rough = { kind = "list", radii = [1e-3] }',
+}
+
+
+@pytest.mark.parametrize("top", [0.045, 0.049, 0.0499, 0.07])
+@pytest.mark.parametrize("kind", LIDS)
+def test_grains_are_deposited_below_a_lid_of_every_kind(kind, top):
+    """Also where the region reaches into a rough lid, or beyond it; a solid disc that lies in the region is piled upon."""
+    changes = ["particles.0.packing.kind = 'deposited'", f"particles.0.region = {{ min = [0.0, 0.0], max = [0.06, {top}] }}"]
+    changes += ["domain.gravity = [0.0, -9.81]", f"domain.periodic = {str(kind in ('rough', 'plane', 'box')).lower()}"]
+    model, state = build(scenario(*changes, "particles.0.count = 200", extra=wall("lid", LIDS[kind])))
+    assert state.position[:, 1].max() < 0.05
+    assert model.grain_count == 200
+
+
+@pytest.mark.parametrize("top", [0.0495, 0.05, 0.07])
+def test_a_region_is_full_where_a_rough_lid_begins(top):
+    changes = ["particles.0.packing.kind = 'deposited'", f"particles.0.region = {{ min = [0.0, 0.0], max = [0.06, {top}] }}"]
+    changes += ["domain.gravity = [0.0, -9.81]", "domain.periodic = true", "particles.0.count = 900"]
+    with pytest.raises(ScenarioError, match=r"full up to the rough wall above them at y = 0\.048\d* m with \d\d\d of them"):
+        build(scenario(*changes, extra=wall("lid", LIDS["rough"])))

@@ -59,7 +59,13 @@ BAD_CSV = {
     "short row": ("x,y,radius\n1,2,3\n\n1,2\n", "line 4: 2 values for 3 columns"),
     "nan": ("x,y,radius\n# comment\nnan,2,3\n", "line 3: x = nan is not finite"),
     "radius": ("x,y,radius\n1,2,3\n1,2,-3\n1,2,0\n", "line 3: radius = -3 m.*line 4: radius = 0 m"),
-    "far away": ("x,y,radius\n1e9,2,3\n", "line 2: x = 1e.09 m is beyond"),
+    "far away": ("x,y,radius\n1e9,2,3\n", "line 2: x = 1e.09 m is not between"),
+    "underflow": (
+        "x,y,radius\n1,2,1e-300\n1,2,1e-60\n1,2,1e-12\n",
+        "line 2: radius = 1e-300 m.*line 3: .*line 4: radius = 1e-12 m",
+    ),
+    "large": ("x,y,radius\n1,2,1e5\n", "line 2: radius = 100000 m is not between 1e-09 and 10000 m"),
+    "fast": ("x,y,radius,vx\n1,2,1,1\n1,2,1,-1e13\n", "line 3: vx = -1e.13 is not between"),
     "many": ("x,y,radius\n" + "a,b,c\n" * 20, "line 6: .*; and more"),
 }
 
@@ -175,7 +181,7 @@ def test_missing_run_or_frame(tmp_path):
     ("path", "value", "message"),
     [
         ("particles/position", np.nan, r"row \d+: y = nan is not finite"),
-        ("particles/position", 1e300, "y = 1e.300 m is beyond"),
+        ("particles/position", 1e300, "y = 1e.300 m is not between"),
         ("particles/velocity", np.inf, "vy = inf is not finite"),
         ("model/radius", -1.0, "model/radius holds values out of range"),
     ],

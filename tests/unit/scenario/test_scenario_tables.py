@@ -92,9 +92,11 @@ def test_mistakes(change, words):
     [
         ("", ["is empty", "let the first line name the columns"]),
         ("time,speed\n0,0\n", ["no column value", "time,value"]),
-        ("time,value\n0,zero\n", ["row 2 of 'motion.csv'", "'zero' is not a number"]),
-        ("time,value\n0\n", ["row 2 of 'motion.csv'", "'' is not a number"]),
-        ("time,value\n0,nan\n", ["velocity", "finite"]),
+        ("time,value\n0,zero\n", ["line 2 of 'motion.csv'", "'zero' is not a number"]),
+        ("time,value\n0\n", ["line 2 of 'motion.csv'", "'' is not a number"]),
+        ("time,value\n0,nan\n", ["velocity", "line 2 of 'motion.csv'", "value = 'nan' is not finite"]),
+        ("# in s\ntime,value\n\n0,0\n1,1e300\n", ["line 5 of 'motion.csv'", "value = '1e300' is not between -1e+12 and 1e+12"]),
+        ("time,value\n-1,0\n", ["line 2 of 'motion.csv'", "time = '-1' is not between 0 and 1e+12"]),
         (b"time,value\n0,\xff\n", ["cannot be read", "UTF-8"]),
     ],
 )
