@@ -60,6 +60,7 @@ def numbers(axis: Range | tuple[Value, ...]) -> tuple[Value, ...]:
     """The values of a key, those of a range rounded to twelve digits; whole numbers stay whole."""
     if not isinstance(axis, Range):
         return axis
+    assert axis.count is not None  # only ranges between which points are drawn have none
     low, high, last = axis.from_, axis.to, max(axis.count - 1, 1)
     found: list[float] = []
     for k in range(axis.count):
