@@ -20,8 +20,8 @@ from multicor_cli.store.summary import empty_summary
 def run_info(path: Path | str) -> dict[str, Any]:
     """Status, size and quality of a run as JSON types.
 
-    ``step, time, state_digest``, the books, the counters and the ends of stages are those of the newest checkpoint (the last state of
-    a finished run); ``frame_count`` is what has been committed. Values that do not exist yet are ``None``.
+    ``step, time, state_digest``, the books, the counters and the ends of stages are those of the newest checkpoint (the last state
+    of a finished run); ``frame_count`` is what has been committed. Values that do not exist yet are ``None``.
 
     Returns:
         ``path, run_id, status, stop_reason, exit_code, grain_count, frame_count, series_count, step, time, stage, stages,
