@@ -5,6 +5,8 @@ Prints what went wrong, a line each, and how many lines were tried; needs all ex
 
 from __future__ import annotations
 
+import contextlib
+import io
 import os
 import subprocess
 import sys
@@ -12,6 +14,7 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
+from unittest import mock
 
 sys.path.insert(0, str(Path(__file__).parent))
 
@@ -79,6 +82,20 @@ def commands(node: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str,
         yield path, not any(parameter.required for parameter in node.params)
 
 
+def run_here(words: list[str]) -> subprocess.CompletedProcess[str]:
+    """Run what ends with a text in this process, which need not start another."""
+    from multicor_cli.cli.app import main
+
+    out, err = io.StringIO(), io.StringIO()
+    with mock.patch.object(sys, "argv", ["multicor", *words]), contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        try:
+            main()
+            code = 0
+        except SystemExit as leave:
+            code = leave.code if isinstance(leave.code, int) else int(leave.code is not None)
+    return subprocess.CompletedProcess(words, code, out.getvalue(), err.getvalue())
+
+
 def run(folder: Path, words: list[str]) -> subprocess.CompletedProcess[str]:
     kept = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
     command = [sys.executable, "-P", "-m", "multicor_cli", *words]
@@ -101,21 +118,21 @@ def main() -> int:
     lines = [line.split() for line in LINES.splitlines()]
     called = {path for path in known if any(tuple(words[: len(path)]) == path for words in lines)}
     faults = [f"{' '.join(path)}: is not called here" for path in known if path not in called]
-    tries = [([*path, "--help"], 0) for path in known]
-    tries += [([*path, "--no-such-option"], 2) for path in known]
-    tries += [(list(path), 2) for path, is_whole in known.items() if not is_whole]
-    tries += [(words, 0) for words in ([], ["--help"], ["--version"]) if words]
-    tries += [(["nonsense"], 2), (["new", "x", "--template", "none"], 2), *((words, 0) for words in lines)]
+    texts = [([*path, "--help"], 0) for path in known]
+    texts += [([*path, "--no-such-option"], 2) for path in known]
+    texts += [(list(path), 2) for path, is_whole in known.items() if not is_whole]
+    texts += [(["--help"], 0), (["--version"], 0), (["nonsense"], 2), (["new", "x", "--template", "none"], 2)]
+    faults += [text for words, code in texts if (text := fault(words, run_here(words), code))]
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         for file, text in {"small": SMALL, "warm": WARM}.items():
             (folder / f"{file}.toml").write_text(text)
         for kind in ("sobol", "latin-hypercube"):
             (folder / f"{kind}.toml").write_text(STUDY.replace("KIND", kind))
-        faults += [text for words, code in tries if (text := fault(words, run(folder, words), code))]
+        faults += [text for words in lines if (text := fault(words, run(folder, words), 0))]
     for text in faults:
         print(text)
-    print(f"{len(tries)} lines, {len(faults)} faults")
+    print(f"{len(texts) + len(lines)} lines, {len(faults)} faults")
     return 1 if faults else 0
 
 
