@@ -29,7 +29,6 @@ scenario = "small.toml"
 [vary]
 sample = { kind = "KIND", count = 4 }
 "contacts.0.friction" = { from = 0.2, to = 0.5 }
-"contacts.0.restitution" = { from = 0.1, to = 0.5 }
 [[observe]]
 name = "steps"
 info = "step"
@@ -67,7 +66,7 @@ study validate sobol.toml
 study run sobol.toml
 study status sobol.toml
 study table sobol.toml --parquet table.parquet
-study plot sobol.toml steps.png --of steps --against contacts.0.friction --by contacts.0.friction --fit line
+study plot sobol.toml steps.png --of steps --against contacts.0.friction --fit line
 study report sobol.toml --runs
 study cancel sobol.toml"""
 """A line for each command; those that need another's files come after it."""
