@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from multicor_cli.cli.completion import listed
 from multicor_cli.cli.console import say
 from multicor_cli.cli.options import RunPath, output_option
 from multicor_cli.cli.post_options import Frames, parse_frames
@@ -17,7 +18,7 @@ if TYPE_CHECKING:
     from multicor_cli.post import GrainMap
     from multicor_cli.store import Run
 
-FilmOf = Annotated[str, typer.Option("--of", metavar="FIELD", help="What to show: {mapped}.")]
+FilmOf = Annotated[str, typer.Option("--of", metavar="FIELD", help="What to show: {mapped}.", autocompletion=listed("mapped"))]
 FilmFile = Annotated[Path, output_option(metavar="FILE", help="File to write: FILE.mp4 or .gif.")]
 Rate = Annotated[float, typer.Option("--fps", metavar="N", min=0.1, max=120.0, help="Pictures per second.")]
 Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace the file if it exists.")]

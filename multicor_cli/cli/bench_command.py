@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Optional
 
 import typer
 
+from multicor_cli.cli.completion import listed
 from multicor_cli.cli.console import emit_json, emit_table, say
 from multicor_cli.cli.listing import ListingCommand
 from multicor_cli.running.outcome import ExitCode
@@ -19,7 +20,7 @@ if TYPE_CHECKING:
 
 SceneNames = Annotated[
     Optional[list[str]],  # noqa: UP045  (evaluated by typer)
-    typer.Argument(metavar="[SCENE]...", help="Scenes: {scenes}; all if none is named."),
+    typer.Argument(metavar="[SCENE]...", help="Scenes: {scenes}; all if none is named.", autocompletion=listed("scenes")),
 ]
 Grains = Annotated[
     Optional[list[int]],  # noqa: UP045

@@ -11,13 +11,10 @@ from pathlib import Path
 from typing import Any
 
 from multicor_cli import __version__
+from multicor_cli.optional import LIBRARIES
 from multicor_cli.text import format_bytes
 
 _LIBRARIES = ("numpy", "numba", "llvmlite", "h5py", "pydantic", "typer", "rich")
-_OPTIONAL = {
-    "matplotlib": "not installed (figures need it: pip install 'multicor-cli[plots]')",
-    "gsd": "not installed (export gsd needs it: pip install 'multicor-cli[gsd]')",
-}
 
 
 def diagnose() -> dict[str, Any]:
@@ -27,7 +24,7 @@ def diagnose() -> dict[str, Any]:
         "python": f"{platform.python_version()} ({sys.executable})",
         **{name: _version(name) for name in _LIBRARIES},
         "hdf5": _hdf5_version(),
-        **{name: _version(name, missing) for name, missing in _OPTIONAL.items()},
+        **{each.name: _version(each.name, f"not installed ({each.use} need it: {each.remedy})") for each in LIBRARIES.values()},
         "ffmpeg": shutil.which("ffmpeg") or "not installed (films become GIF)",
         "platform": platform.platform(),
         "cores": _cores(),
@@ -67,22 +64,20 @@ def _cache() -> str:
 
 
 def _threading() -> dict[str, str]:
-    """The threading layer that Numba picks, found by running a tiny parallel loop in another process."""
+    """The threading layer that kernels get, asked for in another process: whatever fails there, this one goes on."""
     import subprocess
 
     from multicor_cli.running.children import python_child
+    from multicor_cli.running.threads import reserve_threads
 
-    code = (
-        "import numba\n@numba.njit(parallel=True)\ndef f():\n s=0\n for i in numba.prange(4):\n  s+=i\n return s\n"
-        "f(); print(numba.threading_layer(), numba.config.NUMBA_NUM_THREADS)"
-    )
-    command, environment = python_child("-c", code)
+    reserve_threads()  # as a run does
+    command, environment = python_child("-c", "from multicor_cli.engine.jit.layer import describe_layer; print(describe_layer())")
     try:
-        done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120, check=True)
+        done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120, check=False)
     except (OSError, subprocess.SubprocessError) as error:
-        return {"threading layer": f"parallel kernels do not work: {error}"}
-    layer, _, threads = done.stdout.strip().partition(" ")
-    return {"threading layer": f"{layer}, {threads} threads"}
+        return {"threading layer": f"not known: {type(error).__name__}"}
+    said = (done.stderr if done.returncode else done.stdout).strip().splitlines()
+    return {"threading layer": f"none: {said[-1] if said else 'Numba cannot be started'}" if done.returncode else said[-1]}
 
 
 def _memory() -> str:

@@ -13,6 +13,7 @@ _LISTS = {
     "mapped": ("multicor_cli.post", "MAPPED"),
     "scenes": ("multicor_cli.bench.scenes", "SCENES"),
     "templates": ("multicor_cli.scenario.templates", "TEMPLATES"),
+    "fits": ("multicor_cli.studies.fits", "FITS"),
 }
 """What stands for ``{name}`` in a help text: the module, and the names in it."""
 
@@ -29,9 +30,15 @@ class ListingCommand(TyperCommand):
         super().format_help(ctx, formatter)
 
 
+def names_in(key: str) -> list[str]:
+    """The names of a list."""
+    module, name = _LISTS[key]
+    return list(getattr(import_module(module), name))
+
+
 def filled(text: str) -> str:
     """A help text with its lists."""
-    for key, (module, name) in _LISTS.items():
+    for key in _LISTS:
         if (place := f"{{{key}}}") in text:
-            text = text.replace(place, ", ".join(getattr(import_module(module), name)))
+            text = text.replace(place, ", ".join(names_in(key)))
     return text

@@ -7,6 +7,7 @@ from typing import Annotated, Optional
 
 import typer
 
+from multicor_cli.cli import completion
 from multicor_cli.cli.options import RunPath
 from multicor_cli.cli.post_options import AsCsv, AsJson, End, FigureFile, Frames, OverwriteFigure, Start, parse_frames
 from multicor_cli.cli.post_output import TableOutput
@@ -20,6 +21,7 @@ FieldNames = Annotated[
         help="Field of the figure, and of the table of a line or of rings; several times for several. The table of a grid lists "
         "what there is.",
         show_default="solid-fraction; velocities of a line or of rings",
+        autocompletion=completion.fields,
     ),
 ]
 Spacing = Annotated[float, typer.Option("--spacing", metavar="D", help="Distance of the points in mean diameters.")]

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING, Annotated, Optional
 
 import typer
 
+from multicor_cli.cli.completion import listed
 from multicor_cli.cli.options import RunPath
 from multicor_cli.cli.post_options import (
     AsCsv,
@@ -32,11 +33,12 @@ ProfileOf = Annotated[
         "--of",
         metavar="FIELD",
         help="What to average: {profiled}, or all components with {groups}.",
+        autocompletion=listed("profiled", "groups"),
     ),
 ]
 MapOf = Annotated[
     str,
-    typer.Option("--of", metavar="FIELD", help="What to show: {mapped}."),
+    typer.Option("--of", metavar="FIELD", help="What to show: {mapped}.", autocompletion=listed("mapped")),
 ]
 Normalized = Annotated[
     bool,

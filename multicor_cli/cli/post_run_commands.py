@@ -7,6 +7,7 @@ from typing import Annotated, Optional
 
 import typer
 
+from multicor_cli.cli.completion import listed
 from multicor_cli.cli.console import say
 from multicor_cli.cli.options import RunPath
 from multicor_cli.cli.post_options import AsCsv, AsJson, Bins, End, FigureFile, Frames, OverwriteFigure, Start, parse_frames
@@ -25,6 +26,7 @@ ComparedFields = Annotated[
         metavar="FIELD",
         help="Field whose profiles are compared, see `post profile`; may be given several times.",
         show_default="velocity",
+        autocompletion=listed("profiled"),
     ),
 ]
 

@@ -6,6 +6,7 @@ from typing import Annotated, Optional
 
 import typer
 
+from multicor_cli.cli import completion
 from multicor_cli.cli.options import RunPath
 from multicor_cli.cli.post_fields_command import parse_line
 from multicor_cli.cli.post_options import AsCsv, AsJson, End, FigureFile, Frames, OverwriteFigure, Start, parse_frames
@@ -19,6 +20,7 @@ ColumnNames = Annotated[
         metavar="COLUMN",
         help="A column, as kinetic or 'top: force_x'; force_x alone means that of all walls. Several times for several.",
         show_default="all; in a figure kinetic energy, forces on walls and number of contacts",
+        autocompletion=completion.columns,
     ),
 ]
 SeriesStart = Annotated[

@@ -10,6 +10,7 @@ import typer
 from multicor_cli.cli.console import say
 from multicor_cli.cli.options import RunPath, output_option
 from multicor_cli.cli.progress import show_progress
+from multicor_cli.optional import LIBRARIES
 from multicor_cli.text import format_bytes
 
 PageFile = Annotated[
@@ -36,7 +37,7 @@ def report(directory: RunPath, output: PageFile = None, frames: FrameLimit = Non
     with show_progress("frame") as progress:
         done = write_report(directory, output, frames=frames, is_overwriting=is_overwriting, progress=progress)
     if not done.has_figures:
-        say("without figures: they need matplotlib: pip install 'multicor-cli[plots]'")
+        say(f"without figures: they need matplotlib: {LIBRARIES['matplotlib'].remedy}")
     contacts = "" if done.contact_limit is None else f", with the {done.contact_limit} strongest contacts of each"
     say(f"wrote {done.path}: {format_bytes(done.size)}, {done.frames} of {done.frame_count} frames{contacts}")
 

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import typer
 
 from multicor_cli.cli.check_output import Strict, checks_as_json, refuse_bad, show_all
+from multicor_cli.cli.completion import listed
 from multicor_cli.cli.console import emit, emit_json, emit_pairs, format_seconds, say
 from multicor_cli.cli.listing import ListingCommand
 from multicor_cli.cli.options import Overrides, ScenarioFile
@@ -32,7 +33,7 @@ TEMPLATE_HELP = "What to start from: {templates}."
 
 def new(
     name: Annotated[str, typer.Argument(help=NAME_HELP)],
-    template: Annotated[str, typer.Option("--template", "-t", help=TEMPLATE_HELP)] = "shear",
+    template: Annotated[str, typer.Option("--template", "-t", help=TEMPLATE_HELP, autocompletion=listed("templates"))] = "shear",
     overwrite: Annotated[bool, typer.Option("--overwrite", help="Replace an existing file.")] = False,
 ) -> None:
     """Write a commented scenario file to start from."""

@@ -15,6 +15,7 @@ from typing import TYPE_CHECKING, Annotated, Any, Optional
 
 import typer
 
+from multicor_cli.cli import completion
 from multicor_cli.cli.bar import Bar
 from multicor_cli.cli.console import complain, emit, emit_json, emit_pairs, emit_table, format_seconds, say
 from multicor_cli.cli.listing import ListingCommand
@@ -199,7 +200,9 @@ def table(
 def plot(
     file: StudyFile,
     target: Annotated[Path, typer.Argument(metavar="FIGURE", help="File (.png, .svg, .pdf), or term.", show_default=False)],
-    of: Annotated[str, typer.Option("--of", metavar="NAME", help="Observable.", show_default=False)],
+    of: Annotated[
+        str, typer.Option("--of", metavar="NAME", help="Observable.", show_default=False, autocompletion=completion.observables)
+    ],
     against: Annotated[str, typer.Option("--against", metavar="NAME", help="Key or observable across.", show_default=False)],
     by: Annotated[
         Optional[str],  # noqa: UP045  (evaluated by typer)
@@ -215,7 +218,7 @@ def plot(
     ] = None,
     kind: Annotated[
         Optional[str],  # noqa: UP045
-        typer.Option("--fit", metavar="KIND", help="line, power or mu-of-I.", show_default=False),
+        typer.Option("--fit", metavar="KIND", help="{fits}.", show_default=False, autocompletion=completion.listed("fits")),
     ] = None,
     curves: Annotated[
         Optional[list[str]],  # noqa: UP045
@@ -396,13 +399,11 @@ def _table(session: StudySession, *, is_mean: bool) -> StudyTable:
 
 def _write_parquet(found: StudyTable, path: Path, *, is_overwriting: bool) -> None:
     from multicor_cli.export.target import check_output
-    from multicor_cli.store.errors import StoreError
+    from multicor_cli.optional import library
 
+    library("pyarrow")
     check_output(path, is_overwriting=is_overwriting)
-    try:
-        found.frame().to_parquet(path)
-    except ImportError as error:
-        raise StoreError(f"Parquet needs pandas and pyarrow: pip install 'multicor-cli[study]' ({error})") from None
+    found.frame().to_parquet(path)
     say(f"wrote {path}")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from multicor_cli.optional import MissingLibrary as MissingLibrary
 from multicor_cli.store.errors import StoreError
 
 
@@ -15,7 +16,3 @@ class ExportRefused(StoreError):
     """The target exists, or is not one that an export may replace (exit code 6)."""
 
     exit_code = 6
-
-
-class MissingLibrary(StoreError):
-    """A library that the format needs is not installed (exit code 5)."""

@@ -15,11 +15,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.export.errors import ExportRefused, MissingLibrary
+from multicor_cli.export.errors import ExportRefused
 from multicor_cli.export.selection import choose_frames
 from multicor_cli.export.target import check_output, new_file
 from multicor_cli.model import Model
 from multicor_cli.model.model import Floats
+from multicor_cli.optional import library
 from multicor_cli.store import Frame, Run, StorageError, schema
 from multicor_cli.store.progress import Progress, no_progress
 from multicor_cli.store.schema.rows import Column, Reader
@@ -54,11 +55,7 @@ def export_gsd(
         MissingLibrary: If ``gsd`` is not installed.
         StoreError: If the run cannot be read, or the file not be written.
     """
-    try:
-        import gsd.hoomd
-    except ImportError as error:
-        message = "GSD files need the library gsd: pip install 'multicor-cli[gsd]'"
-        raise MissingLibrary(message) from error
+    hoomd = library("gsd.hoomd")
     check_output(path, is_overwriting=is_overwriting)
     chosen = choose_frames(run, frames)
     # A number of a damaged file that single precision cannot hold becomes infinite, without a warning.
@@ -66,11 +63,11 @@ def export_gsd(
         np.errstate(all="ignore"),
         new_file(path, is_overwriting=is_overwriting) as temporary,
         _library_errors(path),
-        gsd.hoomd.open(str(temporary), "w") as file,
+        hoomd.open(str(temporary), "w") as file,
     ):
         box = _Box.around(run.model, chosen)
         for number, frame in enumerate(chosen):
-            file.append(_gsd_frame(gsd.hoomd.Frame(), run.model, frame, box))
+            file.append(_gsd_frame(hoomd.Frame(), run.model, frame, box))
             progress(number + 1, len(chosen))
     return len(chosen)
 

@@ -68,7 +68,8 @@ def write_film(
         progress: Is told how many maps were drawn, and of how many.
 
     Raises:
-        PlotError: If matplotlib (for a GIF: Pillow) is missing, the ending is not known, no map is left, or ffmpeg fails.
+        MissingLibrary: If matplotlib is not installed.
+        PlotError: If the ending is not known, no map is left, or ffmpeg fails.
         StorageError: If the file cannot be written.
     """
     if path.suffix.lower() not in SUFFIXES:
@@ -211,11 +212,8 @@ def _write_mp4(pictures: Iterator[Any], path: Path, rate: float) -> None:
 
 
 def _write_gif(pictures: Iterator[Any], path: Path, rate: float) -> None:
-    try:
-        from PIL import Image
-    except ImportError as error:
-        message = "a GIF needs Pillow: pip install pillow"
-        raise PlotError(message) from error
+    from PIL import Image  # matplotlib brings it
+
     images = (Image.fromarray(picture).convert("RGB").quantize(256) for picture in pictures)
     # GIF counts in hundredths of a second; most viewers slow down what is faster than 50 per second.
     next(images).save(path, save_all=True, append_images=images, duration=max(round(1000.0 / rate), 20), loop=0)

@@ -30,7 +30,8 @@ def plot(table: Any, path: Path, **options: Any) -> None:
         options: Further options of the figure of this kind of table.
 
     Raises:
-        PlotError: If matplotlib is not installed or the ending is not known.
+        MissingLibrary: If matplotlib is not installed.
+        PlotError: If the ending is not known.
         StorageError: If the file cannot be written.
     """
     ways = _ways(table)

@@ -115,7 +115,7 @@ def fields_text(table: FieldTable, terminal: Terminal) -> str:
     """A field as a picture, or fields along a line as charts.
 
     Raises:
-        PlotError: If matplotlib is not installed and a picture is wanted.
+        MissingLibrary: If matplotlib is not installed and a picture is wanted.
     """
     if not table.points.is_grid:
         at = table.points.coordinates[:, 0]

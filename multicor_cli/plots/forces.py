@@ -91,7 +91,7 @@ def forces_text(network: ForceNetwork, terminal: Terminal) -> str:
     """A force network as a picture.
 
     Raises:
-        PlotError: If matplotlib is not installed.
+        MissingLibrary: If matplotlib is not installed.
     """
     picture = draw_picture(network.scene, lambda axes: draw_network(axes, network), terminal)
     mean = _mean_size(network) if network.i.size else 0.0

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 
+from multicor_cli.optional import library
 from multicor_cli.plots.dispatch import Ways
 from multicor_cli.plots.scene import Place, draw_discs, draw_walls, is_wide, place_scene
 from multicor_cli.plots.small_rises import rise_formatter, rise_label, rise_reference
@@ -87,15 +88,14 @@ def draw_bar(axes: Any, table: GrainMap, discs: Any, scale: tuple[Any, str]) -> 
 
 def color_scale(table: GrainMap) -> tuple[Any, str]:
     """Norm of matplotlib for the values, and which ends of the color bar stand for more than their value."""
-    from matplotlib.colors import BoundaryNorm, LogNorm, Normalize
-
+    colors = library("matplotlib.colors")
     if table.names:
-        return BoundaryNorm([k - 0.5 for k in range(len(table.names) + 1)], len(table.names)), "neither"
+        return colors.BoundaryNorm([k - 0.5 for k in range(len(table.names) + 1)], len(table.names)), "neither"
     value, is_logarithmic = table.value, table.field.scale == "logarithmic"
     low, high = color_range(table.field, value, table.scene.radius.size)
     ends = (bool(value.min() < low), bool(value.max() > high))
     extend = {(False, False): "neither", (True, False): "min", (False, True): "max"}.get(ends, "both")
-    return LogNorm(low, high) if is_logarithmic else Normalize(low, high), extend
+    return colors.LogNorm(low, high) if is_logarithmic else colors.Normalize(low, high), extend
 
 
 def _draw_arrows(axes: Any, table: GrainMap) -> None:
@@ -128,7 +128,7 @@ def map_text(table: GrainMap, terminal: Terminal, *, has_streamlines: bool = Tru
     """A map as a picture, with the values of its darkest and lightest color below.
 
     Raises:
-        PlotError: If matplotlib is not installed.
+        MissingLibrary: If matplotlib is not installed.
     """
     norm, _ = color_scale(table)
     values = ", ".join(table.names) if table.names else f"from {norm.vmin:.6g} to {norm.vmax:.6g}"

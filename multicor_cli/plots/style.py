@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 
 from multicor_cli.model.model import Floats
+from multicor_cli.optional import library
 from multicor_cli.store.atomic import commit_result, make_directory
 from multicor_cli.text import unit_sign
 
@@ -113,14 +114,9 @@ def house_style() -> Iterator[None]:
     """Apply the style to figures made inside the context.
 
     Raises:
-        PlotError: If matplotlib is not installed.
+        MissingLibrary: If matplotlib is not installed.
     """
-    try:
-        import matplotlib as mpl
-    except ImportError as error:
-        message = "figures need matplotlib: pip install 'multicor-cli[plots]'"
-        raise PlotError(message) from error
-    with mpl.rc_context(_RC):
+    with library("matplotlib").rc_context(_RC):
         yield
 
 
@@ -158,7 +154,8 @@ def figure_file(path: Path, width: float, height: float) -> Iterator[Any]:
         height: Height of the figure [inch].
 
     Raises:
-        PlotError: If matplotlib is not installed or the ending is not known.
+        MissingLibrary: If matplotlib is not installed.
+        PlotError: If the ending is not known.
         StorageError: If the file cannot be written.
     """
     check_suffix(path)

@@ -41,7 +41,7 @@ def draw_picture(scene: GrainScene, draw: Callable[[Any], Any], terminal: Termin
         terminal: What the terminal can show.
 
     Raises:
-        PlotError: If matplotlib is not installed.
+        MissingLibrary: If matplotlib is not installed.
     """
     across, upwards = (scene.box[1] - scene.box[0]).tolist()
     most = min(terminal.columns, 2.0 * terminal.rows * across / upwards)

@@ -8,16 +8,11 @@ import re
 from collections.abc import Sequence
 from typing import Any
 
+from multicor_cli.optional import library
 from multicor_cli.text import with_unit_signs
 
 _UNIT = re.compile(r"(.*) \[([^\]]*)\]")
 _SHOWN = 60  # rows in a notebook
-
-
-class MissingPandas(ImportError):
-    """pandas is not installed."""
-
-    exit_code = 5
 
 
 class Table:
@@ -44,14 +39,10 @@ class Table:
             is_detailed: Whether to take what the table was made of (over time, or of single grains or contacts), as ``--csv`` does.
 
         Raises:
-            MissingPandas: If pandas is not installed.
+            MissingLibrary: If pandas is not installed.
             ValueError: If there are no details.
         """
-        try:
-            import pandas as pd
-        except ImportError as error:
-            message = "DataFrames need pandas: pip install 'multicor-cli[study]'"
-            raise MissingPandas(message) from error
+        pd = library("pandas")
         if is_detailed and not hasattr(self, "detail_rows"):
             message = f"{type(self).__name__} has no details: leave out is_detailed"
             raise ValueError(message)

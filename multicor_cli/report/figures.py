@@ -13,10 +13,11 @@ from numpy.typing import NDArray
 
 from multicor_cli.checks.books import CLOSURE_LIMIT
 from multicor_cli.model.model import Floats
+from multicor_cli.optional import MissingLibrary
 from multicor_cli.plots.energy import COLOR_OF
 from multicor_cli.plots.profile import draw_profile
 from multicor_cli.plots.small_rises import rise_formatter, rise_label, rise_reference
-from multicor_cli.plots.style import COLORS, PlotError, house_style
+from multicor_cli.plots.style import COLORS, house_style
 from multicor_cli.post import PostError, Selection, profile
 from multicor_cli.post.energy import HEAT, MECHANICAL, BookLine, EnergyTable
 from multicor_cli.store import Run
@@ -71,7 +72,7 @@ def make_figures(run: Run, books: EnergyTable | None) -> list[Figure] | None:
     """
     try:
         return [*_profiles(run), *([] if books is None else _histories(run, books))]
-    except PlotError:
+    except MissingLibrary:
         return None
 
 
@@ -84,7 +85,7 @@ def make_figure(title: str, size: tuple[float, float], fill: Callable[[Any], Non
         fill: Draws into a figure of matplotlib.
 
     Raises:
-        PlotError: If matplotlib is not installed.
+        MissingLibrary: If matplotlib is not installed.
     """
     with house_style():
         from matplotlib.figure import Figure as Canvas

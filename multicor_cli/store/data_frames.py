@@ -8,18 +8,13 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
+from multicor_cli.optional import library
 from multicor_cli.store import schema
 from multicor_cli.store.schema import Dataset
 
 if TYPE_CHECKING:
     from multicor_cli.store.frame_view import Frame
     from multicor_cli.store.reader import Run
-
-
-class MissingPandas(ImportError):
-    """pandas is not installed."""
-
-    exit_code = 5
 
 
 class NamedColumn(NamedTuple):
@@ -41,19 +36,9 @@ class NamedColumn(NamedTuple):
         return self.name if self.unit == "1" else f"{self.name} [{self.unit}]"
 
 
-def load_pandas() -> Any:
-    """The module pandas; raises `MissingPandas`."""
-    try:
-        import pandas as pd
-    except ImportError as error:
-        message = "DataFrames need pandas: pip install 'multicor-cli[study]'"
-        raise MissingPandas(message) from error
-    return pd
-
-
 def data_frame(columns: Sequence[NamedColumn], index: str | None = None) -> Any:
-    """Columns as a DataFrame, indexed by one of them; units are in its ``attrs["units"]``. Raises `MissingPandas`."""
-    table = load_pandas().DataFrame({column.name: column.values for column in columns})
+    """Columns as a DataFrame, indexed by one of them; units are in its ``attrs["units"]``. Raises `MissingLibrary`."""
+    table = library("pandas").DataFrame({column.name: column.values for column in columns})
     table.attrs["units"] = {column.name: column.unit for column in columns if column.unit != "1"}
     return table if index is None else table.set_index(index)
 

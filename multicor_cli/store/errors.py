@@ -36,7 +36,7 @@ class StorageFull(StorageError):
     def __init__(self, path: Path, needed: int = 0, free: int = 0) -> None:
         self.path, self.needed, self.free = path, needed, free
         sizes = f" ({needed / 1e6:.1f} MB needed, {free / 1e6:.1f} MB free)" if needed else ""
-        super().__init__(f"{path}: no space left{sizes}; free some space and give the same command again to continue")
+        super().__init__(f"{path}: no space left{sizes}; free some space and give the same command again")
 
 
 class DirectoryRefused(StoreError):

@@ -53,7 +53,7 @@ class Contacts(ContactColumns):
         and go.
 
         Raises:
-            MissingPandas: If pandas is not installed.
+            MissingLibrary: If pandas is not installed.
             DamagedRun: If the file is damaged.
         """
         return data_frame(contact_columns(self._frame))
@@ -131,7 +131,7 @@ class Frame(StepColumns, GrainColumns, WallColumns, KeptColumns):
         """The grains as a DataFrame with a row for each, indexed by their numbers; ``attrs["units"]`` has the units of the columns.
 
         Raises:
-            MissingPandas: If pandas is not installed.
+            MissingLibrary: If pandas is not installed.
             DamagedRun: If the file is damaged.
         """
         return data_frame(grain_columns(self), "grain")

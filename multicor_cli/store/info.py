@@ -24,8 +24,8 @@ _HEARTBEAT_LIMIT = 1 << 20
 def run_info(path: Path | str) -> dict[str, Any]:
     """Status, size and quality of a run as JSON types.
 
-    ``step, time, state_digest``, the books and the counters are those of the newest checkpoint (the last state of a finished
-    run); ``frame_count`` is what has been committed. Values that do not exist yet are ``None``.
+    ``step, time, state_digest``, the books, the counters and the ends of stages are those of the newest checkpoint (the last state
+    of a finished run); ``frame_count`` is what has been committed. Values that do not exist yet are ``None``.
 
     Returns:
         ``path, run_id, status, stop_reason, exit_code, grain_count, frame_count, series_count, step, time, stage, stages,
@@ -58,10 +58,10 @@ def run_info(path: Path | str) -> dict[str, Any]:
             "frame_count": len(run.frames),
             "series_count": run.series.row_count,
             "stages": list(run.stages),
-            "stage_ends": info.get("stage_ends", []),
+            "stage_ends": _kept(info.get("stage_ends", []), summary["step"]),
             "origin": info.get("origin"),
             "extensions": info.get("extensions", []),
-            "steering": info.get("steering"),
+            "steering": _steering(info.get("steering"), summary["step"]),
             "walls": _walls(run),
             **{name: value for name, value in summary.items() if name not in ("grain_count", "step", "time", "stage")},
             **_heartbeat(run),
@@ -74,6 +74,15 @@ def run_info(path: Path | str) -> dict[str, Any]:
             "data_digest": results.get("data_digest"),
             "provenance": info["provenance"],
         }
+
+
+def _kept(events: list[dict[str, Any]], step: int | None) -> list[dict[str, Any]]:
+    """What had happened by the newest checkpoint: ``run.json`` tells it before, and what was lost since then happens once more."""
+    return [event for event in events if event["step"] <= (step or 0)]
+
+
+def _steering(steering: dict[str, Any] | None, step: int | None) -> dict[str, Any] | None:
+    return None if steering is None else {**steering, "decisions": _kept(steering["decisions"], step)}
 
 
 def _heartbeat(run: Run) -> dict[str, Any]:

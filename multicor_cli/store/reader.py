@@ -70,7 +70,7 @@ class Series(Mapping[str, NDArray[Any]]):
         What belongs to a wall or an outlet has its name before that of the quantity, as ``top: force_x``.
 
         Raises:
-            MissingPandas: If pandas is not installed.
+            MissingLibrary: If pandas is not installed.
             DamagedRun: If the file is damaged.
         """
         return data_frame(self._columns(), "time")

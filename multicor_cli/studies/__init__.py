@@ -33,8 +33,10 @@ def study(
 
     Raises:
         ScenarioError: The study or a case of it is wrong, or not as when the study began.
-        StoreError: The directory cannot be used, Dask is missing, or another client is at work on the study.
+        MissingLibrary: Dask, or what the study needs else, is not installed.
+        StoreError: The directory cannot be used, or another client is at work on the study.
     """
+    from multicor_cli.optional import MissingLibrary
     from multicor_cli.studies.session import StudySession
 
     session = StudySession.open(file, directory)
@@ -42,5 +44,5 @@ def study(
     table = session.table()
     try:
         return table.frame()
-    except ImportError:
+    except MissingLibrary:
         return table

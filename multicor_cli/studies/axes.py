@@ -10,6 +10,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from multicor_cli.files import read_regular
+from multicor_cli.optional import library
 from multicor_cli.scenario.csv_columns import MAX_BYTES
 from multicor_cli.scenario.problems import Finding
 from multicor_cli.studies.schema import MAX_CASES, OPTIONS, Range, Sampled, Vary
@@ -39,6 +40,7 @@ def combine(vary: Vary, directory: Path) -> list[Values]:
 
     Raises:
         BadAxes: Keys in ``zip`` have no values or not as many, the CSV file cannot be used, or there are too many combinations.
+        MissingLibrary: Points are to be drawn, and scipy is not installed.
     """
     axes: list[Sequence[Values]] = []
     ranges = {key: axis for key, axis in vary.keys.items() if isinstance(axis, Range)}
@@ -61,6 +63,7 @@ def numbers(axis: Range | tuple[Value, ...]) -> tuple[Value, ...]:
     """The values of a key, those of a range rounded to twelve digits; whole numbers stay whole."""
     if not isinstance(axis, Range):
         return axis
+    assert axis.count is not None  # only ranges between which points are drawn have none
     low, high, last = axis.from_, axis.to, max(axis.count - 1, 1)
     found: list[float] = []
     for k in range(axis.count):
@@ -101,8 +104,7 @@ def _groups(vary: Vary, left_out: set[str]) -> list[tuple[str, ...]]:
 
 def _drawn(sample: Sampled, ranges: Mapping[str, Range]) -> list[Values]:
     """Points of the box that the ranges span; on a logarithmic range their logarithms are drawn."""
-    from scipy.stats import qmc
-
+    qmc = library("scipy.stats").qmc
     kind = qmc.LatinHypercube if sample.kind == "latin-hypercube" else qmc.Sobol
     points = kind(d=len(ranges), rng=sample.seed).random(sample.count)
     return [

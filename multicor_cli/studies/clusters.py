@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
+from multicor_cli.optional import library
 from multicor_cli.running.children import python_child
 from multicor_cli.running.memory import available_memory
 from multicor_cli.scenario.problems import Finding
@@ -39,12 +40,7 @@ _SHARE = 0.9
 _NO_PAGE = "DASK_DISTRIBUTED__WORKER__HTTP__ROUTES='[]'"
 """Leaves out of a worker the pages that it would show to anybody."""
 
-INSTALL = "pip install 'multicor-cli[study]'"
 _CLASSES = {"slurm": "SLURMCluster", "pbs": "PBSCluster", "sge": "SGECluster", "lsf": "LSFCluster"}
-
-
-class MissingDask(StoreError):
-    """Dask, or what it needs for jobs, is not installed."""
 
 
 class Site(NamedTuple):
@@ -80,16 +76,12 @@ class DoesNotFit(Exception):
 
 
 def require_libraries(compute: Compute) -> None:
-    """Raise `MissingDask` if something is not installed that is needed elsewhere than here."""
+    """Raise `MissingLibrary` if something is not installed that is needed elsewhere than here."""
     queue = _queue_of(compute)
     if compute.scheduler is None and queue is None:
         return
     for name in ("distributed",) if queue is None else ("distributed", "dask_jobqueue", "cryptography"):
-        try:
-            importlib.import_module(name)
-        except ImportError:
-            place = "a Dask scheduler" if queue is None else queue[0]
-            raise MissingDask(f"{place} needs {name.replace('_', '-')}, which is not installed: {INSTALL}") from None
+        library(name)
 
 
 def _queue_of(compute: Compute) -> tuple[str, Queue] | None:

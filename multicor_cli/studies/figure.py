@@ -42,7 +42,8 @@ def draw(
         log: Axes with a logarithmic scale: "x", "y" or "xy".
 
     Raises:
-        PlotError: If matplotlib is not installed or the ending is not known.
+        MissingLibrary: If matplotlib is not installed.
+        PlotError: If the ending is not known.
     """
     columns = min(len(panels), _ACROSS)
     rows = -(-len(panels) // columns)

@@ -9,6 +9,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from multicor_cli.model.model import Floats
+from multicor_cli.optional import library
 from multicor_cli.plots.style import PlotError
 from multicor_cli.scenario.expressions import Expression, ExpressionError
 from multicor_cli.studies.series import Series
@@ -35,9 +36,9 @@ def fit(kind: str, series: Series) -> Curve:
 
     Raises:
         PlotError: There are too few points, or no curve of this kind goes through them.
+        MissingLibrary: scipy is not installed.
     """
-    from scipy.optimize import curve_fit
-
+    curve_fit = library("scipy.optimize").curve_fit
     names, model, start = _model(kind, series)
     if series.x.size < len(names) + 1:
         raise PlotError(f"a fit of kind {kind} needs {len(names) + 1} points, {series.label or 'the series'} has {series.x.size}")

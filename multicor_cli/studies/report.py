@@ -12,6 +12,7 @@ from urllib.parse import quote
 import numpy as np
 
 from multicor_cli import __version__
+from multicor_cli.optional import MissingLibrary
 from multicor_cli.plots.style import PlotError
 from multicor_cli.post.source import PostError
 from multicor_cli.report.figures import Figure, make_figure
@@ -149,7 +150,7 @@ def _figures(table: StudyTable) -> list[Figure] | None:
             continue
         try:
             found.append(_figure(mean, question, panels))
-        except PlotError:  # there is no matplotlib
+        except MissingLibrary:  # there is no matplotlib
             return None
     return found
 

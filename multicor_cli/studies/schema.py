@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Annotated, Any, Literal, Self
 
-from pydantic import Discriminator, Field, Strict, Tag, field_validator, model_validator
+from pydantic import AfterValidator, Discriminator, Field, Strict, Tag, ValidationInfo, field_validator, model_validator
 
 from multicor_cli.scenario.base import Name, Table, refuse
 from multicor_cli.scenario.region import AnyRegion
@@ -24,12 +24,12 @@ class Range(Table):
 
     from_: int | float = Field(alias="from", description="first number")
     to: int | float = Field(description="last number")
-    count: int = Field(ge=1, le=MAX_CASES, description="how many")
+    count: int | None = Field(None, ge=1, le=MAX_CASES, description="how many; without a meaning where points are drawn")
     spacing: Literal["linear", "log"] = Field("linear", description="equal differences, or equal ratios")
 
     @model_validator(mode="after")
     def _is_a_range(self) -> Self:
-        if self.from_ == self.to and self.count > 1:
+        if self.from_ == self.to and self.count != 1:
             raise refuse(f"the range from {self.from_:g} to {self.to:g} has no length", "give two different ends, or a list", "to")
         if self.spacing == "log" and min(self.from_, self.to) <= 0.0:
             raise refuse("a range with spacing 'log' needs positive ends", 'use spacing = "linear"', "from")
@@ -51,7 +51,17 @@ def _axis_tag(value: Any) -> str:
     return "<range>" if isinstance(value, dict | Range) else "<list>"
 
 
-Axis = Annotated[Annotated[Values, Tag("<list>")] | Annotated[Range, Tag("<range>")], Discriminator(_axis_tag)]
+def _check_count(axis: Any, info: ValidationInfo) -> Any:
+    """The values of a key of `Vary`, whose ranges say how many these are unless they are drawn."""
+    is_drawn = info.data.get("sample", "wrong") is not None  # of a wrong table it is not known
+    if isinstance(axis, Range) and axis.count is None and not is_drawn:
+        raise refuse("is missing", "add count: how many values, or draw them with sample", "count")
+    return axis
+
+
+Axis = Annotated[
+    Annotated[Values, Tag("<list>")] | Annotated[Range, Tag("<range>")], Discriminator(_axis_tag), AfterValidator(_check_count)
+]
 """Values of one key."""
 
 

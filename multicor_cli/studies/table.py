@@ -9,6 +9,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
 
+from multicor_cli.optional import library
 from multicor_cli.studies.axes import Values
 from multicor_cli.studies.cases import SEED, Case, short_names, shown
 from multicor_cli.studies.directory import CaseStatus, StudyDirectory
@@ -115,10 +116,8 @@ class StudyTable:
         return out.getvalue()
 
     def frame(self) -> Any:
-        """As a pandas DataFrame; needs pandas."""
-        import pandas as pd
-
-        return pd.DataFrame(self.records, columns=self.headings)
+        """As a pandas DataFrame; raises `MissingLibrary` where pandas is not installed."""
+        return library("pandas").DataFrame(self.records, columns=self.headings)
 
 
 def make_table(directory: StudyDirectory, observables: Sequence[Observable], cases: Sequence[Case]) -> StudyTable:

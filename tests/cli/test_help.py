@@ -105,6 +105,40 @@ def test_every_command_has_help(name: str, tmp_path: Path) -> None:
     assert "Usage" in done.stdout
 
 
+@pytest.mark.parametrize(
+    ("line", "offered", "not_offered"),
+    [
+        ("new x --template h", {"hopper", "heap"}, {"shear"}),
+        ("new x -t ", {"shear", "biaxial"}, set()),
+        ("post profile RUN --of v", {"velocity"}, {"spin"}),
+        ("post profile RUN --of st", {"stress"}, set()),
+        ("post map RUN --of co", {"coordination"}, {"velocity"}),
+        ("post animate RUN --of ", {"velocity", "temperature"}, set()),
+        ("post compare RUN RUN --of spin --of vel", {"velocity"}, {"spin"}),
+        ("post fields RUN --of velocity", {"velocity-x", "velocity-y"}, {"velocity-r"}),
+        ("post fields RUN --center 0,0 --of velocity", {"velocity-r", "velocity-t"}, {"velocity-x"}),
+        ("post series RUN --of force", {"force_x", "force_y"}, {"kinetic"}),
+        ("post series NONE --of force", set(), {"force_x"}),
+        ("study plot s.toml f.png --of m", {"mu"}, {"steps"}),
+        ("study plot none.toml f.png --of m", set(), {"mu"}),
+        ("study plot s.toml f.png --fit ", {"line", "power", "mu-of-I"}, set()),
+        ("bench hea", {"heated-bed"}, {"shear"}),
+    ],
+)
+def test_the_shell_completes_values(line: str, offered: set[str], not_offered: set[str], finished: Path, tmp_path: Path) -> None:
+    (tmp_path / "s.toml").write_text(
+        '[study]\nname = "s"\nscenario = "a.toml"\n[[observe]]\nname = "mu"\ninfo = "time"\n'
+        '[[observe]]\nname = "steps"\ninfo = "step"\n'
+    )
+    words = f"multicor {line}".replace("RUN", str(finished)).replace("NONE", str(tmp_path / "none"))
+    asked = {"_MULTICOR_COMPLETE": "complete_bash", "COMP_WORDS": words, "COMP_CWORD": str(len(words.split(" ")) - 1)}
+    done = call(cwd=tmp_path, **asked)
+    assert (done.returncode, done.stderr) == (0, "")
+    found = set(done.stdout.split())
+    assert offered <= found
+    assert not found & not_offered
+
+
 @pytest.mark.parametrize("arguments", [("--help",), ("schema",)])
 def test_a_pipe_that_nobody_reads_is_no_failure(arguments: tuple[str, ...], tmp_path: Path) -> None:
     reading, writing = os.pipe()

@@ -15,6 +15,7 @@ from heat_run import GRAINS, RATES, write_heated_run
 from typer.testing import CliRunner
 
 from multicor_cli.cli.app import app
+from multicor_cli.optional import LIBRARIES
 
 runner = CliRunner()
 
@@ -266,3 +267,25 @@ def test_doctor_describes_the_installation() -> None:
     assert done.exit_code == 0
     data = json.loads(done.stdout)
     assert data.keys() >= {"multicor", "python", "numpy", "numba", "h5py", "hdf5", "threading layer", "kernel cache", "cores"}
+    assert data.keys() >= {each.name for each in LIBRARIES.values()}
+
+
+@pytest.mark.parametrize(
+    ("variables", "said"),
+    [
+        (
+            {"NUMBA_THREADING_LAYER": "abacus"},
+            "none: NUMBA_THREADING_LAYER=abacus: Numba has no such threading layer here; unset it",
+        ),
+        ({"NUMBA_THREADING_LAYER_PRIORITY": "abacus"}, "none: NUMBA_THREADING_LAYER_PRIORITY=abacus: Numba has no such"),
+        ({"NUMBA_DISABLE_JIT": "1"}, "none: nothing is compiled, as NUMBA_DISABLE_JIT is set"),
+        ({"NUMBA_THREADING_LAYER": "workqueue"}, "workqueue, "),
+        ({"NUMBA_NUM_THREADS": "3"}, ", 3 threads"),
+    ],
+)
+def test_doctor_says_in_a_sentence_why_there_is_no_threading_layer(variables: dict[str, str], said: str, tmp_path: Path) -> None:
+    done = call("doctor", cwd=tmp_path, **variables)
+    assert done.returncode == 0, done.stderr
+    (line,) = [line for line in done.stdout.splitlines() if line.startswith("threading layer")]
+    assert said in line
+    assert all(re.match(r"\S+( \S+)?  +\S", each) for each in done.stdout.splitlines())  # nothing but names and values

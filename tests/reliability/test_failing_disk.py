@@ -227,6 +227,7 @@ def test_full_disk_leaves_nothing_of_what_is_made_of_a_run(command: tuple[str, .
     done = call_outside(*words, cwd=finished.parent)
     assert done.returncode == 5, done.stderr
     assert "no space left" in done.stderr
+    assert "continue" not in done.stderr  # nothing has begun: the same command begins anew
     assert str(small_disk) in done.stderr
     assert [path.name for path in small_disk.iterdir()] == ["data"]
 

@@ -65,7 +65,7 @@ def forces_of_step(state: State, scene: Scene, contacts: StepContacts, settings:
 def _shares(scene: Scene, i: Ints, j: Ints, carried: Floats) -> Floats:
     """Share of each contact in what its place carries, of which nothing is below 0; 0 where that is nothing, shape ``(c,)``."""
     total = totals_of_places(find_places(scene, i, j)[0], carried)
-    return np.divide(carried, total, out=np.zeros(i.size), where=total > 0.0)
+    return np.where(total > 0.0, carried / np.where(total > 0.0, total, 1.0), 0.0)
 
 
 def _averages(state: State, scene: Scene, i: Ints, j: Ints) -> Floats:

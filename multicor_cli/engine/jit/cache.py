@@ -152,13 +152,13 @@ def _prepare(base: Path, name: str) -> Path | None:
     directory = base / name
     try:
         base.mkdir(mode=0o700, parents=True, exist_ok=True)
+        space = os.statvfs(base)
+        if not _is_ours(base) or space.f_bavail * space.f_frsize < SPACE:
+            return None  # before anything is left there
         directory.mkdir(mode=0o700, exist_ok=True)
-        if any(not _is_ours(path) for path in (base, directory)) or not os.access(directory, os.R_OK | os.W_OK | os.X_OK):
+        if not _is_ours(directory) or not os.access(directory, os.R_OK | os.W_OK | os.X_OK):
             return None
         os.utime(directory)
-        space = os.statvfs(directory)
-        if space.f_bavail * space.f_frsize < SPACE:
-            return None
     except OSError:
         return None
     return directory

@@ -21,6 +21,21 @@ def prefer_openmp() -> None:
         numba.config.THREADING_LAYER_PRIORITY = PRIORITY.split()
 
 
+def describe_layer() -> str:
+    """The threading layer that kernels get here, found by starting its threads; in words, also if there is none."""
+    prefer_openmp()
+    import numba
+
+    if numba.config.DISABLE_JIT:  # type: ignore[attr-defined]
+        return "none: nothing is compiled, as NUMBA_DISABLE_JIT is set"
+    try:
+        require_layer()
+    except NoThreadingLayer as error:
+        return f"none: {error}"
+    threads = numba.get_num_threads()  # starts them
+    return f"{numba.threading_layer()}, {threads} threads"  # type: ignore[attr-defined]
+
+
 class NoThreadingLayer(Exception):
     """The threading layer that the environment asks for is not there: one message for the user."""
 

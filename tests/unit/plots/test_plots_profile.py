@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from multicor_cli.optional import MissingLibrary
 from multicor_cli.plots import PlotError, draw_profile, plot
 from multicor_cli.plots.profile import axis_labels
 from multicor_cli.plots.style import COLUMN, house_style
@@ -83,5 +84,5 @@ def test_unknown_format_is_refused(tmp_path: Path) -> None:
 
 def test_missing_library_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "matplotlib", None)
-    with pytest.raises(PlotError, match="pip install"):
+    with pytest.raises(MissingLibrary, match="figures need matplotlib, which is not installed: pip install"):
         plot(make_table(), tmp_path / "a.png")

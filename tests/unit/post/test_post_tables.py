@@ -9,10 +9,10 @@ import numpy as np
 import pytest
 from heat_run import write_heated_run
 
+from multicor_cli.optional import MissingLibrary
 from multicor_cli.post import Selection, angular_distribution, energy, force_distribution, profile, theta_eta
 from multicor_cli.post.averages import scatter
 from multicor_cli.post.compare import _labels
-from multicor_cli.post.table import MissingPandas
 from multicor_cli.store import Run, open_run
 
 
@@ -41,7 +41,7 @@ def test_frames_of_pandas_have_names_and_units(run: Run) -> None:
 
 def test_without_pandas_the_extra_is_named(run: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pandas", None)
-    with pytest.raises(MissingPandas, match=r"multicor-cli\[study\]"):
+    with pytest.raises(MissingLibrary, match=r"multicor-cli\[study\]"):
         energy(run).to_pandas()
 
 

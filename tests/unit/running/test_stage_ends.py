@@ -15,7 +15,9 @@ from scenes import ONE
 from multicor_cli import run as run_scenario
 from multicor_cli.running import session as session_module
 from multicor_cli.running.outcome import RunOutcome, StageTimeout
-from multicor_cli.store import run_info
+from multicor_cli.store import StorageFull, run_info
+from multicor_cli.store import checkpoint as checkpoint_module
+from multicor_cli.store import rundir as rundir_module
 
 MASS = 2500.0 * math.pi * 1e-4 * 1e-3
 HEAVIER = "gravity = [0.0, { ramp = [0.0, -10.0], duration = 1.0 }]"
@@ -131,6 +133,32 @@ def test_a_timeout_goes_on_and_is_told(tmp_path: Path) -> None:
     again = call("run", "one.toml", "-o", "run", cwd=tmp_path).stderr
     assert "stage first: t = 0.5 s, step 500: timed out" in again
     assert "stage second: t = 0.51 s, step 510: its duration of 0.01 s was over" in again
+
+
+@pytest.mark.parametrize("late", ["go on", "stop"])
+def test_an_end_that_was_lost_is_not_told(late: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """The disk is full when the checkpoint behind it is due: it will come once more."""
+    path, written = write(tmp_path, LATE + f'\non_timeout = "{late}"'), 0
+
+    def write_checkpoint(*args: Any, **kwargs: Any) -> Any:
+        nonlocal written
+        written += 1
+        if written > 1:  # that of the beginning
+            raise StorageFull(args[0])
+        return checkpoint_module.write_checkpoint(*args, **kwargs)
+
+    with monkeypatch.context() as patched:
+        patched.setattr(rundir_module, "write_checkpoint", write_checkpoint)
+        with pytest.raises(StorageFull):
+            run_scenario(path, tmp_path / "run")
+    info = read_info(tmp_path / "run")
+    assert (info["status"], info["exit_code"], info["step"], info["stage_ends"]) == ("failed", 5, 0, [])
+    told = call("info", "run", cwd=tmp_path).stdout
+    assert "no space left" in told
+    assert "timed out" not in told
+    more = ("--set", "loading.0.on_timeout=go on")
+    assert call("run", "one.toml", "-o", "run", *more, cwd=tmp_path).returncode == 0
+    assert [end["reason"] for end in read_info(tmp_path / "run")["stage_ends"]] == ["timeout", "duration"]
 
 
 def test_a_timeout_may_stop_the_run(tmp_path: Path) -> None:

@@ -12,8 +12,8 @@ import pytest
 from scenes import SMALL, WARM
 
 from multicor_cli import Run, Scenario, open_run, picture, run
+from multicor_cli.optional import MissingLibrary
 from multicor_cli.scenario.load import parse_scenario
-from multicor_cli.store.data_frames import MissingPandas
 
 
 def computed(text: str, path: Path) -> Path:
@@ -104,7 +104,9 @@ def test_the_series_is_a_table(small: Run) -> None:
 def test_without_pandas_a_message_says_what_to_install(small: Run, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pandas", None)
     for what in (small.series, small.frames[0], small.frames[0].contacts):
-        with pytest.raises(MissingPandas, match=r"DataFrames need pandas: pip install 'multicor-cli\[study\]'"):
+        with pytest.raises(
+            MissingLibrary, match=r"DataFrames need pandas, which is not installed: pip install 'multicor-cli\[study\]'"
+        ):
             what.to_pandas()
 
 

@@ -13,10 +13,10 @@ from typing import Any
 
 import pytest
 
+from multicor_cli.optional import MissingLibrary
 from multicor_cli.store.errors import StoreError
 from multicor_cli.studies.clusters import (
     DoesNotFit,
-    MissingDask,
     _cluster,
     _wants_dashboard,
     existing,
@@ -96,7 +96,7 @@ def test_an_option_that_the_batch_system_does_not_have(tmp_path: Path, keys: Any
 def test_what_is_missing_is_named(missing: str, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, missing, None)
     require_libraries(Compute(workers=2))  # here nothing is needed
-    with pytest.raises(MissingDask, match=f"slurm needs {missing.replace('_', '-')}, which is not installed: pip install"):
+    with pytest.raises(MissingLibrary, match=f"need {missing.replace('_', '-')}, which is not installed: pip install"):
         require_libraries(Compute(slurm=Queue()))
 
 

@@ -99,6 +99,16 @@ def test_points_of_a_box(kind: str, read: Read) -> None:
         assert strata == list(range(16))  # one in each sixteenth
 
 
+@pytest.mark.parametrize("kind", ["latin-hypercube", "sobol"])
+def test_ranges_from_which_points_are_drawn_need_no_count(kind: str, read: Read) -> None:
+    text = f'[vary]\nsample = {{ kind = "{kind}", count = 8 }}\n"{FRICTION}" = {{ from = 0.1, to = 0.9 }}\n'
+    text += '"solver.dt" = { from = 1e-5, to = 1e-3, spacing = "log" }\n'
+    assert values(read(text)) == values(read(text.replace("0.9 }", "0.9, count = 5 }")))
+    assert len(values(read(text + f'"{RESTITUTION}" = [0.1, 0.2]\n'))) == 16
+    lines = text.splitlines(keepends=True)
+    assert values(read("".join([lines[0], *lines[2:], lines[1]]))) == values(read(text))
+
+
 def test_seeds_come_last_and_start_at_that_of_the_scenario(read: Read) -> None:
     study = read(f'seeds = 2\n[vary]\n"{FRICTION}" = [0.2, 0.4]\n')
     assert values(study) == [(0.2, 3), (0.2, 4), (0.4, 3), (0.4, 4)]
@@ -135,7 +145,11 @@ BAD = [
     ("seeds = 0\n", 4, "0 seeds"),
     ("seeds = [1, 1]\n", 4, "twice"),
     ('[vary]\n"a.b" = []\n', 5, "at least 1"),
-    ('[vary]\n"a.b" = { from = 1, to = 2 }\n', 5, "count"),
+    ('[vary]\n"a.b" = { from = 1, to = 2 }\n', 5, 'vary."a.b".count: is missing'),
+    ("[vary]\na.b = { from = 1, to = 2 }\nc.d = { from = 1, to = 2 }\n", 6, "vary.c.d.count: is missing"),
+    ('[vary]\nsample = { kind = "dice", count = 4 }\n"a.b" = { from = 1, to = 2 }\n', 5, "sobol"),
+    ('[vary]\nsample = { kind = "sobol", count = 4 }\n"a.b" = { from = 2, to = 2 }\n', 6, "no length"),
+    ('[vary]\nsample = { kind = "sobol", count = 4 }\n"a.b" = { from = 1, to = 2, count = 0 }\n', 6, "at least 1"),
     ('[vary]\n"a.b" = { from = 0, to = 2, count = 3, spacing = "log" }\n', 5, "positive"),
     ('[vary]\n"a.b" = { from = 2, to = 2, count = 3 }\n', 5, "no length"),
     ("[vary]\na.b = { from = 0, to = 2, count = 0 }\n", 5, "at least 1"),

@@ -43,6 +43,24 @@ def test_directory_given_by_the_user_is_respected(home: Path, tmp_path: Path, mo
     assert not home.exists()
 
 
+@pytest.mark.parametrize("why", ["of somebody else", "open to all", "full"])
+def test_nothing_is_left_in_a_directory_that_is_passed_over(why: str, home: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As ``/tmp/multicor-UID`` may be: made by somebody else, and open."""
+    home.mkdir(parents=True)
+    home.chmod(0o777)
+    if why == "of somebody else":
+        if os.getuid():
+            pytest.skip("only root can give a directory to somebody else")
+        os.chown(home, 54321, 54321)
+        home.chmod(0o1777)
+    elif why == "full":
+        home.chmod(0o700)
+        monkeypatch.setattr(cache, "SPACE", 1 << 62)
+    cache.configure_cache()
+    assert not Path(os.environ["NUMBA_CACHE_DIR"]).is_relative_to(home)
+    assert list(home.iterdir()) == []
+
+
 MODULES = {
     "__init__.py": "",
     "engine/jit/compile.py": "value = 1",

@@ -1,0 +1,128 @@
+"""What needs a library of an extra says so where it is missing, in one way; everything else does without."""
+
+from __future__ import annotations
+
+import sys
+import tomllib
+from pathlib import Path
+
+import numpy as np
+import pytest
+from command_line import call
+from places import ROOT
+from scenes import SMALL
+
+from multicor_cli.optional import LIBRARIES, MissingLibrary, library
+from multicor_cli.studies.fits import FITS, fit
+from multicor_cli.studies.series import Series
+
+STUDY = """\
+[study]
+name = "s"
+scenario = "small.toml"
+[vary]
+{vary}
+[[observe]]
+name = "steps"
+info = "step"
+{more}"""
+DRAWN = 'sample = { kind = "KIND", count = 4 }\n"contacts.0.friction" = { from = 0.2, to = 0.5 }'
+LISTED = '"contacts.0.friction" = [0.2, 0.5]'
+
+
+def remove(monkeypatch: pytest.MonkeyPatch, name: str) -> str:
+    """Let a library be missing; what is then said of it."""
+    for module in {name, *(module for module in sys.modules if module.startswith(f"{name}."))}:
+        monkeypatch.setitem(sys.modules, module, None)
+    wanted = LIBRARIES[name]
+    return f"{wanted.use} need {wanted.name}, which is not installed: pip install 'multicor-cli[{wanted.extra}]'"
+
+
+def test_the_list_is_that_of_the_extras() -> None:
+    extras = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
+    named = {(extra, need.partition(">")[0]) for extra in ("plots", "gsd", "study") for need in extras[extra]}
+    assert {(each.extra, each.name) for each in LIBRARIES.values()} == named
+
+
+@pytest.mark.parametrize(
+    ("missing", "words"),
+    [
+        ("matplotlib", "post energy RUN --plot a.png"),
+        ("matplotlib", "post map RUN --of velocity --plot term"),
+        ("matplotlib", "post animate RUN --of velocity -o a.gif"),
+        ("gsd", "export gsd RUN -o a.gsd"),
+        ("scipy", "study validate sobol.toml"),
+        ("scipy", "study run latin-hypercube.toml"),
+        ("scipy", "study status sobol.toml"),
+        ("distributed", "study run slurm.toml"),
+        ("dask_jobqueue", "study run slurm.toml"),
+        ("cryptography", "study run slurm.toml"),
+        ("distributed", "study run dask.toml"),
+    ],
+)
+def test_a_command_names_the_extra(
+    missing: str, words: str, finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    (tmp_path / "small.toml").write_text(SMALL)
+    for kind in ("sobol", "latin-hypercube"):
+        (tmp_path / f"{kind}.toml").write_text(STUDY.format(vary=DRAWN.replace("KIND", kind), more=""))
+    (tmp_path / "slurm.toml").write_text(STUDY.format(vary=LISTED, more="[compute.slurm]\n"))
+    (tmp_path / "dask.toml").write_text(STUDY.format(vary=LISTED, more='[compute]\nscheduler = "tls://localhost:1"\n'))
+    before = set(tmp_path.iterdir())
+    said = remove(monkeypatch, missing)
+    done = call(*words.replace("RUN", str(finished)).split(), cwd=tmp_path)
+    assert done.returncode == 5
+    assert done.stderr.splitlines()[-1] == f"multicor: {said}"
+    assert "Traceback" not in done.stderr
+    assert {path for path in tmp_path.iterdir() if path.name != "studies"} == before
+
+
+TEXTS = (
+    "post profile RUN", "post map RUN --of velocity", "post map RUN --of fluctuation", "post forces RUN",
+    "post rheology RUN --from 0",
+    "post region RUN --in {min=[0.0,0.0],max=[0.02,0.01]}", "post fields RUN", "post energy RUN", "post compare RUN RUN",
+    "post series RUN", "post flow RUN --from 0 --line 0.01,0.0:0.01,0.01",
+)  # fmt: skip
+
+
+@pytest.mark.parametrize("words", TEXTS)
+def test_the_terminal_needs_matplotlib_for_pictures_only(
+    words: str, finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    said = remove(monkeypatch, "matplotlib")
+    for more in ([], ["--plot", "term"]):
+        done = call(*words.replace("RUN", str(finished)).split(), *more, cwd=tmp_path)
+        assert done.returncode == 0 or (more and done.returncode == 5 and said in done.stderr), done.stderr
+
+
+@pytest.mark.parametrize("missing", ["pandas", "pyarrow"])
+def test_parquet_names_the_extra(missing: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    (tmp_path / "small.toml").write_text(SMALL)
+    (tmp_path / "s.toml").write_text(STUDY.format(vary=LISTED, more="[compute]\nworkers = 1\n"))
+    (tmp_path / "studies" / "s").mkdir(parents=True)
+    assert call("study", "run", "s.toml", "--max-hours", "0", cwd=tmp_path).returncode == 75
+    said = remove(monkeypatch, missing)
+    assert call("study", "table", "s.toml", cwd=tmp_path).returncode == 0
+    done = call("study", "table", "s.toml", "--parquet", "t.parquet", cwd=tmp_path)
+    assert (done.returncode, done.stderr.splitlines()[0]) == (5, f"multicor: {said}")
+    assert not (tmp_path / "t.parquet").exists()
+
+
+@pytest.mark.parametrize("kind", FITS)
+def test_a_fit_names_the_extra(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    x = np.linspace(1.0, 2.0, 5)
+    series = Series("", x, 1.0 + x, np.full(5, np.nan), np.full(5, np.nan))
+    fit("line", series)
+    said = remove(monkeypatch, "scipy")
+    with pytest.raises(MissingLibrary) as caught:
+        fit(kind, series)
+    assert str(caught.value) == said
+
+
+def test_a_library_that_is_broken_is_not_called_missing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    remove(monkeypatch, "gsd")
+    monkeypatch.delitem(sys.modules, "gsd")
+    (tmp_path / "gsd.py").write_text("import no_such_thing")
+    monkeypatch.syspath_prepend(tmp_path)
+    with pytest.raises(MissingLibrary, match=r"gsd, which cannot be loaded \(No module named 'no_such_thing'\): pip install"):
+        library("gsd")

@@ -1,0 +1,139 @@
+"""Every command once, with its help and a wrong line, of the package that is installed for the interpreter that runs this.
+
+Prints what went wrong, a line each, and how many lines were tried; needs all extras, and nothing of the tests' own.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import io
+import os
+import subprocess
+import sys
+import tempfile
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+from unittest import mock
+
+sys.path.insert(0, str(Path(__file__).parent))
+
+from scenes import SMALL, WARM
+
+STUDY = """\
+[study]
+name = "drawn"
+scenario = "small.toml"
+[set]
+"loading.1.until.strain.value" = 0.02
+[vary]
+sample = { kind = "KIND", count = 4 }
+"contacts.0.friction" = { from = 0.2, to = 0.5 }
+[[observe]]
+name = "steps"
+info = "step"
+"""
+
+LINES = """\
+doctor
+schema
+new mine
+validate small.toml
+run small.toml -o run
+run warm.toml -o warm
+info run
+verify run
+report run --frames 3
+bench bed --grains 1000 --rounds 1
+post profile run --plot profile.png
+post theta-eta warm --wall floor --plot theta.svg
+post map warm --of temperature --plot map.pdf
+post map warm --plot term
+post forces run --plot forces.png
+post rheology run --from 0 --plot rheology.png
+post region run --in {min=[0.0,0.002],max=[0.01,0.006]} --plot region.png
+post fields run --plot fields.png
+post energy warm --plot energy.png
+post compare run run --plot compare.png
+post series run --plot series.png
+post flow run --from 0 --line 0.01,0.0:0.01,0.01 --plot flow.png
+post animate run -o film.gif --frames 0:3
+export gsd run -o run.gsd
+export csv run -o tables --frames 0:2
+export fclib run -o problem.h5 --frame 1
+study validate latin-hypercube.toml
+study validate sobol.toml
+study run sobol.toml
+study status sobol.toml
+study table sobol.toml --parquet table.parquet
+study plot sobol.toml steps.png --of steps --against contacts.0.friction --fit line
+study report sobol.toml --runs
+study cancel sobol.toml"""
+"""A line for each command; those that need another's files come after it."""
+
+
+def commands(node: Any, path: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], bool]]:
+    """Words of every command below a node, and whether it can be called without more."""
+    if hasattr(node, "commands"):
+        for name, below in node.commands.items():
+            yield from commands(below, (*path, name))
+    else:
+        yield path, not any(parameter.required for parameter in node.params)
+
+
+def run_here(words: list[str]) -> subprocess.CompletedProcess[str]:
+    """Run what ends with a text in this process, which need not start another."""
+    from multicor_cli.cli.app import main
+
+    out, err = io.StringIO(), io.StringIO()
+    with mock.patch.object(sys, "argv", ["multicor", *words]), contextlib.redirect_stdout(out), contextlib.redirect_stderr(err):
+        try:
+            main()
+            code = 0
+        except SystemExit as leave:
+            code = leave.code if isinstance(leave.code, int) else int(leave.code is not None)
+    return subprocess.CompletedProcess(words, code, out.getvalue(), err.getvalue())
+
+
+def run(folder: Path, words: list[str]) -> subprocess.CompletedProcess[str]:
+    kept = {name: value for name, value in os.environ.items() if name != "PYTHONPATH"}
+    command = [sys.executable, "-P", "-m", "multicor_cli", *words]
+    return subprocess.run(command, cwd=folder, env=kept, capture_output=True, text=True, timeout=900, check=False)
+
+
+def fault(words: list[str], done: subprocess.CompletedProcess[str], code: int) -> str:
+    """What is wrong with how a command ended; empty if nothing is."""
+    said = done.stdout + done.stderr
+    is_right = done.returncode == code and not any(word in said for word in ("Traceback", "internal error", "Warning:"))
+    return "" if is_right else f"{' '.join(words)}: exit code {done.returncode}, not {code}: {said.strip()[-400:]}"
+
+
+def main() -> int:
+    from typer.main import get_command
+
+    from multicor_cli.cli.app import app
+
+    known = dict(commands(get_command(app)))
+    lines = [line.split() for line in LINES.splitlines()]
+    called = {path for path in known if any(tuple(words[: len(path)]) == path for words in lines)}
+    faults = [f"{' '.join(path)}: is not called here" for path in known if path not in called]
+    texts = [([*path, "--help"], 0) for path in known]
+    texts += [([*path, "--no-such-option"], 2) for path in known]
+    texts += [(list(path), 2) for path, is_whole in known.items() if not is_whole]
+    texts += [(["--help"], 0), (["--version"], 0), (["nonsense"], 2), (["new", "x", "--template", "none"], 2)]
+    faults += [text for words, code in texts if (text := fault(words, run_here(words), code))]
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        for file, text in {"small": SMALL, "warm": WARM}.items():
+            (folder / f"{file}.toml").write_text(text)
+        for kind in ("sobol", "latin-hypercube"):
+            (folder / f"{kind}.toml").write_text(STUDY.replace("KIND", kind))
+        faults += [text for words in lines if (text := fault(words, run(folder, words), 0))]
+    for text in faults:
+        print(text)
+    print(f"{len(texts) + len(lines)} lines, {len(faults)} faults")
+    return 1 if faults else 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())
