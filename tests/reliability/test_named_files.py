@@ -223,4 +223,4 @@ def test_places_where_nothing_can_be_written(tmp_path: Path, finished: Path, wor
     assert done.returncode in ANSWERS, done.stderr
     assert "internal error" not in done.stderr
     assert len(done.stderr) < 6_000
-    subprocess.run(["rm", "-rf", "d"], cwd=tmp_path, check=True)  # shutil.rmtree, by which pytest cleans up, calls itself at each level
+    subprocess.run(["rm", "-rf", "d"], cwd=tmp_path, check=True)  # shutil.rmtree, which cleans up, calls itself at each level
