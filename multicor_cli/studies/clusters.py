@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import importlib.util
+import logging
 import os
 import shlex
 import sys
@@ -203,6 +204,8 @@ def _queued(stack: contextlib.ExitStack, name: str, table: Queue, threads: int |
     has_dashboard = _wants_dashboard(table)
     if not has_dashboard:  # what is left of the page then answers nothing
         stack.enter_context(dask.config.set({"distributed.scheduler.http.routes": []}))
+    # A worker that hangs up while the client ends is no news, but Dask tells it with a traceback.
+    logging.getLogger("distributed.batched").setLevel(logging.WARNING)
     cluster = stack.enter_context(_cluster(name, table, logs, memory, cluster_keys(stack, logs)))
     jobs = min(table.jobs, -(-most // max(1, fitting)))
     cluster.adapt(minimum_jobs=jobs, maximum_jobs=jobs)  # jobs that end before the study are followed by others

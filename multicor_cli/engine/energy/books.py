@@ -120,7 +120,7 @@ def book_step(
 def _close(state: State) -> None:
     """Strike the balance.
 
-    An imbalance is compared with the terms; where hardly anything has worked on the grains, with a share of their energy (§8).
+    An imbalance is compared with the terms; where little has worked on the grains, with a share of their energy (theory §8).
     """
     books = state.books
     works = books[_BOOK["gravity_work"]] + books[_BOOK["wall_work"]] + books[_BOOK["load_work"]]

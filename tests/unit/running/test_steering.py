@@ -209,7 +209,7 @@ def test_what_is_read_is_right_and_cannot_be_changed(tmp_path: Path) -> None:
 
     def steer(now: Now) -> None:
         arrays = {name: getattr(now, name) for name in ("position", "velocity", "spin", "angle", "temperature", "number")}
-        walls = [array for wall in now.walls.values() for array in wall]
+        walls = [array for wall in now.walls.values() for array in (wall.position, wall.velocity, wall.force)]
         for array in [*arrays.values(), *walls, now.contacts.impulse, now.contacts.gap]:
             with pytest.raises(ValueError, match="read-only"):
                 array[...] = 0

@@ -17,7 +17,9 @@ from multicor_cli.store.atomic import file_digest
 from multicor_cli.store.documents import document_line, parse_document
 from multicor_cli.store.texts import write_text
 
-HEAT_DATASETS = [spec.path for spec in schema.RESULTS_TABLE if spec.only_with not in (None, "exchange")]
+HEAT_DATASETS = [
+    spec.path for spec in schema.RESULTS_TABLE if spec.only_with not in (None, "exchange", "surface", "groups", "motion")
+]
 
 
 @pytest.fixture(scope="module")
