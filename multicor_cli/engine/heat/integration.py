@@ -1,17 +1,86 @@
-"""How heat flow is integrated over a step: by which integrator, how finely, and piece by piece where signals of walls bend."""
+"""How heat flow is integrated over a step: in sub-steps whose error is controlled, cut where signals of walls bend.
+
+Three schemes, each for what it does best. With τ = C/ΣH the shortest time constant of a grain:
+
+- **Euler's forward rule**, one step, where Δt is short against τ, as in most flows. It lets differences decay at a rate that is off
+  by at most ½ Δt/τ, relatively.
+- **SSPRK(3,3)**, explicit, where Δt is longer (C.-W. Shu & S. Osher, J. Comput. Phys. 77, 1988, 439): third order, made of Euler
+  steps none of which lets a mode overshoot. The second of its three solutions, of second order, gives the error::
+
+      T_1 = T_0 + h F_0,   T_½ = T_0 + h (F_0 + F_1)/4,   T = T_0 + h (F_0 + F_1 + 4 F_½)/6,   F = rate/C
+
+- **TR-BDF2**, implicit, of second order and L-stable, where many time constants go by (R. E. Bank et al., IEEE Trans. Electron
+  Devices 32, 1985, 1992; coefficients and error estimate of M. E. Hosea & L. F. Shampine, Appl. Numer. Math. 20, 1996, 21): with
+  γ = 2 − √2, d = γ/2, w = √2/4::
+
+      T_γ = T_0 + d h (F_0 + F_γ),   T = T_0 + h (w F_0 + w F_γ + d F_1)
+
+  and the embedded solution of third order has the weights (1−w)/3, (3w+1)/3, d/3.
+
+Heat flows at the rates of the stages, so that the books close to round-off however exactly the stages have been solved.
+"""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
-from multicor_cli.engine.heat.explicit import advance_explicit
-from multicor_cli.engine.heat.flow import Flow
-from multicor_cli.engine.heat.implicit import advance_implicit
-from multicor_cli.engine.heat.rates import Network
+import numpy as np
+
+from multicor_cli.arithmetic import cbrt
+from multicor_cli.engine.heat.flow import Flow, Rates, rates_at, stop_if_asked
+from multicor_cli.engine.heat.rates import Network, solve_linear, total_conductance
 from multicor_cli.engine.heat.walls import WallValues
 from multicor_cli.model.model import Floats
+
+EULER = 10.0
+"""Longest single step of Euler's rule over τ, as a multiple of the tolerance.
+
+Sub-steps of the other schemes have errors up to the tolerance, and some ten of them go by within a time constant.
+"""
+
+STIFF = 100.0
+"""Longest step over τ that ``"auto"`` integrates explicitly while grains move: TR-BDF2 takes fewer evaluations beyond it."""
+
+GAMMA = 2.0 - math.sqrt(2.0)
+DIAGONAL = 0.5 * GAMMA
+WEIGHT = 0.25 * math.sqrt(2.0)
+"""γ, d and w of TR-BDF2."""
+
+SAFETY, LEAST, MOST = 0.9, 0.2, 4.0
+"""Factor of caution and bounds of the change of the sub-step."""
+
+SHARPNESS = 1e-3
+"""Error of an implicit stage over the tolerance of a sub-step."""
+
+ROUNDING = 1e-13
+"""What is left of an implicit stage when rounding lets it be solved no further, over the temperature."""
+
+NOISE = 1e-10
+"""Smallest error of a sub-step that is told from rounding, over the temperature."""
+
+BELOW_ZERO = -1e-9
+"""Lowest temperature that rounding explains, over the highest."""
+
+TRIALS, NEWTON_LIMIT = 100, 50
+"""Most attempts at one sub-step, each shorter than the one before, and most iterations of a stage."""
+
+DRAINED = "would fall below absolute zero: a wall draws more heat than there is"
+
+
+class CannotIntegrate(ArithmeticError):
+    """Temperatures cannot be integrated further.
+
+    Attributes:
+        node: The grain or body that stands in the way.
+        why: What it does, as what follows its name.
+    """
+
+    def __init__(self, node: int, why: str) -> None:
+        super().__init__(f"node {node} {why}")
+        self.node, self.why = node, why
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -19,9 +88,9 @@ class Integration:
     """Choices about the integration, named as the keys of ``[heat]``.
 
     Attributes:
-        integrator: ``"auto"``: implicit in frozen stages, explicit while grains move.
-        sub_step: Largest sub-step of the explicit integrator, as Δt ΣH/C.
-        tolerance: Largest error of an implicit sub-step over the spread of the temperatures.
+        integrator: ``"auto"``: implicit in frozen stages and beyond `STIFF`, else explicit.
+        sub_step: Largest explicit sub-step over the longest that lets no mode overshoot: h ≤ sub_step τ/2.
+        tolerance: Largest error of a sub-step over the spread of the temperatures.
     """
 
     integrator: Literal["auto", "explicit", "implicit"] = "auto"
@@ -51,22 +120,236 @@ def integrate(
         walls: Temperatures or flows of the walls as functions of the time since the start of ``dt``.
         source: Heat generated within ``dt`` [J], shape ``(n,)``.
         dt: Duration [s].
-        first: Sub-step that the implicit integrator tries first [s]; 0: the whole duration.
+        first: Sub-step that is tried first [s]; 0: the whole duration.
         choices: By which integrator, and how finely.
-        should_stop: Asked now and then.
+        should_stop: Asked before every sub-step.
         is_frozen: Whether nothing moves.
 
     Raises:
         Interrupted: If ``should_stop`` says so.
-        ArithmeticError: If the temperatures cannot be integrated.
+        CannotIntegrate: If a temperature would fall below absolute zero, or no sub-step is short enough.
     """
-    is_implicit = choices.integrator == "implicit" or (choices.integrator == "auto" and is_frozen)
     flow = Flow.empty(capacity.size, walls.count)
     flow.next_step = first
+    power, total = source / dt, np.empty(capacity.size)
+    is_implicit = choices.integrator == "implicit" or (choices.integrator == "auto" and is_frozen)
     for values, length in walls.pieces(dt):
-        common = (net, capacity, temperature, values, source * (length / dt), length)
-        if is_implicit:
-            flow.join(advance_implicit(*common, choices.tolerance, flow.next_step, should_stop))
+        stop_if_asked(should_stop)
+        stiffness = 0.0
+        if not is_implicit:
+            total_conductance(net, temperature, values(0.0), total)
+            stiffness = length * float((total / capacity).max())
+        if not is_implicit and stiffness <= min(EULER * choices.tolerance, 0.5 * choices.sub_step):
+            rates = rates_at(net, temperature, values(0.5 * length))  # the middle is exact for signals that rise linearly
+            flow.add(rates, length)
+            temperature += length * (rates.nodes + power) / capacity
+            flow.note_sub_step(0.5 * stiffness)
         else:
-            flow.join(advance_explicit(*common, choices.sub_step, should_stop))
+            is_stiff = choices.integrator == "auto" and stiffness > STIFF
+            scheme = _Implicit if is_implicit or is_stiff else _Explicit
+            _march(scheme, _Problem(net, capacity, values, power, choices), temperature, length, flow, should_stop)
+    flow.received += source
     return flow
+
+
+@dataclass(frozen=True)
+class _Problem:
+    """What all sub-steps of a step have in common; ``power`` is the heat generated [W], shape ``(n,)``."""
+
+    net: Network
+    capacity: Floats
+    walls: WallValues
+    power: Floats
+    choices: Integration
+
+
+def _march(
+    scheme: type[_SubStep],
+    problem: _Problem,
+    temperature: Floats,
+    dt: float,
+    flow: Flow,
+    should_stop: Callable[[], bool] | None,
+) -> None:
+    """Go ``dt`` on in sub-steps of a scheme, whose errors stay below the tolerance; arguments and errors as `integrate`."""
+    done, trials, bound = 0.0, 0, math.inf
+    step = min(flow.next_step, dt) if flow.next_step > 0.0 else dt
+    flow.next_step = 0.0
+    while done < dt:
+        stop_if_asked(should_stop)
+        if done == 0.0 or problem.net.radiates:
+            bound = scheme.bound(problem, temperature, done)
+        step = min(step, bound)
+        is_last = done + step >= dt * (1.0 - 1e-12)
+        step = dt - done if is_last else step
+        trial = scheme(problem, temperature, done, step)
+        error = trial.error() if trial.is_solved else math.inf
+        factor = MOST if error == 0.0 else min(MOST, max(LEAST, SAFETY / cbrt(error)))  # the least if it is not a number
+        if error <= 1.0 and not trial.falls_below_zero():
+            trial.commit(flow, temperature)
+            flow.note_sub_step(error * problem.choices.tolerance)
+            done, trials = dt if is_last else done + step, 0
+            # The last one may have been cut short.
+            flow.next_step = max(flow.next_step, step * factor) if is_last else step * factor
+            step *= factor
+            continue
+        trials += 1
+        if trials > TRIALS or done + step == done:
+            raise CannotIntegrate(trial.fastest(), f"changes so fast that no sub-step of its heat is short enough ({step:.3g} s)")
+        step *= min(factor, SAFETY) if error > 1.0 else LEAST
+
+
+class _SubStep:
+    """One attempt at a sub-step: stages, each with its temperatures and rates."""
+
+    times: ClassVar[tuple[float, ...]]
+    """When walls are looked at: of each stage, over the sub-step."""
+    weights: ClassVar[tuple[float, ...]]
+    """What the rates of the stages count in the solution."""
+    defects: ClassVar[tuple[float, ...]]
+    """The same, less what they count in the embedded one."""
+
+    def __init__(self, problem: _Problem, start: Floats, t: float, step: float) -> None:
+        self._problem, self._start, self._step = problem, start, step
+        self._values = [problem.walls(t + c * step) for c in self.times]
+        self._spread = max(_spread(problem.net, start, value) for value in self._values)
+        self._stages: list[Floats] = []
+        self._rates: list[Rates] = []
+        self.is_solved = True
+        self._end = self._solve()
+
+    @staticmethod
+    def bound(problem: _Problem, temperature: Floats, t: float) -> float:
+        """Longest sub-step, whatever its error [s]."""
+        return math.inf
+
+    def _solve(self) -> Floats:
+        """Find the stages; returns the temperatures at the end [K], shape ``(n,)``."""
+        raise NotImplementedError
+
+    def _damping(self) -> Floats | float:
+        """Heat capacity that the rates of stiff links add, as far as the scheme damps their errors [J/K]."""
+        return 0.0
+
+    def _add_stage(self, temperature: Floats) -> None:
+        self._rates.append(rates_at(self._problem.net, temperature, self._values[len(self._stages)]))
+        self._stages.append(temperature)
+
+    def _heat(self, weights: tuple[float, ...]) -> Floats:
+        """Heat that the rates of the first stages and the sources give, each with its weight [J], shape ``(n,)``."""
+        power = self._problem.power
+        return np.asarray(self._step * sum(w * (rate.nodes + power) for w, rate in zip(weights, self._rates, strict=False)))
+
+    def _ahead(self, weights: tuple[float, ...]) -> Floats:
+        """Temperatures that this heat makes [K], shape ``(n,)``."""
+        return self._start + self._heat(weights) / self._problem.capacity
+
+    def error(self) -> float:
+        """Estimated error over the tolerance."""
+        problem = self._problem
+        spread = max(self._spread, _spread(problem.net, self._end, self._values[-1]), float(np.abs(self._end - self._start).max()))
+        defect = float(np.abs(self._heat(self.defects) / (problem.capacity + self._damping())).max())
+        # Where nothing differs from anything, what is left is rounding.
+        return defect / max(problem.choices.tolerance * spread, NOISE * float(np.abs(self._start).max()))
+
+    def falls_below_zero(self) -> bool:
+        """Whether a temperature is below absolute zero at the end.
+
+        Raises:
+            CannotIntegrate: If one would lose heat even at absolute zero: no shorter sub-step can help.
+        """
+        is_below = self._end < BELOW_ZERO * max(1.0, float(self._end.max()))
+        if not is_below.any():
+            return False
+        rate = rates_at(self._problem.net, np.maximum(self._end, 0.0), self._values[int(np.argmax(self.times))]).nodes
+        sinks = np.flatnonzero(is_below & (rate + self._problem.power < 0.0))
+        if sinks.size:
+            raise CannotIntegrate(int(sinks[np.argmin(self._end[sinks])]), DRAINED)
+        return True
+
+    def fastest(self) -> int:
+        """The node that changes most; one that is not a number before all others."""
+        return int(np.argmax(np.abs(self._stages[-1] - self._start)))
+
+    def commit(self, flow: Flow, temperature: Floats) -> None:
+        """Enter the heat of this sub-step into ``flow`` and move ``temperature`` [K] on."""
+        before = flow.received.copy()
+        for weight, rates in zip(self.weights, self._rates, strict=True):
+            flow.add(rates, self._step * weight)
+        temperature += (flow.received - before + self._step * self._problem.power) / self._problem.capacity
+
+
+class _Explicit(_SubStep):
+    """SSPRK(3,3)."""
+
+    times = (0.0, 1.0, 0.5)
+    weights = (1.0 / 6.0, 1.0 / 6.0, 2.0 / 3.0)
+    defects = (-1.0 / 3.0, -1.0 / 3.0, 2.0 / 3.0)
+
+    @staticmethod
+    def bound(problem: _Problem, temperature: Floats, t: float) -> float:
+        """The longest that lets no mode overshoot: rates of decay are at most twice the largest ΣH/C (Gershgorin) [s]."""
+        total = np.empty(problem.capacity.size)
+        total_conductance(problem.net, temperature, problem.walls(t), total)
+        fastest = float((total / problem.capacity).max())
+        return 0.5 * problem.choices.sub_step / fastest if fastest > 0.0 else math.inf
+
+    def _solve(self) -> Floats:
+        self._add_stage(self._start)
+        self._add_stage(self._ahead((1.0,)))
+        self._add_stage(self._ahead((0.25, 0.25)))
+        return self._ahead(self.weights)
+
+
+class _Implicit(_SubStep):
+    """TR-BDF2; stages by Newton's method."""
+
+    times = (0.0, GAMMA, 1.0)
+    weights = (WEIGHT, WEIGHT, DIAGONAL)
+    defects = (WEIGHT - (1.0 - WEIGHT) / 3.0, WEIGHT - (3.0 * WEIGHT + 1.0) / 3.0, DIAGONAL - DIAGONAL / 3.0)
+
+    def _solve(self) -> Floats:
+        self._add_stage(self._start)
+        self._solve_stage((DIAGONAL,))
+        if self.is_solved:
+            self._solve_stage((WEIGHT, WEIGHT))
+        return self._stages[-1]
+
+    def _solve_stage(self, weights: tuple[float, ...]) -> None:
+        """Add a stage: T = T_0 + h (Σ weights·rates + d·rate(T))/C."""
+        problem, h, value = self._problem, self._step, self._values[len(self._stages)]
+        known = self._ahead(weights)
+        guess = self._stages[-1].copy()
+        rates = rates_at(problem.net, guess, value)
+        change, total = np.empty(guess.size), np.empty(guess.size)
+        # The spread may grow from zero within the step: then rounding sets the target.
+        target = max(SHARPNESS * problem.choices.tolerance * self._spread, ROUNDING * float(np.abs(known).max()))
+        for _ in range(NEWTON_LIMIT):
+            residual = problem.capacity * (known - guess) + (DIAGONAL * h) * (rates.nodes + problem.power)
+            if float(np.abs(residual / problem.capacity).max()) <= target:
+                break
+            total_conductance(problem.net, guess, value, total)
+            diagonal = problem.capacity + (DIAGONAL * h) * total
+            solve_linear(problem.net, diagonal, DIAGONAL * h, guess, residual, problem.capacity, 0.1 * target, change)
+            guess += change
+            if not bool(np.isfinite(guess).all()):
+                self.is_solved = False
+                break
+            rates = rates_at(problem.net, guess, value)
+            if float(np.abs(change).max()) <= ROUNDING * float(guess.max()):
+                break
+        else:
+            self.is_solved = False
+        self._stages.append(guess)
+        self._rates.append(rates)
+
+    def _damping(self) -> Floats:
+        total = np.empty(self._start.size)
+        total_conductance(self._problem.net, self._stages[-1], self._values[-1], total)
+        return DIAGONAL * self._step * total
+
+
+def _spread(net: Network, temperature: Floats, wall_value: Floats) -> float:
+    """Range of all temperatures that take part [K]."""
+    everything = np.concatenate([temperature, wall_value[net.wall], net.outside_temperature])
+    return float(everything.max() - everything.min())

@@ -66,8 +66,16 @@ class Network(NamedTuple):
 
 @kernel
 def _link(conductance: float, area: Floats, k: int, a: float, b: float) -> float:
-    """H of a link, with the linear coefficient of its radiation between the temperatures ``a`` and ``b`` [W/K]."""
-    return conductance + linear_coefficient(area[k], a, b) if area.size else conductance
+    """Heat flow through a link from the temperature ``b`` to ``a`` [W]; nothing below absolute zero radiates.
+
+    Stages of an integrator may get there, on the way to a sub-step that does not.
+    """
+    if area.size == 0:
+        return conductance * (b - a)
+    if a < 0.0 or b < 0.0:
+        warm_a, warm_b = max(a, 0.0), max(b, 0.0)
+        return conductance * (b - a) + linear_coefficient(area[k], warm_a, warm_b) * (warm_b - warm_a)
+    return (conductance + linear_coefficient(area[k], a, b)) * (b - a)
 
 
 @kernel
@@ -87,12 +95,12 @@ def heat_rates(net: Network, temperature: Floats, wall_value: Floats, rate: Floa
     outside[:] = 0.0
     for k in range(net.i.size):
         a, b = temperature[net.i[k]], temperature[net.j[k]]
-        flow = _link(net.conductance[k], net.area, k, a, b) * (b - a)
+        flow = _link(net.conductance[k], net.area, k, a, b)
         rate[net.i[k]] += flow
         rate[net.j[k]] -= flow
     for k in range(net.wall_i.size):
         a, b = temperature[net.wall_i[k]], wall_value[net.wall[k]]
-        flow = _link(net.wall_conductance[k], net.wall_area, k, a, b) * (b - a)
+        flow = _link(net.wall_conductance[k], net.wall_area, k, a, b)
         rate[net.wall_i[k]] += flow
         wall_rate[net.wall[k]] += flow
     for k in range(net.flow_i.size):
@@ -102,7 +110,7 @@ def heat_rates(net: Network, temperature: Floats, wall_value: Floats, rate: Floa
     for s in range(net.outside_temperature.size):
         b = net.outside_temperature[s]
         for k in range(rate.size):
-            flow = _link(net.outside_conductance[s, k], net.outside_area[s], k, temperature[k], b) * (b - temperature[k])
+            flow = _link(net.outside_conductance[s, k], net.outside_area[s], k, temperature[k], b)
             rate[k] += flow
             outside[net.outside_book[s]] += flow
 
@@ -110,7 +118,7 @@ def heat_rates(net: Network, temperature: Floats, wall_value: Floats, rate: Floa
 @kernel
 def _steepest(conductance: float, area: Floats, k: int, a: float, b: float) -> float:
     """Largest derivative of the flow of a link by the temperature of one end: that of T⁴ at the hotter end [W/K]."""
-    hotter = max(a, b)
+    hotter = max(a, b, 0.0)
     return conductance + linear_coefficient(area[k], hotter, hotter) if area.size else conductance
 
 

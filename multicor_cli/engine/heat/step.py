@@ -20,7 +20,7 @@ from multicor_cli.engine.heat.books import book_flow, book_generated, note_conta
 from multicor_cli.engine.heat.collision import collide
 from multicor_cli.engine.heat.flow import Flow
 from multicor_cli.engine.heat.friction import ENERGY, NO_FRICTION, SLIDING, generated_heat
-from multicor_cli.engine.heat.integration import integrate
+from multicor_cli.engine.heat.integration import BELOW_ZERO, DRAINED, CannotIntegrate, integrate
 from multicor_cli.engine.heat.network import Links, Pairs, links_of, network_of
 from multicor_cli.engine.heat.pairs import near_pairs
 from multicor_cli.engine.heat.partition import share_out
@@ -242,8 +242,9 @@ class HeatEngine:
             flow = integrate(
                 net, self._capacity, temperature, walls, source, dt, state.heat_dt, settings, should_stop, is_frozen=is_frozen
             )
-        except ArithmeticError as error:
-            raise PhysicsError(state.step, find_absurd_value(state, self.model) or str(error)) from error
+        except CannotIntegrate as error:
+            what = find_absurd_value(state, self.model) or f"{self._name(error.node)} {error.why}"
+            raise PhysicsError(state.step, what) from error
         self._check(flow)
         state.heat += flow.received[:n]
         state.heat_dt = flow.next_step
@@ -263,9 +264,8 @@ class HeatEngine:
         if not np.isfinite(after).all():
             raise PhysicsError(state.step, f"the temperature of {self._name(int(np.argmin(np.isfinite(after))))} is not finite")
         coldest = int(np.argmin(after))
-        if after[coldest] < -1e-9 * max(1.0, float(after.max())):
-            message = f"{self._name(coldest)} would fall below absolute zero: a wall draws more heat than there is"
-            raise PhysicsError(state.step, message)
+        if after[coldest] < BELOW_ZERO * max(1.0, float(after.max())):
+            raise PhysicsError(state.step, f"{self._name(coldest)} {DRAINED}")
 
     def _name(self, node: int) -> str:
         n = self.model.grain_count
