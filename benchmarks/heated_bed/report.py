@@ -89,13 +89,13 @@ def _accuracy(results: Results) -> str:
         f"The heating alone, compiled, {REPEATS} times; errors of θ of the grains against implicit {REFERENCE:g} "
         f"(budget: {BUDGET_SECONDS:g} s at {BUDGET_ERROR:g})"
     )
-    heading = "  integrator   tolerance or Δt ΣH/C   sub-steps   median s   least s   largest error       rms"
+    heading = "  integrator   tolerance   sub-steps   median s   least s   largest error       rms"
     return "\n".join([title, heading, *(_accuracy_line(row) for row in results.accuracy)])
 
 
 def _accuracy_line(row: Accuracy) -> str:
     mark = "  <- default" if row.is_default else ""
     return (
-        f"  {row.integrator:10s} {row.setting:22g} {row.sub_steps:11d} {row.seconds:10.3f} {row.fastest:9.3f}"
+        f"  {row.integrator:10s} {row.tolerance:11g} {row.sub_steps:11d} {row.seconds:10.3f} {row.fastest:9.3f}"
         f" {row.error:15.1e} {row.rms:9.1e}{mark}"
     )

@@ -38,10 +38,10 @@ def draw_figures(numbers: Numbers, folder: Path) -> None:
 
 def _closed_forms(panels: Any, numbers: Numbers) -> None:
     orders, bed, layer = panels
-    explicit, implicit = numbers["test_two_bodies_to_the_order_of_the_integrator"]
+    heat = numbers["test_two_bodies_to_the_order_of_the_integrator"]
     wall = numbers["test_loaded_wall_reaches_its_terminal_velocity"][0]
-    names = "heat, explicit", "heat, implicit", "loaded wall"
-    for color, name, found in zip(COLORS, names, (explicit, implicit, wall), strict=False):
+    names = "heat, Euler", "heat, SSPRK", "heat, TR-BDF2", "loaded wall"
+    for color, name, found in zip(COLORS, names, (*heat, wall), strict=False):
         steps, error = np.array(found["steps"]), np.array(found["error"])
         orders.loglog(steps, error, "o", color=color, label=f"{name}: order {found['order']}", **_POINTS)
         orders.loglog(steps, error[-1] * (steps[-1] / steps) ** found["order"], color=color, linewidth=0.7)

@@ -19,7 +19,7 @@ from multicor_cli.store.errors import NothingStored
 BEFORE_RUN: tuple[Rule[Prepared], ...] = (
     *resolution.BEFORE_RUN,
     *rigidity.BEFORE_RUN,
-    *plausible.RULES,
+    *plausible.BEFORE_RUN,
     *lids.RULES,
     *rounding.RULES,
     *floor.RULES,
@@ -32,6 +32,7 @@ OF_RUN: tuple[Rule[Recorded], ...] = (
     *resolution.OF_RUN,
     *books.RULES,
     *rigidity.OF_RUN,
+    *plausible.OF_RUN,
     *lost.RULES,
     *drift.RULES,
 )

@@ -102,6 +102,13 @@ _RATIO = (
     "small steps give. A step four times as long raises friction by up to 0.08 and lowers the solid fraction by up to 0.02."
 )
 
+
+def _heat_error(run: Recorded) -> Iterator[Measured]:
+    heat = run.info["heat"]
+    if run.has_steps and heat is not None and heat.get("integration_error") is not None:
+        yield Measured(heat["integration_error"])
+
+
 BEFORE_RUN: tuple[Rule[Prepared], ...] = (
     Rule("time step", _asked_for, _RATIO, _AUTOMATIC, unit="automatic steps", warning=1.25, bad=5.0),
 )  # fmt: skip
@@ -126,6 +133,13 @@ OF_RUN: tuple[Rule[Recorded], ...] = (
         "Left out where the grains rest: what is lost there is next to nothing; and where e = 1: impacts lose nothing else.",
         "Use a shorter dt: the share falls with it. Where the checks of the time step are well, the flow is slow: lower "
         "tolerance_rms.", unit="of the energy taken up", warning=0.05, bad=0.1,
+    ),
+    Rule(
+        "error of temperatures", _heat_error,
+        "Largest estimated error of temperatures in a sub-step of the heat flow so far, over their spread; where a step is short "
+        "against the time constants C/ΣH and Euler's rule does, half of their ratio, by which differences decay too fast or too "
+        "slowly. Sub-steps are as short as tolerance in [heat] asks for.",
+        "Lower tolerance in [heat].", unit="of the spread", warning=2e-3, bad=0.05,
     ),
 )  # fmt: skip
 """What is checked of a run."""

@@ -122,6 +122,12 @@ HEAT_BOOKS = (
     Entry("max_biot", "largest Biot number of a contact so far", series="max_biot"),
     Entry("solid_gas_min", "smallest k_s s/(k_f a) of a contact in the last step; 0 without gas", series="solid_gas_min"),
     Entry("solid_gas_max", "largest k_s s/(k_f a) of a contact in the last step; 0 without gas", series="solid_gas_max"),
+    Entry(  # or ½ Δt ΣH/C of a step of Euler's rule
+        "integration_error",
+        "largest estimated error of temperatures in a sub-step so far, over their spread",
+        series="heat_integration_error",
+        since=(1, 4),
+    ),
 )
 """Heat books, in the order of `State.heat_books`; empty in runs without heat."""
 

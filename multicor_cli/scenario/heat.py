@@ -202,13 +202,14 @@ class Heat(Table):
     )
     radiation: RadiationTable | None = Field(None, description="thermal radiation, as { surroundings = 293.15 }; default: none")
     integrator: Literal["auto", "explicit", "implicit"] = Field(
-        "auto", description='"explicit", "implicit", or "auto": implicit in frozen stages, else explicit'
+        "auto",
+        description='"explicit", "implicit", or "auto": implicit in frozen stages and in steps of many time constants C/ΣH',
     )
     sub_step: Annotated[float, Field(gt=0.0, le=1.0)] = Field(
-        1.0, description="largest sub-step of the explicit integrator over its stable one, Δt ΣH/C"
+        1.0, description="largest sub-step of the explicit integrator over the longest that lets no temperature overshoot, C/(2 ΣH)"
     )
     tolerance: Annotated[float, Field(ge=1e-10, le=0.1)] = Field(
-        1e-4, description="largest error of a sub-step of the implicit integrator, over the spread of the temperatures"
+        1e-4, description="largest estimated error of a sub-step of the heat flow, over the spread of the temperatures"
     )
 
     @property

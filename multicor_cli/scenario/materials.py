@@ -86,6 +86,9 @@ class Material(Table):
 
     conductivity: Annotated[float, Field(ge=1e-4, le=1e5)] | None = Field(None, description="thermal conductivity [W/(m K)]")
     heat_capacity: HeatCapacity | None = Field(None, description="specific heat capacity [J/(kg K)]")
+    melting: Kelvin | None = Field(
+        None, description="temperature at which it melts or decays [K]; checks compare temperatures with it"
+    )
     emissivity: Annotated[float, Field(gt=0.0, le=1.0)] | None = Field(None, description="emissivity, for radiation")
     roughness: Annotated[float, Field(ge=1e-10, le=1e-2)] | None = Field(
         None, description="rms roughness of the surface [m], for rough contacts"

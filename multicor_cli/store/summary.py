@@ -23,8 +23,9 @@ def summarize(state: State, model: Model) -> Summary:
         ``step, time, stage, grain_count, state_digest, energy_closure, heat_closure`` (null: no heat),
         ``max_overlap`` (over the smaller radius), ``max_contact_force`` [N], ``corrected_steps``,
         ``negative_loss_share``, ``solver``, ``books`` [J], and ``heat`` (null: no heat) with ``books`` [J], ``sub_steps``,
-        ``max_biot``, ``solid_gas_min``, ``solid_gas_max`` (null: no gas) and ``temperature.{mean, min, max}`` [K]; and
-        ``exchange`` (null: no grain comes or goes) with its books and ``outlets.NAME.{grains, mass}``.
+        ``max_biot``, ``integration_error``, ``solid_gas_min``, ``solid_gas_max`` (null: no gas) and
+        ``temperature.{mean, min, max}`` [K]; and ``exchange`` (null: no grain comes or goes) with its books and
+        ``outlets.NAME.{grains, mass}``.
     """
     tallies = dict(zip(TALLY_NAMES, state.tallies.tolist(), strict=True))
     books = dict(zip(BOOK_NAMES, state.books.tolist(), strict=True))
@@ -63,12 +64,13 @@ def _summarize_exchange(state: State, outlets: tuple[str, ...]) -> Summary:
 
 def _summarize_heat(state: State, thermal: Thermal) -> Summary:
     books = dict(zip(HEAT_BOOK_NAMES, state.heat_books.tolist(), strict=True))
-    counters = {name: books.pop(name) for name in ("sub_steps", "max_biot", "solid_gas_min", "solid_gas_max")}
+    counters = {name: books.pop(name) for name in ("sub_steps", "max_biot", "solid_gas_min", "solid_gas_max", "integration_error")}
     mean, lowest, highest = temperatures_of(state, thermal)
     return {
         "books": books,
         "sub_steps": round(counters["sub_steps"]),
         "max_biot": counters["max_biot"],
+        "integration_error": counters["integration_error"],
         "solid_gas_min": counters["solid_gas_min"] or None,
         "solid_gas_max": counters["solid_gas_max"] or None,
         "temperature": {

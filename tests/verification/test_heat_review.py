@@ -18,7 +18,7 @@ from heat_parts import (
 from scene_parts import FLOOR, book, make_model
 
 from multicor_cli.engine import PhysicsError
-from multicor_cli.engine.heat import implicit
+from multicor_cli.engine.heat import integration
 from multicor_cli.engine.heat.conduction import ContactForce
 from multicor_cli.engine.heat.convection import Ambient
 from multicor_cli.engine.heat.gas import Gas, batchelor_conductance, parallel_conductance_wall
@@ -95,7 +95,7 @@ def test_nothing_depends_on_memory_that_nobody_wrote(start, monkeypatch):
     def heat(fill):
         fake = type("Numpy", (), {"__getattr__": lambda _, name: getattr(np, name)})()
         fake.empty = lambda *shape: np.full(*shape, fill)
-        monkeypatch.setattr(implicit, "np", fake)
+        monkeypatch.setattr(integration, "np", fake)
         engine = touching_engine(chain(3), start, integrator="implicit", tolerance=1e-2)
         engine.advance(5e-6, 0.0)
         return engine.state.heat.tolist(), engine.state.heat_dt

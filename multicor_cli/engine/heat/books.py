@@ -34,6 +34,7 @@ def book_flow(state: State, flow: Flow, undelivered: float) -> None:
     state.wall_heat[:, GIVEN] += flow.walls
     book_undelivered(state, undelivered)
     state.heat_books[_BOOK["sub_steps"]] += flow.sub_steps
+    state.heat_books[_BOOK["integration_error"]] = max(state.heat_books[_BOOK["integration_error"]], flow.error)
 
 
 def _enter(state: State, entries: dict[str, float], walls: float | None = None) -> None:

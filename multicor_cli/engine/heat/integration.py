@@ -28,6 +28,7 @@ from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
 from multicor_cli.arithmetic import cbrt
 from multicor_cli.engine.heat.flow import Flow, Rates, rates_at, stop_if_asked
@@ -143,6 +144,8 @@ def integrate(
             rates = rates_at(net, temperature, values(0.5 * length))  # the middle is exact for signals that rise linearly
             flow.add(rates, length)
             temperature += length * (rates.nodes + power) / capacity
+            if _is_below_zero(temperature).any():
+                raise CannotIntegrate(int(np.argmin(temperature)), DRAINED)
             flow.note_sub_step(0.5 * stiffness)
         else:
             is_stiff = choices.integrator == "auto" and stiffness > STIFF
@@ -258,7 +261,7 @@ class _SubStep:
         Raises:
             CannotIntegrate: If one would lose heat even at absolute zero: no shorter sub-step can help.
         """
-        is_below = self._end < BELOW_ZERO * max(1.0, float(self._end.max()))
+        is_below = _is_below_zero(self._end)
         if not is_below.any():
             return False
         rate = rates_at(self._problem.net, np.maximum(self._end, 0.0), self._values[int(np.argmax(self.times))]).nodes
@@ -268,8 +271,8 @@ class _SubStep:
         return True
 
     def fastest(self) -> int:
-        """The node that changes most; one that is not a number before all others."""
-        return int(np.argmax(np.abs(self._stages[-1] - self._start)))
+        """The node that changes fastest at the start."""
+        return int(np.argmax(np.abs((self._rates[0].nodes + self._problem.power) / self._problem.capacity)))
 
     def commit(self, flow: Flow, temperature: Floats) -> None:
         """Enter the heat of this sub-step into ``flow`` and move ``temperature`` [K] on."""
@@ -353,3 +356,8 @@ def _spread(net: Network, temperature: Floats, wall_value: Floats) -> float:
     """Range of all temperatures that take part [K]."""
     everything = np.concatenate([temperature, wall_value[net.wall], net.outside_temperature])
     return float(everything.max() - everything.min())
+
+
+def _is_below_zero(temperature: Floats) -> NDArray[np.bool_]:
+    """Whether temperatures [K] are below absolute zero by more than rounding, shape ``(n,)``."""
+    return temperature < BELOW_ZERO * max(1.0, float(temperature.max()))

@@ -18,9 +18,8 @@ from multicor_cli.engine.geometry.places import find_places, met_before
 from multicor_cli.engine.geometry.scene import Scene, scene_of
 from multicor_cli.engine.heat.books import book_flow, book_generated, note_contacts, strike_balance
 from multicor_cli.engine.heat.collision import collide
-from multicor_cli.engine.heat.flow import Flow
 from multicor_cli.engine.heat.friction import ENERGY, NO_FRICTION, SLIDING, generated_heat
-from multicor_cli.engine.heat.integration import BELOW_ZERO, DRAINED, CannotIntegrate, integrate
+from multicor_cli.engine.heat.integration import CannotIntegrate, integrate
 from multicor_cli.engine.heat.network import Links, Pairs, links_of, network_of
 from multicor_cli.engine.heat.pairs import near_pairs
 from multicor_cli.engine.heat.partition import share_out
@@ -245,7 +244,10 @@ class HeatEngine:
         except CannotIntegrate as error:
             what = find_absurd_value(state, self.model) or f"{self._name(error.node)} {error.why}"
             raise PhysicsError(state.step, what) from error
-        self._check(flow)
+        if not np.isfinite(temperature).all():
+            raise PhysicsError(
+                state.step, f"the temperature of {self._name(int(np.argmin(np.isfinite(temperature))))} is not finite"
+            )
         state.heat += flow.received[:n]
         state.heat_dt = flow.next_step
         state.wall_temperature[self._bodies] += flow.received[n:] / self._capacity[n:]
@@ -254,18 +256,6 @@ class HeatEngine:
         book_flow(state, flow, walls.undelivered(dt, net.flow_wall))
         note_contacts(state, links.biot, links.gas_ratio)
         strike_balance(state)
-
-    def _check(self, flow: Flow) -> None:
-        """Raise `PhysicsError` if a temperature is not finite, or below absolute zero by more than rounding."""
-        state, n = self.state, self.model.grain_count
-        grains = self._thermal.start + (state.heat + flow.received[:n]) / self._thermal.capacity
-        bodies = state.wall_temperature[self._bodies] + flow.received[n:] / self._capacity[n:]
-        after = np.append(grains, bodies)
-        if not np.isfinite(after).all():
-            raise PhysicsError(state.step, f"the temperature of {self._name(int(np.argmin(np.isfinite(after))))} is not finite")
-        coldest = int(np.argmin(after))
-        if after[coldest] < BELOW_ZERO * max(1.0, float(after.max())):
-            raise PhysicsError(state.step, f"{self._name(coldest)} {DRAINED}")
 
     def _name(self, node: int) -> str:
         n = self.model.grain_count

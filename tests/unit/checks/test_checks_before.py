@@ -94,6 +94,22 @@ def test_temperatures_in_degrees(tmp_path: Path) -> None:
     assert checked(tmp_path, HEATED, ("value = 300.0,", "value = 20.0,"))["lowest temperature"].verdict is WARNING
 
 
+@pytest.mark.parametrize(
+    ("changes", "verdict", "what"),
+    [
+        ([], OK, "wall floor in stage fall"),
+        ([("ramp = [300.0, 350.0]", "ramp = [300.0, 4400.0]")], BAD, "4400 K, wall floor"),
+        ([("[materials.steel]", "[materials.steel]\nmelting = 340.0")], BAD, "350 K, wall floor"),
+        ([("[materials.steel]", "[materials.steel]\nmelting = 400.0")], OK, "350 K, wall floor"),
+        ([("value = 300.0,", "value = 5000.0,")], BAD, "a grain of"),
+    ],
+)
+def test_temperatures_that_no_solid_bears(changes: list[tuple[str, str]], verdict: Verdict, what: str, tmp_path: Path) -> None:
+    found = checked(tmp_path, HEATED, *changes)["highest temperature"]
+    assert found.verdict is verdict
+    assert what in found.text
+
+
 def test_predicted_biot_number(tmp_path: Path) -> None:
     """Bi = 2 a_c/a with a_c = a √(δ/2a)."""
     soft = checked(tmp_path, HEATED, ("young = 70e9", "young = 1e5"))

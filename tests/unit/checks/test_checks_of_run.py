@@ -16,7 +16,7 @@ import numpy as np
 import pytest
 from command_line import call, start
 from places import ROOT
-from scenes import LASTING, PACKED, SMALL, changed, write_small
+from scenes import HEATED, LASTING, PACKED, SMALL, changed, write_small
 
 import multicor_cli as multicor
 from multicor_cli.checks import OF_RUN, Check, Recorded, Verdict, judge_all, resolution, worst_verdict
@@ -135,6 +135,21 @@ def test_heat_of_a_run(recorded: Recorded) -> None:
     assert (checks["heat not delivered"].value, checks["heat not delivered"].verdict) == (0.25, WARNING)
     heat["max_biot"] = 2.0
     assert with_info(recorded, "heat", heat)["largest Biot number"].verdict is BAD
+
+
+HOT_FLOOR = re.search(r"thermal = .*", HEATED)[0]  # type: ignore[index]
+
+
+@pytest.mark.parametrize(
+    ("flow", "tolerance", "verdicts"),
+    [(0.1, 1e-4, (OK, OK)), (1e9, 1e-4, (BAD, OK)), (0.1, 1e-2, (OK, WARNING)), (0.1, 0.1, (OK, BAD))],
+)
+def test_what_heat_did(flow: float, tolerance: float, verdicts: tuple[Verdict, Verdict], tmp_path: Path) -> None:
+    """Grains hotter than any solid, and a tolerance that lets temperatures be off by percents."""
+    text = changed(HEATED, (HOT_FLOOR, f"thermal = {{ flow = {flow} }}"), ("[heat]", f"[heat]\ntolerance = {tolerance}"))
+    multicor.run(write_small(tmp_path, text + "[[loading]]\nfrozen = true\nduration = 1.0\ndt = 0.5\n"), tmp_path / "run")
+    checks = {check.name: check for check in multicor.check_run(tmp_path / "run")}
+    assert (checks["highest temperature reached"].verdict, checks["error of temperatures"].verdict) == verdicts
 
 
 def test_a_time_step_that_is_far_too_long(tmp_path: Path) -> None:
