@@ -54,10 +54,7 @@ INTEGERS = {
 }
 """Sums and products of integers."""
 
-ARRAYS_IN_TURN = {
-    "sum((b * rate for b, rate in zip(DEFECTS, self._rates, strict=True)))",
-    "sum((w * rate for w, rate in zip(weights, self._rates, strict=True)))",
-}
+ARRAYS_IN_TURN = {"sum((w * (rate.nodes + power) for w, rate in zip(weights, self._rates, strict=False)))"}
 """Arrays added one after the other: Python's sum of numbers is compensated since 3.12, that of arrays is not."""
 
 LISTED = INTEGERS | ARRAYS_IN_TURN
