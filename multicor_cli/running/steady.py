@@ -10,6 +10,7 @@ import numpy as np
 from multicor_cli.arithmetic.sums import mean, total
 from multicor_cli.model import State
 from multicor_cli.model.model import Floats
+from multicor_cli.running.cadence import is_due
 from multicor_cli.running.conditions import KINETIC, StepDone
 from multicor_cli.running.wall_conditions import Bounded
 
@@ -57,14 +58,14 @@ class Steady(Bounded):
         wall: Index of the wall; None: the kinetic energy of all.
         axis: Column of the force: x, y or torque.
         across: Column of the force by which it is divided; None: by nothing.
-        steps: Steps of a block.
+        steps: Steps of a block, not always whole ones: it ends with the step nearest to its end.
         skipped: Steps of the stage that are left out.
     """
 
     wall: int | None
     axis: int
     across: int | None
-    steps: int
+    steps: float
     skipped: int
 
     def first_notes(self, state: State) -> Floats:
@@ -80,7 +81,7 @@ class Steady(Bounded):
         notes[OVER] += over
         notes[UNDER] += under
         notes[STEPS] += 1.0
-        if notes[STEPS] < self.steps:
+        if not is_due(state.stage_step - self.skipped, self.steps):
             return
         if notes[UNDER] != 0.0:
             notes[FIRST:-1] = notes[FIRST + 1 :].copy()
