@@ -88,20 +88,26 @@ class StagePlan:
 
     def has_ended(self, state: State) -> bool:
         """Whether the stage is over after the step that led to ``state``."""
-        if self.step_limit is not None and state.stage_step >= self.step_limit:
-            return True
-        return self.until is not None and self.until.holds(state)
+        return self._is_at_last(state) or self._holds(state)
 
     def has_timed_out(self, state: State) -> bool:
         """Whether the time of the stage is over, and its condition does not hold."""
-        is_over = self.step_limit is not None and state.stage_step >= self.step_limit
-        return is_over and self.until is not None and not self.until.holds(state)
+        return self._is_at_last(state) and self.until is not None and not self._holds(state)
 
     def reason_to_end(self, state: State) -> Reason:
         """Why the stage is over after the step that led to ``state``."""
         if self.until is None:
             return "duration"
-        return "condition" if self.until.holds(state) else "timeout"
+        return "condition" if self._holds(state) else "timeout"
+
+    def _is_at_last(self, state: State) -> bool:
+        return self.step_limit is not None and state.stage_step >= self.step_limit
+
+    def _holds(self, state: State) -> bool:
+        """Whether there is a condition, and it holds."""
+        if self.until is None:
+            return False
+        return self.until.holds_at_last(state) if self._is_at_last(state) else self.until.holds(state)
 
     def end_of(self, state: State) -> StageEnd:
         """What is kept of the end of the stage, which came with the step that led to ``state``."""
@@ -113,7 +119,10 @@ class StagePlan:
             time=state.time,
             duration=state.time - state.stage_start,
         )
-        return end if self.until is None else replace(end, value=self.until.value(state), **asdict(self.until.aim))
+        if self.until is None:
+            return end
+        end = replace(end, value=self.until.value(state), **asdict(self.until.aim))
+        return replace(end, quantity=f"{end.quantity} ({self.until.lack})") if end.value is None else end
 
     def is_frame_due(self, state: State) -> bool:
         """Whether ``state`` is to be written as a frame, the end of the stage left aside."""

@@ -32,6 +32,7 @@ class Bounded(Condition):
 class DistanceReached(Bounded):
     """The stage ends at a relative change of the distance of two walls; its note is the distance at the start of the stage [m]."""
 
+    lack = "they were at the same place when the stage began"
     spacing: Spacing
 
     def first_notes(self, state: State) -> Floats:
@@ -78,6 +79,7 @@ class ForceReached(Bounded):
 
     wall: int
     axis: int
+    lack = "no window of it was over"
     steps: float
     length: float
 
