@@ -206,15 +206,23 @@ def _middles(times: Sequence[float], values: Sequence[float], least: float) -> l
         elif abs(change) > least:
             turns.append(farthest)
             farthest, way = k, -way
-    ends = [*turns, farthest]
-    return [_halfway(times[a : b + 1], values[a : b + 1]) for a, b in itertools.pairwise(ends) if way]
+    ends = list(itertools.pairwise([*turns, farthest] if way else []))
+    halves = [0.5 * (values[a] + values[b]) for a, b in ends]
+    # The first and the last may be parts of longer ones: they are halfway where those beside them are, as far as they get there.
+    beside = [*halves[1:2], *halves[1:-1], *halves[-2:-1]] if len(ends) > 1 else halves
+    return [_passing(times[a : b + 1], values[a : b + 1], half) for (a, b), half in zip(ends, beside, strict=True)]
 
 
-def _halfway(times: Sequence[float], values: Sequence[float]) -> float:
-    """When a broken line first has the mean of its first and its last value [s]."""
-    half = 0.5 * (values[0] + values[-1])
-    k = next(k for k, value in enumerate(values) if (value - half) * (values[-1] - half) >= 0.0)
-    return times[k - 1] + (times[k] - times[k - 1]) * (half - values[k - 1]) / (values[k] - values[k - 1])
+def _passing(times: Sequence[float], values: Sequence[float], level: float) -> float:
+    """When a broken line last passes a level on its way up or down [s]; its end if it does not get there, or begins beyond it."""
+    sign = math.copysign(1.0, values[-1] - values[0])
+    before = [k for k, value in enumerate(values) if sign * value <= sign * level]
+    if not before:
+        return times[0]
+    k = before[-1]
+    if k + 1 == len(times):
+        return times[k]
+    return times[k] + (times[k + 1] - times[k]) * (level - values[k]) / (values[k + 1] - values[k])
 
 
 @dataclass(frozen=True)
