@@ -66,13 +66,7 @@ def wall_cycles(model: Model, drives: Sequence[WallDrive], window: Window | None
 
 def _signals(dof: DofDrive) -> dict[str, Signal | None]:
     anchor = None if dof.spring is None else dof.spring.anchor
-    return {
-        "velocity": dof.velocity,
-        "position": dof.position,
-        "force": dof.force,
-        "stress": dof.stress,
-        "anchor of the spring": anchor,
-    }
+    return {"velocity": dof.velocity, "position": dof.position, "force": dof.force, "stress": dof.stress, "anchor": anchor}
 
 
 class Acting(NamedTuple):

@@ -107,7 +107,7 @@ def _refuse_fast_heat(scenario: Scenario, model: Model, number: int, heat: Stage
         return
     for name, wall in zip(model.walls.names, heat.conditions.started([0.0] * (number + 1)), strict=True):
         signal = wall.signal.signal if isinstance(wall.signal, Shifted) else wall.signal
-        if isinstance(signal, Sine) and dt > OSCILLATIONS * signal.period:
+        if isinstance(signal, Sine) and dt > OSCILLATIONS * signal.period * (1.0 + 1e-9):
             quantity = "heat flow" if wall.kind == "flow" else "temperature"
             times = f"{dt / signal.period:.3g} times within one step of {dt:g} s"
             what = f"the {quantity} of the wall '{name}' oscillates {times}"
