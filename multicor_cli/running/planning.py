@@ -70,7 +70,8 @@ def make_plan(scenario: Scenario, model: Model, state: State | None = None) -> R
 def _automatic_step(scenario: Scenario, model: Model, number: int, acting: Acting) -> float:
     stage = scenario.loading[number]
     path = ("loading", number, "dt") if stage.dt is not None else ("solver", "dt")
-    dt = automatic_step(scales_of_stage(scenario, model, number, acting), scenario.output)
+    scales = scales_of_stage(scenario, model, number, acting)
+    dt = automatic_step(scales, scenario.output)
     if dt is None:
         what = f"cannot choose a time step for stage {number}: there is no gravity and no load, and nothing moves"
         raise ScenarioError([scenario.problem(path, what, "give the time step [s]")])
@@ -78,6 +79,7 @@ def _automatic_step(scenario: Scenario, model: Model, number: int, acting: Actin
         return dt
     if stage.duration > MAX_STEPS * dt:
         what = f"{stage.duration:g} s are {stage.duration / dt:.2g} steps of the automatic time step {dt:g} s"
+        what += f", which is set by {scales.set_by}"
         raise ScenarioError([scenario.problem(("loading", number, "duration"), what, f"stay below {MAX_STEPS:g} steps")])
     return min(dt, stage.duration)
 

@@ -87,6 +87,11 @@ class Scales:
         return min(self.limits.values())
 
     @property
+    def set_by(self) -> str:
+        """What sets it."""
+        return min(self.limits, key=self.limits.__getitem__)
+
+    @property
     def limits(self) -> dict[str, float]:
         """The largest time step that each of them allows [s], by what sets it."""
         excess = max(1.0, self.friction / HIGH_FRICTION)
@@ -333,7 +338,7 @@ def review_steps(scenario: Scenario, model: Model, plan: RunPlan) -> list[StepRe
             _ratio(stage.dt, scales.travel),
             _ratio(stage.dt, scales.period),
             automatic_step(scales, scenario.output),
-            min(scales.limits, key=scales.limits.__getitem__),
+            scales.set_by,
             scales.fastest,
             scales.cycle,
         )

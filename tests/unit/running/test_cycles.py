@@ -154,6 +154,12 @@ def test_what_does_not_go_up_and_down_does_not(kind, signal, tmp_path):
     assert first.of_period is None
 
 
+def test_a_period_that_no_run_can_follow_is_named(tmp_path):
+    fast = KINDS["velocity"][0].replace("WAVE", SINE.replace("500.0", "1e11"))
+    with pytest.raises(ScenarioError, match="which is set by the period of the velocity of wall 'lid' in y; stay below"):
+        reviewed(scene(tmp_path, fast))
+
+
 def test_heat_alone_follows_its_signals_within_a_step(tmp_path):
     """Up to a hundred periods; an automatic step is never longer, a fixed one is refused."""
     keys = KINDS["temperature"][0].replace("WAVE", SINE.replace("MEAN", "350.0").replace("500.0", "2e6"))
