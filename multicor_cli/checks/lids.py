@@ -50,7 +50,7 @@ def _span(center: Floats) -> Floats:
 def _pulls(run: Prepared) -> Iterator[Measured]:
     walls, outward = run.model.walls, _outward(run)
     for stage, drives, gravity in zip(run.plan.stages, run.drives, run.gravity, strict=True):
-        length = 1.0 if stage.step_limit is None else stage.step_limit * stage.dt
+        length = 1.0 if stage.length is None else stage.length
         times = [length * (k + 0.5) / _SAMPLES for k in range(_SAMPLES)]
         for w, drive in enumerate(drives):
             for axis, dof in enumerate((drive.x, drive.y)):

@@ -53,7 +53,7 @@ class Prepared:
     @cached_property
     def gravity(self) -> list[Floats]:
         """Gravity at the end of each stage, if none ends before its duration is over [m/s²], shapes ``(2,)``."""
-        lengths = [(stage.step_limit or 0) * stage.dt for stage in self.plan.stages]
+        lengths = [stage.length or 0.0 for stage in self.plan.stages]
         starts = [0.0, *itertools.accumulate(lengths)]
         return [
             self.model.gravity if stage.gravity is None else stage.gravity.started(starts).value(length)

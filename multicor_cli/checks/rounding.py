@@ -35,7 +35,7 @@ def _of_loads(run: Prepared) -> Iterator[Measured]:
     """ε F Δt²/M: what rounding leaves of the way on which a load sends its wall before the grains hold it."""
     walls = run.model.walls
     for stage, drives in zip(run.plan.stages, run.drives, strict=True):
-        length = 1.0 if stage.step_limit is None else stage.step_limit * stage.dt
+        length = 1.0 if stage.length is None else stage.length
         for w, drive in enumerate(drives):
             dofs = ((drive.x, walls.mass[w], 1.0), (drive.y, walls.mass[w], 1.0), (drive.spin, walls.inertia[w], walls.length[w]))
             for dof, mass, lever in dofs:

@@ -116,6 +116,7 @@ def _summary(run: Prepared) -> dict[str, Any]:
                 "dt": stage.dt,
                 "dt_review": None if review is None else asdict(review),
                 "step_limit": stage.step_limit,
+                "length": stage.length,
                 "frame_every": stage.frame_every,
                 "friction": [entry.model_dump(exclude_none=True) for entry in table.contacts],
             }
@@ -169,6 +170,8 @@ def _time_steps(plan: RunPlan, reviews: Sequence[StepReview | None]) -> str:
     names: dict[str, list[str]] = {}
     for stage, review in zip(plan.stages, reviews, strict=True):
         text = f"{stage.dt:.4g} s" + ("" if review is None else f": {review.text()}")
+        if stage.duration is not None and stage.step_limit is not None:
+            text += f"; the last one is {stage.step_after(stage.step_limit - 1):.4g} s, to end at {stage.duration:g} s"
         names.setdefault(text, []).append(stage.name)
     if len(names) == 1:
         return next(iter(names))

@@ -16,6 +16,7 @@ from multicor_cli.export.selection import choose_frame
 from multicor_cli.export.target import check_output
 from multicor_cli.model import Model, State
 from multicor_cli.model.model import Floats
+from multicor_cli.running.cadence import is_due
 from multicor_cli.running.plan import RunPlan, StagePlan
 from multicor_cli.running.planning import make_plan
 from multicor_cli.running.session import make_engine
@@ -135,13 +136,13 @@ def frame_problem(run: Run, number: int = -1) -> FrameProblem:
     state = _restore(frame, model, moment)
     state.wall_origin = _wall_origin(run, frame, stage, moment)
     problem, start = _next_problem(scenario, plan, model, state, moment)
-    return FrameProblem(problem, start, frame.index, frame.time, stage.name, stage.dt, moment.is_beyond)
+    return FrameProblem(problem, start, frame.index, frame.time, stage.name, stage.step_after(moment.stage_step), moment.is_beyond)
 
 
 def _next_problem(scenario: Scenario, plan: RunPlan, model: Model, state: State, moment: _Moment) -> tuple[ContactProblem, Floats]:
     engine, stage = make_engine(scenario, model, state, threads=1), plan.stages[moment.stage]
     resume_stage(engine, stage, moment.starts)
-    return engine.next_start(stage.dt, moment.stage_step * stage.dt)
+    return engine.next_start(stage.step_after(moment.stage_step), stage.time_after(moment.stage_step))
 
 
 def _refuse_further_laws(run: Run, model: Model) -> None:
@@ -173,7 +174,7 @@ def _ends_stage(run: Run, frame: Frame, plan: RunPlan, stage_step: int) -> bool:
     if frame.index + 1 < len(run.frames):
         return bool(run.frames.stage[frame.index + 1] != frame.stage)
     stage = plan.stages[frame.stage]
-    return run.status == "finished" or stage_step == stage.step_limit or stage_step % stage.frame_every != 0
+    return run.status == "finished" or stage_step == stage.step_limit or not is_due(stage_step, stage.frame_every)
 
 
 def _wall_origin(run: Run, frame: Frame, stage: StagePlan, moment: _Moment) -> Floats:

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
-from typing import Literal
+from typing import ClassVar, Literal
 
 import numpy as np
 
@@ -63,7 +63,13 @@ class StepDone:
 
 
 class Condition(ABC):
-    """What ends a stage."""
+    """What ends a stage.
+
+    Attributes:
+        lack: What may keep its quantity from having a value.
+    """
+
+    lack: ClassVar[str] = ""
 
     @property
     @abstractmethod
@@ -78,6 +84,10 @@ class Condition(ABC):
         """Whether the stage is over."""
         value = self.value(state)
         return value is not None and self.aim.is_met(value)
+
+    def holds_at_last(self, state: State) -> bool:
+        """Whether it holds after the last step of the duration, by which time what never came is known not to have come."""
+        return self.holds(state)
 
     def progress(self, state: State) -> float:
         """Share of the stage that is done, 0 to 1; 0 where it cannot be foreseen, and the duration tells more."""
@@ -127,13 +137,17 @@ class RestReached(Condition):
         """What it waits for."""
         return Aim("the kinetic energy over its largest value", "1", "at most", self.ratio)
 
-    def value(self, state: State) -> float | None:
-        """Kinetic energy over its largest value in the stage; None if nothing has moved."""
-        return float(state.books[KINETIC]) / state.stage_peak if state.stage_peak > 0.0 else None
+    def value(self, state: State) -> float:
+        """Kinetic energy over its largest value in the stage; 0 where nothing has moved."""
+        return float(state.books[KINETIC]) / state.stage_peak if state.stage_peak > 0.0 else 0.0
 
     def holds(self, state: State) -> bool:
-        """Whether the grains have moved and come to rest."""
+        """Whether the grains have moved and come to rest. What has not moved yet may do so later, when a wall or a grain comes."""
         return state.stage_peak > 0.0 and bool(state.books[KINETIC] <= self.ratio * state.stage_peak)
+
+    def holds_at_last(self, state: State) -> bool:
+        """Whether the grains have come to rest, or never moved."""
+        return state.stage_peak == 0.0 or self.holds(state)
 
 
 def update_peak(state: State) -> None:

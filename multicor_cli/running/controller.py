@@ -201,19 +201,19 @@ class Controller:
     def _step(self, stage: StagePlan) -> StepReport | None:
         """One step with its gauges; None if a signal interrupted it, which leaves the state as it was."""
         state = self._engine.state
-        before = state.wall_position.copy()
+        before, dt = state.wall_position.copy(), stage.step_after(state.stage_step)
         try:
-            report = self._advance(stage)
+            report = self._advance(dt, stage.time_after(state.stage_step))
         except Interrupted:
             return None
         self._steps += 1
+        state.time = state.stage_start + stage.time_after(state.stage_step)  # the engine takes all steps for as long as the last
         update_peak(state)
         if stage.until is not None:
-            stage.until.note(state, StepDone(stage.dt, before, report.wall_impulse))
+            stage.until.note(state, StepDone(dt, before, report.wall_impulse))
         return report
 
-    def _advance(self, stage: StagePlan) -> StepReport:
-        dt, t = stage.dt, self._engine.state.stage_step * stage.dt
+    def _advance(self, dt: float, t: float) -> StepReport:
         if self._steps:
             return self._engine.step(dt, t, self._signals.should_stop)
         with self._signals.impatient():  # kernels may compile now, and the last checkpoint is the state before this step
@@ -255,7 +255,7 @@ class Controller:
             self._checkpoint()
             raise StageTimeout(end)
         self._has_moved_on = True
-        self._starts.append(self._starts[-1] + state.stage_step * stage.dt)
+        self._starts.append(self._starts[-1] + stage.time_after(state.stage_step))
         state.stage += 1
         state.stage_step = 0
         state.stage_start = state.time

@@ -27,4 +27,4 @@ def try_step(scenario: Scenario, model: Model, state: State, threads: int) -> St
     engine = make_stepper(scenario, model, state, threads)
     engine.exchange()
     begin_stage(engine, stage, [0.0])
-    return engine.step(stage.dt, 0.0)
+    return engine.step(stage.step_after(0), 0.0)

@@ -71,8 +71,8 @@ def estimate(scenario: Scenario, plan: RunPlan, model: Model, state: State, thre
     frame = _frame_bytes(model, plan.output)
     frames = rows = disk = peak = seconds = None
     if known is not None:
-        frames = 1 + sum(-(-count // stage.frame_every) for count, stage in zip(known, plan.stages, strict=True))
-        rows = 1 + sum(-(-count // stage.series_every) for count, stage in zip(known, plan.stages, strict=True))
+        frames = 1 + sum(math.ceil(count / stage.frame_every) for count, stage in zip(known, plan.stages, strict=True))
+        rows = 1 + sum(math.ceil(count / stage.series_every) for count, stage in zip(known, plan.stages, strict=True))
         series = rows * _row_bytes(schema.SERIES, model, is_single=False)
         results = frames * frame + series + n * 32.0
         disk = results + 2.0 * _checkpoint_bytes(model)

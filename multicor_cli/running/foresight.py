@@ -21,7 +21,7 @@ def foresee_steps(plan: RunPlan, state: State) -> list[int | None]:
         bounds = [count for count in (stage.step_limit, needed) if count is not None]
         count = min(bounds, default=None)
         counts.append(count)
-        starts.append(starts[-1] + (count or 0) * stage.dt)
+        starts.append(starts[-1] + stage.time_after(count or 0))
     return counts
 
 

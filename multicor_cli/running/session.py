@@ -331,8 +331,10 @@ def stage_starts(path: Path, state: State, plan: RunPlan, first: float = 0.0) ->
     ends = [int(np.flatnonzero(stages == k)[-1]) for k in range(state.stage)]
     starts, done = [first], 0
     for stage, end in zip(plan.stages, ends, strict=False):
-        dt = stage.dt if stage.is_frozen else float(lengths[end])  # a frozen stage takes no step of the mechanics
-        starts.append(starts[-1] + (int(steps[end]) - done) * dt)
+        count = int(steps[end]) - done
+        # A frozen stage takes no step of the mechanics. An earlier version may have chosen another step, and cuts no last one.
+        is_planned = stage.is_frozen or float(lengths[end]) == stage.step_after(count - 1)
+        starts.append(starts[-1] + (stage.time_after(count) if is_planned else count * float(lengths[end])))
         done = int(steps[end])
     return starts
 

@@ -10,6 +10,7 @@ import numpy as np
 from multicor_cli.arithmetic.sums import mean, total
 from multicor_cli.model import State
 from multicor_cli.model.model import Floats
+from multicor_cli.running.cadence import is_due
 from multicor_cli.running.conditions import KINETIC, StepDone
 from multicor_cli.running.wall_conditions import Bounded
 
@@ -57,14 +58,15 @@ class Steady(Bounded):
         wall: Index of the wall; None: the kinetic energy of all.
         axis: Column of the force: x, y or torque.
         across: Column of the force by which it is divided; None: by nothing.
-        steps: Steps of a block.
+        steps: Steps of a block, not always whole ones: it ends with the step nearest to its end.
         skipped: Steps of the stage that are left out.
     """
 
+    lack = "no window was over in which there was a force"
     wall: int | None
     axis: int
     across: int | None
-    steps: int
+    steps: float
     skipped: int
 
     def first_notes(self, state: State) -> Floats:
@@ -80,7 +82,7 @@ class Steady(Bounded):
         notes[OVER] += over
         notes[UNDER] += under
         notes[STEPS] += 1.0
-        if notes[STEPS] < self.steps:
+        if not is_due(state.stage_step - self.skipped, self.steps):
             return
         if notes[UNDER] != 0.0:
             notes[FIRST:-1] = notes[FIRST + 1 :].copy()
@@ -91,13 +93,25 @@ class Steady(Bounded):
         notes[OVER] = notes[UNDER] = notes[STEPS] = 0.0
 
     def value(self, state: State) -> float | None:
-        """Drift in the last window that is over; None before the end of the first, and if its mean is zero."""
+        """Drift in the last window that is over; None before the end of the first, and if its mean is zero.
+
+        A kinetic energy that has been zero for the whole stage does not drift.
+        """
+        if self._is_still(state):
+            return 0.0
         notes = state.stage_notes
         return drift_of(notes[FIRST:]) if notes[DONE] >= BLOCKS else None
 
     def holds(self, state: State) -> bool:
         """Whether a window has just ended in which the drift is small enough."""
-        return state.stage_notes[STEPS] == 0.0 and super().holds(state)
+        return state.stage_notes[STEPS] == 0.0 and not self._is_still(state) and super().holds(state)
+
+    def holds_at_last(self, state: State) -> bool:
+        """Whether it holds, or the kinetic energy is watched and nothing ever moved. Until then a wall or a grain may come."""
+        return self._is_still(state) or self.holds(state)
+
+    def _is_still(self, state: State) -> bool:
+        return self.wall is None and state.stage_peak == 0.0 == state.books[KINETIC]
 
     def _values(self, state: State, done: StepDone) -> tuple[float, float]:
         """What the step adds to numerator and denominator of its block."""

@@ -4,6 +4,7 @@ What a longer step does to a flow has been measured (``benchmarks/time_step``): 
 Δt to the time √(m̄/P) in which the pressure moves a grain by its own size, and Δt to the time 1/γ̇ of one unit of strain. The second
 one is the sliding distance per step over the diameter, and the angle by which contacts turn in a step, hence the curvature that a
 step cuts off. The more friction, the shorter the step has to be. Overlaps do not limit it: rigid grains are kept apart at any step.
+What walls, loads and gravity are told to do is sampled once in a step, so their periods limit it, too.
 """
 
 from __future__ import annotations
@@ -17,12 +18,13 @@ import numpy as np
 
 from multicor_cli.arithmetic import hypot
 from multicor_cli.arithmetic.sums import total
-from multicor_cli.engine.motion.drives import DofDrive, Shifted, Sine, WallDrive
+from multicor_cli.engine.motion.drives import DofDrive, WallDrive
 from multicor_cli.engine.motion.gravity import Gravity
 from multicor_cli.model import ContactLaws, Model, ShapeKind
 from multicor_cli.model.columns import RADIUS
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import TAIL, Tail
+from multicor_cli.running.cycles import Acting, Cycle, StageCycles, stage_cycles, wall_cycles
 from multicor_cli.running.plan import RunPlan, StagePlan
 from multicor_cli.scenario.scenario import Scenario
 from multicor_cli.scenario.settings import Output
@@ -37,7 +39,10 @@ HIGH_FRICTION = 0.5
 """Coefficient of friction from which on these two are smaller: in proportion to its power -3 and -1."""
 
 PERIOD = 0.02
-"""Largest Δt over the period of a prescribed displacement, or of the mass of a wall on its spring."""
+"""Largest Δt over the period of a signal that acts on the motion, or of the mass of a wall on its spring."""
+
+OSCILLATIONS = 100.0
+"""Most periods in a step of a signal that acts on heat alone: that is followed within the step, in 16 pieces of each period."""
 
 TRAVEL = 0.3
 """Largest distance in a step over d̄, at the largest speed that is known beforehand (`fastest`)."""
@@ -59,8 +64,11 @@ class Scales:
             wall that would carry grains along like it.
         travel: d̄ over the largest speed that is known beforehand, see `fastest`.
         friction: Largest coefficient of friction between grains.
-        period: Shortest period of a prescribed displacement, or of a wall on its spring.
+        period: Shortest period of what acts on the motion: signals of walls and gravity, and walls on their springs.
         fastest: What moves at that speed.
+        cycle: What has that period.
+        heat: Shortest period of the temperature or heat flow of a wall.
+        heat_cycle: What has that one.
     """
 
     pressure: float
@@ -69,11 +77,19 @@ class Scales:
     friction: float = 0.0
     period: float = math.inf
     fastest: str = ""
+    cycle: str = ""
+    heat: float = math.inf
+    heat_cycle: str = ""
 
     @property
     def limit(self) -> float:
         """The largest time step that all of them allow [s]."""
         return min(self.limits.values())
+
+    @property
+    def set_by(self) -> str:
+        """What sets it."""
+        return min(self.limits, key=self.limits.__getitem__)
 
     @property
     def limits(self) -> dict[str, float]:
@@ -83,7 +99,8 @@ class Scales:
             "the pressure": PRESSURE / (excess * excess * excess) * self.pressure,
             "the strain of moving walls": STRAIN / excess * self.strain,
             self.fastest: TRAVEL * self.travel,
-            "a period": PERIOD * self.period,
+            f"the period of {self.cycle}": PERIOD * self.period,
+            f"{OSCILLATIONS:g} periods of {self.heat_cycle}": OSCILLATIONS * self.heat,
         }
 
 
@@ -93,6 +110,7 @@ def find_scales(
     drives: Sequence[WallDrive],
     gravity: LargestGravity | None = None,
     laws: ContactLaws | None = None,
+    cycles: StageCycles | None = None,
 ) -> Scales:
     """The scales of a stage.
 
@@ -102,19 +120,25 @@ def find_scales(
         drives: What the walls do in the stage, one per wall.
         gravity: Largest gravity of the stage; default: that of the model.
         laws: Contact laws of the stage; default: those of the model.
+        cycles: What goes up and down in the stage; default: the drives alone.
     """
     gravity = gravity or Gravity.constant(model.gravity).largest()
     mean_mass = total(model.grains.mass) / model.grain_count
     pressure = largest_pressure(scenario, model, drives, gravity)
     rate = _largest_rate(scenario, model, drives)
     speed, mover = fastest(scenario, model, drives, gravity)
+    cycles = cycles or StageCycles(list(wall_cycles(model, drives)), [])
+    period, heat_period = _shortest(cycles.motion), _shortest(cycles.heat)
     return Scales(
         math.sqrt(mean_mass / pressure) if pressure > 0.0 else math.inf,
         1.0 / rate if rate > 0.0 else math.inf,
         model.mean_diameter / speed if speed > 0.0 else math.inf,
         largest_friction(model, model.laws if laws is None else laws),
-        _shortest_period(model, drives),
+        period.period,
         f"{mover} at {speed:.3g} m/s",
+        period.of,
+        heat_period.period,
+        heat_period.of,
     )
 
 
@@ -161,18 +185,15 @@ def _largest_velocity(dof: DofDrive) -> float:
     return dof.spring.anchor.steepest() if dof.spring is not None else 0.0
 
 
-def _shortest_period(model: Model, drives: Sequence[WallDrive]) -> float:
-    """Shortest period of a prescribed displacement, or of a wall on its spring, 2π √(M/k) [s]; infinite without any."""
-    periods = [math.inf]
-    for w, drive in enumerate(drives):
-        masses = (model.walls.mass[w], model.walls.mass[w], model.walls.inertia[w])
-        for dof, mass in zip(drive.dofs(), masses, strict=True):
-            if dof.spring is not None:
-                periods.append(2.0 * math.pi * math.sqrt(float(mass) / dof.spring.stiffness))
-            signal = dof.position.signal if isinstance(dof.position, Shifted) else dof.position
-            if isinstance(signal, Sine):
-                periods.append(signal.period)
-    return min(periods)
+def _shortest(cycles: Sequence[Cycle]) -> Cycle:
+    return min(cycles, key=lambda cycle: cycle.period, default=Cycle(math.inf, "a signal"))
+
+
+def scales_of_stage(scenario: Scenario, model: Model, number: int, acting: Acting) -> Scales:
+    """The scales of a stage in which this acts."""
+    gravity = None if acting.gravity is None else acting.gravity.gravity.largest()
+    cycles = stage_cycles(scenario.loading, number, model, acting)
+    return find_scales(scenario, model, acting.drives.started([0.0] * (number + 1)), gravity, acting.laws, cycles)
 
 
 def _largest_rate(scenario: Scenario, model: Model, drives: Sequence[WallDrive]) -> float:
@@ -270,10 +291,11 @@ class StepReview:
         of_pressure: Δt over √(m̄/P).
         strain: Strain in a step, γ̇ Δt: the sliding distance over the diameter, and the angle by which contacts turn.
         travel: Distance in a step over d̄, at the speed in `Scales.travel`.
-        of_period: Δt over the shortest period of a prescribed displacement or a spring.
+        of_period: Δt over the period in `Scales.period`.
         automatic: What the automatic time step would be [s].
         set_by: What sets that.
         fastest: What moves at the speed in `Scales.travel`.
+        cycle: What has the period in `Scales.period`.
     """
 
     is_automatic: bool
@@ -284,6 +306,7 @@ class StepReview:
     automatic: float | None
     set_by: str
     fastest: str
+    cycle: str
 
     def text(self) -> str:
         """In words."""
@@ -293,7 +316,7 @@ class StepReview:
                 (self.of_pressure, "√(m̄/P)"),
                 (self.strain, "of strain"),
                 (self.travel, f"diameters per step of {self.fastest}"),
-                (self.of_period, "of a period"),
+                (self.of_period, f"of the period of {self.cycle}"),
             )
             if share is not None
         ]
@@ -304,10 +327,9 @@ class StepReview:
 
 def review_steps(scenario: Scenario, model: Model, plan: RunPlan) -> list[StepReview | None]:
     """For each stage of a plan, how its time step compares with its scales; None for frozen stages."""
-    zeros = [0.0] * len(plan.stages)
     reviews: list[StepReview | None] = []
     for number, stage in enumerate(plan.stages):
-        scales = find_scales(scenario, model, stage.drives.started(zeros), largest_gravity(stage, model), stage.laws)
+        scales = scales_of_stage(scenario, model, number, Acting(stage.drives, stage.gravity, stage.heat, stage.laws))
         is_automatic = scenario.stage_solver(number).dt == "auto"
         review = StepReview(
             is_automatic,
@@ -316,8 +338,9 @@ def review_steps(scenario: Scenario, model: Model, plan: RunPlan) -> list[StepRe
             _ratio(stage.dt, scales.travel),
             _ratio(stage.dt, scales.period),
             automatic_step(scales, scenario.output),
-            min(scales.limits, key=scales.limits.__getitem__),
+            scales.set_by,
             scales.fastest,
+            scales.cycle,
         )
         reviews.append(None if stage.is_frozen else review)
     return reviews

@@ -8,9 +8,9 @@ from typing import Any
 from multicor_cli.engine.motion.spacing import Spacing
 from multicor_cli.model import Model
 from multicor_cli.model.columns import SPIN, X, Y
+from multicor_cli.running.cadence import count_steps
 from multicor_cli.running.conditions import Aim, Condition, RestReached, StrainReached
 from multicor_cli.running.gauges import ShearGauge
-from multicor_cli.running.plan import count_steps
 from multicor_cli.running.steady import BLOCKS, Steady
 from multicor_cli.running.wall_conditions import DisplacementReached, DistanceReached, ForceReached
 from multicor_cli.scenario.loading import Stage

@@ -9,6 +9,7 @@ import numpy as np
 from multicor_cli.engine.motion.spacing import Spacing
 from multicor_cli.model import State
 from multicor_cli.model.model import Floats
+from multicor_cli.running.cadence import is_due
 from multicor_cli.running.conditions import Aim, Condition, StepDone
 
 SUM, STEPS, WINDOWS, LAST, BEFORE = range(5)
@@ -31,6 +32,7 @@ class Bounded(Condition):
 class DistanceReached(Bounded):
     """The stage ends at a relative change of the distance of two walls; its note is the distance at the start of the stage [m]."""
 
+    lack = "they were at the same place when the stage began"
     spacing: Spacing
 
     def first_notes(self, state: State) -> Floats:
@@ -71,13 +73,14 @@ class ForceReached(Bounded):
     Attributes:
         wall: Index of the wall.
         axis: Column of the force: x, y or torque.
-        steps: Steps of a window.
+        steps: Steps of a window, not always whole ones: it ends with the step nearest to its end.
         length: What the force is divided by: 1, or the length of the wall [m].
     """
 
     wall: int
     axis: int
-    steps: int
+    lack = "no window of it was over"
+    steps: float
     length: float
 
     def first_notes(self, state: State) -> Floats:
@@ -86,7 +89,8 @@ class ForceReached(Bounded):
 
     def note(self, state: State, done: StepDone) -> None:
         """Add the force of the step to the window."""
-        add_to_window(state.stage_notes, done.wall_impulse[self.wall, self.axis] / done.dt / self.length, self.steps)
+        force = done.wall_impulse[self.wall, self.axis] / done.dt / self.length
+        add_to_window(state.stage_notes, force, is_over=is_due(state.stage_step, self.steps))
 
     def value(self, state: State) -> float | None:
         """Mean of the last window that is over; None before the end of the first."""
@@ -97,11 +101,11 @@ class ForceReached(Bounded):
         return state.stage_notes[STEPS] == 0.0 and super().holds(state)
 
 
-def add_to_window(notes: Floats, value: float, steps: int) -> None:
-    """Add the value of a step to the window under way, and close it after so many ``steps``. **Modifies** ``notes``."""
+def add_to_window(notes: Floats, value: float, *, is_over: bool) -> None:
+    """Add the value of a step to the window under way, and close it if it is over. **Modifies** ``notes``."""
     notes[SUM] += value
     notes[STEPS] += 1.0
-    if notes[STEPS] >= steps:
+    if is_over:
         notes[BEFORE], notes[LAST] = notes[LAST], notes[SUM] / notes[STEPS]
         notes[WINDOWS] += 1.0
         notes[SUM] = notes[STEPS] = 0.0

@@ -20,7 +20,9 @@ class Stage(Table):
     """One entry of ``[[loading]]``; the stages follow each other in time."""
 
     name: Name | None = Field(None, description="name of the stage")
-    duration: Time | None = Field(None, description="length of the stage [s]; with until: its upper bound")
+    duration: Time | None = Field(
+        None, description="length of the stage [s], to which its last step is cut; with until: its upper bound"
+    )
     until: Until | None = Field(
         None,
         description="condition that ends the stage: strain, kinetic_energy_ratio, axial_strain, displacement, force, stress or "

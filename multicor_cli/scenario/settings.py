@@ -60,7 +60,8 @@ class Solver(Table):
 
     dt: TimeStep = Field(
         "auto",
-        description='time step [s], or "auto": the largest that resolves the pressure, the shear and the motion of each stage',
+        description='time step [s], or "auto": the largest that resolves the pressure, the shear, the motion and the periods of '
+        "signals of each stage",
     )
     method: Literal["accelerated", "gauss-seidel"] = Field("accelerated", description="global solution of the contacts")
     local: Literal["exact", "bipotential"] = Field("exact", description="local solution of one contact")
@@ -96,12 +97,12 @@ def _series_interval(data: dict[str, Any]) -> float:
 class Output(Table):
     """``[output]``: what is written, and how often."""
 
-    frame_interval: Time = Field(description="time between frames [s]")
+    frame_interval: Time = Field(description="time between frames [s]: each comes after the step nearest to its time")
     series_interval: float = Field(
         default_factory=_series_interval,
         ge=1e-14,
         le=1e12,
-        description="time between rows of the time series [s]; default: frame_interval/10",
+        description="time between rows of the time series [s]; default: frame_interval/10, in whole steps",
     )
     contacts: bool = Field(True, description="whether frames hold the contact network")
     checkpoint_interval: Annotated[float, FREE] = Field(

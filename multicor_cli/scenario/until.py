@@ -119,7 +119,10 @@ class UntilStrain(Table):
 class UntilRest(Table):
     """Ends when the grains have come to rest."""
 
-    kinetic_energy_ratio: Ratio = Field(description="share of the stage's largest kinetic energy at which it ends, as 1e-6")
+    kinetic_energy_ratio: Ratio = Field(
+        description="share of the stage's largest kinetic energy at which it ends, as 1e-6; where nothing ever moves, "
+        "the stage ends with its duration"
+    )
 
 
 class UntilAxialStrain(Table):

@@ -23,8 +23,8 @@ class StageEnd:
         step: Steps done since the start of the run.
         time: Time since the start of the run [s].
         duration: Time since the start of the stage [s].
-        quantity: What its condition looks at, in words; empty if it has none.
-        value: Value of this quantity at the end; None if there is none, or there was none yet.
+        quantity: What its condition looks at, in words, and why it has no value if it has none; empty without condition.
+        value: Value of this quantity at the end; None if there is none.
         relation: How the value had to be: ``at least`` or ``at most``; empty without condition.
         goal: Value asked for; None without condition.
         unit: SI unit of value and goal; ``1`` if dimensionless.
@@ -73,7 +73,7 @@ class StageEnd:
 
     @property
     def _reached(self) -> str:
-        return f"{self.quantity} had no value yet" if self.value is None else f"{self.quantity} was {self._number(self.value)}"
+        return f"{self.quantity} never had a value" if self.value is None else f"{self.quantity} was {self._number(self.value)}"
 
     @property
     def _goal(self) -> str:

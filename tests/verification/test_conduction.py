@@ -8,7 +8,7 @@ from scene_parts import FLOOR
 
 from multicor_cli.engine.heat import integration
 from multicor_cli.engine.heat.walls import WallHeat
-from multicor_cli.engine.motion.drives import Ramp
+from multicor_cli.engine.motion.drives import Ramp, Sine
 
 ONE_STEP = 1e9
 """A tolerance with which every call of `advance` is one sub-step."""
@@ -168,6 +168,15 @@ def test_a_flow_that_reaches_no_grain_is_reported():
     run(engine, 3.0, 3)
     assert engine.state.heat.sum() == 0.0
     assert heat_book(engine.state, "undelivered") == pytest.approx(6.0)
+
+
+def test_a_flow_that_reaches_no_grain_is_reported_whatever_its_period():
+    """A sine of a period of a step, or of a part of one, is zero in the middle: ∫|sin| dt is 2/π of the time."""
+    for period in (1.0, 0.1):
+        conditions = [WallHeat("flow", Sine(0.0, 2.0, period))]
+        engine = touching_engine([[0.0, 1.5]], 300.0, shapes=FLOOR, walls=("floor",), conditions=conditions)
+        run(engine, 3.0, 3)
+        assert heat_book(engine.state, "undelivered") == pytest.approx(3.0 * 2.0 * 2.0 / np.pi, rel=1e-2)
 
 
 def test_an_insulated_wall_takes_and_gives_nothing():

@@ -99,7 +99,7 @@ class WallValues:
         """Heat that walls of prescribed flow could not pass on within ``dt`` [J]: all but those ``reached`` touch nothing."""
         idle = np.array([c.kind == "flow" for c in self.conditions], np.bool_)
         idle[reached] = False
-        return total(np.abs(self(0.5 * dt)[idle])) * dt
+        return math.fsum(total(np.abs(values(0.5 * length)[idle])) * length for values, length in self.pieces(dt))
 
     def __call__(self, t: float) -> Floats:
         """Values ``t`` seconds after the start of the step; 0 where nothing is prescribed, shape ``(w,)``."""

@@ -5,9 +5,13 @@ from __future__ import annotations
 import bisect
 import itertools
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 from multicor_cli.arithmetic import sin
+
+REVERSAL = 0.01
+"""Share of its swing by which a table has to turn back for that to be an oscillation: measured values are noisy."""
 
 
 @dataclass(frozen=True)
@@ -27,6 +31,14 @@ class Constant:
     def steepest(self) -> float:
         """Largest magnitude of its rate of change [1/s]."""
         return 0.0
+
+    def swing(self) -> float:
+        """How far apart its values are at most."""
+        return 0.0
+
+    def shortest_period(self, start: float, end: float) -> float:
+        """Shortest period of what it does between ``start`` and ``end`` [s]; infinite if it does not go up and down."""
+        return math.inf
 
     def corners(self, start: float, end: float) -> list[float]:
         """Times between ``start`` and ``end`` at which an integrator should begin a new step [s]."""
@@ -55,6 +67,14 @@ class Ramp:
         """Largest magnitude of its rate of change [1/s]."""
         return abs(self.end - self.start) / self.duration
 
+    def swing(self) -> float:
+        """How far apart its values are at most."""
+        return abs(self.end - self.start)
+
+    def shortest_period(self, start: float, end: float) -> float:
+        """Shortest period of what it does between ``start`` and ``end`` [s]; infinite if it does not go up and down."""
+        return math.inf
+
     def corners(self, start: float, end: float) -> list[float]:
         """Times between ``start`` and ``end`` at which an integrator should begin a new step [s]."""
         return [self.duration] if start < self.duration < end else []
@@ -80,6 +100,14 @@ class Sine:
     def steepest(self) -> float:
         """Largest magnitude of its rate of change [1/s]."""
         return 2.0 * math.pi * abs(self.amplitude) / self.period
+
+    def swing(self) -> float:
+        """How far apart its values are at most."""
+        return 2.0 * abs(self.amplitude)
+
+    def shortest_period(self, start: float, end: float) -> float:
+        """Shortest period of what it does between ``start`` and ``end`` [s]; infinite if it does not go up and down."""
+        return self.period if self.amplitude else math.inf
 
     def corners(self, start: float, end: float) -> list[float]:
         """Times between ``start`` and ``end`` at which an integrator should begin a new step [s]: 16 in a period."""
@@ -114,6 +142,20 @@ class Interpolated:
         rows = list(zip(self.times, self.values, strict=True))
         return max((abs((v1 - v0) / (t1 - t0)) for (t0, v0), (t1, v1) in itertools.pairwise(rows)), default=0.0)
 
+    def swing(self) -> float:
+        """How far apart its values are at most."""
+        return max(self.values) - min(self.values)
+
+    def shortest_period(self, start: float, end: float) -> float:
+        """Shortest period of what it does between ``start`` and ``end`` [s]; infinite if it does not go up and down.
+
+        That is twice the shortest time from the middle of a rise to the middle of the fall that follows, or the other way round.
+        What turns back by no more than `REVERSAL` of the swing belongs to the rise or fall in which it lies.
+        """
+        times = [start, *self.corners(start, end), *([end] if end < math.inf else [])]
+        middles = _middles(times, [self.value(t) for t in times], REVERSAL * self.swing())
+        return 2.0 * min((b - a for a, b in itertools.pairwise(middles)), default=math.inf)
+
     def corners(self, start: float, end: float) -> list[float]:
         """Times between ``start`` and ``end`` at which an integrator should begin a new step [s]."""
         return list(self.times[bisect.bisect_right(self.times, start) : bisect.bisect_left(self.times, end)])
@@ -138,12 +180,49 @@ class Shifted:
         """Largest magnitude of its rate of change [1/s], the past included."""
         return self.signal.steepest()
 
+    def swing(self) -> float:
+        """How far apart its values are at most, the past included."""
+        return self.signal.swing()
+
+    def shortest_period(self, start: float, end: float) -> float:
+        """Shortest period of what it does between ``start`` and ``end`` [s]; infinite if it does not go up and down."""
+        return self.signal.shortest_period(self.offset + start, self.offset + end)
+
     def corners(self, start: float, end: float) -> list[float]:
         """Times between ``start`` and ``end`` at which an integrator should begin a new step [s]."""
         return [t - self.offset for t in self.signal.corners(self.offset + start, self.offset + end)]
 
 
 Signal = Constant | Ramp | Sine | Interpolated | Shifted
+
+
+def _middles(times: Sequence[float], values: Sequence[float], least: float) -> list[float]:
+    """When the rises and falls of a broken line are halfway, one after the other [s]; each changes by more than ``least``."""
+    turns, farthest, way = [0], 0, 0.0
+    for k, value in enumerate(values):
+        change = value - values[farthest]
+        if way * change > 0.0 or (way and not change) or (not way and abs(change) > least):
+            farthest, way = k, way or math.copysign(1.0, change)
+        elif abs(change) > least:
+            turns.append(farthest)
+            farthest, way = k, -way
+    ends = list(itertools.pairwise([*turns, farthest] if way else []))
+    halves = [0.5 * (values[a] + values[b]) for a, b in ends]
+    # The first and the last may be parts of longer ones: they are halfway where those beside them are, as far as they get there.
+    beside = [*halves[1:2], *halves[1:-1], *halves[-2:-1]] if len(ends) > 1 else halves
+    return [_passing(times[a : b + 1], values[a : b + 1], half) for (a, b), half in zip(ends, beside, strict=True)]
+
+
+def _passing(times: Sequence[float], values: Sequence[float], level: float) -> float:
+    """When a broken line last passes a level on its way up or down [s]; its end if it does not get there, or begins beyond it."""
+    sign = math.copysign(1.0, values[-1] - values[0])
+    before = [k for k, value in enumerate(values) if sign * value <= sign * level]
+    if not before:
+        return times[0]
+    k = before[-1]
+    if k + 1 == len(times):
+        return times[k]
+    return times[k] + (times[k + 1] - times[k]) * (level - values[k]) / (values[k + 1] - values[k])
 
 
 @dataclass(frozen=True)

@@ -36,6 +36,10 @@ class Gravity:
         x, y = self.x.largest(), self.y.largest()
         return x, y, hypot(x, y)
 
+    def shortest_period(self, start: float, end: float) -> float:
+        """Shortest period of its components between ``start`` and ``end`` [s]; infinite if neither goes up and down."""
+        return min(self.x.shortest_period(start, end), self.y.shortest_period(start, end))
+
 
 @dataclass(frozen=True)
 class TiltedGravity:
@@ -56,6 +60,17 @@ class TiltedGravity:
         """Bounds of the magnitudes of x, y and the whole at any time [m/s²]."""
         largest = self.magnitude.largest()
         return largest * sin(min(DEGREE * self.angle.largest(), 0.5 * math.pi)), largest, largest
+
+    def shortest_period(self, start: float, end: float) -> float:
+        """As `Gravity.shortest_period`.
+
+        An angle that sweeps over half a turn or more goes round as fast as its steepest part would. The frequencies of angle and
+        magnitude add up, as those of factors do.
+        """
+        turn = 360.0 / self.angle.steepest() if self.angle.swing() >= 180.0 else math.inf
+        angle = min(turn, self.angle.shortest_period(start, end))
+        frequency = 1.0 / angle + 1.0 / self.magnitude.shortest_period(start, end)
+        return 1.0 / frequency if frequency else math.inf
 
 
 AnyGravity = Gravity | TiltedGravity

@@ -49,8 +49,8 @@ INTEGERS = {
     "counts.sum()",
     "counts[start:stop].sum()",
     "sum(known)",
-    "sum((-(-count // stage.frame_every) for count, stage in zip(known, plan.stages, strict=True)))",
-    "sum((-(-count // stage.series_every) for count, stage in zip(known, plan.stages, strict=True)))",
+    "sum((math.ceil(count / stage.frame_every) for count, stage in zip(known, plan.stages, strict=True)))",
+    "sum((math.ceil(count / stage.series_every) for count, stage in zip(known, plan.stages, strict=True)))",
 }
 """Sums and products of integers."""
 

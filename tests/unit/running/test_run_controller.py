@@ -21,7 +21,7 @@ from multicor_cli.running.gauges import ShearGauge
 from multicor_cli.running.observer import SilentObserver, Status
 from multicor_cli.running.outcome import StopReason
 from multicor_cli.running.pace import WARM_UP_STEPS, Pace
-from multicor_cli.running.plan import RunPlan, StagePlan, count_steps
+from multicor_cli.running.plan import RunPlan, StagePlan
 from multicor_cli.running.signals import STOP_SIGNALS, Switchboard
 from multicor_cli.scenario.settings import Output
 
@@ -303,13 +303,6 @@ def test_rest_needs_motion_first_and_knows_the_initial_energy() -> None:
     assert not rest.holds(state)
     state.books[BOOK_NAMES.index("kinetic")] = 1.0
     assert rest.holds(state)
-
-
-@pytest.mark.parametrize(
-    ("interval", "dt", "steps"), [(1.0, 0.1, 10), (0.3, 0.1, 3), (0.14, 0.1, 1), (1e-3, 0.1, 1), (0.16, 0.1, 2)]
-)
-def test_intervals_become_whole_steps(interval: float, dt: float, steps: int) -> None:
-    assert count_steps(interval, dt) == steps
 
 
 def test_progress_by_steps_where_their_number_is_known() -> None:
