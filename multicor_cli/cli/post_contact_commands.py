@@ -31,7 +31,7 @@ Margin = Annotated[
         "--margin",
         metavar="D",
         help="Thickness of the layer at each wall that is left out of the bulk, in mean diameters.",
-        show_default="8, or a quarter of the height if less",
+        show_default="8, or a quarter of the height or a third of the gap between the walls if less",
     ),
 ]
 ManyFrames = Annotated[

@@ -21,6 +21,7 @@ MARGIN = 8.0
 """Mean diameters next to a wall that do not count as bulk: a rough wall disturbs the spins that far."""
 
 _LARGEST = 0.25  # of the distance of the walls: the margin of a thin layer
+_CLEAR = 1.0 / 3.0  # of what is free between the surfaces of the walls: the margin between large glued grains
 
 SUM_NAMES = (
     "lapse", "rate", "spin", "solid", "area", "kinetic", "weight",
@@ -47,10 +48,13 @@ class Band:
     margin: float
 
     def edges(self, frame: GrainFrame) -> tuple[float, float]:
-        """Lowest and highest y of the bulk in a frame [m]."""
-        assert self.extent.upper is not None
-        high = float(self.extent.line[self.extent.upper] + frame.wall_position[self.extent.upper, 1])
-        return self.extent.origin(frame) + self.bottom, high - self.top
+        """Lowest and highest y of the bulk in a frame [m]; raises `PostError` if the walls come too near to each other."""
+        floor, span = self.extent.origin(frame), self.extent.span(frame)
+        if not self.bottom + self.top < span:
+            raise PostError(
+                f"no bulk is left between the walls where they come nearest, {span:.4g} m: lower --margin, or choose other frames"
+            )
+        return floor + self.bottom, floor + span - self.top
 
 
 def find_band(model: Model, extent: Extent, margin: float | None) -> Band:
@@ -60,7 +64,7 @@ def find_band(model: Model, extent: Extent, margin: float | None) -> Band:
         model: Grains and walls.
         extent: The walls, both of them.
         margin: Mean diameters to leave out next to the surface of each wall; default: `MARGIN`, or a quarter of the distance of
-            the walls if that is less.
+            the walls or a third of what is free between their surfaces if that is less.
 
     Raises:
         PostError: If the margin is negative or leaves nothing.
@@ -68,10 +72,12 @@ def find_band(model: Model, extent: Extent, margin: float | None) -> Band:
     diameter = model.mean_diameter
     if margin is not None and not margin >= 0.0:
         raise PostError(f"the margin {margin:g} must not be negative")
-    edge = min(MARGIN * diameter, _LARGEST * extent.height) if margin is None else margin * diameter
     assert extent.lower is not None
     assert extent.upper is not None
-    band = Band(extent, edge + _glued_radius(model, extent.lower), edge + _glued_radius(model, extent.upper), edge)
+    below, above = _glued_radius(model, extent.lower), _glued_radius(model, extent.upper)
+    clear = max(extent.height - below - above, 0.0)
+    edge = min(MARGIN * diameter, _LARGEST * extent.height, _CLEAR * clear) if margin is None else margin * diameter
+    band = Band(extent, edge + below, edge + above, edge)
     if not band.bottom + band.top < extent.height:
         raise PostError(f"no bulk is left between the walls, {extent.height / diameter:.3g} mean diameters apart: lower --margin")
     return band

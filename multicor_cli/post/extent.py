@@ -29,7 +29,8 @@ class Extent:
     """Where the heights of a profile are measured from, and how far they go.
 
     Heights count from the lower wall where there is one, wherever it has moved to: from the line through the centers of its
-    glued grains (between the lowest and the highest of them), or from its surface if it is smooth. Otherwise they count from the
+    glued grains (between the lowest and the highest of them), or from its surface if it is smooth: from the mean height of what
+    faces the grains, such as the top of a polygon or the bottom of a tray. Otherwise they count from the
     lowest point that a grain reaches. A wall is below the grains if it lies below the middle of them and the centers of nine grains
     in ten lie above its line, in the first frame and in the last; and it must be wider than it is high, half as wide as the grains
     spread, and no farther from them than ten times their height: a gate that closed an opening, or has dropped away, bounds
@@ -38,7 +39,7 @@ class Extent:
     Attributes:
         lower: Index of the wall below the grains, or None.
         upper: Index of the wall above the grains, or None.
-        line: Height of each wall in its own frame [m], shape ``(w,)``.
+        line: Height of each wall in its own frame, of the upper one as seen from below [m], shape ``(w,)``.
         floor: Lowest point of the grains over the frames [m]; used without a lower wall.
         height: Distance of the walls, averaged over the frames; where one is missing, how far the grains reach [m].
     """
@@ -75,15 +76,18 @@ def find_extent(source: FrameSource, indices: NDArray[np.int64], between: Betwee
     """
     model = source.model
     spans = wall_spans(model)
-    line = 0.5 * np.where(np.isfinite(spans), spans, 0.0).sum(axis=0)
+    levels = _levels(model, spans)
     ends = [source.frames[int(indices[k])] for k in (0, -1)]
     need_grains(source, indices)
     lower: int | None
     upper: int | None
     if between is not None:
-        lower, upper = _named_walls(model.walls.names, between, ends, spans, line)
+        lower, upper = _named_walls(model.walls.names, between, ends, spans, levels)
     else:
-        lower, upper = _bounding_walls(ends, spans, line, _widths(model), model.mean_diameter)
+        lower, upper = _bounding_walls(ends, spans, levels, _widths(model), model.mean_diameter)
+    line = levels[0].copy()
+    if upper is not None:
+        line[upper] = levels[1, upper]
     floor, ceiling, gap = np.inf, -np.inf, 0.0
     for k in indices:
         frame = source.frames[int(k)]
@@ -101,7 +105,7 @@ def find_extent(source: FrameSource, indices: NDArray[np.int64], between: Betwee
 
 
 def _named_walls(
-    names: tuple[str, ...], between: Between, frames: list[GrainFrame], spans: tuple[Floats, Floats], line: Floats
+    names: tuple[str, ...], between: Between, frames: list[GrainFrame], spans: tuple[Floats, Floats], levels: Floats
 ) -> tuple[int, int]:
     for name in between:
         if name not in names:
@@ -110,17 +114,17 @@ def _named_walls(
             raise PostError(f"the wall '{name}' is upright, or none that grains lie on: no height can be measured from it")
     lower, upper = (names.index(name) for name in between)
     for frame in frames:
-        at = line + np.asarray(frame.wall_position)[:, 1]
-        if not at[lower] < at[upper]:
+        at = levels + np.asarray(frame.wall_position)[:, 1]
+        if not at[0, lower] < at[1, upper]:
             raise PostError(f"the wall '{between[0]}' is not below '{between[1]}'")
     return lower, upper
 
 
 def _bounding_walls(
-    frames: list[GrainFrame], spans: tuple[Floats, Floats], line: Floats, width: Floats, diameter: float
+    frames: list[GrainFrame], spans: tuple[Floats, Floats], levels: Floats, width: Floats, diameter: float
 ) -> tuple[int | None, int | None]:
     """The highest of the walls that are below the grains in all of some frames, and the lowest of those above them."""
-    is_below, is_above = np.ones(line.size, np.bool_), np.ones(line.size, np.bool_)
+    is_below, is_above = np.ones(width.size, np.bool_), np.ones(width.size, np.bool_)
     for frame in frames:
         first, last = np.quantile(np.asarray(frame.position)[:, 0], (_STRAY, 1.0 - _STRAY))
         is_wide = width >= _WIDE * (last - first)
@@ -128,8 +132,9 @@ def _bounding_walls(
         low, middle, high = np.quantile(np.asarray(frame.position)[:, 1], (_STRAY, 0.5, 1.0 - _STRAY))
         wall_y = np.asarray(frame.wall_position)[:, 1]
         reach = high - low + diameter
-        is_below &= (spans[1] + wall_y < middle) & (line + wall_y <= low) & (line + wall_y >= low - _FAR * reach)
-        is_above &= (spans[0] + wall_y > middle) & (line + wall_y >= high) & (line + wall_y <= high + _FAR * reach)
+        floor, lid = levels + wall_y
+        is_below &= (spans[1] + wall_y < middle) & (floor <= low) & (floor >= low - _FAR * reach)
+        is_above &= (spans[0] + wall_y > middle) & (lid >= high) & (lid <= high + _FAR * reach)
     wall_y = np.asarray(frames[0].wall_position)[:, 1]
     return _largest(spans[1] + wall_y, is_below), _largest(-(spans[0] + wall_y), is_above)
 
@@ -138,6 +143,24 @@ def _largest(values: Floats, candidate: NDArray[np.bool_]) -> int | None:
     """Index of the largest value among candidates; None without one."""
     values = np.where(candidate, values, -np.inf)
     return int(values.argmax()) if values.size and np.isfinite(values.max()) else None
+
+
+def _levels(model: Model, spans: tuple[Floats, Floats]) -> Floats:
+    """Height of each wall in its frame, as a floor and as a lid [m], shape ``(2, w)``.
+
+    Of lines the mean over x, of polygons that of the sides that face up or down; of anything else the middle between its lowest
+    and its highest reference point.
+    """
+    shapes, count = model.shapes, model.wall_count
+    width, moment = np.zeros((2, count)), np.zeros((2, count))
+    for which, outline in outlines(shapes.kind, shapes.geometry):
+        run = outline.points[:, -1, 0] - outline.points[:, 0, 0]
+        for k, sign in enumerate((-1.0, 1.0)):  # what is solid on its left faces up where it leads to the left
+            across = np.maximum(sign * run, 0.0) if outline.is_solid else np.abs(run)
+            width[k] += np.bincount(shapes.wall[which], across, count)
+            moment[k] += np.bincount(shapes.wall[which], across * outline.points[:, :, 1].mean(axis=1), count)
+    middle = 0.5 * np.where(np.isfinite(spans), spans, 0.0).sum(axis=0)
+    return np.where(width > 0.0, moment / np.where(width > 0.0, width, 1.0), middle)
 
 
 def _widths(model: Model) -> Floats:

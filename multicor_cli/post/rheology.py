@@ -170,7 +170,7 @@ def rheology(
         source: The run.
         selection: Which frames; default: the later half of the last stage.
         margin: Mean diameters next to the surface of each wall that are not bulk; default: 8, or a quarter of the distance of the
-            walls if that is less.
+            walls or a third of what is free between their surfaces if that is less.
         between: Names of the walls below and above; default: those that bound the grains.
 
     Raises:

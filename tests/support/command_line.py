@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import functools
 import io
 import json
 import os
@@ -12,10 +13,14 @@ from pathlib import Path
 from typing import Any
 from unittest import mock
 
+import typer.main
 from places import ROOT
 
 from multicor_cli.cli.app import main
 from multicor_cli.cli.guard import set_crash_directory
+
+_parser = functools.cache(typer.main.get_command)
+"""The commands as typer parses them: made once for all calls in this process, which takes as long as most commands."""
 
 
 def environment(**extra: str) -> dict[str, str]:
@@ -38,6 +43,7 @@ def call(*arguments: object, cwd: Path, **extra: str) -> subprocess.CompletedPro
         contextlib.chdir(cwd),
         mock.patch.dict(os.environ, environment(), clear=True),
         mock.patch.object(sys, "argv", words),
+        mock.patch.object(typer.main, "get_command", _parser),
         contextlib.redirect_stdout(out),
         contextlib.redirect_stderr(err),
     ):

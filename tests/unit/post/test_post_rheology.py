@@ -156,6 +156,18 @@ def test_margin_is_eight_diameters_or_a_quarter_of_the_height() -> None:
     counts = np.ones(N)
     counts[[0, 3, 5]] = 3.0, 2.0, 2.0
     assert table.mean["coordination"] == pytest.approx(counts[(y > 0.13) & (y < 0.87)].mean())
+    large = replace(glued, geometry=glued.geometry * [1.0, 1.0, 10.0, 1.0])  # leaves 0.4 m between grains of 0.3 m
+    narrow = SimpleNamespace(model=replace(source.model, shapes=large), frames=source.frames, series=source.series)
+    assert rheology(narrow, Selection(start=0.0)).margin == pytest.approx(0.4 / 3.0)
+
+
+def test_no_bulk_has_a_negative_area() -> None:
+    """In a frame in which the walls are nearer to each other than the margins of all frames together."""
+    source = make_source()
+    source.frames[2].wall_position[1, 1] = -0.7
+    assert rheology(source, Selection(start=0.0), margin=7.0).mean["solid_fraction"] > 0.0
+    with pytest.raises(PostError, match=r"where they come nearest, 0\.3 m: lower --margin, or choose other frames"):
+        rheology(source, Selection(start=0.0), margin=8.0)
 
 
 def test_without_contacts_the_rest_is_still_measured() -> None:

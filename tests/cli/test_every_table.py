@@ -1,0 +1,439 @@
+"""Every command that reads a run, on runs between walls of every kind and on odd ones: a table of what is there, or a message."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import pytest
+from command_line import call
+from scene_parts import between_planes
+from scenes import changed
+from walled import COUNT, FLOOR, FRICTION, LID, PERIOD, RUNS, SMOOTH, Walled
+
+from multicor_cli.cli.post_commands import COMMANDS
+from multicor_cli.model import State, Thermal
+from multicor_cli.post import MAPPED, PROFILED, Selection
+from multicor_cli.running.outcome import ExitCode
+from multicor_cli.store import Moment, Run, RunDirectory, open_run
+
+# --- walls of every kind: what the tables hold
+
+
+@pytest.fixture(scope="module", params=RUNS, ids=lambda of: f"{of.kind} {of.seed}")
+def walled(request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory) -> Iterator[tuple[Walled, Run]]:
+    """A short run between walls of some kind."""
+    folder = tmp_path_factory.mktemp("walled")
+    (folder / "walled.toml").write_text(request.param.text)
+    done = call("run", "walled.toml", "-o", "run", cwd=folder)
+    assert done.returncode == 0, done.stderr
+    with open_run(folder / "run") as run:
+        yield request.param, run
+
+
+def chosen(run: Run) -> list[Any]:
+    """The frames that tables look at unless told otherwise."""
+    return [run.frames[int(k)] for k in Selection().indices(run.frames)]
+
+
+def lines(of: Walled, run: Run) -> tuple[float, float]:
+    """Heights of the floor and the lid, averaged over the frames."""
+    start = {"floor": FLOOR, "lid": 0.065 if of.kind == "box of planes" else 0.075 if "under" in of.kind else LID}
+    way = np.mean([frame.wall_position - run.frames[0].wall_position for frame in chosen(run)], axis=0)[:, 1]
+    low, high = (float(start[name] + way[list(of.walls).index(name)]) for name in of.bounds)
+    return low, high
+
+
+def wall_forces(run: Run) -> tuple[float, float]:
+    """Shear and normal force on the lid and against it on the floor, half their sum, between the first and last frame [N]."""
+    time = np.asarray(run.series["time"])
+    ends = [frame.time for frame in chosen(run)]
+    rows = (time > ends[0]) & (time <= ends[-1])
+    force = np.asarray(run.series["wall_force"])[rows].mean(axis=0)
+    return float(force[0, 0] - force[1, 0]) / 2, float(force[1, 1] - force[0, 1]) / 2
+
+
+def area_of(run: Run) -> float:
+    return float((np.pi * run.model.grains.radius**2).sum())
+
+
+def bounds_are_right(of: Walled, run: Run, table: dict[str, Any]) -> None:
+    """Heights lie between the walls of the grains, or where the grains are."""
+    assert tuple(table["walls"]) == of.bounds
+    if all(of.bounds):
+        low, high = lines(of, run)
+        assert table["height"] == pytest.approx(high - low, rel=1e-9)
+    else:
+        radius = run.model.grains.radius
+        top = max(float((frame.position[:, 1] + radius).max()) for frame in chosen(run))
+        bottom = FLOOR if of.bounds[0] else min(float((frame.position[:, 1] - radius).min()) for frame in chosen(run))
+        assert table["height"] == pytest.approx(top - bottom, rel=1e-9)
+    assert 0.0 < min(table["y"]) <= max(table["y"]) < table["height"]
+
+
+def velocity(of: Walled, run: Run, table: dict[str, Any]) -> None:
+    bounds_are_right(of, run, table)
+    speeds = np.concatenate([frame.velocity[:, 0] for frame in chosen(run)])
+    known = [value for value in table["value"] if value is not None]
+    assert speeds.min() - 1e-12 <= min(known) <= max(known) <= speeds.max() + 1e-12
+
+
+def temperature(of: Walled, run: Run, table: dict[str, Any]) -> None:
+    bounds_are_right(of, run, table)
+    known = [value for value in table["value"] if value is not None]
+    assert 299.9 < min(known) <= max(known) < 400.1
+    if of.bounds[0]:
+        assert known[0] > known[-1]
+
+
+def solid_fraction(of: Walled, run: Run, table: dict[str, Any]) -> None:
+    """All area is there, but for grains that lie between those of a rough wall, or between a polygon and its image."""
+    bounds_are_right(of, run, table)
+    found = sum(table["value"]) * table["bin_area"]
+    assert found <= area_of(run) * (1.0 + 1e-9)
+    is_level = not any(kind in shape for shape in of.walls.values() for kind in ("rough", "cluster", "outside"))
+    assert found == pytest.approx(area_of(run), rel=1e-6 if is_level else 0.1)
+
+
+def normal_stress(of: Walled, run: Run, table: dict[str, Any]) -> None:
+    """The load of the lid at all heights of a layer; in a channel the weight above."""
+    stress = np.array(table["value"], float)
+    if of.is_layer:
+        assert np.nanmean(stress) == pytest.approx(wall_forces(run)[1] / PERIOD, rel=0.25)
+    elif of.kind == "no walls":
+        assert not stress.any()
+    else:
+        assert stress.min() > -1e-3 * stress.max()
+        assert stress[0] > 10.0 * stress[-1]
+
+
+def heat(of: Walled, run: Run, table: dict[str, Any]) -> None:
+    bounds_are_right(of, run, table)
+    assert min(table["value"]) >= 0.0
+    assert (max(table["value"]) > 0.0) == (of.kind != "no walls")
+
+
+def theta_eta(of: Walled, run: Run, table: dict[str, Any]) -> None:
+    """Warm at the floor, cold above; each grain is in a bin."""
+    frame, radius = run.frames[-1], run.model.grains.radius
+    y = frame.position[:, 1]
+    assert (table["wall"], table["wall_temperature"], sum(table["count"])) == ("floor", 400.0, COUNT)
+    assert table["height"] == pytest.approx(float((y + radius).max() - (y - radius).min()), rel=1e-9)
+    theta = np.array(table["theta"], float)
+    assert -1e-3 < np.nanmin(theta) <= np.nanmax(theta) < 1.001
+    half = theta.size // 2
+    assert np.nanmean(theta[:half]) > np.nanmean(theta[half:])
+
+
+def grain_temperatures(of: Walled, run: Run, table: dict[str, Any]) -> None:
+    frame = run.frames[-1]
+    assert table["value"] == pytest.approx(frame.temperature.tolist())
+    assert np.column_stack([table["x"], table["y"]]) == pytest.approx(np.asarray(frame.position)[:, :2])
+
+
+def forces(of: Walled, run: Run, table: dict[str, Any]) -> None:
+    contacts = run.frames[-1].contacts
+    normal = contacts.impulse[:, 0] / run.frames[-1].dt
+    is_loaded = normal > 0.0
+    with_walls = int((contacts.j[is_loaded] >= COUNT).sum())
+    assert (table["contacts"], table["wall_contacts"]) == (int(is_loaded.sum()), with_walls)
+    assert table["coordination"] == pytest.approx((2 * table["contacts"] - with_walls) / COUNT)
+    if is_loaded.any():
+        assert table["normal_force_mean"] == pytest.approx(float(normal[is_loaded].mean()))
+        assert table["tangential_force_mean"] <= FRICTION * table["normal_force_mean"] * (1.0 + 1e-9)
+
+
+def directions(of: Walled, run: Run, table: dict[str, Any]) -> None:
+    assert table["frame_count"] == 5
+    assert 0.0 <= table["a_c"] <= 2.0
+    assert 0.0 <= table["theta_c"] < 180.0
+
+
+def rheology(of: Walled, run: Run, table: dict[str, Any]) -> None:
+    """What presses and shears are the walls; the bulk carries the load."""
+    low, high = lines(of, run)
+    mean, (shear, normal) = table["mean"], wall_forces(run)
+    assert (tuple(table["walls"]), table["height"]) == (of.bounds, pytest.approx(high - low, rel=1e-9))
+    assert mean["pressure"] == pytest.approx(normal / PERIOD, rel=1e-9)
+    assert mean["friction_walls"] == pytest.approx(shear / normal, rel=1e-9)
+    if of.is_layer:
+        assert 0.5 < mean["solid_fraction"] < 0.95
+        assert 1.0 < mean["coordination"] <= mean["coordination_loaded"] < 6.0
+        assert mean["bulk_stress_yy"] == pytest.approx(mean["pressure"], rel=0.35)
+        assert abs(mean["friction_bulk"]) < 1.0
+    if of.kind in SMOOTH:
+        assert abs(mean["friction_walls"]) <= FRICTION * (1.0 + 1e-6)
+
+
+def everywhere(of: Walled, run: Run, table: dict[str, Any]) -> None:
+    """A region that holds all grains."""
+    assert set(table["grains"]) == {COUNT}
+    assert table["mean"]["solid_fraction"] * table["area"] == pytest.approx(area_of(run), rel=1e-9)
+    assert (table["mean"]["stress_yy"] > 0.0) == (of.kind != "no walls")
+    assert 299.9 < table["mean"]["temperature"] < 400.1
+
+
+def coarse(of: Walled, run: Run, table: dict[str, Any]) -> None:
+    """The density that is smeared out is the area of the grains, but for what is smeared out beyond the ends of the grid."""
+    x, y = (np.unique(table[axis]) for axis in "xy")
+    cell = (PERIOD / x.size if of.is_periodic else x[1] - x[0]) * (y[1] - y[0])
+    assert 0.8 * area_of(run) < np.sum(table["values"]["solid-fraction"]) * cell < 1.01 * area_of(run)
+
+
+def flow(of: Walled, run: Run, table: dict[str, Any]) -> None:
+    """What has crossed a level across the whole domain is above it in the end."""
+    first, last = (int((frame.position[:, 1] > 0.02).sum()) for frame in (chosen(run)[0], chosen(run)[-1]))
+    assert table["to_the_left"] - table["to_the_right"] == last - first
+    assert table["not_counted"] == 0
+
+
+def series(of: Walled, run: Run, table: dict[str, Any]) -> None:
+    assert table["mean"]["kinetic"] == pytest.approx(float(np.mean(run.series["kinetic"])), rel=1e-12)
+
+
+def books(of: Walled, run: Run, table: dict[str, Any]) -> None:
+    assert max(table["energy_closure"], table["heat_closure"]) < 1e-12
+    assert (table["end"]["friction_loss"] > 0.0) == (of.kind != "no walls")
+
+
+def same(of: Walled, run: Run, table: dict[str, Any]) -> None:
+    assert table["scenario"] == []
+    differences = [number["difference"] for number in table["numbers"].values()]
+    assert all(value in (0.0, None) for value in differences)
+    assert ("pressure" in table["numbers"]) == (of.is_periodic and all(of.bounds)), table["numbers"].keys()
+
+
+TABLES: dict[str, Callable[[Walled, Run, dict[str, Any]], None]] = {
+    "profile": velocity,
+    "profile --of temperature": temperature,
+    "profile --of solid-fraction --exclude-walls 0": solid_fraction,
+    "profile --of stress-yy": normal_stress,
+    "profile --of heat": heat,
+    "theta-eta": theta_eta,
+    "map": grain_temperatures,
+    "forces": forces,
+    "forces --angles --frames -5:": directions,
+    "rheology": rheology,
+    "region --in {min=[0.0,-0.01],max=[0.06,0.09]}": everywhere,
+    "fields --spacing 0.25": coarse,
+    "flow --line 0.0,0.02:0.06,0.02": flow,
+    "series --of kinetic": series,
+    "energy": books,
+    "compare SELF": same,
+}
+"""Commands, and what tells whether their table is right."""
+
+
+def refusal(of: Walled, name: str) -> str:
+    """What a command says that has no table of such a run; empty if it has one."""
+    if name == "rheology" and not all(of.bounds):
+        return "rheology needs a wall below and a wall above the grains that shear them"
+    if name == "rheology" and not of.is_periodic:
+        return "rheology needs a domain that is periodic in x"
+    if name == "theta-eta" and not of.walls:
+        return "those with a prescribed temperature in this frame are: none"
+    if name == "theta-eta" and not of.bounds[0]:
+        return f"the wall '{next(iter(of.walls))}' is neither below nor above the grains"
+    if name.startswith("forces --angles") and of.kind == "no walls":
+        return "no two grains press on each other in these frames"
+    return ""
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+@pytest.mark.parametrize("name", TABLES)
+def test_a_table_holds_what_the_run_does(walled: tuple[Walled, Run], name: str) -> None:
+    of, run = walled
+    words = [str(run.path) if word == "SELF" else word for word in name.split()]
+    done = call("post", words[0], run.path, *words[1:], "--json", cwd=run.path.parent)
+    if refused := refusal(of, name):
+        assert (done.returncode, done.stdout) == (2, "")
+        assert refused in done.stderr
+    else:
+        assert done.returncode == 0, done.stderr
+        TABLES[name](of, run, json.loads(done.stdout))
+
+
+def test_every_command_is_tried() -> None:
+    assert {name.split()[0] for name in TABLES} | {"animate"} == set(COMMANDS)
+
+
+# --- runs with hardly anything in them: no crash
+
+FEW = """\
+[scenario]
+name = "few"
+seed = 1
+[domain]
+size = [1.0, 1.0]
+periodic = true
+[materials.stone]
+density = 2500.0
+conductivity = 1.0
+heat_capacity = 800.0
+young = 70e9
+poisson = 0.22
+[[contacts]]
+pair = ["*", "*"]
+friction = 0.3
+[[particles]]
+name = "grains"
+material = "stone"
+shape = "sphere"
+sizes = { kind = "list", radii = [0.01] }
+count = COUNT
+packing = { kind = "deposited" }
+[[walls]]
+name = "floor"
+material = "stone"
+geometry = { kind = "plane", point = [0, 0], normal = [0, 1] }
+thermal = { temperature = 400.0 }
+[[walls]]
+name = "lid"
+material = "stone"
+geometry = { kind = "plane", point = [0, 0.2], normal = [0, -1] }
+[heat]
+temperature = 300.0
+[[loading]]
+duration = 4e-3
+drives.lid = { x = { velocity = 0.1 } }
+[solver]
+dt = 1e-3
+[output]
+frame_interval = 1e-3
+"""
+"""To be run: so many grains on a warm floor, and a lid that moves above them."""
+
+WAITING = changed(FEW, ('packing = { kind = "deposited" }', "release = { rate = 500.0, start = START, region = REGION }"))
+REGION = "{ min = [0.4, 0.1], max = [0.6, 0.15] }"
+"""Grains that are not there at first."""
+
+OUTLET = '\n[[outlets]]\nname = "out"\nregion = { min = [0.0, -0.1], max = [1.0, 0.19] }\n'
+"""Whoever is there leaves before the first step."""
+
+COLD = changed(FEW, ("COUNT", "2"), ("temperature = 400.0", "temperature = 300.0"))
+
+SCENARIOS = {
+    "one grain": changed(FEW, ("COUNT", "1")),
+    "none yet": changed(WAITING, ("COUNT", "5"), ("START", "100.0"), ("REGION", REGION)),
+    "none at first": changed(WAITING, ("COUNT", "5"), ("START", "2e-3"), ("REGION", REGION)),
+    "none any more": changed(FEW, ("COUNT", "2")) + OUTLET,
+    "two grains, everything cold": COLD,
+}
+
+
+def write_by_hand(path: Path, places: list[tuple[float, float]], frames: int) -> None:
+    """A run of grains at these places that nothing happens to."""
+    model = between_planes([0.1] * len(places))
+    n = len(places)
+    model = replace(model, thermal=Thermal(np.ones(n), np.full(n, 300.0), np.ones(n)))
+    state = State.at_rest(model, np.array(places, float).reshape(-1, 2))
+    with RunDirectory.create(path, "", "", {"seed": 1}, stages=("only",)) as run:
+        writer = run.writer(model)
+        for _ in range(frames):
+            writer.frame(Moment(state, model, None))
+            writer.series_row(Moment(state, model))
+            state.step, state.time, state.last_dt = state.step + 1, state.time + 0.5, 0.5
+        run.checkpoint(state, writer)
+        run.finish("finished")
+
+
+BY_HAND = {
+    "no frame": ([(1.0, 0.1), (2.0, 0.1)], 0),
+    "one frame": ([(1.0, 0.1), (2.0, 0.1)], 1),
+    "all in one place": ([(1.0, 0.5)] * 4, 3),
+}
+
+
+@pytest.fixture(scope="module")
+def runs(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
+    """The odd runs by name."""
+    folder = tmp_path_factory.mktemp("odd")
+    for name, scenario in SCENARIOS.items():
+        file = folder / f"{name.replace(' ', '-')}.toml"
+        file.write_text(scenario)
+        done = call("run", file.name, "-o", name, cwd=folder)
+        assert done.returncode == 0, done.stderr
+    for name, (places, frames) in BY_HAND.items():
+        write_by_hand(folder / name, places, frames)
+    return {name: folder / name for name in (*SCENARIOS, *BY_HAND)}
+
+
+REGION_SEEN = "{ min = [0.3, 0.0], max = [0.7, 0.2] }"
+LINE = "0.1,0.01:0.9,0.01"
+
+VARIANTS = {
+    "profile": [*(["--of", name] for name in PROFILED), ["--normalized"], ["--bins", "3"], ["--frames", ":"]],
+    "map": [*(["--of", name] for name in MAPPED), ["--frame", "0"]],
+    "theta-eta": [[], ["--wall", "floor"], ["--frame", "0"], ["--frames", ":"]],
+    "forces": [[], ["--frame", "0"]],
+    "rheology": [[], ["--margin", "0", "--frames", ":"]],
+    "region": [["--in", REGION_SEEN], ["--in", "{ min = [0.0, 0.15], max = [0.1, 0.2] }", "--frames", ":"]],
+    "fields": [
+        [], ["--frames", ":"], ["--reach", "1e-9"], ["--reach", "0.01"], ["--reach", "1e-300"], ["--spacing", "1e9"],
+        ["--line", LINE], ["--center", "0.5,0.1"], ["--center", "0.5,0.1", "--radial"], ["--center", "1e300,0"],
+    ],
+    "energy": [[], ["--from", "1e9"]],
+    "compare": [["SELF"]],
+    "series": [[], ["--of", "kinetic"]],
+    "flow": [["--line", LINE], ["--line", LINE, "--frames", ":"]],
+    "animate": [["-o", "film.gif", "--overwrite"]],
+}  # fmt: skip
+"""Options that change what a command of ``post`` computes."""
+
+OTHERS = [
+    ["info"], ["info", "--json"], ["verify"], ["report", "-o", "report.html", "--overwrite"],
+    ["export", "gsd", "-o", "run.gsd", "--overwrite"], ["export", "csv", "-o", "csv", "--overwrite"],
+    ["export", "fclib", "-o", "run.hdf5", "--overwrite"],
+]  # fmt: skip
+
+
+SHOWN = ("one grain", "none at first", "all in one place")
+"""Of these runs every quantity is shown, in every form of output, and of the last two every figure drawn."""
+
+
+def commands(run: Path) -> Iterator[list[str]]:
+    """Every command that reads, in every form of its output, and with what changes what it computes."""
+    assert VARIANTS.keys() == COMMANDS.keys()
+    is_shown = run.name in SHOWN
+    forms = [["--json"], ["--csv"], ["--plot", "term"], ["--plot", "figure.png", "--overwrite"]]
+    forms = forms[: 4 if run.name in SHOWN[1:] else 3 if is_shown else 1]
+    for name, all_variants in VARIANTS.items():
+        variants = [k for k in all_variants if is_shown or k is all_variants[0] or "--of" not in k]
+        for options in [*variants, *(variants[0] + form for form in forms if name != "animate")]:
+            yield ["post", name, str(run), *(str(run) if word == "SELF" else word for word in options)]
+    for words in OTHERS:
+        place = 2 if words[0] == "export" else 1
+        yield [*words[:place], str(run), *words[place:]]
+
+
+@pytest.mark.filterwarnings("error::RuntimeWarning")
+@pytest.mark.parametrize("name", [*SCENARIOS, *BY_HAND])
+def test_a_reading_command_gives_a_table_or_a_message(runs: dict[str, Path], name: str, tmp_path: Path) -> None:
+    for words in commands(runs[name]):
+        done = call(*words, cwd=tmp_path)
+        said = f"{words}: {done.returncode}\n{done.stderr}"
+        assert done.returncode != ExitCode.BUG, said
+        if done.returncode != ExitCode.DONE:
+            assert (done.stdout, bool(done.stderr.strip())) == ("", True), said
+        elif "--json" in words:
+            json.loads(done.stdout)
+
+
+@pytest.mark.parametrize("words", [["post", "map"], ["post", "forces"], ["post", "profile"], ["post", "fields"]])
+def test_where_no_grain_is_a_command_says_so(runs: dict[str, Path], words: list[str], tmp_path: Path) -> None:
+    done = call(*words, runs["none yet"], cwd=tmp_path)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert "no grain is there in frame" in done.stderr
+
+
+def test_a_film_shows_frames_without_grains(runs: dict[str, Path], tmp_path: Path) -> None:
+    done = call("post", "animate", runs["none at first"], "-o", "film.gif", cwd=tmp_path)
+    assert done.returncode == 0, done.stderr
+    assert f"{len(open_run(runs['none at first']).frames.time)} frames" in done.stderr
+    done = call("post", "animate", runs["none yet"], "-o", "none.gif", cwd=tmp_path)
+    assert done.returncode == 2
+    assert "no grain is there" in done.stderr
