@@ -8,33 +8,32 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from multicor_cli.checks import books, cost, drift, floor, lids, lost, plausible, resolution, rigidity, rounding, stages
+from multicor_cli.checks import books, floor, resolution
 from multicor_cli.checks.check import Check, Rule, Verdict, judge_all, worst_verdict
-from multicor_cli.checks.prepared import Prepared
-from multicor_cli.checks.recorded import Recorded
+from multicor_cli.checks.subjects import Prepared, Recorded
 from multicor_cli.scenario.scenario import Scenario
 from multicor_cli.store import open_run, run_info
 from multicor_cli.store.errors import NothingStored
 
 BEFORE_RUN: tuple[Rule[Prepared], ...] = (
     *resolution.BEFORE_RUN,
-    *rigidity.BEFORE_RUN,
-    *plausible.BEFORE_RUN,
-    *lids.RULES,
-    *rounding.RULES,
+    *resolution.RIGIDITY_BEFORE_RUN,
+    *resolution.PLAUSIBLE_BEFORE_RUN,
+    *floor.LIDS,
+    *resolution.ROUNDING,
     *floor.RULES,
-    *cost.RULES,
+    *resolution.COST,
 )
 """What is checked before a run."""
 
 OF_RUN: tuple[Rule[Recorded], ...] = (
-    *stages.RULES,
+    *books.STAGES,
     *resolution.OF_RUN,
     *books.RULES,
-    *rigidity.OF_RUN,
-    *plausible.OF_RUN,
-    *lost.RULES,
-    *drift.RULES,
+    *resolution.RIGIDITY_OF_RUN,
+    *resolution.PLAUSIBLE_OF_RUN,
+    *floor.LOST,
+    *books.DRIFT,
 )
 """What is checked of a run, from its first checkpoint on."""
 

@@ -1,4 +1,4 @@
-"""Whether grains can fall out of what holds them.
+"""Whether grains stay where they belong: a floor under them, lids that press on them, and grains that have left everything.
 
 The plane is covered with cells. A cell is free if the smallest grain fits in it, with its center in the middle, beside all walls.
 From a free cell a grain can get into free cells beside and below, "below" being along the larger component of gravity. From where
@@ -10,18 +10,20 @@ foreseen.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.checks.check import Measured, Rule
-from multicor_cli.checks.prepared import Prepared
+from multicor_cli.checks.subjects import Prepared, Recorded
 from multicor_cli.model import Model
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import Outline
 from multicor_cli.post.scene import placed_walls
+
+# ---- Whether grains can fall out of what holds them
 
 _MOST_CELLS = 1500
 _MARGIN = 3
@@ -198,3 +200,149 @@ RULES: tuple[Rule[Prepared], ...] = (
     ),
 )  # fmt: skip
 """What is checked of where grains can go."""
+
+
+# ---- Walls under a load that pulls them off the grains
+
+_STRAY = 0.1
+"""A wall lies beyond the grains if no more than this part of their centers lies beyond it."""
+
+_SAMPLES = 32
+
+
+def _wall_spans(run: Prepared) -> tuple[Floats, Floats]:
+    """Lowest and highest point of each wall in x and y [m], shapes ``(w, 2)``; of endless planes the point they are given by."""
+    low, high = np.full((run.model.wall_count, 2), np.inf), np.full((run.model.wall_count, 2), -np.inf)
+    for which, outline in placed_walls(run.model, run.state.wall_position):
+        wall, corners = run.model.shapes.wall[which], outline.corners()
+        if outline.normal is not None:  # a plane has a side in the direction of its normal only
+            corners = np.where(np.abs(outline.normal) > math.sqrt(0.5), corners, np.array([[[-np.inf]], [[np.inf]]]))
+        np.minimum.at(low, wall, corners[0])
+        np.maximum.at(high, wall, corners[1])
+    return low, high
+
+
+def _outward(run: Prepared) -> Floats:
+    """Direction away from the grains of each wall in x and y: 1, -1, or 0 if it does not lie beyond them, shape ``(w, 2)``."""
+    low, high = _wall_spans(run)
+    meets, center = run.model.walls.meets, run.state.position[:, :2]
+    if not meets.size:
+        meets = np.ones((1, len(run.model.groups)), np.bool_)
+    spans = np.array([_span(center[is_met[run.model.grains.group]]) for is_met in meets])
+    return np.where(low >= spans[:, 1], 1.0, np.where(high <= spans[:, 0], -1.0, 0.0))
+
+
+def _span(center: Floats) -> Floats:
+    """Where grains are, but for a few: lowest and highest x and y [m], shape ``(2, 2)``; everywhere if there are none."""
+    if not len(center):
+        return np.array([[-np.inf, -np.inf], [np.inf, np.inf]])
+    return np.asarray(np.quantile(center, (_STRAY, 1.0 - _STRAY), axis=0))
+
+
+def _pulls(run: Prepared) -> Iterator[Measured]:
+    walls, outward = run.model.walls, _outward(run)
+    for stage, drives, gravity in zip(run.plan.stages, run.drives, run.gravity, strict=True):
+        length = 1.0 if stage.length is None else stage.length
+        times = [length * (k + 0.5) / _SAMPLES for k in range(_SAMPLES)]
+        for w, drive in enumerate(drives):
+            for axis, dof in enumerate((drive.x, drive.y)):
+                load = dof.stress if dof.force is None else dof.force
+                if load is None or dof.spring is not None or outward[w, axis] == 0.0:
+                    continue
+                force = math.fsum(map(load.value, times)) / _SAMPLES
+                force *= float(walls.length[w]) if dof.force is None else 1.0  # `between` two walls is a length like this one
+                force += float(walls.mass[w] * gravity[axis]) if walls.has_gravity[w] else 0.0
+                yield Measured(max(0.0, force * float(outward[w, axis])), f"wall {walls.names[w]} in stage {stage.name}")
+
+
+LIDS: tuple[Rule[Prepared], ...] = (
+    Rule(
+        "load off the grains", _pulls, unit="N", warning=0.0,
+        meaning="The mean load of the wall, its weight included, pulls it away from the grains, and nothing holds it.",
+        remedy="Turn the sign of the force: a lid above the grains presses with a negative force in y.",
+    ),
+)  # fmt: skip
+"""What is checked of loads."""
+
+
+# ---- Grains that have left everything and fall for ever
+
+
+def lost_grains(model: Model, position: Floats, velocity: Floats, wall_position: Floats, gravity: Floats) -> int:
+    """Number of grains below all walls that they meet along gravity that go on falling.
+
+    Planes have no end, and nothing is below them.
+
+    Args:
+        model: Grains and walls.
+        position: Centers of the grains, x and y first [m], shape ``(n, 2)`` or more columns.
+        velocity: Their velocities likewise [m/s].
+        wall_position: Poses of the walls, shape ``(w, 3)``.
+        gravity: Acceleration of gravity [m/s²], shape ``(2,)``.
+    """
+    if not np.any(gravity):
+        return 0
+    down, count = gravity / np.hypot(*gravity), 0
+    for which, is_met in model.meeting_alike():
+        walls = [outline for _, outline in placed_walls(model, wall_position, is_met)]
+        is_lost = _is_lost(position[which], velocity[which], model.grains.radius[which], walls, down)
+        count += int(np.count_nonzero(is_lost))
+    return count
+
+
+def _is_lost(position: Floats, velocity: Floats, radius: Floats, walls: Sequence[Outline], down: Floats) -> NDArray[np.bool_]:
+    """Which of some grains are lost; ``down`` is the unit vector along gravity."""
+    ends = [corners for outline in walls if outline.normal is None for corners in outline.corners()]
+    depth = position[:, :2] @ down
+    is_falling = velocity[:, :2] @ down > 0.0
+    lowest = float((np.concatenate(ends) @ down).max()) if ends else -np.inf
+    is_free = np.ones(len(position), np.bool_)
+    for outline in walls:
+        for k in range(len(outline.points) if outline.normal is not None else 0):
+            assert outline.normal is not None
+            if outline.normal[k] @ down < 0.0:  # a floor without ends
+                is_free &= (position[:, :2] - outline.points[k, 0]) @ outline.normal[k] < 0.0
+    return np.asarray(is_free & is_falling & (depth > lowest + 2.0 * radius))
+
+
+def _lost(run: Recorded) -> Iterator[Measured]:
+    if not len(run.run.frames):
+        return
+    frame = run.run.frames[-1]
+    model = frame.model
+    position, velocity = np.asarray(frame.position, float), np.asarray(frame.velocity, float)
+    count = lost_grains(model, position, velocity, frame.wall_position, run.gravity)
+    if model.grain_count:
+        yield Measured(count / model.grain_count, f"{count} of {model.grain_count}")
+
+
+def _removed(run: Recorded) -> Iterator[Measured]:
+    books = run.info["exchange"]
+    if books is not None:
+        yield Measured(books["lost"] / run.run.model.grain_count, f"{books['lost']} of {run.run.model.grain_count}")
+
+
+def _late(run: Recorded) -> Iterator[Measured]:
+    if run.info["exchange"] is not None:
+        yield Measured(run.info["exchange"]["behind"])
+
+
+LOST: tuple[Rule[Recorded], ...] = (
+    Rule(
+        "lost grains", _lost, unit="of the grains", warning=0.0, bad=0.1,
+        meaning="Grains that lie below all walls and fall on for ever; they count in all means, with ever more kinetic energy.",
+        remedy='Put a plane below, which has no ends; let them go, with [[outlets]] or [domain] lost = "remove"; or end the stage '
+        "earlier.",
+    ),
+    Rule(
+        "removed grains", _removed, unit="of the grains", warning=0.0, bad=0.1,
+        meaning='Grains that left the domain elsewhere than through an outlet, and were removed as [domain] lost = "remove" asks.',
+        remedy="Close the walls, or put an outlet where they leave.",
+    ),
+    Rule(
+        "late releases", _late, unit="grains", warning=0.0,
+        meaning="Grains that are due and have found no room in the region of their release: fewer come than the rate asks for.",
+        remedy="Lower the rate, or enlarge the region of the release; if the container is to be full, nothing.",
+    ),
+)  # fmt: skip
+"""What is checked of where the grains are."""

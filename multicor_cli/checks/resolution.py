@@ -1,18 +1,27 @@
-"""Whether the time step resolves the flow: the step that was asked for, the one that the flow needs, and what it does to losses."""
+"""Whether values suit the flow and the machine: the time step, stiffness, plausible magnitudes, rounding, disk and memory."""
 
 from __future__ import annotations
 
 import math
+import shutil
 from collections.abc import Iterator, Sequence
 
 import numpy as np
 
 from multicor_cli.arithmetic.sums import total
 from multicor_cli.checks.check import Measured, Rule
-from multicor_cli.checks.prepared import Prepared
-from multicor_cli.checks.recorded import Recorded
+from multicor_cli.checks.subjects import Prepared, Recorded
+from multicor_cli.engine.heat.hertz import contact_modulus
+from multicor_cli.engine.motion.drives import DofDrive
 from multicor_cli.model import Model
-from multicor_cli.running.time_step import Scales, StepReview, largest_friction
+from multicor_cli.model.model import Floats
+from multicor_cli.running.memory import available_memory
+from multicor_cli.running.time_step import Scales, StepReview, largest_friction, largest_gravity, largest_speed
+from multicor_cli.scenario.heat import PrescribedForce
+from multicor_cli.scenario.scenario import Scenario
+from multicor_cli.text import format_bytes
+
+# ---- Whether the time step resolves the flow: the step that was asked for, the one that the flow needs, and what it does to losses
 
 _SOLID_FRACTION = 0.8
 """Of a dense packing in the plane."""
@@ -144,3 +153,348 @@ OF_RUN: tuple[Rule[Recorded], ...] = (
     ),
 )  # fmt: skip
 """What is checked of a run."""
+
+
+# ---- Whether grains may be taken for rigid, and each for a body of one temperature
+
+_SOFT = 1e-3
+_TOO_SOFT = 1e-2
+_BIOT = 0.1
+
+_RIGID = (
+    "Elastic deflection of a contact over the diameter (Hertz, spheres). Rigid grains leave it out: sizes of contacts, densities "
+    "of packings and times of contacts are those of rigid grains only if it is far below 1."
+)
+
+
+def impact_deflection(speed: float, density: float, young: float, poisson: float) -> float:
+    """Largest deflection of two equal elastic spheres that meet at a speed, over their diameter.
+
+    δ = (15 m* v²/(16 E* √a*))^⅖ with m* = m/2, a* = a/2 and E* = E/(2(1−ν²)) (K. L. Johnson, Contact Mechanics (1985), eq. 11.23);
+    with m = 4π a³ρ/3 the radius cancels.
+
+    Args:
+        speed: Relative speed v [m/s].
+        density: ρ [kg/m³].
+        young: Young's modulus E [Pa].
+        poisson: Poisson's ratio ν.
+    """
+    ratio = density * speed * speed / contact_modulus(young, poisson, young, poisson)
+    return float(0.5 * (5.0 * math.pi * math.sqrt(2.0) / 8.0 * ratio) ** 0.4)
+
+
+def _under_load(run: Prepared) -> Iterator[Measured]:
+    if run.cost.deflection is not None:
+        yield Measured(run.cost.deflection)
+
+
+def _in_impacts(run: Prepared) -> Iterator[Measured]:
+    stages = zip(run.plan.stages, run.drives, strict=True)
+    speed = max(largest_speed(run.scenario, run.model, drives, largest_gravity(stage, run.model)) for stage, drives in stages)
+    for name, table in run.scenario.materials.items():
+        if table.young is not None and table.poisson is not None and speed > 0.0:
+            yield Measured(impact_deflection(speed, table.density, table.young, table.poisson), f"{name} at {speed:.3g} m/s")
+
+
+def _predicted_biot(run: Prepared) -> Iterator[Measured]:
+    """Bi = 2 λ a_c/(λ a) between equal grains, with the radius a_c = a √(δ/2a) of their contact (Hertz)."""
+    heat, deflection = run.scenario.heat, run.cost.deflection
+    if heat is not None and heat.conduction == "hertz" and deflection is not None and not isinstance(heat.force, PrescribedForce):
+        yield Measured(2.0 * math.sqrt(deflection))
+
+
+def _reached(run: Recorded) -> Iterator[Measured]:
+    if run.has_steps and run.info["hertz_deflection"] is not None:
+        yield Measured(run.info["hertz_deflection"])
+
+
+def _reached_biot(run: Recorded) -> Iterator[Measured]:
+    if run.has_steps and run.info["heat"] is not None:
+        yield Measured(run.info["heat"]["max_biot"])
+
+
+_STIFFER = "Lower loads or speeds, or read results as those of rigid grains; a soft-particle program computes soft ones."
+_ONE_TEMPERATURE = (
+    "Biot number of the contacts, H/(λ a): the resistance inside a grain over that of a contact. A grain has one temperature here, "
+    "which is questionable above 0.1 and wrong above 1."
+)
+_LOWER_BIOT = "Read temperatures as means over grains; benchmarks/lattice14 measures the error."
+
+RIGIDITY_BEFORE_RUN: tuple[Rule[Prepared], ...] = (
+    Rule(
+        "deflection", _under_load, _RIGID + " Predicted from the weight of the grains and the loads.", _STIFFER,
+        unit="of a diameter", warning=_SOFT, bad=_TOO_SOFT,
+    ),
+    Rule(
+        "deflection in impacts", _in_impacts,
+        "As deflection, in an elastic impact at the largest of the speed of a free fall through the domain, those of grains at the "
+        "start or at their release, and those of walls. It lasts for the time of an impact only.", _STIFFER,
+        unit="of a diameter", warning=_TOO_SOFT, bad=5.0 * _TOO_SOFT,
+    ),
+    Rule(
+        "Biot number", _predicted_biot, _ONE_TEMPERATURE + " Predicted from the weight of the grains and the loads.", _LOWER_BIOT,
+        warning=_BIOT, bad=1.0,
+    ),
+)  # fmt: skip
+"""What is checked before a run."""
+
+RIGIDITY_OF_RUN: tuple[Rule[Recorded], ...] = (
+    Rule(
+        "Hertz deflection", _reached,
+        _RIGID + " Of the largest contact force so far, which is an impulse over the time step.",
+        _STIFFER + " If a single impact made it, which is far from the mean forces, it is no more than that.",
+        unit="of a diameter", warning=_SOFT, bad=_TOO_SOFT,
+    ),
+    Rule("largest Biot number", _reached_biot, _ONE_TEMPERATURE, _LOWER_BIOT, warning=_BIOT, bad=1.0),
+)  # fmt: skip
+"""What is checked of a run."""
+
+
+# ---- Values that are allowed but seldom meant: other units than those of the SI, a sign, or temperatures that no solid has
+
+_HOTTEST_SOLID = 4300.0
+"""Temperature that no known solid bears [K]: mixed carbides and nitrides of hafnium melt near it (Q.-J. Hong & A. van de Walle,
+Phys. Rev. B 92, 2015, 020104)."""
+
+_SI = "All numbers of a scenario are in SI units."
+
+
+def _densities(run: Prepared) -> Iterator[Measured]:
+    return (Measured(table.density, name) for name, table in run.scenario.materials.items())
+
+
+def _young(run: Prepared) -> Iterator[Measured]:
+    return (Measured(table.young, name) for name, table in run.scenario.materials.items() if table.young is not None)
+
+
+def _diameters(run: Prepared) -> Iterator[Measured]:
+    grains = run.model.grains
+    for index, name in enumerate(run.model.groups):
+        radius = grains.radius[grains.group == index]
+        for value in {float(radius.min()), float(radius.max())} if radius.size else ():
+            yield Measured(2.0 * value, name)
+
+
+def _friction(run: Prepared) -> Iterator[Measured]:
+    named = [("", run.model.laws), *((f"stage {stage.name}", stage.laws) for stage in run.plan.stages if stage.laws is not None)]
+    for name, laws in named:
+        values = np.concatenate([laws.friction.ravel(), laws.table_friction])
+        values = values[np.isfinite(values)]
+        if values.size:
+            yield Measured(float(values.max()), name)
+
+
+def _temperatures(run: Prepared) -> Iterator[Measured]:
+    heat, thermal = run.scenario.heat, run.model.thermal
+    if heat is None or thermal is None:
+        return
+    yield Measured(float(run.state.temperature(thermal).min()), "coldest grain")
+    for stage in run.plan.stages:
+        conditions = [] if stage.heat is None else stage.heat.conditions.started([0.0] * len(run.plan.stages))
+        for name, wall in zip(run.model.walls.names, conditions, strict=False):
+            if wall.kind == "temperature" and wall.signal is not None:
+                yield Measured(wall.signal.value(0.0), f"wall {name} in stage {stage.name}")
+    if heat.ambient is not None:
+        yield Measured(heat.ambient.temperature, "fluid")
+    if heat.radiation is not None and heat.radiation.surroundings is not None:
+        yield Measured(heat.radiation.surroundings, "surroundings")
+
+
+def _melting(scenario: Scenario, model: Model) -> Floats:
+    """Temperature that each material bears [K], shape ``(k,)``."""
+    return np.array([scenario.materials[name].melting or _HOTTEST_SOLID for name in model.materials])
+
+
+def _of_grains(scenario: Scenario, model: Model, temperature: Floats) -> Iterator[Measured]:
+    """The hottest grain of each material over what it bears; T [K] of shape ``(n,)``, nan of grains that are not there."""
+    for k, limit in enumerate(_melting(scenario, model)):
+        of_it = temperature[(model.grains.material == k) & np.isfinite(temperature)]
+        if of_it.size:
+            yield Measured(float(of_it.max() / limit), f"{of_it.max():.5g} K, a grain of {model.materials[k]}")
+
+
+def _hot(run: Prepared) -> Iterator[Measured]:
+    heat, model, thermal = run.scenario.heat, run.model, run.model.thermal
+    if heat is None or thermal is None:
+        return
+    yield from _of_grains(run.scenario, model, run.state.temperature(thermal))
+    shapes, melting = model.shapes, _melting(run.scenario, model)
+    bears = [float(melting[shapes.material[shapes.wall == w]].min(initial=_HOTTEST_SOLID)) for w in range(model.wall_count)]
+    for stage in run.plan.stages:
+        conditions = [] if stage.heat is None else stage.heat.conditions.started([0.0] * len(run.plan.stages))
+        for name, limit, wall in zip(model.walls.names, bears, conditions, strict=False):
+            if wall.kind == "temperature":
+                hottest = wall.signal.largest()
+                yield Measured(hottest / limit, f"{hottest:.5g} K, wall {name} in stage {stage.name}")
+
+
+def _temperature_reached(run: Recorded) -> Iterator[Measured]:
+    """The hottest grain of any row of the time series, by what the hardiest material bears; then each material as it is now."""
+    model = run.run.model
+    if not run.has_steps or model.thermal is None or run.planned is None:
+        return
+    scenario = run.planned[0]
+    hottest = float(run.series("temperature_max").max(initial=run.info["heat"]["temperature"]["max"]))
+    bears = float(_melting(scenario, model)[model.grains.material].max(initial=0.0))
+    if bears > 0.0:
+        yield Measured(hottest / bears, f"{hottest:.5g} K, the hottest grain so far")
+    frame = run.run.frames[-1]
+    yield from _of_grains(scenario, model, np.asarray(frame.temperature, np.float64))
+
+
+def _upward_gravity(run: Prepared) -> Iterator[Measured]:
+    yield Measured(max(0.0, run.scenario.domain.gravity[1]))
+    for stage, gravity in zip(run.plan.stages, run.gravity, strict=True):
+        yield Measured(max(0.0, float(gravity[1])), f"stage {stage.name}")
+
+
+_MELTS = (
+    "Temperatures over the melting of the materials, or over 4,300 K, which no known solid bears, where none is given. Grains are "
+    "solids here: neither do they melt, nor do their properties depend on temperature."
+)
+
+PLAUSIBLE_BEFORE_RUN: tuple[Rule[Prepared], ...] = (
+    Rule(
+        "density", _densities, unit="kg/m³", least=50.0, warning=25_000.0,
+        meaning=f"Solids that flow as grains have densities from 50 (foams) to 23,000 (osmium) kg/m³. {_SI}",
+        remedy="Give density in kg/m³: 2.5 g/cm³ is 2500.",
+    ),
+    Rule(
+        "Young's modulus", _young, unit="Pa", least=1e5,
+        meaning=f"Softer than gels, whose grains are not rigid under any load. {_SI}",
+        remedy="Give young in Pa: 70 GPa is 70e9.",
+    ),
+    Rule(
+        "grain diameter", _diameters, unit="m", least=1e-6, warning=1.0,
+        meaning="Larger bodies are hardly grains; smaller ones are ruled by adhesion and the fluid, which this program leaves out. "
+        f"{_SI}",
+        remedy="Give radii in meters: 0.5 mm is 0.5e-3.",
+    ),
+    Rule(
+        "friction coefficient", _friction, warning=2.0,
+        meaning="Dry solids have coefficients of friction below 1, rubber up to 2.",
+        remedy="Check friction: is it an angle in degrees? Its tangent is the coefficient.",
+    ),
+    Rule(
+        "lowest temperature", _temperatures, unit="K", least=100.0,
+        meaning="Temperatures are absolute. What is below 100 K was probably meant in °C.",
+        remedy="Add 273.15 to temperatures in °C.",
+    ),
+    Rule(
+        "highest temperature", _hot, _MELTS, "Check temperatures and their units; give melting for other materials.",
+        unit="of what it bears", warning=1.0, bad=1.0,
+    ),
+    Rule(
+        "upward gravity", _upward_gravity, unit="m/s²", warning=0.0,
+        meaning="gravity is an acceleration: with a positive second component grains fall upwards.",
+        remedy="Give gravity = [0.0, -9.81].",
+    ),
+)  # fmt: skip
+"""What is checked of the values of a scenario."""
+
+PLAUSIBLE_OF_RUN: tuple[Rule[Recorded], ...] = (
+    Rule(
+        "highest temperature reached", _temperature_reached, _MELTS,
+        "Check what heats the grains: flows of walls [W, not W/m²] and their duration, rates of shear under high loads.",
+        unit="of what it bears", warning=1.0, bad=1.0,
+    ),
+)  # fmt: skip
+"""What is checked of a run."""
+
+
+# ---- Whether numbers of the flow stand out of the rounding of larger ones, to which they are added
+
+_SAMPLES = 32
+_DOUBLE, _SINGLE = float(np.finfo(np.float64).eps), float(np.finfo(np.float32).eps)
+
+
+def _farthest(run: Prepared) -> float:
+    """Largest coordinate of a grain or wall [m]."""
+    places = (run.state.position[:, :2], run.state.wall_position[:, :2])
+    return max([run.model.period, *(float(np.abs(place).max(initial=0.0)) for place in places)])
+
+
+def _smallest(run: Prepared) -> float:
+    return float(run.model.grains.radius.min())
+
+
+def _of_places(run: Prepared) -> Iterator[Measured]:
+    far = _farthest(run)
+    yield Measured(_DOUBLE * far / _smallest(run), f"places up to {far:.3g} m")
+    yield from _of_loads(run)
+
+
+def _of_loads(run: Prepared) -> Iterator[Measured]:
+    """ε F Δt²/M: what rounding leaves of the way on which a load sends its wall before the grains hold it."""
+    walls = run.model.walls
+    for stage, drives in zip(run.plan.stages, run.drives, strict=True):
+        length = 1.0 if stage.length is None else stage.length
+        for w, drive in enumerate(drives):
+            dofs = ((drive.x, walls.mass[w], 1.0), (drive.y, walls.mass[w], 1.0), (drive.spin, walls.inertia[w], walls.length[w]))
+            for dof, mass, lever in dofs:
+                load = _largest_load(dof, float(walls.length[w]), length)
+                if load > 0.0:
+                    way = load * stage.dt * stage.dt / (float(mass) + 0.5 * stage.dt * dof.damping) * float(lever)
+                    yield Measured(_DOUBLE * way / _smallest(run), f"load of wall {walls.names[w]} in stage {stage.name}")
+
+
+def _largest_load(dof: DofDrive, length: float, duration: float) -> float:
+    """Largest force [N] or torque [N m] of a stage; 0 where a motion is prescribed."""
+    loads = [(dof.force, 1.0), (dof.stress, length)]
+    times = [duration * (k + 0.5) / _SAMPLES for k in range(_SAMPLES)]
+    return math.fsum(factor * max(abs(load.value(t)) for t in times) for load, factor in loads if load is not None)
+
+
+def _stored(run: Prepared) -> Iterator[Measured]:
+    if run.scenario.output.precision == "single":
+        far = _farthest(run)
+        yield Measured(_SINGLE * far / _smallest(run), f"places up to {far:.3g} m")
+
+
+ROUNDING: tuple[Rule[Prepared], ...] = (
+    Rule(
+        "round-off", _of_places, unit="of the smallest radius", warning=1e-7, bad=5e-4,
+        meaning="What rounding leaves open of the places of grains and walls: 2·10⁻¹⁶ of their coordinates, and of the way on "
+        "which a load would send its wall in a step, if no grain held it.",
+        remedy="Put the domain near the origin; give the wall a mass not far below that of the grains under it, or a shorter dt.",
+    ),
+    Rule(
+        "stored places", _stored, unit="of the smallest radius", warning=1e-2, bad=0.1,
+        meaning='What rounding to numbers of seven digits (precision = "single") leaves open of the places in the files.',
+        remedy='Use precision = "double", or put the domain near the origin.',
+    ),
+)  # fmt: skip
+"""What is checked of rounding."""
+
+
+# ---- Whether a run fits on the machine
+
+
+def _disk(run: Prepared) -> Iterator[Measured]:
+    place = run.directory.absolute()
+    while not place.exists():
+        place = place.parent
+    free = shutil.disk_usage(place).free
+    if run.cost.disk_peak is not None:
+        yield Measured(run.cost.disk_peak / max(free, 1), f"{format_bytes(run.cost.disk_peak)} of {format_bytes(free)}")
+
+
+def _memory(run: Prepared) -> Iterator[Measured]:
+    free = available_memory()
+    if free is not None:
+        yield Measured(run.cost.memory / max(free, 1), f"{format_bytes(run.cost.memory)} of {format_bytes(free)}")
+
+
+COST: tuple[Rule[Prepared], ...] = (
+    Rule(
+        "disk", _disk, unit="of the free space", warning=0.5, bad=1.0,
+        meaning="Largest size of the run directory, while results.h5 is made, over the free space where it will lie.",
+        remedy='Write fewer frames (output.frame_interval), leave contacts out, use precision = "single", or free some space.',
+    ),
+    Rule(
+        "memory", _memory, unit="of the free memory", warning=0.7, bad=1.0,
+        meaning="Memory that the run will use over what is free now.",
+        remedy="Use fewer grains, or a machine with more memory.",
+    ),
+)  # fmt: skip
+"""What is checked of the cost of a run."""

@@ -12,9 +12,9 @@ from cut_runs import BOX
 from scenes import HEATED, PACKED, SMALL, changed, write_small
 
 from multicor_cli import check_scenario
-from multicor_cli.checks import Check, Verdict, cost, worst_verdict
+from multicor_cli.checks import Check, Verdict, resolution, worst_verdict
 from multicor_cli.checks.floor import escape_share
-from multicor_cli.checks.rigidity import impact_deflection
+from multicor_cli.checks.resolution import impact_deflection
 from multicor_cli.engine.heat.hertz import contact_modulus
 from multicor_cli.packing import build
 from multicor_cli.scenario.load import load_scenario
@@ -135,17 +135,17 @@ def test_impact_of_spheres() -> None:
 @pytest.mark.parametrize(("share", "verdict"), [(0.1, OK), (0.8, WARNING), (1.5, BAD)])
 def test_disk(share: float, verdict: Verdict, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     usage = namedtuple("usage", "free")
-    monkeypatch.setattr(cost.shutil, "disk_usage", lambda place: usage(10**9))
+    monkeypatch.setattr(resolution.shutil, "disk_usage", lambda place: usage(10**9))
     needed = checked(tmp_path)["disk"].value * 1e9
-    monkeypatch.setattr(cost.shutil, "disk_usage", lambda place: usage(int(needed / share)))
+    monkeypatch.setattr(resolution.shutil, "disk_usage", lambda place: usage(int(needed / share)))
     assert checked(tmp_path)["disk"].verdict is verdict
 
 
 @pytest.mark.parametrize(("share", "verdict"), [(0.1, OK), (0.8, WARNING), (1.5, BAD)])
 def test_memory(share: float, verdict: Verdict, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(cost, "available_memory", lambda: 10**9)
+    monkeypatch.setattr(resolution, "available_memory", lambda: 10**9)
     needed = checked(tmp_path)["memory"].value * 1e9
-    monkeypatch.setattr(cost, "available_memory", lambda: int(needed / share))
+    monkeypatch.setattr(resolution, "available_memory", lambda: int(needed / share))
     assert checked(tmp_path)["memory"].verdict is verdict
 
 

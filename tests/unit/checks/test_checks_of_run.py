@@ -20,7 +20,7 @@ from scenes import HEATED, LASTING, PACKED, SMALL, changed, write_small
 
 import multicor_cli as multicor
 from multicor_cli.checks import OF_RUN, Check, Recorded, Verdict, judge_all, resolution, worst_verdict
-from multicor_cli.checks.drift import relative_drift
+from multicor_cli.checks.books import relative_drift
 from multicor_cli.store import open_run, run_info
 
 CONFIGS = ROOT / "configs"
