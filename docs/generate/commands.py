@@ -8,7 +8,7 @@ from typing import Any, get_args
 import typer.main
 
 from multicor_cli.cli.app import app
-from multicor_cli.cli.listing import filled
+from multicor_cli.cli.options import filled
 from multicor_cli.running.outcome import ExitCode
 
 FOLDER = "reference/commands"

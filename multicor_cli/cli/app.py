@@ -13,16 +13,7 @@ import typer
 from typer.core import TyperGroup
 
 from multicor_cli import __version__
-from multicor_cli.cli import (
-    bench_command,
-    export_command,
-    post_commands,
-    reading_commands,
-    report_command,
-    run_command,
-    scenario_commands,
-    study_commands,
-)
+from multicor_cli.cli import bench_command, post_commands, reading_commands, run_command, scenario_commands, study_commands
 from multicor_cli.cli.guard import USAGE_ERROR, guarded
 from multicor_cli.text import brief, printable
 
@@ -76,10 +67,17 @@ def options(
     """Options before a command."""
 
 
-for module in (
-    scenario_commands, run_command, study_commands, reading_commands, post_commands, export_command, report_command, bench_command,
-):  # fmt: skip
-    module.register(app, guarded)
+for register in (
+    scenario_commands.register,
+    run_command.register,
+    study_commands.register,
+    reading_commands.register,
+    post_commands.register,
+    reading_commands.register_export,
+    reading_commands.register_report,
+    bench_command.register,
+):
+    register(app, guarded)
 
 
 def main() -> None:

@@ -9,9 +9,8 @@ from typing import TYPE_CHECKING, Annotated, Any, Optional
 
 import typer
 
-from multicor_cli.cli.completion import listed
 from multicor_cli.cli.console import emit_json, emit_table, say
-from multicor_cli.cli.listing import ListingCommand
+from multicor_cli.cli.options import ListingCommand, listed
 from multicor_cli.running.outcome import ExitCode
 
 if TYPE_CHECKING:

@@ -1,15 +1,25 @@
-"""What goes to the terminal: results on stdout, everything for people on stderr."""
+"""What goes to the terminal: results on stdout; on stderr everything for people, progress among it."""
 
 from __future__ import annotations
 
 import contextlib
 import json
 import math
+import shlex
 import sys
-from collections.abc import Sequence
-from typing import Any
+import time
+from collections.abc import Callable, Iterator, Sequence
+from pathlib import Path
+from textwrap import fill
+from typing import TYPE_CHECKING, Annotated, Any
 
-from multicor_cli.text import brief, printable
+import typer
+
+from multicor_cli.text import brief, count_noun, printable
+
+if TYPE_CHECKING:
+    from multicor_cli.checks import Check
+    from multicor_cli.running.observer import Observer, Status
 
 
 def say(text: str = "") -> None:
@@ -79,3 +89,258 @@ def _plain(value: Any) -> Any:
     if isinstance(value, float) and not math.isfinite(value):
         return None
     return value
+
+
+# ---- The progress bar of everything that takes a while on a terminal
+
+INTERVAL = 0.2
+"""Wall-clock time between two updates [s]."""
+
+
+class Bar:
+    """One bar or several on stderr, from the first update on; a terminal that is gone stops nothing.
+
+    Args:
+        is_transient: Whether it disappears at the end.
+    """
+
+    def __init__(self, *, is_transient: bool = False) -> None:
+        from rich.console import Console
+        from rich.progress import BarColumn, Progress, TextColumn
+
+        self._console = Console(stderr=True, highlight=False)
+        self._progress = Progress(
+            TextColumn("{task.description}", markup=False),
+            BarColumn(bar_width=20),
+            TextColumn("{task.percentage:5.1f} %"),
+            TextColumn("{task.fields[line]}", markup=False),
+            console=self._console,
+            auto_refresh=False,
+            transient=is_transient,
+        )
+        self._tasks = [self._progress.add_task("", total=1.0, line="")]
+        self._is_running = False
+        self._next = 0.0
+
+    def is_due(self, share: float) -> bool:
+        """Whether it is time for an update; at the end it always is."""
+        return share >= 1.0 or time.monotonic() >= self._next
+
+    def update(self, share: float, description: str, line: str, *more: tuple[float, str, str]) -> None:
+        """Show how much is done: a share from 0 to 1, with a text before and one behind the bar.
+
+        Args:
+            share: How much is done.
+            description: The text before the bar.
+            line: The text behind it.
+            more: The same for further bars, below the first.
+        """
+        self._next = time.monotonic() + INTERVAL
+        rows = ((share, description, line), *more)
+        with contextlib.suppress(OSError):
+            while len(self._tasks) < len(rows):
+                self._tasks.append(self._progress.add_task("", total=1.0, line=""))
+            for task, row in zip(self._tasks, rows, strict=False):
+                self._progress.update(task, completed=row[0], description=row[1], line=row[2], visible=True)
+            for task in self._tasks[len(rows) :]:
+                self._progress.update(task, visible=False)
+            if not self._is_running:
+                self._is_running = True
+                self._progress.start()
+            self._progress.refresh()
+
+    def message(self, text: str) -> None:
+        """Show a line above the bar."""
+        with contextlib.suppress(OSError):
+            self._console.print(text, markup=False, soft_wrap=True)
+
+    def close(self) -> None:
+        """Give the terminal back."""
+        with contextlib.suppress(OSError):
+            if self._is_running:
+                self._progress.stop()
+
+
+# ---- Showing what takes a while: a bar on a terminal, an occasional line in a log, nothing but warnings if asked to be quiet
+
+LINE_INTERVAL = 30.0
+"""Wall-clock time between two lines of a run in a log [s]."""
+
+WORK_INTERVAL = 10.0
+"""The same for shorter work [s]."""
+
+
+def make_observer(*, is_quiet: bool) -> Observer:
+    """The observer that suits the terminal."""
+    if is_quiet:
+        return QuietObserver()
+    return BarObserver() if sys.stderr.isatty() else LogObserver()
+
+
+class QuietObserver:
+    """Shows warnings only; not being able to write them (a closed pipe) must not stop a run."""
+
+    def message(self, text: str) -> None:
+        """Ignore it."""
+
+    def warning(self, text: str) -> None:
+        """Show it."""
+        self._say(f"warning: {text}")
+
+    def stepped(self, status: Status) -> None:
+        """Ignore it."""
+
+    def closed(self) -> None:
+        """Nothing to do."""
+
+    def _say(self, text: str) -> None:
+        with contextlib.suppress(OSError):
+            say(text)
+
+
+class LogObserver(QuietObserver):
+    """One line every `LINE_INTERVAL`, the first one after the first steps."""
+
+    def __init__(self) -> None:
+        self._next = time.monotonic() + 5.0
+
+    def message(self, text: str) -> None:
+        """Show it."""
+        self._say(text)
+
+    def stepped(self, status: Status) -> None:
+        """Show a line if it is time for one."""
+        now = time.monotonic()
+        if now >= self._next:
+            self._next = now + LINE_INTERVAL
+            self._say(f"{100.0 * status.progress:5.1f} %  {describe(status)}{_remaining(status)}")
+
+
+class BarObserver(QuietObserver):
+    """A progress bar; messages appear above it."""
+
+    def __init__(self) -> None:
+        self._bar = Bar()
+
+    def message(self, text: str) -> None:
+        """Show it above the bar."""
+        self._bar.message(text)
+
+    def warning(self, text: str) -> None:
+        """Show it above the bar."""
+        self.message(f"warning: {text}")
+
+    def stepped(self, status: Status) -> None:
+        """Update the bar if it is time for that."""
+        if self._bar.is_due(status.progress):
+            self._bar.update(status.progress, status.stage, describe(status, with_stage=False) + _remaining(status))
+
+    def closed(self) -> None:
+        """Give the terminal back."""
+        self._bar.close()
+
+
+@contextlib.contextmanager
+def show_progress(noun: str) -> Iterator[Callable[[int, int], None]]:
+    """Give a function that is told how many things are done, and of how many; it writes to stderr.
+
+    Args:
+        noun: What is counted, in the singular.
+    """
+    bar = Bar(is_transient=True) if sys.stderr.isatty() else None
+    following = time.monotonic() + WORK_INTERVAL
+
+    def update(done: int, total: int) -> None:
+        nonlocal following
+        text = f"{noun} {done} of {total}"
+        if bar is not None and bar.is_due(done / total):
+            bar.update(done / total, text, "")
+        elif bar is None and time.monotonic() >= following:
+            following = time.monotonic() + WORK_INTERVAL
+            say(text)
+
+    try:
+        yield update
+    finally:
+        if bar is not None:
+            bar.close()
+
+
+def describe(status: Status, *, with_stage: bool = True) -> str:
+    """Where a run is, in one line."""
+    state, report = status.state, status.report
+    parts = [f"stage {status.stage}"] if with_stage else []
+    parts += [f"step {state.step}", f"t = {state.time:.4g} s"]
+    if status.speed is not None:
+        parts.append(f"{status.speed:.3g} steps/s")
+    parts += [f"{report.contacts} contacts", f"{report.sweeps:.0f} sweeps", f"residual {report.rms:.1e}"]
+    return "  ".join(parts)
+
+
+def _remaining(status: Status) -> str:
+    return "" if status.remaining is None or status.progress >= 1.0 else f"  {format_seconds(status.remaining)} left"
+
+
+# ---- The two commands that are worth giving after a run
+
+
+def following(directory: Path) -> tuple[str, str]:
+    """A look at a finished run, and the report of it.
+
+    Args:
+        directory: The run directory.
+    """
+    from multicor_cli.store import open_run
+
+    place = shlex.quote(str(directory))
+    with open_run(directory) as run:
+        is_heated = run.model.thermal is not None
+    look = f"multicor post map {place} --of {'temperature' if is_heated else 'speed'} --plot map.png"
+    return look, f"multicor report {place}"
+
+
+# ---- Checks on the terminal and in JSON, and what `--strict` makes of them
+
+Strict = Annotated[bool, typer.Option("--strict", help="Exit with code 4 if a check is bad.")]
+
+
+_WIDTH = 120
+_INDENT = " " * 11
+
+
+def show_all(checks: Sequence[Check], write: Callable[[str], None]) -> None:
+    """Every check in a line; what those that are not ok mean, and what to do, below theirs."""
+    width = max((len(check.name) for check in checks), default=0)
+    for check in checks:
+        write(f"{check.verdict.value:<7}  {check.name:<{width}}  {check.text} [{check.limit}]")
+        if check.verdict.value != "ok":
+            for text, start in ((check.meaning, _INDENT), (check.remedy, _INDENT[:-2] + "→ ")):
+                write(fill(text, _WIDTH, initial_indent=start, subsequent_indent=_INDENT))
+
+
+def show_doubtful(checks: Sequence[Check], say: Callable[[str], None]) -> None:
+    """The checks that are not ok, each in a line."""
+    for check in checks:
+        if check.verdict.value != "ok":
+            say(f"{check.verdict.value}: {check.name}: {check.text} [{check.limit}]. {check.remedy}")
+
+
+def count_verdicts(checks: Sequence[Check]) -> str:
+    """How many checks came out how, in words."""
+    count = {verdict: sum(check.verdict.value == verdict for check in checks) for verdict in ("ok", "warning", "bad")}
+    return f"{count_noun(len(checks), 'check')}: {count['ok']} ok, {count_noun(count['warning'], 'warning')}, {count['bad']} bad"
+
+
+def checks_as_json(checks: Sequence[Check]) -> dict[str, Any]:
+    """The worst verdict, and all checks."""
+    from multicor_cli.checks import worst_verdict
+
+    return {"verdict": worst_verdict(checks).value, "checks": [check.as_dict() for check in checks]}
+
+
+def refuse_bad(checks: Sequence[Check], *, is_strict: bool) -> None:
+    """Leave the command with code 4 if a check is bad and the user asked for that; raises `ChecksFailed`."""
+    from multicor_cli.checks import ChecksFailed, Verdict
+
+    if is_strict and any(check.verdict is Verdict.BAD for check in checks):
+        raise ChecksFailed(list(checks))

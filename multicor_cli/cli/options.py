@@ -1,11 +1,15 @@
-"""Arguments and options that several commands share."""
+"""Arguments and options that several commands share, help that lists choices, and their completion."""
 
 from __future__ import annotations
 
+import contextlib
+from collections.abc import Callable, Iterable
+from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any, Optional
 
 import typer
+from typer.core import TyperCommand
 
 
 def output_option(*, metavar: str, help: str, show_default: str | bool = False) -> Any:  # noqa: A002  (Typer's name)
@@ -34,3 +38,89 @@ Overrides = Annotated[
         show_default=False,
     ),
 ]
+
+
+# ---- Help that lists what there is to choose from
+
+_LISTS = {
+    "profiled": ("multicor_cli.post", "PROFILED"),
+    "groups": ("multicor_cli.post", "PROFILE_GROUPS"),
+    "mapped": ("multicor_cli.post", "MAPPED"),
+    "scenes": ("multicor_cli.bench.scenes", "SCENES"),
+    "templates": ("multicor_cli.scenario.templates", "TEMPLATES"),
+    "fits": ("multicor_cli.studies.fits", "FITS"),
+}
+"""What stands for ``{name}`` in a help text: the module, and the names in it."""
+
+
+class ListingCommand(TyperCommand):
+    """A command with lists in the help of its parameters; they are loaded only when its help is shown, since some take long."""
+
+    def format_help(self, ctx: Any, formatter: Any) -> None:
+        """Fill the lists in, then write the help."""
+        for parameter in self.params:
+            text = getattr(parameter, "help", None) or ""
+            if "{" in text:
+                parameter.help = filled(text)  # type: ignore[attr-defined]
+        super().format_help(ctx, formatter)
+
+
+def names_in(key: str) -> list[str]:
+    """The names of a list."""
+    module, name = _LISTS[key]
+    return list(getattr(import_module(module), name))
+
+
+def filled(text: str) -> str:
+    """A help text with its lists."""
+    for key in _LISTS:
+        if (place := f"{{{key}}}") in text:
+            text = text.replace(place, ", ".join(names_in(key)))
+    return text
+
+
+# ---- What the shell offers for the value of an option: `multicor --install-completion` turns it on
+
+
+def listed(*keys: str) -> Callable[[str], list[str]]:
+    """Names of the lists that help texts show under these keys."""
+
+    def offer(incomplete: str) -> list[str]:
+        return _beginning(incomplete, (name for key in keys for name in names_in(key)))
+
+    return offer
+
+
+def fields(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Coarse-grained fields, with components along the axes that the line asks for."""
+    from multicor_cli.post.field_sums import field_list
+
+    known = field_list("rt" if ctx.params.get("center") else "xy", has_heat=True, has_stress=True)
+    return _beginning(incomplete, (field.name for field in known))
+
+
+def columns(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Columns of the time series of the run that the line names; of walls and outlets what stands behind the colon."""
+    from multicor_cli.store import open_run
+
+    with contextlib.suppress(Exception), open_run(_place(ctx, "directory")) as run:  # a shell has no place for messages
+        return _beginning(incomplete, (column.name.rpartition(": ")[2] for column in run.series_columns))
+    return []
+
+
+def observables(ctx: typer.Context, incomplete: str) -> list[str]:
+    """Observables of the study that the line names."""
+    from multicor_cli.studies.load import load_study
+
+    with contextlib.suppress(Exception):
+        return _beginning(incomplete, (observable.name for observable in load_study(_place(ctx, "file")).model.observe))
+    return []
+
+
+def _place(ctx: typer.Context, name: str) -> str:
+    """The first argument: the parser leaves it where it was when an option behind it has no value yet."""
+    return str(ctx.params.get(name) or ctx.args[0])
+
+
+def _beginning(incomplete: str, names: Iterable[str]) -> list[str]:
+    return list(dict.fromkeys(name for name in names if name.startswith(incomplete)))

@@ -1,14 +1,19 @@
-"""Commands ``post profile``, ``post theta-eta``, ``post map``: what the grains do."""
+"""Commands ``post …`` about what the grains do: profiles, θ–η, maps, fields, regions, and films of maps."""
 
 from __future__ import annotations
 
+import math
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Optional
 
 import typer
 
-from multicor_cli.cli.completion import listed
-from multicor_cli.cli.options import RunPath
-from multicor_cli.cli.post_options import (
+from multicor_cli.cli import options
+from multicor_cli.cli.console import say, show_progress
+from multicor_cli.cli.options import RunPath, listed, output_option
+from multicor_cli.cli.post_output import (
     AsCsv,
     AsJson,
     Between,
@@ -19,13 +24,17 @@ from multicor_cli.cli.post_options import (
     OneFrame,
     OverwriteFigure,
     Start,
+    TableOutput,
     parse_frames,
 )
-from multicor_cli.cli.post_output import TableOutput
 from multicor_cli.text import count_noun
 
 if TYPE_CHECKING:
-    from multicor_cli.post import ThetaTable
+    from multicor_cli.model.areas import Area
+    from multicor_cli.post import GrainMap, ThetaTable
+    from multicor_cli.store import Run
+
+# ---- Commands `post profile`, `post theta-eta`, `post map`
 
 ProfileOf = Annotated[
     str,
@@ -209,4 +218,219 @@ def _frames_of(table: ThetaTable) -> str:
 
 
 COMMANDS = {"profile": profile, "theta-eta": theta_eta, "map": map_grains}
+"""Commands by name."""
+
+
+# ---- Command `post fields`: coarse-grained fields over the plane, along a line, or about a center
+
+FieldNames = Annotated[
+    Optional[list[str]],  # noqa: UP045  (evaluated by typer)
+    typer.Option(
+        "--of",
+        metavar="FIELD",
+        help="Field of the figure, and of the table of a line or of rings; several times for several. The table of a grid lists "
+        "what there is.",
+        show_default="solid-fraction; velocities of a line or of rings",
+        autocompletion=options.fields,
+    ),
+]
+Spacing = Annotated[float, typer.Option("--spacing", metavar="D", help="Distance of the points in mean diameters.")]
+Reach = Annotated[float, typer.Option("--reach", metavar="D", help="How far the kernel reaches, in mean diameters.")]
+CenterPoint = Annotated[
+    Optional[str],  # noqa: UP045
+    typer.Option("--center", metavar="X,Y", help="Polar coordinates about this point (in m).", show_default=False),
+]
+Along = Annotated[
+    Optional[str],  # noqa: UP045
+    typer.Option("--line", metavar="X0,Y0:X1,Y1", help="Fields on the line between these points (in m).", show_default=False),
+]
+Radial = Annotated[bool, typer.Option("--radial", help="Average over rings about --center.")]
+
+
+def fields(
+    directory: RunPath,
+    of: FieldNames = None,
+    center: CenterPoint = None,
+    is_radial: Radial = False,
+    along: Along = None,
+    spacing: Spacing = 0.5,
+    reach: Reach = 2.0,
+    start: Start = None,
+    end: End = None,
+    frames: Frames = None,
+    is_json: AsJson = False,
+    is_csv: AsCsv = False,
+    plot: FigureFile = None,
+    is_overwriting: OverwriteFigure = False,
+) -> None:
+    """Average fields over frames with a smooth kernel: solid fraction, velocity, strain rate, stress, temperature, fluctuations.
+
+    On a grid over the grains, on a polar grid (--center), on a line (--line), or over rings (--center with --radial); these two
+    have standard errors. CSV and JSON have every field at every point.
+    """
+    output = TableOutput(is_json, is_csv, plot, is_overwriting=is_overwriting)
+    if is_radial and center is None:
+        raise typer.BadParameter("--radial needs --center", param_hint="--radial")
+    if along is not None and center is not None:
+        raise typer.BadParameter("--line and --center exclude each other")
+    middle = None if center is None else parse_point(center, "--center")
+    ends = None if along is None else parse_line(along, "--line")
+    from multicor_cli.post import Selection
+    from multicor_cli.post import fields as make_table
+    from multicor_cli.store import open_run
+
+    selection = Selection(start, end, parse_frames(frames, start, end))
+    with open_run(directory) as run:
+        table = make_table(
+            run, of or (), selection, spacing=spacing, reach=reach, center=middle, along=ends, is_radial=is_radial
+        )  # fmt: skip
+    output.draw(table)
+    about = f"{count_noun(table.frames.size, 'frame')} from t = {table.times[0]:g} s to {table.times[1]:g} s"
+    about += f"; {table.note}" if table.note else ""
+    output.deliver(table, about, run=directory, is_detailed=True)
+
+
+def parse_point(text: str, option: str) -> tuple[float, float]:
+    """A point ``X,Y`` [m]; refuses a text that is none."""
+    try:
+        x, y = (float(part) for part in text.split(","))
+        if not math.isfinite(x + y):
+            raise ValueError
+    except ValueError:
+        raise typer.BadParameter(f"'{text}' is not a point; write X,Y in meters, as 0.02,0.01", param_hint=option) from None
+    return x, y
+
+
+def parse_line(text: str, option: str) -> tuple[tuple[float, float], tuple[float, float]]:
+    """A line ``X0,Y0:X1,Y1`` [m]; refuses a text that is none."""
+    first, _, last = text.partition(":")
+    if not last:
+        raise typer.BadParameter(f"'{text}' is not a line; write X0,Y0:X1,Y1 in meters", param_hint=option)
+    return parse_point(first, option), parse_point(last, option)
+
+
+FIELD_COMMANDS = {"fields": fields}
+"""Commands by name."""
+
+
+# ---- Command `post region`: what is inside a part of the plane
+
+EXAMPLE = '{ kind = "circle", center = [0.02, 0.01], radius = 0.005 }'
+Place = Annotated[
+    str,
+    typer.Option(
+        "--in",
+        metavar="REGION",
+        help=f"The region, as in a scenario: {EXAMPLE}, an annulus, a polygon, or a rectangle {{ min, max }}.",
+        show_default=False,
+    ),
+]
+
+
+def region(
+    directory: RunPath,
+    place: Place,
+    start: Start = None,
+    end: End = None,
+    frames: Frames = None,
+    is_json: AsJson = False,
+    is_csv: AsCsv = False,
+    plot: FigureFile = None,
+    is_overwriting: OverwriteFigure = False,
+) -> None:
+    """Measure what is inside a region: solid fraction, coordination, velocity, temperature, stress of contacts and of fluctuations.
+
+    The table holds means over the frames and their standard errors, CSV one row per frame, JSON and figure both. Grains count with
+    the part of their area that lies inside, contacts with that of their branch.
+    """
+    output = TableOutput(is_json, is_csv, plot, is_overwriting=is_overwriting)
+    area = _parse(place)
+    from multicor_cli.post import Selection, in_region
+    from multicor_cli.store import open_run
+
+    with open_run(directory) as run:
+        table = in_region(run, area, Selection(start, end, parse_frames(frames, start, end)))
+    output.draw(table)
+    about = f"{count_noun(len(table.time), 'frame')} from t = {table.time[0]:g} s to {table.time[-1]:g} s"
+    output.deliver(table, about, run=directory, is_detailed=True)
+
+
+def _parse(text: str) -> Area:
+    from pydantic import TypeAdapter, ValidationError
+
+    from multicor_cli.scenario.region import AnyRegion, Region
+
+    try:
+        found: Region = TypeAdapter(AnyRegion).validate_python(tomllib.loads(f"region = {text}")["region"])
+    except tomllib.TOMLDecodeError:
+        raise typer.BadParameter(f"'{text}' is not a region; write it as {EXAMPLE}", param_hint="--in") from None
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(key) for key in first["loc"] if not str(key).startswith("<"))
+        raise typer.BadParameter(f"{where or 'region'}: {first['msg']}; write it as {EXAMPLE}", param_hint="--in") from None
+    return found.area()
+
+
+REGION_COMMANDS = {"region": region}
+"""Commands by name."""
+
+
+# ---- Command `post animate`: a film of a map
+
+FilmOf = Annotated[str, typer.Option("--of", metavar="FIELD", help="What to show: {mapped}.", autocompletion=listed("mapped"))]
+FilmFile = Annotated[Path, output_option(metavar="FILE", help="File to write: FILE.mp4 or .gif.")]
+Rate = Annotated[float, typer.Option("--fps", metavar="N", min=0.1, max=120.0, help="Pictures per second.")]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace the file if it exists.")]
+
+
+def animate(
+    directory: RunPath,
+    output: FilmFile,
+    of: FilmOf = "velocity",
+    frames: Frames = None,
+    rate: Rate = 20.0,
+    is_overwriting: Overwrite = False,
+) -> None:
+    """Draw a map of every frame into a film, with one color scale for all.
+
+    An .mp4 needs ffmpeg; where it is missing a .gif is written instead.
+    """
+    from multicor_cli.export.target import check_output
+    from multicor_cli.plots.animate import SUFFIXES, film_path, write_film
+
+    if output.suffix.lower() not in SUFFIXES:
+        raise typer.BadParameter(f"'{output}' does not end in .mp4 or .gif", param_hint="-o")
+    target = film_path(output)
+    if target != output:
+        say(f"ffmpeg is not installed: writing {target} instead of {output}")
+    check_output(target, is_overwriting=is_overwriting)
+    from multicor_cli.post import Selection
+    from multicor_cli.store import open_run
+
+    with open_run(directory) as run, show_progress("frame") as progress:
+        chosen = Selection(frames=parse_frames(frames, None, None) or slice(None)).indices(run.frames).tolist()
+        film = write_film(lambda: _maps(run, of, chosen), len(chosen), output, rate=rate, progress=progress)
+    skipped = f", without {film.skipped} that lack this quantity" if film.skipped else ""
+    say(f"wrote {film.path}: {film.frames} frames{skipped}")
+
+
+def _maps(run: Run, of: str, chosen: list[int]) -> Iterator[GrainMap | None]:
+    """Maps of frames; None for those that lack the quantity. Not all may lack it, and there must be a grain in some."""
+    from multicor_cli.post import PostError, grain_map
+
+    found, trouble = False, None
+    for frame in chosen:
+        try:
+            table = grain_map(run, of, frame, may_be_empty=True)
+        except PostError as error:
+            trouble = error
+            yield None
+            continue
+        found |= bool(table.value.size)
+        yield table
+    if not found:
+        raise trouble or PostError("no grain is there in any of the frames")
+
+
+FILM_COMMANDS = {"animate": animate}
 """Commands by name."""

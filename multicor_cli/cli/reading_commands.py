@@ -1,16 +1,34 @@
-"""Commands that look at a run or at the installation: ``info``, ``verify``, ``doctor``."""
+"""Commands that read a run, or look at the installation: ``info``, ``verify``, ``doctor``, ``report``, ``export …``."""
 
 from __future__ import annotations
 
-from typing import Annotated, Any
+import contextlib
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Annotated, Any, Optional
 
 import typer
 
-from multicor_cli.cli.check_output import Strict, checks_as_json, refuse_bad, show_all
-from multicor_cli.cli.console import emit, emit_json, emit_pairs, format_seconds, say
-from multicor_cli.cli.options import RunPath
+from multicor_cli.cli.console import (
+    Strict,
+    checks_as_json,
+    complain,
+    emit,
+    emit_json,
+    emit_pairs,
+    format_seconds,
+    refuse_bad,
+    say,
+    show_all,
+    show_progress,
+)
+from multicor_cli.cli.options import RunPath, output_option
+from multicor_cli.cli.post_output import Frames, OneFrame, parse_frames
+from multicor_cli.optional import LIBRARIES
 from multicor_cli.running.outcome import ExitCode
-from multicor_cli.text import count_noun
+from multicor_cli.text import count_noun, format_bytes
+
+# ---- Commands `info`, `verify`, `doctor`
 
 _HEAT_LABELS = {
     "friction": "  of friction",
@@ -190,3 +208,114 @@ def register(app: typer.Typer, wrap: Any) -> None:
     app.command("info")(wrap(info))
     app.command("verify")(wrap(verify))
     app.command("doctor")(wrap(doctor))
+
+
+# ---- Command `report`: one HTML page about a run
+
+PageFile = Annotated[
+    Optional[Path],  # noqa: UP045  (evaluated by typer)
+    output_option(metavar="FILE.html", help="File to write.", show_default="DIR-report.html beside DIR"),
+]
+FrameLimit = Annotated[
+    Optional[int],  # noqa: UP045
+    typer.Option("--frames", metavar="N", min=1, help="Largest number of frames in it.", show_default="as many as fit in 30 MB"),
+]
+OverwritePage = Annotated[bool, typer.Option("--overwrite", help="Replace the file if it is a report.")]
+
+
+def report(directory: RunPath, output: PageFile = None, frames: FrameLimit = None, is_overwriting: OverwritePage = False) -> None:
+    """Write one HTML page about a run, to mail or to keep: how it went, figures, and an interactive view of the grains.
+
+    The page needs no network and opens in any current browser. It works on a run that is still going on. Frames are left
+    out, evenly, if the page would become larger than 30 MB, and it says so.
+    """
+    if output is not None and output.suffix.lower() not in (".html", ".htm"):
+        raise typer.BadParameter(f"'{output}' does not end in .html", param_hint="-o")
+    from multicor_cli.report import write_report
+
+    with show_progress("frame") as progress:
+        done = write_report(directory, output, frames=frames, is_overwriting=is_overwriting, progress=progress)
+    if not done.has_figures:
+        say(f"without figures: they need matplotlib: {LIBRARIES['matplotlib'].remedy}")
+    contacts = "" if done.contact_limit is None else f", with the {done.contact_limit} strongest contacts of each"
+    say(f"wrote {done.path}: {format_bytes(done.size)}, {done.frames} of {done.frame_count} frames{contacts}")
+
+
+def register_report(app: typer.Typer, wrap: Any) -> None:
+    """Add the command."""
+    app.command("report")(wrap(report))
+
+
+# ---- Commands `export …`: frames of a run in the formats of other programs
+
+export = typer.Typer(
+    no_args_is_help=True,
+    help="A run in the formats of other programs. ParaView opens results.vtkhdf in the run directory as it is.",
+)
+
+GsdFile = Annotated[Path, output_option(metavar="FILE.gsd", help="File to write.")]
+CsvDirectory = Annotated[Path, output_option(metavar="DIR", help="Directory to write.")]
+FclibFile = Annotated[Path, output_option(metavar="FILE.hdf5", help="File to write.")]
+OverwriteExport = Annotated[bool, typer.Option("--overwrite", help="Replace what an export has written there before.")]
+
+
+def to_gsd(directory: RunPath, output: GsdFile, frames: Frames = None, is_overwriting: OverwriteExport = False) -> None:
+    """Write a GSD file for OVITO: grains as particles, contacts that carry a force as bonds.
+
+    Temperatures, angular velocities and forces are logged quantities, which OVITO shows as properties. Needs the library gsd.
+    """
+    chosen = parse_frames(frames, None, None)
+    from multicor_cli.export import export_gsd
+    from multicor_cli.store import open_run
+
+    with open_run(directory) as run, show_progress("frame") as progress:
+        count = export_gsd(run, output, chosen, is_overwriting=is_overwriting, progress=progress)
+    say(f"wrote {output}: {count_noun(count, 'frame')}, {format_bytes(output.stat().st_size)}")
+
+
+def to_csv(directory: RunPath, output: CsvDirectory, frames: Frames = None, is_overwriting: OverwriteExport = False) -> None:
+    """Write CSV files into a directory: grains, contacts and walls of every frame, the list of frames, and the time series.
+
+    Headings carry the units; numbers are written so that reading them gives the same bits.
+    """
+    chosen = parse_frames(frames, None, None)
+    from multicor_cli.export import export_csv
+    from multicor_cli.store import open_run
+
+    with open_run(directory) as run, show_progress("frame") as progress:
+        count = export_csv(run, output, chosen, is_overwriting=is_overwriting, progress=progress)
+    size = sum(file.stat().st_size for file in output.iterdir())
+    say(f"wrote {output}: {count_noun(count, 'frame')}, {format_bytes(size)}")
+
+
+def to_fclib(directory: RunPath, output: FclibFile, frame: OneFrame = -1, is_overwriting: OverwriteExport = False) -> None:
+    """Write the contact problem of the step after a frame in the HDF5 format of FCLib, for other solvers.
+
+    After the last frame of a finished run, the step is the one that its last stage would take next.
+    """
+    from multicor_cli.export import export_fclib
+    from multicor_cli.store import open_run
+
+    with open_run(directory) as run:
+        found = export_fclib(run, output, frame, is_overwriting=is_overwriting, computing=_may_be_left())
+    contacts = count_noun(len(found.problem.pair), "contact")
+    where = "beyond the end of the run" if found.is_beyond else f"in stage '{found.stage}'"
+    say(f"wrote {output}: {contacts} of the step after frame {found.frame} (t = {found.time:g} s), {where}")
+
+
+@contextlib.contextmanager
+def _may_be_left() -> Iterator[None]:
+    """Leave at once when a signal says so: an exception would have to find its way through the machine code of a compiler."""
+    from multicor_cli.running.signals import Switchboard
+
+    switchboard = Switchboard(may_exit=True)
+    switchboard.farewell = lambda number: complain("interrupted")
+    with switchboard.installed(), switchboard.impatient():
+        yield
+
+
+def register_export(app: typer.Typer, wrap: Any) -> None:
+    """Add the commands."""
+    for name, command in {"gsd": to_gsd, "csv": to_csv, "fclib": to_fclib}.items():
+        export.command(name)(wrap(command))
+    app.add_typer(export, name="export")

@@ -11,9 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, Optional
 
 import typer
 
-from multicor_cli.cli.check_output import Strict, count_verdicts, refuse_bad, show_doubtful
-from multicor_cli.cli.console import complain, format_seconds, say
-from multicor_cli.cli.following import following
+from multicor_cli.cli.console import Strict, complain, count_verdicts, following, format_seconds, refuse_bad, say, show_doubtful
 from multicor_cli.cli.guard import set_crash_directory
 from multicor_cli.cli.options import Overrides, ScenarioFile, output_option
 from multicor_cli.text import count_noun
@@ -108,7 +106,7 @@ def _run(
     is_strict: bool,
 ) -> RunOutcome:
     from multicor_cli.checks import Prepared, check_prepared
-    from multicor_cli.cli.progress import make_observer
+    from multicor_cli.cli.console import make_observer
     from multicor_cli.running.session import Session
 
     path = output if output is not None else Path("runs") / job.scenario.name

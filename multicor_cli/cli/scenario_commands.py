@@ -11,11 +11,8 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 
 import typer
 
-from multicor_cli.cli.check_output import Strict, checks_as_json, refuse_bad, show_all
-from multicor_cli.cli.completion import listed
-from multicor_cli.cli.console import emit, emit_json, emit_pairs, format_seconds, say
-from multicor_cli.cli.listing import ListingCommand
-from multicor_cli.cli.options import Overrides, ScenarioFile
+from multicor_cli.cli.console import Strict, checks_as_json, emit, emit_json, emit_pairs, format_seconds, refuse_bad, say, show_all
+from multicor_cli.cli.options import ListingCommand, Overrides, ScenarioFile, listed
 from multicor_cli.running.outcome import ExitCode
 from multicor_cli.text import count_noun, format_bytes
 

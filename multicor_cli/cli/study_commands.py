@@ -15,11 +15,9 @@ from typing import TYPE_CHECKING, Annotated, Any, Optional
 
 import typer
 
-from multicor_cli.cli import completion
-from multicor_cli.cli.bar import Bar
-from multicor_cli.cli.console import complain, emit, emit_json, emit_pairs, emit_table, format_seconds, say
-from multicor_cli.cli.listing import ListingCommand
-from multicor_cli.cli.options import output_option
+from multicor_cli.cli import options
+from multicor_cli.cli.console import Bar, complain, emit, emit_json, emit_pairs, emit_table, format_seconds, say
+from multicor_cli.cli.options import ListingCommand, output_option
 from multicor_cli.text import count_noun, format_bytes
 
 if TYPE_CHECKING:
@@ -201,7 +199,7 @@ def plot(
     file: StudyFile,
     target: Annotated[Path, typer.Argument(metavar="FIGURE", help="File (.png, .svg, .pdf), or term.", show_default=False)],
     of: Annotated[
-        str, typer.Option("--of", metavar="NAME", help="Observable.", show_default=False, autocompletion=completion.observables)
+        str, typer.Option("--of", metavar="NAME", help="Observable.", show_default=False, autocompletion=options.observables)
     ],
     against: Annotated[str, typer.Option("--against", metavar="NAME", help="Key or observable across.", show_default=False)],
     by: Annotated[
@@ -218,7 +216,7 @@ def plot(
     ] = None,
     kind: Annotated[
         Optional[str],  # noqa: UP045
-        typer.Option("--fit", metavar="KIND", help="{fits}.", show_default=False, autocompletion=completion.listed("fits")),
+        typer.Option("--fit", metavar="KIND", help="{fits}.", show_default=False, autocompletion=options.listed("fits")),
     ] = None,
     curves: Annotated[
         Optional[list[str]],  # noqa: UP045
@@ -283,7 +281,7 @@ def report(
     is_overwriting: Annotated[bool, typer.Option("--overwrite", help="Replace the file if it is a report.")] = False,
 ) -> None:
     """Write one HTML page about a study: how far it is, figures, means over seeds, and all cases with links to their runs."""
-    from multicor_cli.cli.progress import show_progress
+    from multicor_cli.cli.console import show_progress
     from multicor_cli.studies.report import report_path, write_study_report
     from multicor_cli.studies.session import StudySession
 
