@@ -9,11 +9,10 @@ import numpy as np
 from listening import Problem
 
 from multicor_cli.engine.contact import acceleration as loops
-from multicor_cli.engine.contact.one_by_one import flatten
 from multicor_cli.engine.contact.patches import SIZES, choose_patch, has_clusters, solve_patch
-from multicor_cli.engine.contact.solve import ResidualScale, Settings, solve_system
+from multicor_cli.engine.contact.solve import ResidualScale, Settings, ThreadChoice, solve_system
 from multicor_cli.engine.contact.sweep import EXACT, Relaxation, System, sweep
-from multicor_cli.engine.contact.thread_choice import ThreadChoice
+from multicor_cli.engine.contact.system import flatten
 from multicor_cli.model.model import Floats
 
 EVERY = 4  # sweeps between two looks at the residual

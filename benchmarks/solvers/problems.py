@@ -20,9 +20,9 @@ from multicor_cli.bench.driving import prepare
 from multicor_cli.bench.scenes import SCENES
 from multicor_cli.engine import Engine
 from multicor_cli.engine import step as engine_module
-from multicor_cli.engine.contact.one_by_one import OneByOne, batch
 from multicor_cli.engine.contact.solve import ResidualScale, Settings
 from multicor_cli.engine.contact.sweep import System, add_impulses
+from multicor_cli.engine.contact.system import OneByOne, batch
 from multicor_cli.engine.jit.cache import cache_name
 from multicor_cli.engine.jit.chunks import aligned
 from multicor_cli.model.columns import FIRST, INVERSE_MASS, MASS, MU, NY, SECOND, Y

@@ -13,8 +13,7 @@ from methods.operators import DISTANCE, TIME, WORK, distance
 from problems import Problem
 from reference import Reference
 
-from multicor_cli.engine.contact.solve import Outcome, Settings, solve_system
-from multicor_cli.engine.contact.thread_choice import ThreadChoice
+from multicor_cli.engine.contact.solve import Outcome, Settings, ThreadChoice, solve_system
 from multicor_cli.model.model import Floats
 
 _TIMED = 5

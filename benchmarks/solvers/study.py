@@ -15,7 +15,7 @@ from reference import Reference, separation, solve_closely
 from sequences import Cost, measure_sequence
 from starts import measure_starts
 
-from multicor_cli.engine.contact.one_by_one import by_slot
+from multicor_cli.engine.contact.system import by_slot
 from multicor_cli.model.columns import NORMAL
 
 LEVELS = (1e-2, 1e-3, 1e-4)

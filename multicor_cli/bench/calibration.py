@@ -17,8 +17,8 @@ import numba
 import numpy as np
 
 from multicor_cli.bench.yardsticks import copy_blocks, sweep_repeatedly
-from multicor_cli.engine.contact.one_by_one import OneByOne, flatten
 from multicor_cli.engine.contact.sweep import Before, System
+from multicor_cli.engine.contact.system import OneByOne, flatten
 from multicor_cli.engine.jit.chunks import aligned_copy
 from multicor_cli.model.model import Floats
 

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.engine.contact.adhesion import net_impulses, resting_attraction
+from multicor_cli.engine.contact.detection import net_impulses, resting_attraction
 from multicor_cli.engine.contact.problem import ContactProblem
 from multicor_cli.engine.contact.report import StepReport
 from multicor_cli.engine.contact.solve import Settings

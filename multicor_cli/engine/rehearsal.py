@@ -23,11 +23,10 @@ from multicor_cli.engine.contact.acceleration import (
     step_back,
 )
 from multicor_cli.engine.contact.detection import StepContacts, WarmStart, fill_contacts, find_missed, measure_pairs
+from multicor_cli.engine.contact.ordering import Schedule, Scheduler
 from multicor_cli.engine.contact.patches import choose_patch, has_clusters, hold, release, solve_patch
-from multicor_cli.engine.contact.schedule import Schedule, Scheduler
 from multicor_cli.engine.contact.sweep import EXACT, System
-from multicor_cli.engine.contact.system import assemble
-from multicor_cli.engine.contact.table import tabulate_contacts
+from multicor_cli.engine.contact.system import assemble, tabulate_contacts
 from multicor_cli.engine.energy.account import account_contacts, warm_start_of
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.heat.laws import heat_laws

@@ -14,16 +14,21 @@ from numpy.typing import NDArray
 
 from multicor_cli.arithmetic import hypot
 from multicor_cli.arithmetic.sums import column_totals, total
-from multicor_cli.engine.contact.adhesion import attract, closing_distance
-from multicor_cli.engine.contact.detection import StepContacts, WarmStart, find_missed, measure_pairs, warm_rows
-from multicor_cli.engine.contact.gathering import gather_contacts
+from multicor_cli.engine.contact.detection import (
+    StepContacts,
+    WarmStart,
+    attract,
+    closing_distance,
+    find_missed,
+    gather_contacts,
+    measure_pairs,
+    warm_rows,
+)
+from multicor_cli.engine.contact.ordering import Scheduler
 from multicor_cli.engine.contact.problem import ContactProblem, problem_of_step
 from multicor_cli.engine.contact.report import PhysicsError, StepReport
-from multicor_cli.engine.contact.schedule import Scheduler
-from multicor_cli.engine.contact.solve import Outcome, ResidualScale, Settings, solve_system
-from multicor_cli.engine.contact.system import OrderedSystem, assemble
-from multicor_cli.engine.contact.table import tabulate_contacts
-from multicor_cli.engine.contact.thread_choice import ThreadChoice
+from multicor_cli.engine.contact.solve import Outcome, ResidualScale, Settings, ThreadChoice, solve_system
+from multicor_cli.engine.contact.system import OrderedSystem, assemble, tabulate_contacts
 from multicor_cli.engine.energy import account
 from multicor_cli.engine.energy.books import book_step, open_books, switch_wall_kinetic
 from multicor_cli.engine.geometry.drift import fit_drift

@@ -114,12 +114,12 @@ def test_reflection_gives_the_mirror_image():
 def test_thread_count_does_not_change_a_bit(monkeypatch):
     """Tiled sweeps, chunked sums: one digest for 1, 2 and more threads, and for the parallel and the serial sweep."""
     from multicor_cli.engine import step as engine_module
-    from multicor_cli.engine.contact import thread_choice
+    from multicor_cli.engine.contact import solve
 
     monkeypatch.setattr(engine_module, "PARALLEL_GRAINS", 1)
     digests = set()
     for threads, parallel_from in ((1, 1), (2, 1), (2, 10**9)):
-        monkeypatch.setattr(thread_choice, "PARALLEL_FROM", parallel_from)
+        monkeypatch.setattr(solve, "PARALLEL_FROM", parallel_from)
         engine = shear_engine(threads=threads, columns=40, rows=36)
         digests.add(advance(engine, 0.1, 40).digest())
     assert len(digests) == 1

@@ -214,12 +214,12 @@ def test_scaling_is_exact():
 
 def test_threads_and_a_new_engine_on_the_state_change_no_bit(monkeypatch):
     from multicor_cli.engine import step as engine_module
-    from multicor_cli.engine.contact import thread_choice
+    from multicor_cli.engine.contact import solve
 
     monkeypatch.setattr(engine_module, "PARALLEL_GRAINS", 1)
     digests = set()
     for threads, parallel_from in ((1, 1), (2, 1), (2, 10**9)):
-        monkeypatch.setattr(thread_choice, "PARALLEL_FROM", parallel_from)
+        monkeypatch.setattr(solve, "PARALLEL_FROM", parallel_from)
         engine, drives = sheared(threads=threads, columns=40, rows=20)
         advance(engine, 2e-3, 10)
         copy = State.from_dict({name: np.array(value) for name, value in engine.state.as_dict().items()})

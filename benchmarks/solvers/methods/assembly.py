@@ -8,8 +8,8 @@ import numpy as np
 import scipy.sparse as sparse
 from numpy.typing import NDArray
 
-from multicor_cli.engine.contact.one_by_one import flatten
 from multicor_cli.engine.contact.sweep import System
+from multicor_cli.engine.contact.system import flatten
 from multicor_cli.model.columns import BIAS, FIRST, MU, NORMAL, NX, NY, SECOND, TANGENTIAL
 from multicor_cli.model.model import Floats
 

@@ -14,8 +14,7 @@ import numpy as np
 
 from methods.operators import Log, copy_impulses, kernel, record, sweep_backward
 from multicor_cli.engine.contact.acceleration import move_on, start_loop, start_momentum
-from multicor_cli.engine.contact.general import relax_general
-from multicor_cli.engine.contact.sweep import EXACT, Before, Relaxation, System, relax_lane, sweep
+from multicor_cli.engine.contact.sweep import EXACT, Before, Relaxation, System, relax_general, relax_lane, sweep
 from multicor_cli.engine.contact.vector_sweep import relax_batches
 from multicor_cli.engine.jit.vectors import LANES
 from multicor_cli.model.columns import BIAS, FIRST, NORMAL, NX, NY, SECOND, X, Y

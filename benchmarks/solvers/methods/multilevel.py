@@ -19,8 +19,8 @@ from scipy.sparse.linalg import spsolve
 from methods.assembly import Assembly, assemble
 from methods.engine import Loop
 from methods.operators import Log, all_impulses, set_impulses
-from multicor_cli.engine.contact.one_by_one import OneByOne, flatten
 from multicor_cli.engine.contact.sweep import System
+from multicor_cli.engine.contact.system import OneByOne, flatten
 from multicor_cli.model.columns import MU, NX, NY
 from multicor_cli.model.model import Floats
 

@@ -5,7 +5,7 @@ the number of iterations done. If the log has rows, iteration k leaves its error
 method ends once its residual is below ``log.stop``; without rows nothing but the method itself is done, which is what is timed.
 
 Sweeps work on the batches of a system. Where a method has a row for each contact, these are the light ones in the order of the
-sweep, as `multicor_cli.engine.contact.one_by_one.flatten` gives them, then the general ones.
+sweep, as `multicor_cli.engine.contact.system.flatten` gives them, then the general ones.
 """
 
 from __future__ import annotations
@@ -15,10 +15,19 @@ from typing import NamedTuple
 import numba
 import numpy as np
 
-from multicor_cli.engine.contact.general import general_velocity, push_general, relax_general
-from multicor_cli.engine.contact.lanes import BIAS_, NY_, SECOND_, SURFACE_, Y_, frame_place, pair_place
 from multicor_cli.engine.contact.residual import measure_residual
-from multicor_cli.engine.contact.sweep import EXACT, Before, Relaxation, System, push_lane, relax_lane
+from multicor_cli.engine.contact.sweep import (
+    EXACT,
+    Before,
+    Relaxation,
+    System,
+    general_velocity,
+    push_general,
+    push_lane,
+    relax_general,
+    relax_lane,
+)
+from multicor_cli.engine.contact.vector_sweep import BIAS_, NY_, SECOND_, SURFACE_, Y_, frame_place, pair_place
 from multicor_cli.engine.jit.formulas import F, formula
 from multicor_cli.engine.jit.vectors import LANES
 from multicor_cli.model.columns import BIAS, MASS, MU, NORMAL, TANGENTIAL, W_NN, W_TT

@@ -1,4 +1,4 @@
-"""From the neighbor list to the contacts of one step: gaps, frames, relative velocities, laws and warm start.
+"""From the neighbor list to the contacts of one step: gaps, frames, relative velocities, laws, adhesion, rolling, warm start.
 
 Bodies are rows of one velocity array: grains ``0 … n-1`` hold (v_x, v_y, s = a ω, 1/m); walls ``n … n+w-1`` hold (V_x, V_y, Ω, s),
 with s = −V_s where a drive lets the surface of the wall run. With the surface speed s instead of the spin, a contact of discs needs
@@ -13,14 +13,40 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.engine.contact.law import bias
-from multicor_cli.engine.contact.softening import softened_friction
+from multicor_cli.arithmetic.sums import column_totals
+from multicor_cli.engine.contact.law import bias, softened_friction
+from multicor_cli.engine.contact.sweep import NO_COUPLES, Couples
+from multicor_cli.engine.contact.vector_sweep import IMPULSE_ROWS
+from multicor_cli.engine.geometry.neighbor_list import NeighborList
+from multicor_cli.engine.geometry.places import find_places, met_before, totals_of_places
+from multicor_cli.engine.geometry.radii import pair_radius, surface_turning
 from multicor_cli.engine.geometry.scene import Scene, pair_geometry
-from multicor_cli.engine.jit.chunks import CHUNK
+from multicor_cli.engine.jit.chunks import CHUNK, chunks_for
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
 from multicor_cli.engine.jit.formulas import formula
-from multicor_cli.model.columns import BELT, BIAS, GAP, MU, NORMAL, NX, NY, SURFACE, TANGENTIAL, X, Y
-from multicor_cli.model.model import ContactLaws, Floats, Ints
+from multicor_cli.engine.jit.vectors import LANES
+from multicor_cli.model.columns import (
+    ARM,
+    BEFORE,
+    BELT,
+    BIAS,
+    COUPLE,
+    FIRST,
+    GAP,
+    INVERSE_MASS,
+    LIMIT,
+    MU,
+    NORMAL,
+    NX,
+    NY,
+    SECOND,
+    SPIN,
+    SURFACE,
+    TANGENTIAL,
+    X,
+    Y,
+)
+from multicor_cli.model.model import ContactLaws, Floats, Grains, Ints
 
 _SQUARES, _CLOSING, _SLIP, _LOADED = range(4)
 _NONE, _NO_ROLLING = np.empty(0), np.empty((0, 4))
@@ -332,3 +358,267 @@ def contact_after(c: int, scene: Scene, contacts: StepContacts, after: Floats) -
         return relative_velocity(after, i, j, nx, ny, False, 0.0, 0.0)
     body = count + scene.wall[j - count]
     return relative_velocity(after, i, body, nx, ny, True, contacts.lever[c, X], contacts.lever[c, Y])
+
+
+# ---- Adhesion: contacts that touch bear tension up to a force F_a; its range is zero.
+#
+# The law is that of Signorini and Coulomb for q_n = p_n + F_a Δt in place of p_n (theory §3.1). F_a is known before the step is
+# solved, so it is given to the free velocities, as an attraction of the two bodies, and the solver looks for q: no sweep knows of
+# it. A place has one F_a: pieces of walls that a grain touches in one place (`engine/geometry/places.py`) divide it among them. In
+# `StepContacts` `impulse` holds q and `attraction` F_a Δt; p, the impulse of one body on the other, is their difference.
+
+TOUCHING = 1e-9
+"""Largest gap, over the radius, of bodies that touch as far as rounded positions tell."""
+
+
+@formula
+def attraction_of(c: int, contacts: StepContacts) -> float:
+    """F_a Δt of a contact [N s]; 0 if it is not adhesive in this step."""
+    return contacts.attraction[c] if contacts.attraction.size else 0.0
+
+
+@kernel
+def attractions(scene: Scene, laws: ContactLaws, contacts: StepContacts, bodies: Floats, warm: WarmStart, dt: float) -> Floats:
+    """F_a Δt of all contacts [N s], shape ``(c,)``; 0 where a contact is not adhesive in this step.
+
+    Adhesive are contacts without a gap (but for rounding), and those whose place carried an impulse in the step before and that
+    adhesion alone would close within this one, ``gap ≤ F_a Δt² W_nn`` (of the grains): contacts turn, which leaves a gap of second
+    order.
+
+    Args:
+        scene: Shapes at q_m.
+        laws: Contact laws.
+        contacts: Contacts with their warm start; new adhesive ones start with p = 0. **Modified.**
+        bodies: Body velocities with the inverse masses, shape ``(bodies, 4)``.
+        warm: Impulses of the step before.
+        dt: Time step [s].
+    """
+    count = scene.radius.size
+    found = np.zeros(contacts.i.size)
+    carried = met_before(scene, warm.row, warm.j, contacts.i, contacts.j)
+    for c in range(found.size):
+        i, j = contacts.i[c], contacts.j[c]
+        force = laws.adhesion[scene.material[i], scene.material[j]]
+        w = bodies[i, INVERSE_MASS] + (bodies[j, INVERSE_MASS] if j < count else 0.0)
+        gap = contacts.frame[c, GAP]
+        if gap <= TOUCHING * scene.radius[i] or (carried[c] and gap <= dt * dt * force * w):
+            found[c] = dt * force
+    place, _ = find_places(scene, contacts.i, contacts.j)
+    sharing = totals_of_places(place, (found > 0.0).astype(np.float64))
+    for c in range(found.size):
+        if found[c] > 0.0:
+            found[c] /= sharing[c]
+            if contacts.impulse[c, NORMAL] == 0.0:
+                contacts.impulse[c, NORMAL] = found[c]
+    return found
+
+
+def closing_distance(laws: ContactLaws, grains: Grains, dt: float) -> float:
+    """No adhesive contact has a larger gap [m]; 0 if no pair of materials has adhesion. Arguments as `attractions`."""
+    if not laws.adhesion.size:
+        return 0.0
+    fastest = dt * dt * 2.0 * float(laws.adhesion.max()) / float(grains.mass.min())
+    return max(fastest, TOUCHING * float(grains.radius.max()))
+
+
+def attract(scene: Scene, contacts: StepContacts, free: Floats, wall_inverse: Floats) -> Floats:
+    """Free velocities after the attraction of adhesive contacts; ``free`` itself where there is none.
+
+    Args:
+        scene: Shapes at q_m.
+        contacts: Contacts of the step.
+        free: Free velocities of grains and walls, shape ``(n + w, 4)``.
+        wall_inverse: Inverse mass per degree of freedom of the walls, shape ``(w, 3)``.
+    """
+    if not contacts.attraction.any():
+        return free
+    attracted = free.copy()
+    _attract(scene, contacts, wall_inverse, attracted)
+    return attracted
+
+
+@kernel
+def _attract(scene: Scene, contacts: StepContacts, wall_inverse: Floats, velocity: Floats) -> None:
+    count = scene.radius.size
+    for c in range(contacts.attraction.size):
+        i, j, d = contacts.i[c], contacts.j[c], contacts.attraction[c]
+        px, py = d * contacts.frame[c, NX], d * contacts.frame[c, NY]
+        velocity[i, X] -= velocity[i, INVERSE_MASS] * px
+        velocity[i, Y] -= velocity[i, INVERSE_MASS] * py
+        if j < count:
+            velocity[j, X] += velocity[j, INVERSE_MASS] * px
+            velocity[j, Y] += velocity[j, INVERSE_MASS] * py
+        else:
+            wall = scene.wall[j - count]
+            velocity[count + wall, X] += wall_inverse[wall, X] * px
+            velocity[count + wall, Y] += wall_inverse[wall, Y] * py
+            torque = contacts.lever[c, X] * py - contacts.lever[c, Y] * px
+            velocity[count + wall, SURFACE] += wall_inverse[wall, SPIN] * torque
+
+
+def net_impulses(reaction: Floats, attraction: Floats) -> Floats:
+    """p_n, p_t from q and F_a Δt, which may be of size 0 [N s], shape ``(c, 2)``."""
+    if not attraction.size:
+        return reaction
+    net = reaction.copy()
+    net[:, NORMAL] -= attraction
+    return net
+
+
+def resting_attraction(laws: ContactLaws, scene: Scene, i: Ints, j: Ints, dt: float) -> Floats:
+    """F_a Δt of contacts that are known to touch [N s], shape ``(c,)``; of size 0 if no pair of materials has adhesion."""
+    if not laws.adhesion.size:
+        return np.empty(0)
+    sharing = totals_of_places(find_places(scene, i, j)[0], np.ones(i.size))
+    return dt * laws.adhesion[scene.material[i], scene.material[j]] / sharing
+
+
+# ---- Rolling resistance of contacts: what it is in a step, and where its couples stand in the sweep (theory §3.2)
+
+
+@formula
+def _rolling_velocity(scene: Scene, i: int, j: int, arm: float, velocity: Floats) -> float:
+    """u_r = a* (ω_i − ω_j) of a pair [m/s]; ``velocity`` of grains and walls, shape ``(bodies, 4)``."""
+    count = scene.radius.size
+    if j < count:
+        return arm * (velocity[i, SURFACE] / scene.radius[i] - velocity[j, SURFACE] / scene.radius[j])
+    body = count + scene.wall[j - count]
+    turning = arm * surface_turning(scene, j, velocity[body, BELT])
+    return arm * (velocity[i, SURFACE] / scene.radius[i] - velocity[body, SURFACE]) - turning
+
+
+@kernel
+def rolling_of_contacts(
+    scene: Scene, laws: ContactLaws, contacts: StepContacts, start: Floats, warm: WarmStart, scale: float
+) -> Floats:
+    """Rolling resistance of all contacts, as in `StepContacts`.
+
+    Arguments as `fill_contacts`.
+    """
+    rolling = np.zeros((contacts.i.size, 4))
+    for c in range(contacts.i.size):
+        i, j = contacts.i[c], contacts.j[c]
+        limit = laws.rolling[scene.material[i], scene.material[j]]
+        if limit == 0.0:
+            continue
+        arm = pair_radius(scene, i, j)
+        rolling[c, LIMIT], rolling[c, ARM] = limit, arm
+        rolling[c, BEFORE] = _rolling_velocity(scene, i, j, arm, start)
+        for k in range(warm.row[i], warm.row[i + 1]):
+            if warm.j[k] == j:
+                rolling[c, COUPLE] = scale * warm.couple[k] / arm
+    return rolling
+
+
+@formula
+def rolling_loss(c: int, scene: Scene, contacts: StepContacts, after: Floats) -> float:
+    """Energy that the couple of a contact takes in a step, −p_r ½(u_r⁻ + u_r⁺) [J]; ``after`` are the velocities v⁺."""
+    if not contacts.rolling.size or contacts.rolling[c, COUPLE] == 0.0:
+        return 0.0
+    u_r = _rolling_velocity(scene, contacts.i[c], contacts.j[c], contacts.rolling[c, ARM], after)
+    return -contacts.rolling[c, COUPLE] * 0.5 * (contacts.rolling[c, BEFORE] + u_r)
+
+
+@formula
+def rolled_loss(c: int, scene: Scene, contacts: StepContacts, after: Floats) -> float:
+    """What the couple of a contact that rolls takes by the rule of the end of the step, |p_r u_r⁺| [J]."""
+    if not contacts.rolling.size or contacts.rolling[c, COUPLE] == 0.0:
+        return 0.0
+    u_r = _rolling_velocity(scene, contacts.i[c], contacts.j[c], contacts.rolling[c, ARM], after)
+    return abs(contacts.rolling[c, COUPLE] * u_r)
+
+
+@formula
+def couple_of(c: int, contacts: StepContacts) -> float:
+    """Impulse of the couple of a contact on its first body [N m s]; 0 without rolling resistance."""
+    return contacts.rolling[c, ARM] * contacts.rolling[c, COUPLE] if contacts.rolling.size else 0.0
+
+
+def couples_of_contacts(contacts: StepContacts) -> Floats:
+    """`couple_of` of all contacts, shape ``(c,)``; of size 0 if no pair of materials has rolling resistance."""
+    return np.asarray(contacts.rolling[:, ARM] * contacts.rolling[:, COUPLE])
+
+
+def pack_couples(
+    scene: Scene, contacts: StepContacts, belt: Floats, slot: Ints, general: Ints, place: Ints, inverse: Floats
+) -> Couples:
+    """The couples of the contacts that have rolling resistance, in the order of these.
+
+    Args:
+        scene: Shapes at q_m.
+        contacts: Contacts sorted by key, with the warm start in ``rolling``.
+        belt: Speed of the surface of each wall, column `BELT` of the bodies [m/s], shape ``(w,)``.
+        slot: Contact in each lane, -1 if there is none, shape ``(q, 4)``.
+        general: General contacts, shape ``(g,)``.
+        place: Row of each grain, shape ``(n,)``; walls follow the grains.
+        inverse: Inverse mass per degree of freedom of grains and walls, in these rows, shape ``(n + w, 3)``.
+    """
+    if not contacts.rolling.size:
+        return NO_COUPLES
+    contact = np.flatnonzero(contacts.rolling[:, LIMIT] > 0.0)
+    i, j = contacts.i[contact], contacts.j[contact]
+    is_wall, reach = j >= scene.radius.size, contacts.rolling[contact, ARM]
+    body, arm = np.empty((contact.size, 2), np.int32), np.empty((contact.size, 2))
+    body[:, FIRST], arm[:, FIRST] = place[i], reach / scene.radius[i]
+    body[~is_wall, SECOND], arm[~is_wall, SECOND] = place[j[~is_wall]], reach[~is_wall] / scene.radius[j[~is_wall]]
+    body[is_wall, SECOND], arm[is_wall, SECOND] = scene.radius.size + scene.wall[j[is_wall] - scene.radius.size], reach[is_wall]
+    spins = inverse[body, SPIN]
+    mobility = spins[:, FIRST] * (arm[:, FIRST] * arm[:, FIRST]) + spins[:, SECOND] * (arm[:, SECOND] * arm[:, SECOND])
+    where = _places(slot, general, contacts.i.size)[contact]
+    limit, impulse = contacts.rolling[contact, LIMIT], contacts.rolling[contact, COUPLE]
+    turning = reach * _turning(scene, j, belt)
+    return Couples(contact.astype(np.int32), where, body, arm, limit, 1.0 / mobility, impulse, turning)
+
+
+@kernel
+def _turning(scene: Scene, shape: Ints, belt: Floats) -> Floats:
+    """`surface_turning` of the second bodies of pairs [rad/s]; 0 for grains."""
+    count, found = scene.radius.size, np.zeros(shape.size)
+    for k in range(shape.size):
+        if shape[k] >= count:
+            found[k] = surface_turning(scene, shape[k], belt[scene.wall[shape[k] - count]])
+    return found
+
+
+def _places(slot: Ints, general: Ints, count: int) -> Ints:
+    """Where the normal impulse of each contact is, as `Couples.place` says, shape ``(count,)``."""
+    where = np.empty(count, np.int64)
+    filled = np.flatnonzero(slot.reshape(-1) >= 0)
+    where[slot.reshape(-1)[filled]] = IMPULSE_ROWS * LANES * (filled // LANES) + filled % LANES
+    where[general] = -1 - np.arange(general.size)
+    return where
+
+
+# ---- Contacts out of the neighbor list
+
+
+def gather_contacts(
+    scene: Scene,
+    lists: NeighborList,
+    margin: float,
+    laws: ContactLaws,
+    start: Floats,
+    dt: float,
+    warm: WarmStart,
+    ratio: float,
+) -> tuple[StepContacts, Floats]:
+    """Contacts with a gap up to ``margin`` [m], sorted by key; arguments as `fill_contacts`.
+
+    Also returns the sum of min(u_n⁻, 0)² over closing contacts [m²/s²] and their number, and the sum of |u_t⁻| over the contacts
+    of two grains that carried an impulse [m/s] and their number, shape ``(4,)``.
+    """
+    kept = count_contacts(lists.row, lists.gap, margin)
+    count = int(kept[-1])
+    contacts = StepContacts(
+        np.empty(count, np.int32), np.empty(count, np.int32), np.empty((count, 5)), np.empty((count, 2)),
+        np.empty((count, 2)), np.empty((count, 2)),
+    )  # fmt: skip
+    speeds = chunks_for(lists.row.size - 1, 4)
+    fill_contacts(
+        scene, laws, lists.row, lists.partner, lists.gap, lists.normal, margin, kept, start, dt, warm, ratio, contacts, speeds
+    )
+    if laws.adhesion.size:
+        contacts = contacts._replace(attraction=attractions(scene, laws, contacts, start, warm, dt))
+    if laws.rolling.size:
+        contacts = contacts._replace(rolling=rolling_of_contacts(scene, laws, contacts, start, warm, ratio))
+    return contacts, column_totals(speeds)

@@ -1,4 +1,4 @@
-"""Unilateral contact with Coulomb friction, one contact at a time.
+"""Unilateral contact with Coulomb friction, one contact at a time, and friction that depends on temperature.
 
 Frame: n points from body j to body i, t is n turned by +90°; u is the velocity of i relative to j and p the impulse of j on i.
 The law: ``ũ_n = u_n⁺ + b``, ``0 ≤ p_n ⟂ ũ_n ≥ 0``, ``|p_t| ≤ μ p_n`` with ``p_t`` opposing slip.
@@ -123,3 +123,26 @@ def solve_full(
         if slip_n > best_n:
             best_n, best_t = slip_n, slip_t
     return best_n, best_t
+
+
+# ---- A coefficient of friction that depends on temperature: `μ(T) = μ_0 [1 − c (T − T_r)]`, cut to a range (phenomenological).
+#
+# Validity: the linear law has no universal source: its rate is a fit to a material pair over the measured range, and T is the
+# temperature of the grains, not that of the spot.
+
+
+@formula
+def softened_friction(mu: float, rate: float, temperature: float, start: float, lowest: float, highest: float) -> float:
+    """Coefficient of friction ``μ_0 [1 − c (T − T_r)]``, cut to [lowest, highest].
+
+    Args:
+        mu: μ_0, the coefficient at T_r.
+        rate: c [1/K]; negative if friction rises with temperature.
+        temperature: T [K].
+        start: T_r [K].
+        lowest: Smallest coefficient.
+        highest: Largest coefficient.
+    """
+    value = mu * (1.0 - rate * (temperature - start))
+    value = value if value > lowest else lowest
+    return value if value < highest else highest

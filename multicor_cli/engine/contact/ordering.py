@@ -1,4 +1,4 @@
-"""The order in which contacts are relaxed: square tiles in four colors, so that tiles of one color share no body.
+"""The order in which contacts are relaxed: square tiles in four colors that share no body, batches of four, and their schedule.
 
 The order is a pure function of the contacts and positions of the step, hence the same for any number of threads. Within a tile
 the contacts are ordered by key, which keeps the propagation of a serial sweep, cut into `STREAMS` parts from which one contact is
@@ -8,12 +8,16 @@ Contacts with fixed or prescribed walls do not tie tiles together. Heavy grains 
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.engine.contact.detection import StepContacts
 from multicor_cli.engine.geometry.scene import Scene
-from multicor_cli.engine.jit.compile import kernel
+from multicor_cli.engine.jit.chunks import aligned
+from multicor_cli.engine.jit.compile import kernel, loop_body
+from multicor_cli.engine.jit.vectors import LANES
 from multicor_cli.model.columns import FIRST, GAP, SECOND, X, Y
 from multicor_cli.model.model import Floats, Ints
 
@@ -220,3 +224,208 @@ def number_bodies(i: Ints, j: Ints, order: Ints, general: Ints, grains: int, wal
             place[grain] = found
             found += 1
     return place, pair, rows
+
+
+# ---- Puts the light contacts of a step into batches of four that share no body, for the vector loops.
+#
+# The order of the sweep is kept: a contact goes into the first batch with an empty lane that comes `SPACING` batches or more after
+# the last one with one of its bodies. Contacts that share no body commute, so the iterates are those of a sweep contact by contact
+# in the given order. (The order above, four places of a tile in turn, fills 96 to 99 % of the
+# lanes.)
+
+SPACING = 3
+"""A body comes again after so many batches at the earliest.
+
+The vector sweep gathers a batch before the last one is applied, which asks for 2; with 3 it waits less (by a tenth), with 4 more
+lanes are empty.
+"""
+
+
+class _Work(NamedTuple):
+    """Work space of the schedule.
+
+    Attributes:
+        ready: First batch that each body may come in; zeros between tiles.
+        filled: Filled lanes of each batch of a tile.
+        following: Where to look for an empty lane from each batch on: there itself, or at a later one.
+    """
+
+    ready: Ints
+    filled: Ints
+    following: Ints
+
+
+@loop_body
+def _open(batch: int, base: int, slot: Ints, work: _Work) -> None:
+    """An empty batch of a tile whose batches begin at ``base``."""
+    work.filled[batch], work.following[batch] = 0, batch
+    for lane in range(LANES):
+        slot[base + batch, lane] = -1
+
+
+@kernel
+def _schedule(pair: Ints, first: int, last: int, base: int, slot: Ints, work: _Work) -> int:
+    """Write the contacts ``first … last-1`` of a tile into ``slot`` from batch ``base`` on; returns the number of batches."""
+    ready, filled, following = work.ready, work.filled, work.following
+    count = 0
+    for k in range(first, last):
+        i, j = pair[k, FIRST], pair[k, SECOND]
+        allowed = max(ready[i], ready[j])
+        while count <= allowed:
+            _open(count, base, slot, work)
+            count += 1
+        free = allowed
+        while following[free] != free:
+            free = following[free]
+            if free == count:
+                _open(count, base, slot, work)
+                count += 1
+        at = allowed
+        while at != free:  # a shorter way for those who come later
+            after = following[at]
+            following[at] = free
+            at = after
+        slot[base + free, filled[free]] = k
+        filled[free] += 1
+        if filled[free] == LANES:
+            following[free] = free + 1
+        ready[i] = ready[j] = free + SPACING
+    while 0 < count < SPACING:
+        _open(count, base, slot, work)
+        count += 1
+    for k in range(first, last):
+        ready[pair[k, FIRST]] = ready[pair[k, SECOND]] = 0
+    return count
+
+
+@kernel
+def make_batches(pair: Ints, tile_start: NDArray[np.int64], bodies: int) -> tuple[Ints, NDArray[np.int64]]:
+    """Batches of the contacts of each tile.
+
+    Args:
+        pair: Bodies of the contacts in the order of the sweep, shape ``(k, 2)``.
+        tile_start: First contact of each tile, shape ``(tiles + 1,)``.
+        bodies: Number of bodies.
+
+    Returns:
+        Contact in each lane, -1 if there is none, shape ``(q, 4)``, and the first batch of each tile, shape ``(tiles + 1,)``.
+    """
+    longest = 0
+    for t in range(tile_start.size - 1):
+        longest = max(longest, tile_start[t + 1] - tile_start[t])
+    room = SPACING * longest + 1
+    work = _Work(np.zeros(bodies, np.int32), np.empty(room, np.int32), np.empty(room, np.int32))
+    # Room for the worst case; what is not needed is never touched.
+    slot = np.empty((SPACING * (pair.shape[0] + tile_start.size), LANES), np.int32)
+    start = np.zeros(tile_start.size, np.int64)
+    for t in range(tile_start.size - 1):
+        start[t + 1] = start[t] + _schedule(pair, tile_start[t], tile_start[t + 1], start[t], slot, work)
+    return slot[: start[-1]].copy(), start
+
+
+@kernel
+def fill_lanes(order: Ints, bodies: Ints, rows: int, tile_start: NDArray[np.int64], slot: Ints, pair: Ints) -> None:
+    """Put the bodies of the contacts into their lanes.
+
+    Args:
+        order: Contacts in the order of the sweep, shape ``(k,)``.
+        bodies: Rows of their bodies, shape ``(k, 2)``.
+        rows: Number of rows; two for the empty lanes of each tile follow, so that no two tiles share a body.
+        tile_start: First batch of each tile, shape ``(tiles + 1,)``.
+        slot: From `make_batches`, shape ``(q, 4)``; on return the contacts themselves in place of their ranks. **Modified.**
+        pair: Four times the rows of the bodies, shape ``(q, 2, 4)``. **Modified.**
+    """
+    for t in range(tile_start.size - 1):
+        for q in range(tile_start[t], tile_start[t + 1]):
+            for lane in range(LANES):
+                k = slot[q, lane]
+                if k >= 0:
+                    slot[q, lane] = order[k]
+                    pair[q, FIRST, lane], pair[q, SECOND, lane] = 4 * bodies[k, FIRST], 4 * bodies[k, SECOND]
+                else:
+                    pair[q, FIRST, lane], pair[q, SECOND, lane] = 4 * (rows + 2 * t), 4 * (rows + 2 * t + 1)
+
+
+# ---- Which contact is relaxed when, and where its bodies lie: everything about a sweep that forces and velocities do not change
+
+TILE = 16.0  # width of a tile in mean diameters: a few hundred contacts
+
+
+class Schedule(NamedTuple):
+    """Order and places of the contacts of a step.
+
+    Attributes:
+        slot: Contact in each lane of the batches, -1 if there is none, shape ``(q, 4)``.
+        pair: Four times the rows of their bodies, shape ``(q, 2, 4)``.
+        tile_start: First batch of each tile, shape ``(tiles + 1,)``.
+        color_start: First tile of each color, shape ``(colors + 1,)``.
+        general: General contacts, shape ``(g,)``.
+        place: Row of each grain, shape ``(n,)``; walls follow the grains, then come the anchors.
+        rows: Number of all these rows. Two rows for the empty lanes of each tile follow.
+    """
+
+    slot: Ints
+    pair: Ints
+    tile_start: NDArray[np.int64]
+    color_start: NDArray[np.int64]
+    general: Ints
+    place: Ints
+    rows: int
+
+
+class Scheduler:
+    """Makes schedules, and keeps the last one for as long as the same contacts lie in the same tiles, as they do at rest.
+
+    A schedule is a pure function of these: keeping it changes nothing but the time.
+    """
+
+    def __init__(self) -> None:
+        self._last: Schedule | None = None
+        self._key: tuple[Ints, Ints, Ints] = (np.empty(0, np.int32),) * 3
+
+    def schedule(self, scene: Scene, contacts: StepContacts, wall_is_free: NDArray[np.bool_], mean_diameter: float) -> Schedule:
+        """The schedule of the contacts of a step.
+
+        Args:
+            scene: Shapes at q_m.
+            contacts: Contacts sorted by key.
+            wall_is_free: Walls with a driven degree of freedom, shape ``(w,)``.
+            mean_diameter: d̄ [m].
+        """
+        classes, span = classify_contacts(scene, contacts, wall_is_free)
+        columns, rows, corner, width, height = _grid(scene, max(TILE * mean_diameter, 2.2 * span))
+        color_start = color_tiles(columns, rows)
+        tile = assign_tiles(scene, contacts, classes, columns, rows, corner, width, height, color_start)
+        key = (contacts.i, contacts.j, tile)
+        last = self._last
+        if last is None or not (np.array_equal(last.color_start, color_start) and all(map(np.array_equal, self._key, key))):
+            last = _make(contacts, tile, color_start, scene.radius.size, wall_is_free.size)
+            self._last, self._key = last, key
+        return last
+
+
+def _make(contacts: StepContacts, tile: Ints, color_start: NDArray[np.int64], grains: int, walls: int) -> Schedule:
+    tiles = int(color_start[-1]) + 1
+    order, general, start = order_contacts(tile, tiles)
+    place, bodies, rows = number_bodies(contacts.i, contacts.j, order, general, grains, walls)
+    slot, tile_start = make_batches(bodies, start, rows)
+    pair = aligned((slot.shape[0], 2, LANES), np.int32)
+    fill_lanes(order, bodies, rows, tile_start, slot, pair)
+    return Schedule(slot, pair, tile_start, color_start, general, place, rows)
+
+
+def _grid(scene: Scene, width: float) -> tuple[int, int, Floats, float, float]:
+    """Numbers of columns and rows, the corner and the size of the tiles; at least ``width`` wide and high."""
+    left, right, bottom, top = extent_of(scene.position)
+    low = np.array([left, bottom])
+    size = np.array([right - left, top - bottom])
+    if scene.period > 0.0:
+        low[X], size[X] = 0.0, scene.period
+    limit = max(4, scene.radius.size)  # grains that fly far away must not make the grid large
+    rows = min(max(1, int(size[Y] / width)), limit)
+    columns = min(max(1, int(size[X] / width)), limit)
+    while rows * columns > limit:
+        rows, columns = max(1, rows // 2), max(1, columns // 2)
+    if scene.period > 0.0 and columns > 1:
+        columns -= columns % 2
+    return columns, rows, low, max(size[X], width) / columns, max(size[Y], width) / rows

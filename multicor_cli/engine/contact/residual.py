@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from multicor_cli.engine.contact.couples import measure_couples
-from multicor_cli.engine.contact.general import correction, general_solution, general_velocity
-from multicor_cli.engine.contact.lanes import (
+from multicor_cli.engine.contact.law import solve_exact
+from multicor_cli.engine.contact.sweep import System, correction, general_solution, general_velocity, measure_couples
+from multicor_cli.engine.contact.vector_sweep import (
     BIAS_,
     MASS_,
     MU_,
@@ -17,11 +17,9 @@ from multicor_cli.engine.contact.lanes import (
     Y_,
     frame_place,
     impulse_place,
+    measure_batches,
     pair_place,
 )
-from multicor_cli.engine.contact.law import solve_exact
-from multicor_cli.engine.contact.sweep import System
-from multicor_cli.engine.contact.vector_sweep import measure_batches
 from multicor_cli.engine.jit.chunks import CHUNK
 from multicor_cli.engine.jit.compile import kernel, loop_body, prange, threaded_loop
 from multicor_cli.engine.jit.formulas import formula

@@ -1,12 +1,12 @@
 """Gauss–Seidel sweeps over contacts, in the matrix-free form: velocities are updated in place after each contact.
 
-Two kinds of contact, and couples of rolling resistance (`multicor_cli.engine.contact.couples`), relaxed after them:
+Two kinds of contact, and couples of rolling resistance, relaxed after them:
 
 * *light* ones between bodies with one inverse mass (grains, anchors): the Delassus matrix is diagonal,
   W_nn = 1/m_i + 1/m_j and W_tt = (1 + β) W_nn with β = m a²/I. They lie in batches of four that share no body
-  (`multicor_cli.engine.contact.batches`) and are relaxed as vectors (`multicor_cli.engine.contact.vector_sweep`); `relax_scalar`
+  (`multicor_cli.engine.contact.ordering`) and are relaxed as vectors (`multicor_cli.engine.contact.vector_sweep`); `relax_scalar`
   here says what that computes;
-* *general* ones (`multicor_cli.engine.contact.general`), relaxed serially after the others.
+* *general* ones, relaxed serially after the others.
 """
 
 from __future__ import annotations
@@ -16,9 +16,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.engine.contact.couples import NO_COUPLES, Couples, push_couple, relax_couples
-from multicor_cli.engine.contact.general import push_general, relax_general
-from multicor_cli.engine.contact.lanes import (
+from multicor_cli.engine.contact.law import predict_and_correct, solve_bipotential, solve_exact, solve_full
+from multicor_cli.engine.contact.vector_sweep import (
     BIAS_,
     INVERSE_MASS_,
     MASS_,
@@ -31,14 +30,238 @@ from multicor_cli.engine.contact.lanes import (
     frame_place,
     impulse_place,
     pair_place,
+    relax_batches,
 )
-from multicor_cli.engine.contact.law import solve_bipotential, solve_exact
-from multicor_cli.engine.contact.vector_sweep import relax_batches
 from multicor_cli.engine.jit.compile import kernel, loop_body, prange, threaded_loop
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.engine.jit.vectors import HAS_VECTORS, LANES
-from multicor_cli.model.columns import NORMAL, TANGENTIAL
+from multicor_cli.model.columns import (
+    BIAS,
+    FIRST,
+    MU,
+    NORMAL,
+    NX,
+    NY,
+    SECOND,
+    SLIDE,
+    SPIN,
+    SURFACE,
+    TANGENTIAL,
+    W_NN,
+    W_NT,
+    W_TT,
+    X,
+    Y,
+)
 from multicor_cli.model.model import Floats, Ints
+
+# ---- The couples of rolling resistance in the sweep: each is one more unknown, relaxed after all contacts (theory §3.2).
+#
+# In velocity units a couple is friction on the rolling velocity u_r = a* (ω_i − ω_j): |p_r| ≤ μ_r q_n, where p_r is the impulse of
+# the couple over a*. It acts on spins alone and takes its bound from the normal impulse of its contact, so neither the contacts nor
+# their vectors know of it. Couples are relaxed serially, in the order of their contacts; one takes some three times as long as a
+# light contact, which is one of four in a vector (14 and 5 ns in a bed of 18,000 contacts).
+
+
+class Couples(NamedTuple):
+    """The couples of a `System`, ``k`` rows; arrays without rows where there is no rolling resistance.
+
+    Attributes:
+        contact: Contact behind each, shape ``(k,)``.
+        place: Where its normal impulse is: in the flat ``impulse`` of the system, or -1 - g for the general contact g,
+            shape ``(k,)``.
+        body: Rows of its bodies, shape ``(k, 2)``.
+        arm: What the third velocities of both bodies count in u_r: a*/a for grains, a* [m] for walls, shape ``(k, 2)``.
+        limit: μ_r, shape ``(k,)``.
+        inverse: 1/W_rr [kg], shape ``(k,)``.
+        impulse: p_r [N s], shape ``(k,)``. **Modified by sweeps.**
+        turning: What the running surface of a wall takes from u_r [m/s], shape ``(k,)``.
+    """
+
+    contact: Ints
+    place: NDArray[np.int64]
+    body: Ints
+    arm: Floats
+    limit: Floats
+    inverse: Floats
+    impulse: Floats
+    turning: Floats
+
+
+_NONE = np.empty(0)
+NO_COUPLES = Couples(
+    np.empty(0, np.int32), np.empty(0, np.int64), np.empty((0, 2), np.int32), np.empty((0, 2)), _NONE, _NONE, _NONE, _NONE
+)  # fmt: skip
+
+
+@formula
+def solve_rolling(p_r: float, u_r: float, w_inverse: float, bound: float) -> float:
+    """Exact p_r of one couple with all else held [N s]: stick, cut to ± ``bound`` = μ_r q_n (theory §3.2).
+
+    Args:
+        p_r: Impulse now [N s].
+        u_r: Rolling velocity that goes with it [m/s].
+        w_inverse: 1/W_rr [kg].
+        bound: Largest impulse [N s].
+    """
+    return min(max(p_r - u_r * w_inverse, -bound), bound)
+
+
+@loop_body
+def _bound(k: int, couples: Couples, impulse: Floats, general_impulse: Floats) -> float:
+    """μ_r q_n; ``impulse`` flat."""
+    place = couples.place[k]
+    q_n = impulse[place] if place >= 0 else general_impulse[-1 - place, NORMAL]
+    return couples.limit[k] * q_n
+
+
+@loop_body
+def couple_velocity(k: int, couples: Couples, velocity: Floats) -> float:
+    """u_r [m/s]; ``velocity`` as in `System`."""
+    i, j = couples.body[k, FIRST], couples.body[k, SECOND]
+    turning = couples.arm[k, FIRST] * velocity[i, SURFACE] - couples.arm[k, SECOND] * velocity[j, SURFACE]
+    return turning - couples.turning[k]
+
+
+@loop_body
+def push_couple(k: int, d_r: float, couples: Couples, velocity: Floats, inverse: Floats) -> None:
+    """Change the spins of the two bodies of a couple by an impulse. Arrays as in `System`."""
+    i, j = couples.body[k, FIRST], couples.body[k, SECOND]
+    velocity[i, SURFACE] += inverse[i, SPIN] * couples.arm[k, FIRST] * d_r
+    velocity[j, SURFACE] -= inverse[j, SPIN] * couples.arm[k, SECOND] * d_r
+
+
+@loop_body
+def relax_couples(
+    velocity: Floats, inverse: Floats, couples: Couples, impulse: Floats, general_impulse: Floats, before: Floats,
+    extrapolation: float,
+) -> float:  # fmt: skip
+    """Relax all couples; returns the sum of the squares of the velocity corrections [m²/s²].
+
+    Arrays as in `System`, the impulses of light contacts flat, and the last impulses of the couples, ``before``, from which they
+    are extrapolated first.
+    """
+    total = 0.0
+    for k in range(couples.impulse.size):
+        now = couples.impulse[k]
+        p_r = now + extrapolation * (now - before[k])
+        bound = _bound(k, couples, impulse, general_impulse)
+        new = solve_rolling(p_r, couple_velocity(k, couples, velocity), couples.inverse[k], bound)
+        couples.impulse[k], before[k] = new, now
+        push_couple(k, new - p_r, couples, velocity, inverse)
+        correction = (new - p_r) / couples.inverse[k]
+        total += correction * correction
+    return total
+
+
+@loop_body
+def couple_square(k: int, couples: Couples, velocity: Floats, impulse: Floats, general_impulse: Floats) -> float:
+    """Square of e_r of one couple [m²/s²], arguments as `relax_couples`."""
+    p_r, bound = couples.impulse[k], _bound(k, couples, impulse, general_impulse)
+    correction = (solve_rolling(p_r, couple_velocity(k, couples, velocity), couples.inverse[k], bound) - p_r) / couples.inverse[k]
+    return correction * correction
+
+
+@loop_body
+def measure_couples(
+    velocity: Floats, couples: Couples, impulse: Floats, general_impulse: Floats
+) -> tuple[float, float, float, float]:
+    """Residuals of the couples, arguments as `relax_couples`.
+
+    Returns the sum of the squares of their velocity corrections e_r and the largest of them [m²/s²], the sum of the powers p_r e_r
+    [J], and the number of couples with p_r ≠ 0 or e_r ≠ 0.
+    """
+    squares, largest, power, active = 0.0, 0.0, 0.0, 0.0
+    for k in range(couples.impulse.size):
+        p_r = couples.impulse[k]
+        bound = _bound(k, couples, impulse, general_impulse)
+        new = solve_rolling(p_r, couple_velocity(k, couples, velocity), couples.inverse[k], bound)
+        correction = (new - p_r) / couples.inverse[k]
+        squares += correction * correction
+        largest = max(largest, correction * correction)
+        power += p_r * correction
+        active += 1.0 if p_r != 0.0 or correction != 0.0 else 0.0
+    return squares, largest, power, active
+
+
+# ---- General contacts: with walls that have free degrees of freedom, or of arbitrary problems.
+#
+# Their Delassus matrix is full and every degree of freedom has its inverse mass; they are relaxed one after the other. A flow has
+# few of them, but those of a loaded lid are in every sweep: the loops take single numbers out of arrays, never rows.
+
+
+@loop_body
+def push_general(
+    g: int, d_n: float, d_t: float, velocity: Floats, inverse: Floats, pair: Ints, frame: Floats, lever: Floats
+) -> None:
+    """Change the velocities of the two bodies of a contact by an impulse. Arrays as in `System`."""
+    nx, ny = frame[g, NX], frame[g, NY]
+    px, py = d_n * nx - d_t * ny, d_n * ny + d_t * nx
+    i, j = pair[g, FIRST], pair[g, SECOND]
+    velocity[i, X] += inverse[i, X] * px
+    velocity[i, Y] += inverse[i, Y] * py
+    velocity[i, SURFACE] += inverse[i, SPIN] * (d_n * lever[g, FIRST, NORMAL] + d_t * lever[g, FIRST, TANGENTIAL])
+    velocity[j, X] -= inverse[j, X] * px
+    velocity[j, Y] -= inverse[j, Y] * py
+    velocity[j, SURFACE] -= inverse[j, SPIN] * (d_n * lever[g, SECOND, NORMAL] + d_t * lever[g, SECOND, TANGENTIAL])
+
+
+@loop_body
+def general_velocity(g: int, velocity: Floats, pair: Ints, frame: Floats, lever: Floats) -> tuple[float, float]:
+    """u_n + b and u_t of a contact [m/s]. Arrays as in `System`."""
+    i, j = pair[g, FIRST], pair[g, SECOND]
+    nx, ny = frame[g, NX], frame[g, NY]
+    dx, dy = velocity[i, X] - velocity[j, X], velocity[i, Y] - velocity[j, Y]
+    a, b = velocity[i, SURFACE], velocity[j, SURFACE]
+    u_n = dx * nx + dy * ny + a * lever[g, FIRST, NORMAL] - b * lever[g, SECOND, NORMAL]
+    u_t = dy * nx - dx * ny + a * lever[g, FIRST, TANGENTIAL] - b * lever[g, SECOND, TANGENTIAL]
+    return u_n + frame[g, BIAS], u_t - frame[g, SLIDE]
+
+
+@loop_body
+def general_solution(g: int, frame: Floats, p_n: float, p_t: float, u_n: float, u_t: float, is_exact: bool) -> tuple[float, float]:
+    """Impulses of a contact after a local solve with the others held."""
+    w_nn, w_nt, w_tt, mu = frame[g, W_NN], frame[g, W_NT], frame[g, W_TT], frame[g, MU]
+    if is_exact:
+        return solve_full(p_n, p_t, u_n, u_t, w_nn, w_nt, w_tt, mu)
+    # The predictor-corrector needs ρ < 2 over the largest eigenvalue; the trace bounds that.
+    rho = min(1.0 / np.sqrt(w_nn * w_tt), 1.5 / (w_nn + w_tt) if w_nt != 0.0 else 1.9 / max(w_nn, w_tt))
+    return predict_and_correct(p_n, p_t, u_n, u_t, rho, mu)
+
+
+@loop_body
+def correction(g: int, frame: Floats, d_n: float, d_t: float) -> tuple[float, float]:
+    """The velocity that goes with a change of the impulses, W d [m/s]."""
+    return frame[g, W_NN] * d_n + frame[g, W_NT] * d_t, frame[g, W_NT] * d_n + frame[g, W_TT] * d_t
+
+
+@loop_body
+def relax_general(
+    velocity: Floats, inverse: Floats, pair: Ints, frame: Floats, lever: Floats, impulse: Floats, before: Floats,
+    is_exact: bool, extrapolation: float,
+) -> float:  # fmt: skip
+    """Relax all general contacts; returns the sum of the squares of the velocity corrections [m²/s²].
+
+    Arrays as in `System`, and the last impulses ``before``, from which impulses are extrapolated first.
+    """
+    total = 0.0
+    for g in range(pair.shape[0]):
+        now_n, now_t = impulse[g, NORMAL], impulse[g, TANGENTIAL]
+        p_n = now_n + extrapolation * (now_n - before[g, NORMAL])
+        p_t = now_t + extrapolation * (now_t - before[g, TANGENTIAL])
+        u_n, u_t = general_velocity(g, velocity, pair, frame, lever)
+        new_n, new_t = general_solution(g, frame, p_n, p_t, u_n, u_t, is_exact)
+        impulse[g, NORMAL], impulse[g, TANGENTIAL] = new_n, new_t
+        before[g, NORMAL], before[g, TANGENTIAL] = now_n, now_t
+        d_n, d_t = new_n - p_n, new_t - p_t
+        if d_n != 0.0 or d_t != 0.0:
+            push_general(g, d_n, d_t, velocity, inverse, pair, frame, lever)
+            c_n, c_t = correction(g, frame, d_n, d_t)
+            total += c_n * c_n + c_t * c_t
+    return total
+
+
+# ---- Gauss–Seidel sweeps over contacts, in the matrix-free form: velocities are updated in place after each contact
 
 EXACT, BIPOTENTIAL = 0, 1
 

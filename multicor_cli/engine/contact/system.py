@@ -1,21 +1,253 @@
-"""Puts the contacts of a step into the arrays of the sweep."""
+"""Puts the contacts of a step into the arrays of the sweep, takes them out again, and into a table that is stored."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
-from multicor_cli.engine.contact.detection import StepContacts
-from multicor_cli.engine.contact.rolling import pack_couples
-from multicor_cli.engine.contact.schedule import Schedule
+from multicor_cli.engine.contact.detection import StepContacts, contact_after, couples_of_contacts, net_impulses, pack_couples
+from multicor_cli.engine.contact.ordering import Schedule, make_batches
 from multicor_cli.engine.contact.sweep import System, add_impulses
-from multicor_cli.engine.contact.transfer import pack_bodies, pack_contacts, pack_general, unpack
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.jit.chunks import aligned
+from multicor_cli.engine.jit.compile import kernel, loop_body, parallel_kernel, prange
 from multicor_cli.engine.jit.vectors import LANES
-from multicor_cli.model.columns import BELT, COUPLE, INVERSE_MASS, SPIN, X, Y
+from multicor_cli.model.columns import (
+    BELT,
+    BIAS,
+    COUPLE,
+    FIRST,
+    GAP,
+    INVERSE_MASS,
+    MASS,
+    MU,
+    NORMAL,
+    NX,
+    NY,
+    SECOND,
+    SLIDE,
+    SPIN,
+    SURFACE,
+    TANGENTIAL,
+    W_NN,
+    W_NT,
+    W_TT,
+    X,
+    Y,
+)
+from multicor_cli.model.contacts import ContactTable
 from multicor_cli.model.model import Floats, Ints
+
+# ---- Light contacts in plain rows, one after the other, and in the batches of a `System`
+
+
+class OneByOne(NamedTuple):
+    """Light contacts in the order of the sweep, ``k`` rows.
+
+    Attributes:
+        pair: Rows of their bodies, shape ``(k, 2)``.
+        frame: n_x, n_y, 1/W_nn [kg], bias b [m/s], μ, shape ``(k, 5)``.
+        impulse: p_n, p_t [N s], shape ``(k, 2)``.
+    """
+
+    pair: Ints
+    frame: Floats
+    impulse: Floats
+
+
+class Batches(NamedTuple):
+    """The part of a `System` that light contacts take; fields as there."""
+
+    velocity: Floats
+    slot: Ints
+    pair: Ints
+    frame: Floats
+    impulse: Floats
+    tile_start: NDArray[np.int64]
+
+
+def flatten(system: System) -> OneByOne:
+    """The light contacts of a system, in an order of which its batches make the same sweep. Copies."""
+    has = system.slot.reshape(-1) >= 0
+    pair, frame, impulse = (_rows(blocks)[has] for blocks in (system.pair, system.frame, system.impulse))
+    return OneByOne(np.ascontiguousarray(pair // 4), np.ascontiguousarray(frame), np.ascontiguousarray(impulse))
+
+
+def batch(contacts: OneByOne, velocity: Floats) -> Batches:
+    """Contacts in batches, as one tile; ``slot`` names them by their rows.
+
+    Args:
+        contacts: In the order of the sweep.
+        velocity: Bodies as in `System`, shape ``(b, 4)``.
+    """
+    bodies = velocity.shape[0]
+    slot, start = make_batches(contacts.pair, np.array([0, len(contacts.pair)]), bodies)
+    has = slot.reshape(-1) >= 0
+    rows = slot.reshape(-1)[has]
+    pair, frame, impulse = np.empty((has.size, 2), np.int32), np.zeros((has.size, 5)), np.zeros((has.size, 2))
+    pair[:] = bodies, bodies + 1  # of the lanes without contact: nothing moves them
+    frame[:, MASS] = 1.0
+    pair[has], frame[has], impulse[has] = contacts.pair[rows], contacts.frame[rows], contacts.impulse[rows]
+    full = aligned((bodies + 2, 4))
+    full[:bodies], full[bodies:] = velocity, 0.0
+    return Batches(full, slot, _blocks(4 * pair), _blocks(frame), _blocks(impulse), start)
+
+
+def by_slot(slot: Ints, impulse: Floats, count: int) -> Floats:
+    """Impulses of ``count`` contacts, as ``slot`` numbers them, from their batches; shape ``(count, 2)``."""
+    has = slot.reshape(-1) >= 0
+    result = np.zeros((count, 2))
+    result[slot.reshape(-1)[has]] = _rows(impulse)[has]
+    return result
+
+
+def _rows(blocks: NDArray[Any]) -> NDArray[Any]:
+    """A row for each lane from blocks of shape ``(q, columns, 4)``."""
+    return blocks.transpose(0, 2, 1).reshape(-1, blocks.shape[1])
+
+
+def _blocks(rows: NDArray[Any]) -> NDArray[Any]:
+    """The reverse of `_rows`."""
+    columns = rows.shape[1]
+    blocks = aligned((rows.shape[0] // LANES, columns, LANES), rows.dtype.type)
+    blocks[:] = rows.reshape(-1, LANES, columns).transpose(0, 2, 1)
+    return blocks
+
+
+# ---- Between the contacts and bodies of a step and the arrays of the sweep: once a step, and memory is what takes time
+
+
+@kernel
+def pack_bodies(free: Floats, place: Ints, velocity: Floats) -> None:
+    """Copy bodies into the arrays of the sweep.
+
+    Args:
+        free: Free velocities of grains and walls, shape ``(bodies, 4)``.
+        place: Row of each grain, shape ``(n,)``; walls follow the grains.
+        velocity: All bodies of the sweep, bodies first. **Modified.**
+    """
+    for b in range(free.shape[0]):
+        row = np.int64(place[b]) if b < place.size else np.int64(b)
+        for d in range(4):
+            velocity[row, d] = free[b, d]
+        if b >= place.size:
+            velocity[row, INVERSE_MASS] = 0.0  # the inverse masses of walls stand elsewhere, and their surfaces in the contacts
+
+
+@loop_body
+def _leave_empty(q: int, lane: int, frame: Floats, impulse: Floats) -> None:
+    """A lane without contact; 1/W = 1, for a residual is measured there too."""
+    for d in range(5):
+        frame[q, d, lane] = 0.0
+    frame[q, MASS, lane] = 1.0
+    impulse[q, NORMAL, lane] = impulse[q, TANGENTIAL, lane] = 0.0
+
+
+@parallel_kernel
+def pack_contacts(
+    scene: Scene, contacts: StepContacts, belt: Floats, slot: Ints, pair: Ints, velocity: Floats, frame: Floats, impulse: Floats
+) -> None:
+    """Copy contacts into their lanes, and give the anchors of walls their velocities.
+
+    Args:
+        scene: Shapes at q_m.
+        contacts: Contacts sorted by key.
+        belt: Speed of the surface of each wall, column `BELT` of the bodies [m/s], shape ``(w,)``.
+        slot: Contact in each lane, shape ``(q, 4)``.
+        pair: Their bodies as in `System`, shape ``(q, 2, 4)``.
+        velocity: From `pack_bodies`. **Modified.**
+        frame: As in `System`, shape ``(q, 5, 4)``. **Modified.**
+        impulse: As in `System`, shape ``(q, 2, 4)``. **Modified.**
+    """
+    n = scene.radius.size
+    for q in prange(slot.shape[0]):
+        for lane in range(LANES):
+            c = slot[q, lane]
+            if c < 0:
+                _leave_empty(q, lane, frame, impulse)
+                continue
+            i, j = pair[q, FIRST, lane] // 4, pair[q, SECOND, lane] // 4
+            if contacts.j[c] >= n:
+                wall = n + scene.wall[contacts.j[c] - n]
+                velocity[j, X] = velocity[wall, X] - velocity[wall, SURFACE] * contacts.lever[c, Y]
+                velocity[j, Y] = velocity[wall, Y] + velocity[wall, SURFACE] * contacts.lever[c, X]
+                velocity[j, SURFACE] = belt[wall - n]
+                velocity[j, INVERSE_MASS] = 0.0
+            frame[q, NX, lane], frame[q, NY, lane] = contacts.frame[c, NX], contacts.frame[c, NY]
+            frame[q, MASS, lane] = 1.0 / (velocity[i, INVERSE_MASS] + velocity[j, INVERSE_MASS])
+            frame[q, BIAS, lane], frame[q, MU, lane] = contacts.frame[c, BIAS], contacts.frame[c, MU]
+            impulse[q, NORMAL, lane] = contacts.impulse[c, NORMAL]
+            impulse[q, TANGENTIAL, lane] = contacts.impulse[c, TANGENTIAL]
+
+
+@kernel
+def pack_general(
+    scene: Scene, contacts: StepContacts, belt: Floats, place: Ints, general: Ints, inverse: Floats
+) -> tuple[Ints, Floats, Floats, Floats]:
+    """Arrays of the contacts with walls that have a free degree of freedom, as in `System`.
+
+    Args:
+        scene: Shapes at q_m.
+        contacts: Contacts sorted by key.
+        belt: As for `pack_contacts`.
+        place: From `number_bodies`.
+        general: Contacts of class 2, shape ``(g,)``.
+        inverse: Inverse mass per degree of freedom of grains and walls, shape ``(n + w, 3)``.
+
+    Returns:
+        Bodies ``(g, 2)``, frames ``(g, 8)``, levers ``(g, 2, 2)`` and impulses ``(g, 2)``.
+    """
+    n = scene.radius.size
+    pair, impulse = np.empty((general.size, 2), np.int32), np.empty((general.size, 2))
+    frame, lever = np.zeros((general.size, 8)), np.empty((general.size, 2, 2))
+    for g in range(general.size):
+        c = general[g]
+        nx, ny = contacts.frame[c, NX], contacts.frame[c, NY]
+        lx, ly = contacts.lever[c, X], contacts.lever[c, Y]
+        pair[g, FIRST], pair[g, SECOND] = place[contacts.i[c]], n + scene.wall[contacts.j[c] - n]
+        frame[g, NX], frame[g, NY] = nx, ny
+        frame[g, BIAS], frame[g, MU] = contacts.frame[c, BIAS], contacts.frame[c, MU]
+        frame[g, SLIDE] = belt[scene.wall[contacts.j[c] - n]]
+        impulse[g, NORMAL], impulse[g, TANGENTIAL] = contacts.impulse[c, NORMAL], contacts.impulse[c, TANGENTIAL]
+        # u_t gains −s from the grain's surface speed; u_n and u_t −Ω (l_x n_y − l_y n_x) and −Ω (l_x n_x + l_y n_y) from the wall.
+        lever[g, FIRST, NORMAL], lever[g, FIRST, TANGENTIAL] = 0.0, -1.0
+        lever[g, SECOND, NORMAL], lever[g, SECOND, TANGENTIAL] = lx * ny - ly * nx, lx * nx + ly * ny
+        for side in range(2):
+            m, l_n, l_t = inverse[pair[g, side]], lever[g, side, NORMAL], lever[g, side, TANGENTIAL]
+            frame[g, W_NN] += m[X] * (nx * nx) + m[Y] * (ny * ny) + m[SPIN] * (l_n * l_n)
+            frame[g, W_NT] += (m[Y] - m[X]) * nx * ny + m[SPIN] * l_n * l_t
+            frame[g, W_TT] += m[X] * (ny * ny) + m[Y] * (nx * nx) + m[SPIN] * (l_t * l_t)
+    return pair, frame, lever, impulse
+
+
+@kernel
+def unpack(slot: Ints, impulse: Floats, place: Ints, velocity: Floats, by_contact: Floats, by_body: Floats) -> None:
+    """Back from the arrays of the sweep.
+
+    Args:
+        slot: Contact in each lane, shape ``(q, 4)``.
+        impulse: Their impulses, shape ``(q, 2, 4)``.
+        place: Row of each grain, shape ``(n,)``.
+        velocity: Bodies as in `pack_bodies`.
+        by_contact: Impulses of the contacts, shape ``(c, 2)``. **Modified.**
+        by_body: Velocities of grains and walls, shape ``(bodies, 4)``. **Modified.**
+    """
+    for q in range(slot.shape[0]):
+        for lane in range(LANES):
+            c = slot[q, lane]
+            if c >= 0:
+                by_contact[c, NORMAL] = impulse[q, NORMAL, lane]
+                by_contact[c, TANGENTIAL] = impulse[q, TANGENTIAL, lane]
+    for b in range(by_body.shape[0]):
+        row = np.int64(place[b]) if b < place.size else np.int64(b)
+        for d in range(4):
+            by_body[b, d] = velocity[row, d]
+
+
+# ---- Puts the contacts of a step into the arrays of the sweep
 
 
 @dataclass(frozen=True)
@@ -80,3 +312,33 @@ def assemble(
     )  # fmt: skip
     add_impulses(system)
     return OrderedSystem(system, general, place, belt)
+
+
+# ---- From the contacts of a step, as the solver has them, to a table that can be stored or looked at
+
+
+@kernel
+def _slips(scene: Scene, contacts: StepContacts, after: Floats) -> Floats:
+    slip = np.empty(contacts.i.size)
+    for c in range(contacts.i.size):
+        slip[c] = contact_after(c, scene, contacts, after)[1]
+    return slip
+
+
+def tabulate_contacts(scene: Scene | None, contacts: StepContacts | None, after: Floats) -> ContactTable:
+    """Make the table; empty if there has been no step."""
+    if scene is None or contacts is None:
+        return ContactTable.empty()
+    q_n, p_t = contacts.impulse.T
+    # The local solve cuts p_t to ±μ q_n exactly, so equality means sliding; only a rounding of the product is allowed for.
+    sliding = (q_n > 0.0) & (np.abs(p_t) >= contacts.frame[:, MU] * q_n * (1.0 - 1e-12))
+    return ContactTable(
+        contacts.i,
+        contacts.j,
+        contacts.frame[:, [NX, NY]],
+        contacts.frame[:, GAP].copy(),
+        net_impulses(contacts.impulse, contacts.attraction),
+        _slips(scene, contacts, after),
+        sliding,
+        couple=couples_of_contacts(contacts) if contacts.rolling.size else None,
+    )

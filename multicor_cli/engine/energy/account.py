@@ -7,9 +7,14 @@ from typing import NamedTuple
 import numpy as np
 
 from multicor_cli.arithmetic.sums import column_totals
-from multicor_cli.engine.contact.adhesion import attraction_of
-from multicor_cli.engine.contact.detection import StepContacts, contact_after
-from multicor_cli.engine.contact.rolling import couple_of, couples_of_contacts, rolling_loss
+from multicor_cli.engine.contact.detection import (
+    StepContacts,
+    attraction_of,
+    contact_after,
+    couple_of,
+    couples_of_contacts,
+    rolling_loss,
+)
 from multicor_cli.engine.geometry.radii import surface_turning
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.jit.chunks import CHUNK, chunks_for

@@ -11,9 +11,7 @@ from __future__ import annotations
 
 from typing import Literal
 
-from multicor_cli.engine.contact.adhesion import attraction_of
-from multicor_cli.engine.contact.detection import StepContacts, contact_after
-from multicor_cli.engine.contact.rolling import rolled_loss, rolling_loss
+from multicor_cli.engine.contact.detection import StepContacts, attraction_of, contact_after, rolled_loss, rolling_loss
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.heat.wear import rubbing_of
 from multicor_cli.engine.jit.chunks import CHUNK

@@ -10,7 +10,7 @@ from places import DATA, ROOT
 
 from multicor_cli import run
 from multicor_cli.engine import ContactProblem, Settings, solve_contacts
-from multicor_cli.engine.contact.one_by_one import flatten
+from multicor_cli.engine.contact.system import flatten
 from multicor_cli.model.columns import INVERSE_MASS
 
 pytest.importorskip("scipy")

@@ -11,10 +11,10 @@ from scene_parts import advance, shear_engine
 
 from multicor_cli.engine.contact import residual, sweep, vector_sweep
 from multicor_cli.engine.contact.acceleration import extrapolate_scalar
-from multicor_cli.engine.contact.batches import SPACING, make_batches
-from multicor_cli.engine.contact.one_by_one import OneByOne, batch, by_slot, flatten
+from multicor_cli.engine.contact.ordering import SPACING, make_batches
 from multicor_cli.engine.contact.problem import ContactProblem, solve_contacts
 from multicor_cli.engine.contact.sweep import EXACT, Before, Relaxation, System
+from multicor_cli.engine.contact.system import OneByOne, batch, by_slot, flatten
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.vectors import HAS_VECTORS, LANES
 from multicor_cli.model.columns import INVERSE_MASS, NORMAL, SURFACE, TANGENTIAL, X, Y

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from multicor_cli.engine.contact.thread_choice import PARALLEL_FROM, SLICE, ThreadChoice
+from multicor_cli.engine.contact.solve import PARALLEL_FROM, SLICE, ThreadChoice
 
 MANY = PARALLEL_FROM
 

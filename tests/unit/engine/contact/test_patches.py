@@ -9,17 +9,13 @@ from scene_parts import advance, shear_engine
 
 from multicor_cli.engine.contact import patches, solve
 from multicor_cli.engine.contact.acceleration import NEVER, iterate, start_loop, start_momentum
-from multicor_cli.engine.contact.complementarity import solve_complementarity
-from multicor_cli.engine.contact.couples import NO_COUPLES
-from multicor_cli.engine.contact.general import push_general
-from multicor_cli.engine.contact.lanes import TANGENTIAL_, impulse_place
 from multicor_cli.engine.contact.law import solve_full
-from multicor_cli.engine.contact.patches import choose_patch, solve_patch
+from multicor_cli.engine.contact.patches import choose_patch, solve_complementarity, solve_patch
 from multicor_cli.engine.contact.problem import ContactProblem, _general_system
 from multicor_cli.engine.contact.residual import measure_residual
-from multicor_cli.engine.contact.solve import ResidualScale, Settings, solve_system
-from multicor_cli.engine.contact.sweep import EXACT, System, add_impulses, push_lane
-from multicor_cli.engine.contact.thread_choice import ThreadChoice
+from multicor_cli.engine.contact.solve import ResidualScale, Settings, ThreadChoice, solve_system
+from multicor_cli.engine.contact.sweep import EXACT, NO_COUPLES, System, add_impulses, push_general, push_lane
+from multicor_cli.engine.contact.vector_sweep import TANGENTIAL_, impulse_place
 from multicor_cli.engine.jit.chunks import aligned
 from multicor_cli.engine.jit.compile import kernel
 

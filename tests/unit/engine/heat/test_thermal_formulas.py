@@ -6,7 +6,7 @@ from math import inf, pi, sqrt
 import pytest
 from scipy import integrate
 
-from multicor_cli.engine.contact import softening
+from multicor_cli.engine.contact import law
 from multicor_cli.engine.geometry.radii import effective_radius
 from multicor_cli.engine.heat import collision, conduction, convection, friction, gas, hertz, partition, radiation, rough, wear
 
@@ -195,7 +195,7 @@ def test_rough_contact_nearly_doubles_the_resistance():
 
 def test_friction():
     assert friction.sliding_power(0.5, 1.0, -0.1) == pytest.approx(0.05, rel=1e-15)
-    assert softening.softened_friction(0.5, 1e-3, 498.15, 298.15, 0.0, 10.0) == pytest.approx(0.4, rel=1e-14)
+    assert law.softened_friction(0.5, 1e-3, 498.15, 298.15, 0.0, 10.0) == pytest.approx(0.4, rel=1e-14)
 
 
 def test_partition_of_steel_and_aluminum():

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 
-from multicor_cli.engine.contact import couples, law, softening
+from multicor_cli.engine.contact import law, sweep
 from multicor_cli.engine.geometry import radii
 from multicor_cli.engine.heat import collision, conduction, convection, friction, gas, hertz, partition, radiation, rough, wear
 from multicor_cli.engine.jit.compile import kernel
@@ -224,9 +224,9 @@ def test_branches_of_li_and_mason_meet_as_stated(re, prandtl, change):
 
 
 def test_softened_friction_is_cut_to_its_range():
-    assert softening.softened_friction(0.5, 1e-3, 293.15, 293.15, 0.1, 1.0) == 0.5
-    assert softening.softened_friction(0.5, 1e-3, 5000.0, 293.15, 0.1, 1.0) == 0.1
-    assert softening.softened_friction(0.5, -1e-2, 5000.0, 293.15, 0.1, 1.0) == 1.0
+    assert law.softened_friction(0.5, 1e-3, 293.15, 293.15, 0.1, 1.0) == 0.5
+    assert law.softened_friction(0.5, 1e-3, 5000.0, 293.15, 0.1, 1.0) == 0.1
+    assert law.softened_friction(0.5, -1e-2, 5000.0, 293.15, 0.1, 1.0) == 1.0
 
 
 def test_sliding_either_way_heats_and_wears():
@@ -255,7 +255,7 @@ SAMPLES = {
     "convection.reynolds": (-0.3, 3e-3, 1.5e-5),
     "convection.whitaker": (100.0, 0.7),
     "friction.sliding_power": (0.5, 1.0, -0.1),
-    "softening.softened_friction": (0.5, 1e-3, 400.0, 293.15, 0.1, 1.0),
+    "law.softened_friction": (0.5, 1e-3, 400.0, 293.15, 0.1, 1.0),
     "gas.batchelor_conductance": (AIR, 15.0, 7.5e-4, 6.9e-6, 0.0),
     "gas.parallel_conductance": (AIR, A, 2e-3, 6.9e-6, 1e-5),
     "gas.parallel_conductance_wall": (AIR, A, 6.9e-6, 1e-5),
@@ -269,7 +269,7 @@ SAMPLES = {
     "rough.rough_conductance": (1.0, 1.7e-5, 1e11, 7.5e-4, 15.0, 1e-6, 0.1, 3e9),
     "wear.archard_volume": (1e-14, 100.0),
     "wear.rubbing_of": (1e-3, -0.1, 2e-5, 0.5),
-    "couples.solve_rolling": (1e-4, 0.1, 5e-5, 2e-4),
+    "sweep.solve_rolling": (1e-4, 0.1, 5e-5, 2e-4),
     "law.bias": (1e-5, -0.1, 0.5, 1e-4),
     "law.bipotential_parameter": (1e-3, 3e-4),
     "law.predict_and_correct": (1e-4, 5e-5, -0.1, 0.2, 5e-4, 0.4),
@@ -279,10 +279,7 @@ SAMPLES = {
     "law.solve_full": (1e-4, 5e-5, -0.1, 0.2, 1e3, 200.0, 3e3, 0.4),
 }
 
-MODULES = [
-    collision, conduction, convection, couples, friction, gas, hertz, law,
-    partition, radiation, radii, rough, softening, wear,
-]  # fmt: skip
+MODULES = [collision, conduction, convection, friction, gas, hertz, law, partition, radiation, radii, rough, sweep, wear]
 
 
 def is_scalar_formula(node):
