@@ -30,7 +30,7 @@ from multicor_cli.engine.contact.report import PhysicsError, StepReport
 from multicor_cli.engine.contact.solve import Outcome, ResidualScale, Settings, ThreadChoice, solve_system
 from multicor_cli.engine.contact.system import OrderedSystem, assemble, tabulate_contacts
 from multicor_cli.engine.energy import account
-from multicor_cli.engine.energy.books import book_step, open_books, switch_wall_kinetic
+from multicor_cli.engine.energy.account import book_step, open_books, switch_wall_kinetic
 from multicor_cli.engine.geometry.drift import fit_drift
 from multicor_cli.engine.geometry.neighbor_list import NeighborList
 from multicor_cli.engine.geometry.scene import Scene, scene_of

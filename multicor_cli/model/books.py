@@ -1,6 +1,6 @@
 """The numbers that a run keeps: books of energy and heat, counters, and sums between two rows of the time series.
 
-A number is one entry here, and a line of the engine that keeps it (`engine.energy.books`, `engine.heat.books`); checkpoints, the
+A number is one entry here, and a line of the engine that keeps it (`engine.energy.account`, `engine.heat.books`); checkpoints, the
 time series and the summary follow. New entries go to the end of their table: their places in a state count.
 """
 

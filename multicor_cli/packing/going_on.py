@@ -14,7 +14,7 @@ import numpy as np
 
 from multicor_cli.arithmetic.sums import total
 from multicor_cli.engine.contact.detection import resting_attraction
-from multicor_cli.engine.exchange.books import note_presence
+from multicor_cli.engine.exchange.passage import note_presence
 from multicor_cli.engine.geometry.scene import scene_of
 from multicor_cli.model import Model, Presence, State, Thermal, WallBody
 from multicor_cli.model.areas import Room

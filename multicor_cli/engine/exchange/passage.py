@@ -1,4 +1,4 @@
-"""Who comes and who goes before a step: a function of the state alone, and nothing more happens if it is asked for twice."""
+"""Who comes and who goes before a step, where there is room, and the books of it: a function of the state alone."""
 
 from __future__ import annotations
 
@@ -9,12 +9,149 @@ from numpy.typing import NDArray
 
 from multicor_cli.arithmetic.sums import total
 from multicor_cli.engine.contact.report import PhysicsError
-from multicor_cli.engine.exchange.books import book_in, book_out, book_returned, note_presence
-from multicor_cli.engine.exchange.room import find_room
+from multicor_cli.engine.energy.account import book_exchange
 from multicor_cli.engine.exchange.rules import ExchangeRules, Outlet, Release
-from multicor_cli.model.columns import X, Y
-from multicor_cli.model.model import Model
+from multicor_cli.engine.geometry.gaps import gap_to_shape, minimum_image
+from multicor_cli.engine.geometry.scene import scene_of
+from multicor_cli.engine.heat.books import book_heat_out
+from multicor_cli.engine.jit.compile import kernel
+from multicor_cli.model.books import EXCHANGE_NAMES
+from multicor_cli.model.columns import RADIUS, SPIN, X, Y
+from multicor_cli.model.model import Floats, Ints, Model
 from multicor_cli.model.state import Presence, State
+
+# ---- Where a grain finds room among the grains that are there and the walls
+
+
+@kernel
+def first_free(
+    place: Floats, radius: float, disc: Floats, kind: Ints, world: Floats, is_met: NDArray[np.bool_], period: float
+) -> int:
+    """The first place where a grain overlaps nothing; −1 if there is none.
+
+    Args:
+        place: Centers to try, shape ``(k, 2)``.
+        radius: Radius of the grain [m].
+        disc: x, y and radius of the grains around [m], shape ``(d, 3)``.
+        kind: `ShapeKind` of the wall shapes, shape ``(m,)``.
+        world: Their geometry in the world [m], shape ``(m, 4)``.
+        is_met: Whether the grain meets them, shape ``(m,)``.
+        period: Period in x [m] or 0.
+    """
+    for k in range(place.shape[0]):
+        x, y = place[k, X], place[k, Y]
+        is_free = True
+        for d in range(disc.shape[0]):
+            dx, dy = minimum_image(x - disc[d, X], period), y - disc[d, Y]
+            near = radius + disc[d, RADIUS]
+            if dx * dx + dy * dy < near * near:
+                is_free = False
+                break
+        for shape in range(kind.size):
+            if not is_free:
+                break
+            is_free = not is_met[shape] or gap_to_shape(x, y, radius, shape, kind, world, period)[0] >= 0.0
+        if is_free:
+            return k
+    return -1
+
+
+def find_room(release: Release, number: int, grain: int, model: Model, state: State) -> tuple[float, float] | None:
+    """Where a waiting grain can be released now [m]; None if it finds no room.
+
+    Args:
+        release: How its group comes.
+        number: Number of the release.
+        grain: The grain.
+        model: The model.
+        state: The state.
+    """
+    radius = float(model.grains.radius[grain])
+    low, high = np.array(release.region.low), np.array(release.region.high)
+    inset = np.array([0.0 if release.spans_period else radius, radius])
+    place = low + inset + release.draw(number) * np.maximum(high - low - 2.0 * inset, 0.0)
+    scene = scene_of(model, state.position, state.wall_position)
+    shapes = np.arange(model.shape_count)
+    is_met = model.is_met(np.full(shapes.size, grain), shapes)
+    found = first_free(place, radius, _discs_near(low, high, model, state), scene.kind, scene.world, is_met, model.period)
+    return None if found < 0 else (float(place[found, X]), float(place[found, Y]))
+
+
+def _discs_near(low: Floats, high: Floats, model: Model, state: State) -> Floats:
+    """x, y and radius of the grains that are there and reach into a rectangle [m], shape ``(d, 3)``."""
+    here = state.here
+    position, radius = state.position[here], model.grains.radius[here]
+    offset = np.abs(position[:, :2] - 0.5 * (low + high))
+    if model.period > 0.0:
+        offset[:, X] = np.minimum(offset[:, X], np.abs(model.period - offset[:, X]))
+    near = (offset < 0.5 * (high - low) + radius[:, np.newaxis]).all(axis=1)
+    return np.column_stack([position[near, :2], radius[near]])
+
+
+# ---- Books of grains that come and go: their numbers and masses, and the energy and heat that go with them.
+#
+# A grain enters the energy books with the kinetic energy of its release, and leaves them with what it has then. Its heat content
+# counts from the temperature with which it came, so that it brings none, and takes along what it has received.
+
+_BOOK = {name: k for k, name in enumerate(EXCHANGE_NAMES)}
+
+
+def book_in(state: State, model: Model, grains: NDArray[np.int64]) -> None:
+    """Enter grains that have just been released, where they are and as they move."""
+    kinetic, potential = _energies(state, model, grains)
+    book_exchange(state, kinetic, 0.0)
+    _add(state, "potential_in", potential)
+    _count(state, model, grains, "released")
+
+
+def book_out(state: State, model: Model, grains: NDArray[np.int64], what: str) -> None:
+    """Enter grains that are about to go; ``what`` is ``"left"`` or ``"lost"``."""
+    kinetic, potential = _energies(state, model, grains)
+    book_exchange(state, 0.0, kinetic)
+    _add(state, "potential_out", potential)
+    _count(state, model, grains, what)
+    if state.heat.size:
+        book_heat_out(state, state.heat[grains])
+
+
+def book_returned(state: State, model: Model, grains: NDArray[np.int64]) -> None:
+    """Enter grains that have left and go back to wait."""
+    _count(state, model, grains, "returned")
+
+
+def note_presence(state: State, model: Model, behind: int) -> None:
+    """Count who is there and who waits, and compare all masses; ``behind`` are the releases that found no room."""
+    books, mass = state.exchange, model.grains.mass
+    for name, status in (("waiting", Presence.WAITS), ("present", Presence.THERE)):
+        which = np.flatnonzero(state.presence == status)
+        books[_BOOK[name]] = which.size
+        books[_BOOK[f"mass_{name}"]] = total(mass[which])
+    books[_BOOK["behind"]] = behind
+    found = books[_BOOK["mass_waiting"]] + books[_BOOK["mass_present"]]
+    found += books[_BOOK["mass_left"]] - books[_BOOK["mass_returned"]] + books[_BOOK["mass_lost"]]
+    whole = total(mass)
+    books[_BOOK["mass_closure"]] = max(books[_BOOK["mass_closure"]], abs(found - whole) / whole)
+
+
+def _count(state: State, model: Model, grains: NDArray[np.int64], what: str) -> None:
+    _add(state, what, float(grains.size))
+    _add(state, f"mass_{what}", total(model.grains.mass[grains]))
+
+
+def _add(state: State, name: str, value: float) -> None:
+    state.exchange[_BOOK[name]] += value
+
+
+def _energies(state: State, model: Model, grains: NDArray[np.int64]) -> tuple[float, float]:
+    """Kinetic energy, and energy in the gravity of the domain −m g·r, zero at the origin [J]; x is unwrapped."""
+    (u, v), spin = state.velocity[grains, :SPIN].T, state.velocity[grains, SPIN]
+    mass, (gx, gy) = model.grains.mass[grains], model.gravity.tolist()
+    x = state.position[grains, X] + model.period * state.image[grains]
+    kinetic = total(0.5 * mass * (u * u + v * v) + 0.5 * model.grains.inertia[grains] * (spin * spin))
+    return kinetic, -total(mass * (gx * x + gy * state.position[grains, Y]))
+
+
+# ---- Who comes and who goes before a step
 
 NAMED = 5
 """Grains that a message names."""

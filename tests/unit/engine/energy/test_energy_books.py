@@ -6,7 +6,7 @@ from scene_parts import FLOOR, G, advance, book, make_engine, make_model, shear_
 
 from multicor_cli.checks.books import CLOSURE_LIMIT
 from multicor_cli.engine import Engine
-from multicor_cli.engine.energy import books
+from multicor_cli.engine.energy import account
 from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
 from multicor_cli.model import BOOK_NAMES, ShapeKind, State
 
@@ -18,14 +18,14 @@ WORKS = ("gravity_work", "wall_work", "load_work", "friction_loss", "impact_loss
 
 def spoil(monkeypatch, name, fault=FAULT):
     """Let a book grow by a little too much in every step."""
-    k, before, close = BOOK_NAMES.index(name), [0.0], books._close
+    k, before, close = BOOK_NAMES.index(name), [0.0], account._close
 
     def close_spoiled(state):
         state.books[k] += fault * (state.books[k] - before[0])
         before[0] = state.books[k]
         close(state)
 
-    monkeypatch.setattr(books, "_close", close_spoiled)
+    monkeypatch.setattr(account, "_close", close_spoiled)
 
 
 def sheared(fast=0.0):
