@@ -32,7 +32,7 @@ from multicor_cli.engine.contact.system import OrderedSystem, assemble, tabulate
 from multicor_cli.engine.energy import account
 from multicor_cli.engine.energy.account import book_step, open_books, switch_wall_kinetic
 from multicor_cli.engine.geometry.drift import fit_drift
-from multicor_cli.engine.geometry.neighbor_list import NeighborList
+from multicor_cli.engine.geometry.neighbors import NeighborList
 from multicor_cli.engine.geometry.scene import Scene, scene_of
 from multicor_cli.engine.jit.chunks import chunks_for
 from multicor_cli.engine.jit.threads import PARALLEL_GRAINS

@@ -1,6 +1,6 @@
 """The kinds of shapes that walls are made of: everything about them that is not compiled.
 
-A new kind is one more `ShapeKind` with its row of `SHAPES`, and its gap in `engine/geometry/gaps.py`. Everything else follows from
+A new kind is one more `ShapeKind` with its row of `SHAPES`, and its gap in `engine/geometry/scene.py`. Everything else follows from
 the row, but for two kinds: a disc is a grain that is glued to a wall, and a plane is the only shape without ends.
 """
 

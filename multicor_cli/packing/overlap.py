@@ -8,8 +8,8 @@ from collections.abc import Callable, Sequence
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.engine.geometry.gaps import gap_to_shape
-from multicor_cli.engine.geometry.grids import classify
+from multicor_cli.engine.geometry.neighbors import classify
+from multicor_cli.engine.geometry.scene import gap_to_shape
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.model.areas import Room
 from multicor_cli.model.columns import RADIUS, X, Y

@@ -7,8 +7,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.engine.geometry.grids import classify, make_grids
-from multicor_cli.engine.geometry.neighbors import find_near
+from multicor_cli.engine.geometry.neighbors import classify, find_near, make_grids
 from multicor_cli.engine.jit.threads import threads_for
 from multicor_cli.model.columns import RADIUS, X
 from multicor_cli.model.model import Floats, Ints

@@ -12,8 +12,8 @@ from typing import NamedTuple
 import numpy as np
 
 from multicor_cli.arithmetic import acos, asin, atan2, cos, sin
-from multicor_cli.engine.geometry.gaps import gap_to_shape, minimum_image
-from multicor_cli.engine.geometry.grids import Grids, classify, make_grids
+from multicor_cli.engine.geometry.neighbors import Grids, classify, make_grids
+from multicor_cli.engine.geometry.scene import gap_to_shape, minimum_image
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.model.columns import RADIUS, X, Y
 from multicor_cli.model.model import Floats, Ints

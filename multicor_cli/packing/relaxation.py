@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 
 from multicor_cli.arithmetic.sums import mean
-from multicor_cli.engine.geometry.gaps import gap_to_shape, minimum_image
+from multicor_cli.engine.geometry.scene import gap_to_shape, minimum_image
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.model.columns import X, Y
 from multicor_cli.model.model import Floats, Ints

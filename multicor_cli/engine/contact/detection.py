@@ -17,7 +17,7 @@ from multicor_cli.arithmetic.sums import column_totals
 from multicor_cli.engine.contact.law import bias, softened_friction
 from multicor_cli.engine.contact.sweep import NO_COUPLES, Couples
 from multicor_cli.engine.contact.vector_sweep import IMPULSE_ROWS
-from multicor_cli.engine.geometry.neighbor_list import NeighborList
+from multicor_cli.engine.geometry.neighbors import NeighborList
 from multicor_cli.engine.geometry.places import find_places, met_before, totals_of_places
 from multicor_cli.engine.geometry.radii import pair_radius, surface_turning
 from multicor_cli.engine.geometry.scene import Scene, pair_geometry

@@ -11,8 +11,7 @@ from multicor_cli.arithmetic.sums import total
 from multicor_cli.engine.contact.report import PhysicsError
 from multicor_cli.engine.energy.account import book_exchange
 from multicor_cli.engine.exchange.rules import ExchangeRules, Outlet, Release
-from multicor_cli.engine.geometry.gaps import gap_to_shape, minimum_image
-from multicor_cli.engine.geometry.scene import scene_of
+from multicor_cli.engine.geometry.scene import gap_to_shape, minimum_image, scene_of
 from multicor_cli.engine.heat.books import book_heat_out
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.model.books import EXCHANGE_NAMES

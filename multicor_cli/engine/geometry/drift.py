@@ -14,9 +14,192 @@ import numpy as np
 
 from multicor_cli.arithmetic import hypot
 from multicor_cli.arithmetic.sums import total
-from multicor_cli.engine.geometry.affine import fit_affine, shape_bounds
-from multicor_cli.engine.jit.chunks import chunks_for
+from multicor_cli.engine.jit.chunks import CHUNK, chunks_for
+from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
+from multicor_cli.engine.jit.formulas import formula
+from multicor_cli.model.columns import SPIN, TAIL_X, TAIL_Y, X, Y
 from multicor_cli.model.model import Floats, Ints
+from multicor_cli.model.shapes import ShapeKind
+
+# ---- Motions split into an affine field and a rest: grains and walls come nearer to each other only by the rest
+
+_DISC = int(ShapeKind.DISC)
+_PLANE = int(ShapeKind.PLANE)
+
+AT_ORIGIN, PER_X, PER_Y = range(3)
+"""Rows of a fit: the field at the first grain, its change per length in x and in y."""
+
+_SUM_X, _SUM_Y, _SUM_XX, _SUM_XY, _SUM_YY, _SUM_U, _SUM_V, _SUM_XU, _SUM_XV, _SUM_YU, _SUM_YV = range(11)
+_DEVIATION, _LARGEST_U, _LARGEST_V = range(3)
+
+
+@formula
+def _vector(i: int, vectors: Floats, origin: Floats, period: float) -> tuple[float, float]:
+    """A vector itself, or its difference from ``origin``, nearest image in x."""
+    if origin.shape[0] == 0:
+        return vectors[i, X], vectors[i, Y]
+    dx = vectors[i, X] - origin[i, X]
+    if period > 0.0:
+        dx -= period * np.floor(dx / period + 0.5)
+    return dx, vectors[i, Y] - origin[i, Y]
+
+
+@formula
+def _add_sums(
+    first: int, last: int, vectors: Floats, origin: Floats, position: Floats, period: float, row: int, out: Floats
+) -> None:
+    """Write the sums of a chunk of grains. Numbers, not elements of an array, are added to: three times faster."""
+    sx, sy, sxx, sxy, syy, su, sv, sxu, sxv, syu, syv = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for i in range(first, last):
+        x, y = position[i, X] - position[0, X], position[i, Y] - position[0, Y]
+        u, v = _vector(i, vectors, origin, period)
+        sx += x
+        sy += y
+        sxx += x * x
+        sxy += x * y
+        syy += y * y
+        su += u
+        sv += v
+        sxu += x * u
+        sxv += x * v
+        syu += y * u
+        syv += y * v
+    out[row, _SUM_X], out[row, _SUM_Y], out[row, _SUM_U], out[row, _SUM_V] = sx, sy, su, sv
+    out[row, _SUM_XX], out[row, _SUM_XY], out[row, _SUM_YY] = sxx, sxy, syy
+    out[row, _SUM_XU], out[row, _SUM_XV], out[row, _SUM_YU], out[row, _SUM_YV] = sxu, sxv, syu, syv
+
+
+@formula
+def _compare_with_fit(
+    first: int, last: int, vectors: Floats, origin: Floats, position: Floats, period: float, fit: Floats, row: int, out: Floats
+) -> None:
+    """Write the largest square of a deviation from the fit and the largest components in a chunk of grains."""
+    a_x, a_y, xx, xy, yx, yy = fit[AT_ORIGIN, X], fit[AT_ORIGIN, Y], fit[PER_X, X], fit[PER_X, Y], fit[PER_Y, X], fit[PER_Y, Y]
+    deviation, largest_u, largest_v = 0.0, 0.0, 0.0
+    for i in range(first, last):
+        x, y = position[i, X] - position[0, X], position[i, Y] - position[0, Y]
+        u, v = _vector(i, vectors, origin, period)
+        du = u - a_x - x * xx - y * yx
+        dv = v - a_y - x * xy - y * yy
+        deviation = max(deviation, du * du + dv * dv)
+        largest_u = max(largest_u, abs(u))
+        largest_v = max(largest_v, abs(v))
+    out[row, _DEVIATION], out[row, _LARGEST_U], out[row, _LARGEST_V] = deviation, largest_u, largest_v
+
+
+@formula
+def _least_squares(count: int, sums: Floats, is_periodic: bool, fit: Floats) -> None:
+    """The fit out of the first row of the sums."""
+    mean_x, mean_y = sums[0, _SUM_X] / count, sums[0, _SUM_Y] / count
+    # A little more on the diagonal: places may lie on one line. Any fit is good, only the bound grows.
+    more = 1e-9 * (sums[0, _SUM_XX] + sums[0, _SUM_YY])
+    more = more if more > 0.0 else 1.0
+    xx, yy = sums[0, _SUM_XX] - count * mean_x * mean_x + more, sums[0, _SUM_YY] - count * mean_y * mean_y + more
+    xy = 0.0 if is_periodic else sums[0, _SUM_XY] - count * mean_x * mean_y
+    for d in range(2):
+        total = sums[0, _SUM_U + d]
+        x = 0.0 if is_periodic else sums[0, _SUM_XU + d] - mean_x * total
+        y = sums[0, _SUM_YU + d] - mean_y * total
+        fit[PER_X, d] = (x * yy - y * xy) / (xx * yy - xy * xy)
+        fit[PER_Y, d] = (y * xx - x * xy) / (xx * yy - xy * xy)
+        fit[AT_ORIGIN, d] = total / count - mean_x * fit[PER_X, d] - mean_y * fit[PER_Y, d]
+
+
+@formula
+def _fold(rows: Floats, is_maximum: bool) -> None:
+    """Sum or maximum of each column into the first row, in order."""
+    for r in range(1, rows.shape[0]):
+        for k in range(rows.shape[1]):
+            rows[0, k] = max(rows[0, k], rows[r, k]) if is_maximum else rows[0, k] + rows[r, k]
+
+
+@parallel_kernel
+def fit_affine(vectors: Floats, origin: Floats, position: Floats, period: float, fit: Floats, out: Floats) -> None:
+    """Split vectors into an affine field, fitted by least squares, and a rest.
+
+    Args:
+        vectors: Vectors in the first two columns, shape ``(≥ n, ≥ 2)``.
+        origin: What is taken from them, nearest image, shape ``(n, 2)``; nothing if empty.
+        position: Grains, shape ``(n, ≥ 2)``.
+        period: Period in x [m] or 0; the field does not depend on x if there is one.
+        fit: The field: its value at the first grain, its changes per length in x and in y, shape ``(3, 2)``. **Modified.**
+        out: One row per chunk of grains, shape ``(chunks, 11)``. **Modified**: the first row begins with the largest square
+            of a deviation from the field, and the largest components in x and in y.
+    """
+    count = position.shape[0]
+    for has_fit in range(2):  # one loop for both passes compiles faster than two
+        for chunk in prange(out.shape[0]):
+            first, last = chunk * CHUNK, min(count, (chunk + 1) * CHUNK)
+            if has_fit:
+                _compare_with_fit(first, last, vectors, origin, position, period, fit, chunk, out)
+            else:
+                _add_sums(first, last, vectors, origin, position, period, chunk, out)
+        _fold(out, has_fit == 1)
+        if not has_fit:
+            _least_squares(count, out, period > 0.0, fit)
+
+
+@kernel
+def shape_bounds(
+    kind: Ints, world: Floats, vectors: Floats, turn: Floats, center: Floats, fit: Floats, largest: Floats
+) -> tuple[float, float, float]:
+    """How far the motion of wall shapes is from that of the grains.
+
+    Args:
+        kind: `ShapeKind` of the wall shapes, shape ``(m,)``.
+        world: Their geometry in the world, shape ``(m, 4)``.
+        vectors: Displacements or velocities of their reference points, shape ``(m, 2)``.
+        turn: What turning adds to the motion of any of their points that a grain may meet, shape ``(m,)``; discs do without.
+        center: Where x and y of the fit are counted from, shape ``(2,)``.
+        fit: As in `fit_affine`.
+        largest: Largest components of the grains' vectors, shape ``(2,)``.
+
+    Returns:
+        Of the discs the largest deviation from the affine field and the largest vector; of all other shapes the largest bound on
+        how a grain and the shape come closer. Of planes only what is along their normal counts.
+    """
+    square, fastest, wall = 0.0, 0.0, 0.0
+    for k in range(kind.size):
+        u, v = vectors[k, X], vectors[k, Y]
+        if kind[k] == _DISC:
+            x, y = world[k, X] - center[X], world[k, Y] - center[Y]
+            du = u - fit[AT_ORIGIN, X] - x * fit[PER_X, X] - y * fit[PER_Y, X]
+            dv = v - fit[AT_ORIGIN, Y] - x * fit[PER_X, Y] - y * fit[PER_Y, Y]
+            square, fastest = max(square, du * du + dv * dv), max(fastest, u * u + v * v)
+        elif kind[k] == _PLANE:
+            nx, ny = world[k, TAIL_X], world[k, TAIL_Y]
+            wall = max(wall, abs(nx) * largest[X] + abs(ny) * largest[Y] + abs(nx * u + ny * v) + turn[k])
+        else:
+            wall = max(wall, np.sqrt(largest[X] * largest[X] + largest[Y] * largest[Y]) + np.sqrt(u * u + v * v) + turn[k])
+    return np.sqrt(square), np.sqrt(fastest), wall
+
+
+@kernel
+def shape_velocities(
+    kind: Ints, wall: Ints, world: Floats, wall_position: Floats, velocity: Floats, extent: Floats, vectors: Floats, turn: Floats
+) -> None:
+    """Velocities of the reference points of wall shapes: of the centers of discs, of the walls' own points otherwise.
+
+    Args:
+        kind: `ShapeKind` of the wall shapes, shape ``(m,)``.
+        wall: Wall of each shape, shape ``(m,)``.
+        world: Geometry in the world, shape ``(m, 4)``.
+        wall_position: Wall frames, shape ``(w, 3)``.
+        velocity: Velocities of the walls, shape ``(w, 3)``.
+        extent: How far the shapes of each wall reach from its reference point [m], shape ``(w,)``.
+        vectors: Velocities, shape ``(m, 2)``. **Modified.**
+        turn: What the wall's spin adds [m/s], shape ``(m,)``. **Modified.**
+    """
+    for k in range(kind.size):
+        w = wall[k]
+        vectors[k, X], vectors[k, Y] = velocity[w, X], velocity[w, Y]
+        turn[k] = abs(velocity[w, SPIN]) * extent[w]
+        if kind[k] == _DISC:
+            vectors[k, X] -= velocity[w, SPIN] * (world[k, Y] - wall_position[w, Y])
+            vectors[k, Y] += velocity[w, SPIN] * (world[k, X] - wall_position[w, X])
+
+
+# ---- Bounds of approach
 
 
 @dataclass(frozen=True)

@@ -1,18 +1,165 @@
-"""Shapes at one moment, as kernels see them, and the gap of a pair of them."""
+"""Shapes at one moment, as kernels see them, and the gaps and normals of their pairs."""
 
 from __future__ import annotations
 
+from math import floor, inf, sqrt
 from typing import NamedTuple
 
 import numpy as np
 
 from multicor_cli.arithmetic import cos, sin
-from multicor_cli.engine.geometry.gaps import disc_disc, distance_to_shape, gap_to_shape, minimum_image
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.model.columns import ANGLE, TAIL_X, TAIL_Y, X, Y
 from multicor_cli.model.model import Floats, Ints, Model
-from multicor_cli.model.shapes import TAIL, Tail
+from multicor_cli.model.shapes import TAIL, ShapeKind, Tail
+
+# ---- Gap and normal between a disc and each kind of shape. Normals point from the shape towards the disc
+
+_DISC = int(ShapeKind.DISC)
+_PLANE = int(ShapeKind.PLANE)
+_SEGMENT = int(ShapeKind.SEGMENT)
+_VERTEX = int(ShapeKind.VERTEX)
+_CIRCLE = int(ShapeKind.CIRCLE)
+_SIDE = int(ShapeKind.SIDE)
+
+
+@formula
+def minimum_image(dx: float, period: float) -> float:
+    """The shortest of the periodic images of a difference in x [m]; ``period`` 0 means not periodic. |dx| < 3/2 period."""
+    if period > 0.0:
+        half = 0.5 * period
+        if dx > half:
+            return dx - period
+        if dx < -half:
+            return dx + period
+    return dx
+
+
+@formula
+def nearest_image(dx: float, period: float) -> float:
+    """As `minimum_image` for any dx, however many periods long (a wall that keeps moving)."""
+    if period > 0.0:
+        return dx - period * floor(dx / period + 0.5)
+    return dx
+
+
+@formula
+def disc_disc(dx: float, dy: float, radii: float) -> tuple[float, float, float]:
+    """Gap [m] and unit normal of two discs whose centers differ by (dx, dy) and whose radii sum to ``radii``."""
+    distance = sqrt(dx * dx + dy * dy)
+    if distance == 0.0:
+        return -radii, 0.0, 1.0
+    return distance - radii, dx / distance, dy / distance
+
+
+@formula
+def disc_plane(dx: float, dy: float, nx: float, ny: float, radius: float) -> tuple[float, float, float]:
+    """Disc against a half-plane; (dx, dy) from a point of the plane to the center."""
+    return dx * nx + dy * ny - radius, nx, ny
+
+
+@formula
+def from_first_end(x: float, x0: float, x1: float, period: float) -> float:
+    """``x − x0`` [m] of the image of x nearest to the middle of a line from x0 to x1: that is the one the whole line may meet.
+
+    Lines are shorter than half a period (`WallBody.with_line`), so that an image near one of their ends is near no other image.
+    """
+    if period > 0.0:
+        return x - x0 - period * floor((x - 0.5 * (x0 + x1)) / period + 0.5)
+    return x - x0
+
+
+@formula
+def segment_parameter(px: float, py: float, x0: float, y0: float, x1: float, y1: float) -> float:
+    """Where the foot of (px, py) lies on the line from (x0, y0) to (x1, y1): 0 at the first end, 1 at the second."""
+    ex, ey = x1 - x0, y1 - y0
+    return ((px - x0) * ex + (py - y0) * ey) / (ex * ex + ey * ey)
+
+
+@formula
+def disc_circle(dx: float, dy: float, circle_radius: float, radius: float) -> tuple[float, float, float]:
+    """Disc inside a circle (a drum); (dx, dy) from the circle's center to the disc's. The normal points inwards."""
+    distance = sqrt(dx * dx + dy * dy)
+    if distance == 0.0:
+        return circle_radius - radius, 0.0, 1.0
+    return circle_radius - distance - radius, -dx / distance, -dy / distance
+
+
+@kernel
+def _past_end(x: float, y: float, world: Floats, segment: int, is_start: bool, period: float) -> bool:
+    """Whether the point of the segment closest to (x, y) is that end."""
+    s = world[segment]
+    dx = from_first_end(x, s[X], s[TAIL_X], period)
+    foot = segment_parameter(s[X] + dx, y, s[X], s[Y], s[TAIL_X], s[TAIL_Y])
+    return foot <= 0.0 if is_start else foot >= 1.0
+
+
+@kernel
+def gap_to_shape(
+    x: float, y: float, radius: float, shape: int, kind: Ints, world: Floats, period: float
+) -> tuple[float, float, float]:
+    """Gap [m] and unit normal of a grain at (x, y) against a wall shape; ``inf`` where another shape of the wall is closer."""
+    what = kind[shape]
+    g0, g1, g2, g3 = world[shape, X], world[shape, Y], world[shape, TAIL_X], world[shape, TAIL_Y]
+    dx, dy = nearest_image(x - g0, period), y - g1
+    if what == _DISC:
+        return disc_disc(dx, dy, radius + g2)
+    if what == _PLANE:
+        return disc_plane(dx, dy, g2, g3, radius)
+    if what == _CIRCLE:
+        return disc_circle(dx, dy, g2, radius)
+    if what != _VERTEX:  # a segment or a side
+        px, py = g0 + from_first_end(x, g0, g2, period), g1 + dy
+        foot = segment_parameter(px, py, g0, g1, g2, g3)
+        if foot <= 0.0 or foot >= 1.0:
+            return inf, 0.0, 1.0
+        return disc_disc(px - g0 - foot * (g2 - g0), py - g1 - foot * (g3 - g1), radius)
+    px, py = g0 + dx, g1 + dy
+    if g2 >= 0.0 and not _past_end(px, py, world, int(g2), False, period):
+        return inf, 0.0, 1.0
+    if g3 >= 0.0 and not _past_end(px, py, world, int(g3), True, period):
+        return inf, 0.0, 1.0
+    return disc_disc(dx, dy, radius)
+
+
+@formula
+def distance_to_whole(
+    x: float, y: float, what: int, g0: float, g1: float, g2: float, g3: float, period: float
+) -> tuple[float, float, float]:
+    """Distance of (x, y) from a wall shape of kind ``what`` with its ends [m] and unit normal, even if another is closer."""
+    dx, dy = nearest_image(x - g0, period), y - g1
+    if what == _DISC:
+        return disc_disc(dx, dy, g2)
+    if what == _PLANE:
+        return disc_plane(dx, dy, g2, g3, 0.0)
+    if what == _CIRCLE:
+        return disc_circle(dx, dy, g2, 0.0)
+    if what != _VERTEX:  # a segment or a side
+        dx = from_first_end(x, g0, g2, period)
+        foot = min(max(segment_parameter(g0 + dx, y, g0, g1, g2, g3), 0.0), 1.0)
+        dx -= foot * (g2 - g0)
+        dy -= foot * (g3 - g1)
+    return disc_disc(dx, dy, 0.0)
+
+
+@formula
+def distance_to_shape(x: float, y: float, shape: int, kind: Ints, world: Floats, period: float) -> tuple[float, float, float]:
+    """As `distance_to_whole`, from a wall shape of a scene."""
+    g0, g1, g2, g3 = world[shape, X], world[shape, Y], world[shape, TAIL_X], world[shape, TAIL_Y]
+    return distance_to_whole(x, y, kind[shape], g0, g1, g2, g3, period)
+
+
+@formula
+def is_near_shape(x: float, y: float, radius: float, shape: int, kind: Ints, world: Floats, period: float, cutoff: float) -> bool:
+    """Whether a grain at (x, y) is nearer than ``cutoff`` [m] to a wall shape with its ends, even if another shape is closer.
+
+    `gap_to_shape` returns infinity where another shape of the wall is closer, so it cannot be used to build the neighbor list.
+    """
+    return distance_to_shape(x, y, shape, kind, world, period)[0] - radius < cutoff
+
+
+# ---- Shapes at one moment, as kernels see them, and the gap of a pair of them
 
 _DIRECTION = int(Tail.DIRECTION)
 _POINT = int(Tail.POINT)

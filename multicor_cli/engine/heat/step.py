@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from multicor_cli.arithmetic.sums import column_totals
 from multicor_cli.engine.contact.detection import StepContacts, warm_rows
 from multicor_cli.engine.contact.report import PhysicsError
-from multicor_cli.engine.geometry.neighbor_list import NeighborList
+from multicor_cli.engine.geometry.neighbors import NeighborList
 from multicor_cli.engine.geometry.places import find_places, met_before
 from multicor_cli.engine.geometry.scene import Scene, scene_of
 from multicor_cli.engine.heat.books import book_flow, book_generated, note_contacts, strike_balance

@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 
 from multicor_cli.arithmetic.sums import total
 from multicor_cli.engine.contact.report import PhysicsError
-from multicor_cli.engine.geometry.neighbor_list import NeighborList
+from multicor_cli.engine.geometry.neighbors import NeighborList
 from multicor_cli.engine.geometry.scene import Scene, pair_geometry, place_shapes
 from multicor_cli.engine.jit.chunks import chunks_for
 from multicor_cli.engine.motion.overlaps import measure_overlaps

@@ -21,10 +21,9 @@ from numpy.typing import NDArray
 
 from multicor_cli.arithmetic import cos, sin
 from multicor_cli.engine.contact.report import PhysicsError
-from multicor_cli.engine.geometry.gaps import disc_disc, distance_to_whole, nearest_image
-from multicor_cli.engine.geometry.neighbor_list import NeighborList
+from multicor_cli.engine.geometry.neighbors import NeighborList
 from multicor_cli.engine.geometry.radii import smaller_radius
-from multicor_cli.engine.geometry.scene import Scene, placed_shape, scene_of
+from multicor_cli.engine.geometry.scene import Scene, disc_disc, distance_to_whole, nearest_image, placed_shape, scene_of
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.motion.correction import ALLOWED
 from multicor_cli.engine.motion.walls import WallMotion

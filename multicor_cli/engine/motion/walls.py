@@ -6,8 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.arithmetic.sums import total
-from multicor_cli.engine.geometry.affine import shape_velocities
-from multicor_cli.engine.geometry.drift import Closing, Drift, bound_closing
+from multicor_cli.engine.geometry.drift import Closing, Drift, bound_closing, shape_velocities
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.motion.drives import DofDrive, Signal, WallDrive
 from multicor_cli.engine.motion.spacing import Spacing

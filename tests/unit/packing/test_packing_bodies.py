@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from packing_support import generator, scenario, wall
 
-from multicor_cli.engine.geometry.gaps import gap_to_shape
+from multicor_cli.engine.geometry.scene import gap_to_shape
 from multicor_cli.model import ShapeKind
 from multicor_cli.model.areas import Polygon
 from multicor_cli.packing import build

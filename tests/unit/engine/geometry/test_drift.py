@@ -6,7 +6,7 @@ from scene_parts import make_model
 from scipy.spatial import cKDTree
 
 from multicor_cli.engine.geometry.drift import bound_closing, fit_drift
-from multicor_cli.engine.geometry.neighbor_list import NeighborList
+from multicor_cli.engine.geometry.neighbors import NeighborList
 from multicor_cli.model.shapes import ShapeKind
 
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scene_parts import make_model
 
-from multicor_cli.engine.geometry.neighbor_list import NeighborList
+from multicor_cli.engine.geometry.neighbors import NeighborList
 from multicor_cli.engine.geometry.scene import place_shapes
 from multicor_cli.model import ShapeKind
 

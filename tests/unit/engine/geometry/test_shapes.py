@@ -5,8 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from multicor_cli.engine.geometry.gaps import gap_to_shape, is_near_shape
-from multicor_cli.engine.geometry.scene import place_shapes
+from multicor_cli.engine.geometry.scene import gap_to_shape, is_near_shape, place_shapes
 from multicor_cli.model.shapes import SHAPES, ShapeKind, WallBody, outlines
 
 EXAMPLES = {
