@@ -12,7 +12,7 @@ from multicor_cli.engine.contact.detection import net_impulses, resting_attracti
 from multicor_cli.engine.contact.problem import ContactProblem
 from multicor_cli.engine.contact.report import StepReport
 from multicor_cli.engine.contact.solve import Settings
-from multicor_cli.engine.heat.pairs import resting_contacts
+from multicor_cli.engine.heat.spots import resting_contacts
 from multicor_cli.engine.heat.step import HeatEngine, MovedContacts
 from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.engine.motion.drives import WallDrive

@@ -10,7 +10,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.engine.heat.conduction import ContactForce
-from multicor_cli.engine.heat.laws import HeatLaws, heat_laws
+from multicor_cli.engine.heat.laws import heat_laws
+from multicor_cli.engine.heat.mechanism import HeatLaws
 from multicor_cli.engine.heat.settings import MECHANISMS, HeatSettings
 from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.model import Model

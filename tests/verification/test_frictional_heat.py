@@ -111,7 +111,7 @@ def test_impacts_heat_where_asked():
 
 def test_a_collision_conducts_by_its_own_law():
     """Sun & Chen: heat per kelvin of one impact, independent of Δt; the mass, radius and speed of this one."""
-    from multicor_cli.engine.heat.collision import impact_exchange
+    from multicor_cli.engine.heat.friction import impact_exchange
 
     engine = impact(collisional=True)
     mass = engine.heat.model.grains.mass[0]

@@ -8,12 +8,11 @@ from heat_parts import at_temperature, coupled_engine, heat_book, heat_engine, m
 from scene_parts import TIGHT, G, advance, book, make_engine, make_model
 
 from multicor_cli.engine.geometry.places import RISE
-from multicor_cli.engine.heat.collision import impact_exchange
 from multicor_cli.engine.heat.conduction import ContactForce, hertz_conductance
+from multicor_cli.engine.heat.friction import impact_exchange
 from multicor_cli.engine.heat.gas import Gas, batchelor_conductance, parallel_conductance_wall, vargas_conductance
-from multicor_cli.engine.heat.hertz import contact_radius
+from multicor_cli.engine.heat.hertz import contact_radius, rough_conductance
 from multicor_cli.engine.heat.radiation import Radiation, cylinder_view_factor, linear_coefficient
-from multicor_cli.engine.heat.rough import rough_conductance
 from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
 from multicor_cli.model import ShapeKind

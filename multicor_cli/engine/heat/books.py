@@ -10,8 +10,7 @@ import math
 import numpy as np
 
 from multicor_cli.arithmetic.sums import total
-from multicor_cli.engine.heat.flow import Flow
-from multicor_cli.engine.heat.rates import OUTSIDE_BOOKS
+from multicor_cli.engine.heat.rates import OUTSIDE_BOOKS, Flow
 from multicor_cli.model.books import EXCHANGE_NAMES, HEAT_BOOK_NAMES
 from multicor_cli.model.columns import GIVEN, RECEIVED
 from multicor_cli.model.model import Floats

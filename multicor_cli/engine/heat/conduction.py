@@ -24,15 +24,14 @@ from typing import TYPE_CHECKING, Literal
 from multicor_cli.engine.geometry.places import totals_of_places
 from multicor_cli.engine.geometry.radii import hertz_radius
 from multicor_cli.engine.geometry.scene import Scene
-from multicor_cli.engine.heat.hertz import contact_radius
-from multicor_cli.engine.heat.rough import rough_conductance
+from multicor_cli.engine.heat.hertz import contact_radius, rough_conductance
 from multicor_cli.engine.jit.chunks import CHUNK
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.model.model import Floats, Ints
 
 if TYPE_CHECKING:
-    from multicor_cli.engine.heat.laws import HeatLaws
+    from multicor_cli.engine.heat.mechanism import HeatLaws
 
 Conduction = Literal["hertz", "rough", "none"]
 

@@ -29,7 +29,7 @@ from multicor_cli.model.columns import X, Y
 from multicor_cli.model.model import Floats, Model
 
 if TYPE_CHECKING:
-    from multicor_cli.engine.heat.laws import HeatLaws
+    from multicor_cli.engine.heat.mechanism import HeatLaws
 
 Correlation = Literal["constant", "ranz-marshall", "whitaker", "gunn", "li-mason"]
 

@@ -35,7 +35,7 @@ from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.model.model import Floats, Ints, Model
 
 if TYPE_CHECKING:
-    from multicor_cli.engine.heat.laws import HeatLaws
+    from multicor_cli.engine.heat.mechanism import HeatLaws
 
 GasModel = Literal["parallel", "batchelor", "vargas"]
 

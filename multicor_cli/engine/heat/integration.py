@@ -31,8 +31,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.arithmetic import cbrt
-from multicor_cli.engine.heat.flow import Flow, Rates, rates_at, stop_if_asked
-from multicor_cli.engine.heat.rates import Network, solve_linear, total_conductance
+from multicor_cli.engine.heat.rates import Flow, Network, Rates, rates_at, solve_linear, stop_if_asked, total_conductance
 from multicor_cli.engine.heat.walls import WallValues
 from multicor_cli.model.model import Floats
 

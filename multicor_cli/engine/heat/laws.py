@@ -5,14 +5,15 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from math import inf
 from operator import mul
-from typing import Any, NamedTuple
+from typing import Any
 
 import numpy as np
 
 from multicor_cli.arithmetic import hypot
 from multicor_cli.engine.heat.conduction import harmonic_mean
+from multicor_cli.engine.heat.friction import SHARES, Partition
 from multicor_cli.engine.heat.hertz import contact_modulus
-from multicor_cli.engine.heat.partition import SHARES, Partition
+from multicor_cli.engine.heat.mechanism import HeatLaws
 from multicor_cli.engine.heat.radiation import emission_factor
 from multicor_cli.model.model import Floats
 
@@ -21,36 +22,6 @@ UNUSED_STIFFNESS = 1.0
 
 Properties = Mapping[str, Any]
 """Properties of a material by name; None, or left out: not given."""
-
-
-class HeatLaws(NamedTuple):
-    """Thermal properties of ``k`` materials, and of their pairs.
-
-    Attributes:
-        conductivity: λ [W/(m K)], shape ``(k,)``.
-        volumetric: ρ c_p [J/(m³ K)], shape ``(k,)``.
-        modulus: Contact modulus E* with 1/E* = (1−ν_i²)/E_i + (1−ν_j²)/E_j [Pa], shape ``(k, k)``.
-        harmonic: λ_h = 2 λ_i λ_j/(λ_i+λ_j) [W/(m K)], shape ``(k, k)``.
-        share: β, the share of the heat of friction that goes into the first body, shape ``(k, k)``; ``β_ij + β_ji = 1``.
-        emissivity: ε, shape ``(k,)``; 0 where not given.
-        emission: Emission factor of radiation between two surfaces, shape ``(k, k)``.
-        roughness: σ, root of the sum of the squared roughnesses of the two surfaces [m], shape ``(k, k)``; 0 where not given.
-        slope: Root of the sum of the squared mean slopes of the asperities, shape ``(k, k)``.
-        microhardness: Harmonic mean of the microhardnesses [Pa], shape ``(k, k)``.
-        wear: Archard's coefficient over the hardness of the first material K/H_i [1/Pa], shape ``(k, k)``; 0: no wear.
-    """
-
-    conductivity: Floats
-    volumetric: Floats
-    modulus: Floats
-    harmonic: Floats
-    share: Floats
-    emissivity: Floats
-    emission: Floats
-    roughness: Floats
-    slope: Floats
-    microhardness: Floats
-    wear: Floats
 
 
 def heat_laws(materials: Sequence[Properties], partition: Partition, wear: Floats) -> HeatLaws:

@@ -30,7 +30,7 @@ from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.model.model import SHAPE_FACTOR, Floats, Ints, Model
 
 if TYPE_CHECKING:
-    from multicor_cli.engine.heat.laws import HeatLaws
+    from multicor_cli.engine.heat.mechanism import HeatLaws
 
 STEFAN_BOLTZMANN = 5.670374419e-8
 """Stefan–Boltzmann constant σ [W/(m² K⁴)] (exact in SI)."""

@@ -9,8 +9,7 @@ from multicor_cli.engine.heat.convection import Ambient
 from multicor_cli.engine.heat.friction import FrictionRule
 from multicor_cli.engine.heat.gas import Gas
 from multicor_cli.engine.heat.integration import Integration
-from multicor_cli.engine.heat.laws import HeatLaws
-from multicor_cli.engine.heat.mechanism import Mechanism
+from multicor_cli.engine.heat.mechanism import HeatLaws, Mechanism
 from multicor_cli.engine.heat.radiation import Radiation
 
 MECHANISMS: dict[str, type[Mechanism]] = {"gas": Gas, "ambient": Ambient, "radiation": Radiation}

@@ -17,14 +17,19 @@ from multicor_cli.engine.geometry.neighbors import NeighborList
 from multicor_cli.engine.geometry.places import find_places, met_before
 from multicor_cli.engine.geometry.scene import Scene, scene_of
 from multicor_cli.engine.heat.books import book_flow, book_generated, note_contacts, strike_balance
-from multicor_cli.engine.heat.collision import collide
-from multicor_cli.engine.heat.friction import ENERGY, NO_FRICTION, SLIDING, generated_heat
+from multicor_cli.engine.heat.friction import ENERGY, NO_FRICTION, SLIDING, collide, generated_heat, share_out
 from multicor_cli.engine.heat.integration import CannotIntegrate, integrate
 from multicor_cli.engine.heat.network import Links, Pairs, links_of, network_of
-from multicor_cli.engine.heat.pairs import near_pairs
-from multicor_cli.engine.heat.partition import share_out
 from multicor_cli.engine.heat.settings import HeatSettings
-from multicor_cli.engine.heat.spots import TOUCHING, Spots, conducting_spots, forces_of_step, loaded_pairs, pairs_at_rest
+from multicor_cli.engine.heat.spots import (
+    TOUCHING,
+    Spots,
+    conducting_spots,
+    forces_of_step,
+    loaded_pairs,
+    near_pairs,
+    pairs_at_rest,
+)
 from multicor_cli.engine.heat.walls import WallHeat, WallValues, begin_bodies
 from multicor_cli.model.columns import FRICTION, IMPACT
 from multicor_cli.model.faults import LARGEST, find_absurd_value

@@ -8,7 +8,7 @@ from scipy import integrate
 
 from multicor_cli.engine.contact import law
 from multicor_cli.engine.geometry.radii import effective_radius
-from multicor_cli.engine.heat import collision, conduction, convection, friction, gas, hertz, partition, radiation, rough, wear
+from multicor_cli.engine.heat import conduction, convection, friction, gas, hertz, radiation
 
 SIX_DIGITS = 5e-6
 YOUNG, POISSON, CONDUCTIVITY, DENSITY, HEAT_CAPACITY = 193e9, 0.29, 15.0, 7500.0, 500.0
@@ -182,11 +182,11 @@ def test_view_factor_is_the_crossed_strings():
 def test_rough_contact_nearly_doubles_the_resistance():
     radius, sigma, slope, hardness = spot(1.0), sqrt(2.0) * 1e-6, sqrt(2.0) * 0.1, 3e9
     pressure = peak_pressure(1.0)
-    macro = rough.macro_resistance(radius, CONDUCTIVITY)
-    micro = rough.micro_resistance(radius, pressure, CONDUCTIVITY, sigma, slope, hardness)
+    macro = hertz.macro_resistance(radius, CONDUCTIVITY)
+    micro = hertz.micro_resistance(radius, pressure, CONDUCTIVITY, sigma, slope, hardness)
     assert macro == digits(1907.21)
     assert micro == digits(1538.03)
-    h = rough.rough_conductance(1.0, radius, MODULUS, A_EFF, CONDUCTIVITY, sigma, slope, hardness)
+    h = hertz.rough_conductance(1.0, radius, MODULUS, A_EFF, CONDUCTIVITY, sigma, slope, hardness)
     assert 1.0 / h == pytest.approx(macro + micro, rel=1e-14)
 
 
@@ -199,31 +199,31 @@ def test_friction():
 
 
 def test_partition_of_steel_and_aluminum():
-    steel, aluminum = partition.effusivity(15.0, 7500.0, 500.0), partition.effusivity(200.0, 2700.0, 900.0)
+    steel, aluminum = friction.effusivity(15.0, 7500.0, 500.0), friction.effusivity(200.0, 2700.0, 900.0)
     assert (steel, aluminum) == (digits(7500.0), digits(22045.4))
-    assert partition.effusivity_share(steel, aluminum) == digits(0.253847)
-    assert partition.conductivity_share(15.0, 200.0) == digits(0.0697674)
-    assert partition.electrothermal_share(7.2e-7, 2.8e-8, 15.0, 200.0) == digits(0.516167)
+    assert friction.effusivity_share(steel, aluminum) == digits(0.253847)
+    assert friction.conductivity_share(15.0, 200.0) == digits(0.0697674)
+    assert friction.electrothermal_share(7.2e-7, 2.8e-8, 15.0, 200.0) == digits(0.516167)
 
 
 def test_wear():
-    assert wear.archard_volume(1e-4 / 2e9, 1.0 * 100.0) == pytest.approx(5e-12, rel=1e-14)
+    assert friction.archard_volume(1e-4 / 2e9, 1.0 * 100.0) == pytest.approx(5e-12, rel=1e-14)
 
 
 # ---- impacts
 
 
 def test_impact_of_two_steel_grains():
-    time = collision.impact_time(0.5 * MASS, A_EFF, MODULUS, 0.1)
-    radius = collision.impact_radius(0.5 * MASS, A_EFF, MODULUS, 0.1)
-    fo = collision.fourier_number(CONDUCTIVITY, VOLUMETRIC, time, radius)
+    time = friction.impact_time(0.5 * MASS, A_EFF, MODULUS, 0.1)
+    radius = friction.impact_radius(0.5 * MASS, A_EFF, MODULUS, 0.1)
+    fo = friction.fourier_number(CONDUCTIVITY, VOLUMETRIC, time, radius)
     assert time == digits(1.45732e-5)
     assert radius == digits(1.92647e-5)
     assert fo == digits(0.15707, 3e-5)
-    assert collision.impact_coefficient(fo, 1.0) == digits(0.93293)
-    assert collision.impact_coefficient(0.0, 1.0) == digits(0.901066)
+    assert friction.impact_coefficient(fo, 1.0) == digits(0.93293)
+    assert friction.impact_coefficient(0.0, 1.0) == digits(0.901066)
     args = 0.5 * MASS, A_EFF, MODULUS, 0.1, CONDUCTIVITY, VOLUMETRIC, CONDUCTIVITY, VOLUMETRIC
-    exchange = collision.impact_exchange(*args)
+    exchange = friction.impact_exchange(*args)
     assert exchange == digits(1.55715e-8)
     assert exchange / (MASS * HEAT_CAPACITY) == digits(2.93723e-7)
 
@@ -231,7 +231,7 @@ def test_impact_of_two_steel_grains():
 def test_largest_spot_of_an_impact_stores_the_kinetic_energy():
     """½ m v² = (8/15) E* √a* δ^{5/2} with δ = R²/a*."""
     m, v = 0.5 * MASS, 0.1
-    radius = collision.impact_radius(m, A_EFF, MODULUS, v)
+    radius = friction.impact_radius(m, A_EFF, MODULUS, v)
     energy = 8.0 / 15.0 * MODULUS * sqrt(A_EFF) * (radius * radius / A_EFF) ** 2.5
     assert energy == pytest.approx(0.5 * m * v * v, rel=1e-13)
 

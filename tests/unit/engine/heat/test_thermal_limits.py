@@ -9,7 +9,7 @@ import pytest
 
 from multicor_cli.engine.contact import law, sweep
 from multicor_cli.engine.geometry import radii
-from multicor_cli.engine.heat import collision, conduction, convection, friction, gas, hertz, partition, radiation, rough, wear
+from multicor_cli.engine.heat import conduction, convection, friction, gas, hertz, radiation
 from multicor_cli.engine.jit.compile import kernel
 
 AIR, STEEL, A = 0.026, 15.0, 1.5e-3
@@ -18,15 +18,15 @@ AIR, STEEL, A = 0.026, 15.0, 1.5e-3
 def test_no_force_no_spot():
     assert hertz.contact_radius(0.0, 1e-3, 1e11) == 0.0
     assert hertz.contact_radius(-1.0, 1e-3, 1e11) == 0.0
-    assert rough.rough_conductance(0.0, 0.0, 1e11, 1e-3, 15.0, 1e-6, 0.1, 3e9) == 0.0
-    assert rough.rough_conductance(-1.0, 0.0, 1e11, 1e-3, 15.0, 1e-6, 0.1, 3e9) == 0.0
+    assert hertz.rough_conductance(0.0, 0.0, 1e11, 1e-3, 15.0, 1e-6, 0.1, 3e9) == 0.0
+    assert hertz.rough_conductance(-1.0, 0.0, 1e11, 1e-3, 15.0, 1e-6, 0.1, 3e9) == 0.0
 
 
 def test_unlike_bodies_reduce_to_like_ones():
     assert hertz.contact_modulus(1e11, 0.3, 1e11, 0.3) == pytest.approx(1e11 / (2.0 * 0.91), rel=1e-15)
     assert conduction.harmonic_mean(15.0, 15.0) == 15.0
-    assert partition.effusivity_share(3.0, 3.0) == partition.conductivity_share(7.0, 7.0) == 0.5
-    assert partition.electrothermal_share(2.0, 2.0, 5.0, 5.0) == 0.5
+    assert friction.effusivity_share(3.0, 3.0) == friction.conductivity_share(7.0, 7.0) == 0.5
+    assert friction.electrothermal_share(2.0, 2.0, 5.0, 5.0) == 0.5
 
 
 def test_a_rigid_or_insulating_partner():
@@ -53,33 +53,33 @@ def test_exchanging_the_bodies_changes_nothing():
 @pytest.mark.parametrize("other", [(200.0, 2.43e6), (15.0, 2.43e6), (200.0, 3.75e6), (15.0, 3.75e6)])
 def test_what_one_body_gains_in_an_impact_the_other_loses(other):
     steel = (15.0, 3.75e6)
-    one = collision.impact_exchange(5e-5, 7.5e-4, 1e11, 0.1, *steel, *other)
-    assert one == collision.impact_exchange(5e-5, 7.5e-4, 1e11, 0.1, *other, *steel)
+    one = friction.impact_exchange(5e-5, 7.5e-4, 1e11, 0.1, *steel, *other)
+    assert one == friction.impact_exchange(5e-5, 7.5e-4, 1e11, 0.1, *other, *steel)
     assert one > 0.0
 
 
 def test_impact_of_unlike_bodies_follows_its_parts():
     m, a_eff, modulus, v = 5e-5, 7.5e-4, 1e11, 0.1
     (k_1, v_1), (k_2, v_2) = (200.0, 2.43e6), (15.0, 3.75e6)
-    time, radius = collision.impact_time(m, a_eff, modulus, v), collision.impact_radius(m, a_eff, modulus, v)
-    factor = collision.impact_coefficient(collision.fourier_number(k_1, v_1, time, radius), v_1 / v_2)
+    time, radius = friction.impact_time(m, a_eff, modulus, v), friction.impact_radius(m, a_eff, modulus, v)
+    factor = friction.impact_coefficient(friction.fourier_number(k_1, v_1, time, radius), v_1 / v_2)
     expected = factor * pi * radius**2 * time**0.5 / ((k_1 * v_1) ** -0.5 + (k_2 * v_2) ** -0.5)
-    assert collision.impact_exchange(m, a_eff, modulus, v, k_2, v_2, k_1, v_1) == pytest.approx(expected, rel=1e-13)
+    assert friction.impact_exchange(m, a_eff, modulus, v, k_2, v_2, k_1, v_1) == pytest.approx(expected, rel=1e-13)
 
 
 def test_slow_impacts_exchange_ever_less():
     args = 15.0, 3.75e6, 15.0, 3.75e6
-    found = [collision.impact_exchange(5e-5, 7.5e-4, 1e11, v, *args) for v in (0.0, 1e-12, 1e-6, 1e-3, 0.1)]
+    found = [friction.impact_exchange(5e-5, 7.5e-4, 1e11, v, *args) for v in (0.0, 1e-12, 1e-6, 1e-3, 0.1)]
     assert found[0] == 0.0
     assert found == sorted(found)
-    assert collision.impact_exchange(5e-5, 7.5e-4, 1e11, -0.1, *args) == 0.0
-    assert collision.impact_time(5e-5, 7.5e-4, 1e11, 0.0) == float("inf")
+    assert friction.impact_exchange(5e-5, 7.5e-4, 1e11, -0.1, *args) == 0.0
+    assert friction.impact_time(5e-5, 7.5e-4, 1e11, 0.0) == float("inf")
 
 
 @pytest.mark.parametrize("ratio", [0.01, 0.1, 0.5, 0.5547779, 0.554778, 0.7, 1.0])
 def test_impact_coefficient_rises_smoothly_with_the_fourier_number(ratio):
     """Also where the quotient of the published form is 0/0 (c = 0.55478), and where its root ends."""
-    found = [collision.impact_coefficient(0.05 * k, ratio) for k in range(1000)]
+    found = [friction.impact_coefficient(0.05 * k, ratio) for k in range(1000)]
     assert 0.86 < found[0] < 0.91
     assert all(high >= low for low, high in pairwise(found))
     root = 1.0 / 0.435 * found[1]
@@ -163,8 +163,8 @@ def test_no_gap_is_left_around_a_spot_as_large_as_the_grain():
 def test_smooth_surfaces_leave_the_hertz_conductance():
     radius = hertz.contact_radius(1.0, 7.5e-4, 1e11)
     smooth = conduction.hertz_conductance(STEEL, radius)
-    assert rough.rough_conductance(1.0, radius, 1e11, 7.5e-4, STEEL, 0.0, 0.1, 3e9) == pytest.approx(smooth, rel=1e-15)
-    assert rough.rough_conductance(1.0, radius, 1e11, 7.5e-4, STEEL, 1e-6, 0.1, 3e9) < smooth
+    assert hertz.rough_conductance(1.0, radius, 1e11, 7.5e-4, STEEL, 0.0, 0.1, 3e9) == pytest.approx(smooth, rel=1e-15)
+    assert hertz.rough_conductance(1.0, radius, 1e11, 7.5e-4, STEEL, 1e-6, 0.1, 3e9) < smooth
 
 
 # ---- radiation
@@ -231,18 +231,18 @@ def test_softened_friction_is_cut_to_its_range():
 
 def test_sliding_either_way_heats_and_wears():
     assert friction.sliding_power(0.5, 2.0, 0.1) == friction.sliding_power(0.5, 2.0, -0.1) > 0.0
-    assert wear.rubbing_of(2.0, 0.1, 0.0, 0.0) == wear.rubbing_of(2.0, -0.1, 0.0, 0.0) > 0.0
-    assert wear.rubbing_of(2.0, 0.1, -1e-9, 0.5) == 0.0  # rounding
+    assert friction.rubbing_of(2.0, 0.1, 0.0, 0.0) == friction.rubbing_of(2.0, -0.1, 0.0, 0.0) > 0.0
+    assert friction.rubbing_of(2.0, 0.1, -1e-9, 0.5) == 0.0  # rounding
 
 
 # ---- compilation
 
 SAMPLES = {
-    "collision.fourier_number": (15.0, 3.75e6, 1.4e-5, 1.9e-5),
-    "collision.impact_coefficient": (0.157, 0.8),
-    "collision.impact_exchange": (5e-5, 7.5e-4, 1e11, 0.1, 15.0, 3.75e6, 200.0, 2.43e6),
-    "collision.impact_radius": (5e-5, 7.5e-4, 1e11, 0.1),
-    "collision.impact_time": (5e-5, 7.5e-4, 1e11, 0.1),
+    "friction.fourier_number": (15.0, 3.75e6, 1.4e-5, 1.9e-5),
+    "friction.impact_coefficient": (0.157, 0.8),
+    "friction.impact_exchange": (5e-5, 7.5e-4, 1e11, 0.1, 15.0, 3.75e6, 200.0, 2.43e6),
+    "friction.impact_radius": (5e-5, 7.5e-4, 1e11, 0.1),
+    "friction.impact_time": (5e-5, 7.5e-4, 1e11, 0.1),
     "conduction.biot_number": (5e-4, 15.0, A),
     "hertz.contact_radius": (0.7, 7.5e-4, 1e11),
     "radii.effective_radius": (A, 2e-3),
@@ -264,11 +264,11 @@ SAMPLES = {
     "radiation.cylinder_view_factor": (A, 2e-3, 1e-4),
     "radiation.linear_coefficient": (7e-6, 300.0, 450.0),
     "radiation.sphere_area_factor": (0.2, A, 2e-3),
-    "rough.macro_resistance": (1.7e-5, 15.0),
-    "rough.micro_resistance": (1.7e-5, 1.5e9, 15.0, 1e-6, 0.1, 3e9),
-    "rough.rough_conductance": (1.0, 1.7e-5, 1e11, 7.5e-4, 15.0, 1e-6, 0.1, 3e9),
-    "wear.archard_volume": (1e-14, 100.0),
-    "wear.rubbing_of": (1e-3, -0.1, 2e-5, 0.5),
+    "hertz.macro_resistance": (1.7e-5, 15.0),
+    "hertz.micro_resistance": (1.7e-5, 1.5e9, 15.0, 1e-6, 0.1, 3e9),
+    "hertz.rough_conductance": (1.0, 1.7e-5, 1e11, 7.5e-4, 15.0, 1e-6, 0.1, 3e9),
+    "friction.archard_volume": (1e-14, 100.0),
+    "friction.rubbing_of": (1e-3, -0.1, 2e-5, 0.5),
     "sweep.solve_rolling": (1e-4, 0.1, 5e-5, 2e-4),
     "law.bias": (1e-5, -0.1, 0.5, 1e-4),
     "law.bipotential_parameter": (1e-3, 3e-4),
@@ -279,7 +279,7 @@ SAMPLES = {
     "law.solve_full": (1e-4, 5e-5, -0.1, 0.2, 1e3, 200.0, 3e3, 0.4),
 }
 
-MODULES = [collision, conduction, convection, friction, gas, hertz, law, partition, radiation, radii, rough, sweep, wear]
+MODULES = [conduction, convection, friction, gas, hertz, law, radiation, radii, sweep]
 
 
 def is_scalar_formula(node):
