@@ -71,7 +71,7 @@ def _threading() -> dict[str, str]:
     from multicor_cli.running.threads import reserve_threads
 
     reserve_threads()  # as a run does
-    command, environment = python_child("-c", "from multicor_cli.engine.jit.layer import describe_layer; print(describe_layer())")
+    command, environment = python_child("-c", "from multicor_cli.engine.jit.cache import describe_layer; print(describe_layer())")
     try:
         done = subprocess.run(command, env=environment, capture_output=True, text=True, timeout=120, check=False)
     except (OSError, subprocess.SubprocessError) as error:

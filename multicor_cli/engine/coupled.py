@@ -15,8 +15,7 @@ from multicor_cli.engine.contact.solve import Settings
 from multicor_cli.engine.heat.spots import resting_contacts
 from multicor_cli.engine.heat.step import HeatEngine, MovedContacts
 from multicor_cli.engine.heat.walls import WallHeat
-from multicor_cli.engine.motion.drives import WallDrive
-from multicor_cli.engine.motion.gravity import AnyGravity
+from multicor_cli.engine.motion.drives import AnyGravity, WallDrive
 from multicor_cli.engine.step import Engine
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.model.model import ContactLaws, Floats

@@ -35,8 +35,7 @@ from multicor_cli.engine.heat.step import HeatEngine, MovedContacts
 from multicor_cli.engine.jit.chunks import aligned, chunks_for
 from multicor_cli.engine.jit.vectors import LANES
 from multicor_cli.engine.motion.moves import move, wrap
-from multicor_cli.engine.motion.overlaps import measure_overlaps
-from multicor_cli.engine.motion.separation import pairs_within, separate, surround
+from multicor_cli.engine.motion.separation import measure_overlaps, pairs_within, separate, surround
 from multicor_cli.model.columns import MASS
 from multicor_cli.model.model import ContactLaws, Floats, Grains, Model, Thermal, Walls, WallShapes
 from multicor_cli.model.state import State

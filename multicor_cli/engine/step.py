@@ -36,10 +36,9 @@ from multicor_cli.engine.geometry.neighbors import NeighborList
 from multicor_cli.engine.geometry.scene import Scene, scene_of
 from multicor_cli.engine.jit.chunks import chunks_for
 from multicor_cli.engine.jit.threads import PARALLEL_GRAINS
-from multicor_cli.engine.motion.correction import correct_positions
-from multicor_cli.engine.motion.drives import WallDrive
-from multicor_cli.engine.motion.gravity import AnyGravity, Gravity
+from multicor_cli.engine.motion.drives import AnyGravity, Gravity, WallDrive
 from multicor_cli.engine.motion.moves import move, predict, wrap
+from multicor_cli.engine.motion.separation import correct_positions
 from multicor_cli.engine.motion.unseen import find_unseen, stop_unseen
 from multicor_cli.engine.motion.walls import WallMotion
 from multicor_cli.model.columns import BELT, COUPLE

@@ -6,8 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from multicor_cli.arithmetic import hypot
-from multicor_cli.engine.motion.drives import Constant
-from multicor_cli.engine.motion.gravity import AnyGravity, Gravity, TiltedGravity
+from multicor_cli.engine.motion.drives import AnyGravity, Constant, Gravity, TiltedGravity
 from multicor_cli.scenario.drives import engine_signal
 from multicor_cli.scenario.gravity import AnyStageGravity, TiltedGravityTable
 from multicor_cli.scenario.scenario import Scenario

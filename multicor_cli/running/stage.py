@@ -10,8 +10,7 @@ from numpy.typing import NDArray
 
 from multicor_cli.engine.contact.solve import Settings
 from multicor_cli.engine.heat.walls import WallHeat
-from multicor_cli.engine.motion.drives import WallDrive
-from multicor_cli.engine.motion.gravity import AnyGravity
+from multicor_cli.engine.motion.drives import AnyGravity, WallDrive
 from multicor_cli.model import ContactLaws, State
 from multicor_cli.running.conditions import KINETIC
 from multicor_cli.running.plan import StagePlan

@@ -18,8 +18,7 @@ import numpy as np
 
 from multicor_cli.arithmetic import hypot
 from multicor_cli.arithmetic.sums import total
-from multicor_cli.engine.motion.drives import DofDrive, WallDrive
-from multicor_cli.engine.motion.gravity import Gravity
+from multicor_cli.engine.motion.drives import DofDrive, Gravity, WallDrive
 from multicor_cli.model import ContactLaws, Model, ShapeKind
 from multicor_cli.model.columns import RADIUS
 from multicor_cli.model.model import Floats

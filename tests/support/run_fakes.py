@@ -11,8 +11,7 @@ import numpy as np
 
 from multicor_cli.engine.contact.report import StepReport
 from multicor_cli.engine.contact.solve import Interrupted, Settings
-from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
-from multicor_cli.engine.motion.gravity import AnyGravity
+from multicor_cli.engine.motion.drives import AnyGravity, Constant, DofDrive, WallDrive
 from multicor_cli.model import BOOK_NAMES, Model, State
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.running.conditions import RestReached, StrainReached

@@ -15,8 +15,7 @@ from scene_parts import FLOOR, TIGHT, advance, make_engine, make_model
 from scenes import SMALL, changed, write_small
 
 from multicor_cli import run as run_scenario
-from multicor_cli.engine.motion.drives import Constant, Ramp, Sine
-from multicor_cli.engine.motion.gravity import Gravity, TiltedGravity
+from multicor_cli.engine.motion.drives import Constant, Gravity, Ramp, Sine, TiltedGravity
 from multicor_cli.running import session as session_module
 from multicor_cli.running.gravity_plan import stage_gravity
 from multicor_cli.scenario import parse_scenario

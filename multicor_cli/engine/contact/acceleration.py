@@ -28,9 +28,8 @@ from numpy.typing import NDArray
 from multicor_cli.engine.contact.residual import measure_residual
 from multicor_cli.engine.contact.sweep import EXACT, Before, Relaxation, System, sweep
 from multicor_cli.engine.contact.vector_sweep import extrapolate_rows
-from multicor_cli.engine.jit.chunks import CHUNK
+from multicor_cli.engine.jit.chunks import CHUNK, copy_into
 from multicor_cli.engine.jit.compile import kernel, loop_body, prange, threaded_loop
-from multicor_cli.engine.jit.copying import copy_into
 from multicor_cli.engine.jit.vectors import HAS_VECTORS
 from multicor_cli.model.columns import INVERSE_MASS, NORMAL, SPIN, TANGENTIAL
 from multicor_cli.model.model import Floats

@@ -22,7 +22,7 @@ from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.jit.chunks import CHUNK, chunks_for
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
 from multicor_cli.engine.jit.formulas import formula
-from multicor_cli.engine.motion.correction import Correction
+from multicor_cli.engine.motion.separation import Correction
 from multicor_cli.engine.motion.walls import WallMotion
 from multicor_cli.model.books import BOOK_NAMES, EXCHANGE_NAMES, TALLY_NAMES, WINDOW_NAMES
 from multicor_cli.model.columns import GAP, MU, NORMAL, NX, NY, SPIN, TANGENTIAL, X, Y

@@ -17,9 +17,8 @@ from multicor_cli.engine.exchange.passage import pass_grains
 from multicor_cli.engine.exchange.rules import ExchangeRules
 from multicor_cli.engine.heat.books import book_undelivered
 from multicor_cli.engine.heat.walls import WallHeat, WallValues, begin_bodies
-from multicor_cli.engine.motion.correction import Correction
-from multicor_cli.engine.motion.drives import WallDrive
-from multicor_cli.engine.motion.gravity import AnyGravity, Gravity
+from multicor_cli.engine.motion.drives import AnyGravity, Gravity, WallDrive
+from multicor_cli.engine.motion.separation import Correction
 from multicor_cli.engine.motion.walls import WallMotion
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.model.faults import LARGEST, find_absurd_value

@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from multicor_cli.engine.jit.compile import loop_body
 from multicor_cli.model.model import Floats
 
 CHUNK = 512
@@ -40,3 +41,16 @@ def aligned_copy(array: NDArray[Any]) -> NDArray[Any]:
     copy = aligned(array.shape, array.dtype.type)
     copy[:] = array
     return copy
+
+
+# ---- Copying arrays within kernels
+
+
+@loop_body
+def copy_into(target: Floats, source: Floats) -> None:
+    """Write ``source`` over the beginning of ``target``; both flat.
+
+    (``target[:] = source`` compiles the message about arrays that do not fit too: up to three seconds in each kernel.)
+    """
+    for k in range(source.size):
+        target[k] = source[k]

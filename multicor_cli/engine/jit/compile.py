@@ -9,9 +9,8 @@ from types import FunctionType, ModuleType
 from typing import Any, TypeVar
 
 from multicor_cli.arithmetic import exponential, normal, trigonometric
-from multicor_cli.engine.jit.cache import configure_cache
+from multicor_cli.engine.jit.cache import configure_cache, prefer_openmp, require_layer
 from multicor_cli.engine.jit.formulas import compile_with
-from multicor_cli.engine.jit.layer import prefer_openmp, require_layer
 
 configure_cache()
 prefer_openmp()

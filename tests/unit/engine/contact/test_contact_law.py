@@ -11,8 +11,7 @@ from multicor_cli.engine.contact import law as law
 from multicor_cli.engine.contact.patches import choose_patch, solve_patch
 from multicor_cli.engine.contact.residual import measure_residual
 from multicor_cli.engine.contact.sweep import add_impulses
-from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
-from multicor_cli.engine.motion.gravity import Gravity
+from multicor_cli.engine.motion.drives import Constant, DofDrive, Gravity, WallDrive
 from multicor_cli.model import ContactLaws, ShapeKind, State
 
 

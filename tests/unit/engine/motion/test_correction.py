@@ -5,7 +5,7 @@ import pytest
 from scene_parts import FLOOR, make_engine, make_model
 
 from multicor_cli.engine.geometry.scene import Scene, pair_geometry
-from multicor_cli.engine.motion import correction
+from multicor_cli.engine.motion import separation
 from multicor_cli.engine.motion.separation import pairs_within, separate, surround
 from multicor_cli.model.shapes import ShapeKind
 
@@ -36,20 +36,20 @@ def corrected(overlap, count=60):
 
 def test_few_overlaps_move_the_grains_nearby_only():
     moved, overlap = corrected(6e-4)
-    assert overlap <= correction.ALLOWED
+    assert overlap <= separation.ALLOWED
     middle = len(moved) // 2
     assert moved[middle - 1] < 0.0 < moved[middle]
     assert abs(moved.sum()) < 1e-12  # equal masses: the center of mass stays
-    far = correction.RINGS + 2
+    far = separation.RINGS + 2
     assert np.all(moved[: middle - far] == 0.0)
     assert np.all(moved[middle + far :] == 0.0)
 
 
 def test_what_cannot_be_done_nearby_is_done_everywhere(monkeypatch):
     """A cage of held grains that leaves no room: only moving everything helps."""
-    monkeypatch.setattr(correction, "RINGS", 0)
+    monkeypatch.setattr(separation, "RINGS", 0)
     moved, overlap = corrected(9e-3)
-    assert overlap <= correction.ALLOWED
+    assert overlap <= separation.ALLOWED
     assert np.count_nonzero(moved) > 10
 
 

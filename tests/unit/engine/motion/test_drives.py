@@ -5,8 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from multicor_cli.engine.motion.drives import Constant, Interpolated, Ramp, Shifted, Sine
-from multicor_cli.engine.motion.gravity import Gravity, TiltedGravity
+from multicor_cli.engine.motion.drives import Constant, Gravity, Interpolated, Ramp, Shifted, Sine, TiltedGravity
 
 
 def test_signals():
