@@ -13,7 +13,7 @@ import numpy as np
 from multicor_cli.engine.contact.solve import Method
 from multicor_cli.engine.coupled import CoupledEngine
 from multicor_cli.model import Model, State
-from multicor_cli.model.nudge import VARIABLE
+from multicor_cli.model.state import VARIABLE
 from multicor_cli.packing import build
 from multicor_cli.running.plan import RunPlan
 from multicor_cli.running.planning import make_plan

@@ -30,7 +30,7 @@ from multicor_cli.cli.post_output import (
 from multicor_cli.text import count_noun
 
 if TYPE_CHECKING:
-    from multicor_cli.model.areas import Area
+    from multicor_cli.model.shapes import Area
     from multicor_cli.post import GrainMap, ThetaTable
     from multicor_cli.store import Run
 

@@ -1,10 +1,10 @@
 from .csv_files import export_csv as export_csv
-from .errors import ExportError as ExportError
-from .errors import ExportRefused as ExportRefused
-from .errors import MissingLibrary as MissingLibrary
+from .fclib_file import FrameProblem as FrameProblem
+from .fclib_file import export_fclib as export_fclib
+from .fclib_file import frame_problem as frame_problem
 from .fclib_file import read_fclib as read_fclib
 from .fclib_file import write_fclib as write_fclib
-from .fclib_problem import FrameProblem as FrameProblem
-from .fclib_problem import export_fclib as export_fclib
-from .fclib_problem import frame_problem as frame_problem
 from .gsd_file import export_gsd as export_gsd
+from .target import ExportError as ExportError
+from .target import ExportRefused as ExportRefused
+from .target import MissingLibrary as MissingLibrary

@@ -15,8 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.export.selection import choose_frames
-from multicor_cli.export.target import new_directory
+from multicor_cli.export.target import choose_frames, new_directory
 from multicor_cli.store import Frame, Run, schema
 from multicor_cli.store.data_frames import NamedColumn, contact_columns, grain_columns, series_columns, split, wall_columns
 from multicor_cli.store.progress import Progress, no_progress

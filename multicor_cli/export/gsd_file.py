@@ -15,9 +15,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.export.errors import ExportRefused
-from multicor_cli.export.selection import choose_frames
-from multicor_cli.export.target import check_output, new_file
+from multicor_cli.export.target import ExportRefused, check_output, choose_frames, new_file
 from multicor_cli.model import Model
 from multicor_cli.model.model import Floats
 from multicor_cli.optional import library

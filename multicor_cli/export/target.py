@@ -1,4 +1,4 @@
-"""Where an export goes: the file or directory appears under its name complete, or not at all."""
+"""Where an export goes, which frames it takes, and what can go wrong with it."""
 
 from __future__ import annotations
 
@@ -9,9 +9,54 @@ import shutil
 from collections.abc import Iterator
 from pathlib import Path
 
-from multicor_cli.export.errors import ExportRefused
-from multicor_cli.store import layout
+from multicor_cli.optional import MissingLibrary as MissingLibrary
+from multicor_cli.store import Frame, Run, layout
 from multicor_cli.store.atomic import fsync_path, make_directory, storage_errors, temporary_beside
+from multicor_cli.store.errors import NoFrame, StoreError, what_frames
+
+# ---- What can go wrong with an export, beside reading the run and writing the file; each class carries its exit code
+
+
+class ExportError(StoreError):
+    """The run does not hold what was asked for (exit code 2)."""
+
+    exit_code = 2
+
+
+class ExportRefused(StoreError):
+    """The target exists, or is not one that an export may replace (exit code 6)."""
+
+    exit_code = 6
+
+
+# ---- Which frames are exported
+
+
+def choose_frames(run: Run, frames: slice | None) -> list[Frame]:
+    """The frames of a slice, all if there is none; they are read when they are used.
+
+    Raises:
+        ExportError: If there is none.
+    """
+    chosen = run.frames[frames or slice(None)]
+    if not chosen:
+        raise ExportError(f"{run.path}: there are no such frames: {what_frames(len(run.frames))}")
+    return chosen
+
+
+def choose_frame(run: Run, number: int) -> Frame:
+    """One frame; a negative number counts from the end.
+
+    Raises:
+        ExportError: If there is no such frame.
+    """
+    try:
+        return run.frames[number]
+    except NoFrame as error:
+        raise ExportError(f"{run.path}: {error}") from None
+
+
+# ---- The file or directory appears under its name complete, or not at all
 
 _REMEDY = "choose another name, or give --overwrite"
 

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from multicor_cli.model.books import DType, Export, Feature, Shape, Stored, Version, stored
 from multicor_cli.model.model import Floats, Ints
-from multicor_cli.model.stored import DType, Export, Feature, Shape, Stored, Version, stored
 
 
 def _column(

@@ -7,10 +7,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.model.books import BOOK_NAMES, EXCHANGE_NAMES, HEAT_BOOK_NAMES, TALLY_NAMES, WINDOW_NAMES
+from multicor_cli.model.books import BOOK_NAMES, EXCHANGE_NAMES, HEAT_BOOK_NAMES, TALLY_NAMES, WINDOW_NAMES, stored_fields
 from multicor_cli.model.model import Model
 from multicor_cli.model.state import Presence, State, state_shapes
-from multicor_cli.model.stored import stored_fields
 
 LARGEST = 1e50
 """Larger magnitudes are absurd in SI units, and their squares may not be finite."""

@@ -1,4 +1,4 @@
-"""The kinds of shapes that walls are made of: everything about them that is not compiled.
+"""Areas of the plane, and the kinds of shapes that walls are made of: everything about them that is not compiled.
 
 A new kind is one more `ShapeKind` with its row of `SHAPES`, and its gap in `engine/geometry/scene.py`. Everything else follows from
 the row, but for two kinds: a disc is a grain that is glued to a wall, and a plane is the only shape without ends.
@@ -6,16 +6,289 @@ the row, but for two kinds: a disc is a grain that is glued to a wall, and a pla
 
 from __future__ import annotations
 
+import math
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import IntEnum
 from typing import NamedTuple
 
 import numpy as np
 from numpy.typing import NDArray
 
+from multicor_cli.arithmetic import hypot
+from multicor_cli.arithmetic.sums import column_totals, total
 from multicor_cli.model.columns import RADIUS
 from multicor_cli.model.model import Floats, Ints
+
+# ---- Areas of the plane: which points lie in them, how far these are from the boundary, and how large the areas are.
+#
+# A disc of radius a lies wholly inside an area exactly if the depth of its center is at least a, and wholly outside if it is at
+# most −a: that is all that packings, walls and measurements ask.
+
+_AT_ONCE = 1 << 18  # pairs of a point and a side that are compared at once
+
+
+class Area(ABC):
+    """A part of the plane."""
+
+    @property
+    @abstractmethod
+    def size(self) -> float:
+        """Its area [m²]."""
+
+    @abstractmethod
+    def corners(self) -> Floats:
+        """Lower left and upper right corner of the rectangle around it [m], shape ``(2, 2)``."""
+
+    @abstractmethod
+    def depth(self, points: Floats) -> Floats:
+        """Distance of points, shape ``(n, 2)``, to the boundary [m]: positive inside, negative outside, shape ``(n,)``."""
+
+    def contains(self, points: Floats) -> NDArray[np.bool_]:
+        """Whether points lie in it; its boundary belongs to it."""
+        return np.asarray(self.depth(points) >= 0.0)
+
+
+@dataclass(frozen=True)
+class Rectangle(Area):
+    """The rectangle between two corners [m]."""
+
+    low: tuple[float, float]
+    high: tuple[float, float]
+
+    @property
+    def size(self) -> float:
+        """Width times height [m²]."""
+        return (self.high[0] - self.low[0]) * (self.high[1] - self.low[1])
+
+    def corners(self) -> Floats:
+        """Its corners."""
+        return np.array([self.low, self.high])
+
+    def depth(self, points: Floats) -> Floats:
+        """Distance to the nearest side, or to the nearest corner of points beyond one."""
+        beyond = np.maximum(np.array(self.low) - points, points - np.array(self.high))
+        outside = np.maximum(beyond, 0.0)
+        return np.asarray(-(_length(outside[:, 0], outside[:, 1]) + np.minimum(beyond.max(axis=1), 0.0)))
+
+
+@dataclass(frozen=True)
+class Annulus(Area):
+    """What lies between two circles around one center [m]; a disc if the inner radius is 0."""
+
+    center: tuple[float, float]
+    outer: float
+    inner: float = 0.0
+
+    @property
+    def size(self) -> float:
+        """π (outer² − inner²) [m²]."""
+        return math.pi * (self.outer * self.outer - self.inner * self.inner)
+
+    def corners(self) -> Floats:
+        """Around the outer circle."""
+        return np.asarray(np.array(self.center) + np.array([[-self.outer], [self.outer]]))
+
+    def depth(self, points: Floats) -> Floats:
+        """Distance to the nearer circle."""
+        away = points - np.array(self.center)
+        distance = _length(away[:, 0], away[:, 1])
+        depth = self.outer - distance
+        return np.minimum(depth, distance - self.inner) if self.inner > 0.0 else depth
+
+
+@dataclass(frozen=True, eq=False)
+class Discs(Area):
+    """What some discs cover together: x, y and radius of each [m], shape ``(k, 3)``."""
+
+    discs: Floats
+
+    @property
+    def size(self) -> float:
+        """Sum of their areas [m²]; what two of them cover counts twice."""
+        return math.pi * total(self.discs[:, 2] * self.discs[:, 2])
+
+    def corners(self) -> Floats:
+        """Around all of them."""
+        center, radius = self.discs[:, :2], self.discs[:, 2:]
+        return np.array([(center - radius).min(axis=0), (center + radius).max(axis=0)])
+
+    def depth(self, points: Floats) -> Floats:
+        """Distance to the nearest circle from outside; inside, the depth in one of the discs."""
+        depth = np.full(len(points), -np.inf)
+        for x, y, radius in self.discs.tolist():
+            np.maximum(depth, radius - _length(points[:, 0] - x, points[:, 1] - y), out=depth)
+        return depth
+
+
+@dataclass(frozen=True, eq=False)
+class Polygon(Area):
+    """A simple polygon: its corners [m], in either direction, shape ``(p, 2)``."""
+
+    points: Floats
+
+    @property
+    def signed_size(self) -> float:
+        """Its area, negative if its corners run clockwise [m²] (Gauss's shoelace formula)."""
+        return 0.5 * total(self._products()[2])
+
+    @property
+    def size(self) -> float:
+        """Its area [m²]."""
+        return abs(self.signed_size)
+
+    @property
+    def centroid(self) -> Floats:
+        """Its center of area [m], shape ``(2,)``."""
+        here, after, product = self._products()
+        moment = column_totals((here + after) * product[:, np.newaxis])
+        return np.asarray(self.points[0] + moment / (6.0 * self.signed_size))
+
+    @property
+    def polar_moment(self) -> float:
+        """Polar second moment of area about the centroid, ∫ r² dA [m⁴] (by Green's theorem)."""
+        here, after, product = self._products()
+        square = _dot(here, here) + _dot(here, after) + _dot(after, after)
+        about_first = total(product * square) / 12.0
+        away = self.centroid - self.points[0]
+        return abs(about_first) - self.size * float(away[0] * away[0] + away[1] * away[1])
+
+    @property
+    def perimeter(self) -> float:
+        """Length of its outline [m]."""
+        return total(self.side_lengths())
+
+    def side_lengths(self) -> Floats:
+        """Length of each side, from its corner to the next [m], shape ``(p,)``."""
+        return np.array([hypot(*way) for way in (np.roll(self.points, -1, axis=0) - self.points).tolist()])
+
+    def corners(self) -> Floats:
+        """Around its corners."""
+        return np.array([self.points.min(axis=0), self.points.max(axis=0)])
+
+    def depth(self, points: Floats) -> Floats:
+        """Distance to the nearest side; a point is inside if a ray from it crosses an odd number of sides."""
+        count = max(1, _AT_ONCE // len(self.points))
+        parts = [self._depth(points[first : first + count]) for first in range(0, len(points), count)]
+        return np.concatenate(parts) if parts else np.zeros(0)
+
+    def _depth(self, points: Floats) -> Floats:
+        start = self.points
+        way = np.roll(start, -1, axis=0) - start
+        px, py = points[:, :1] - start[:, 0], points[:, 1:2] - start[:, 1]
+        foot = np.clip((px * way[:, 0] + py * way[:, 1]) / _dot(way, way), 0.0, 1.0)
+        distance = _length(px - foot * way[:, 0], py - foot * way[:, 1]).min(axis=1)
+        # A side that spans the height of the point lies to the right of it if the point is on its left, or right for a falling one.
+        spans = (py >= 0.0) != (py >= way[:, 1])
+        crossed = spans & ((way[:, 0] * py - way[:, 1] * px > 0.0) == (way[:, 1] > 0.0))
+        return np.asarray(np.where(np.count_nonzero(crossed, axis=1) % 2 == 1, distance, -distance))
+
+    def _products(self) -> tuple[Floats, Floats, Floats]:
+        """Corners from the first one, the corners after them, and the cross product of both [m²]."""
+        here = self.points - self.points[0]
+        after = np.roll(here, -1, axis=0)
+        return here, after, here[:, 0] * after[:, 1] - here[:, 1] * after[:, 0]
+
+
+@dataclass(frozen=True)
+class Room:
+    """Where grains may be: inside all of some areas, and outside all of others.
+
+    Attributes:
+        inside: Areas that grains must not leave.
+        outside: Areas that grains must not enter.
+        period: Period in x [m] or 0; with one, an area stands for its images too.
+    """
+
+    inside: tuple[Area, ...] = ()
+    outside: tuple[Area, ...] = ()
+    period: float = 0.0
+
+    @property
+    def is_open(self) -> bool:
+        """Whether nothing bounds it."""
+        return not (self.inside or self.outside)
+
+    def within(self, *areas: Area) -> Room:
+        """What of it lies inside further areas."""
+        return replace(self, inside=(*self.inside, *areas))
+
+    def without(self, *areas: Area) -> Room:
+        """What of it lies outside further areas."""
+        return replace(self, outside=(*self.outside, *areas))
+
+    def clearance(self, points: Floats) -> Floats:
+        """Distance of points, shape ``(n, 2)``, to what bounds the room [m]: negative outside of it, shape ``(n,)``.
+
+        A disc lies wholly in the room exactly if the clearance of its center is at least its radius.
+        """
+        nearest = np.full(len(points), np.inf)
+        for area in self.inside:
+            np.minimum(nearest, self._depth(area, points), out=nearest)
+        for area in self.outside:
+            np.minimum(nearest, -self._depth(area, points), out=nearest)
+        return nearest
+
+    def _depth(self, area: Area, points: Floats) -> Floats:
+        """Depth in an area or that of its images in which it is largest."""
+        if self.period <= 0.0:
+            return area.depth(points)
+        low, high = area.corners()[:, 0]
+        moved = points.copy()
+        moved[:, 0] -= self.period * np.floor((points[:, 0] - 0.5 * (low + high)) / self.period + 0.5)
+        depth = area.depth(moved)
+        for shift in (-self.period, self.period):
+            np.maximum(depth, area.depth(moved + np.array([shift, 0.0])), out=depth)
+        return depth
+
+
+def fault_of_polygon(points: Floats) -> tuple[int, str] | None:
+    """What keeps corners, shape ``(p, 2)``, p ≥ 3, from making a simple polygon: number of a corner, and what is wrong there."""
+    _, first, number = np.unique(points, axis=0, return_index=True, return_inverse=True)
+    again = np.flatnonzero(first[number.reshape(-1)] != np.arange(len(points)))
+    if again.size:
+        k = int(again[0])
+        return k, f"the point {points[k].tolist()} is given twice"
+    before, after = points - np.roll(points, 1, axis=0), np.roll(points, -1, axis=0) - points
+    cross, along = _cross(before, after), _dot(before, after)
+    back = np.flatnonzero((cross == 0.0) & (along < 0.0))
+    if back.size:
+        k = int(back[0])
+        return k, f"the outline runs back on itself at {points[k].tolist()}"
+    for k in range(len(points) - 2):
+        other = _first_crossed(points, k)
+        if other is not None:
+            return k, f"the side from {points[k].tolist()} crosses or touches that from {points[other].tolist()}"
+    return None
+
+
+def _first_crossed(points: Floats, k: int) -> int | None:
+    """The first side after ``k`` that shares a point with it and is not its neighbor."""
+    ends = np.roll(points, -1, axis=0)
+    last = len(points) - (1 if k == 0 else 0)
+    a, b, c, d = points[k], ends[k], points[k + 2 : last], ends[k + 2 : last]
+    parted = _cross(b - a, c - a) * _cross(b - a, d - a) > 0.0
+    parted |= _cross(d - c, a - c) * _cross(d - c, b - c) > 0.0
+    # On one line: they share a point if their extents do.
+    parted |= ((np.minimum(a, b) > np.maximum(c, d)) | (np.maximum(a, b) < np.minimum(c, d))).any(axis=1)
+    found = np.flatnonzero(~parted)
+    return k + 2 + int(found[0]) if found.size else None
+
+
+def _cross(a: Floats, b: Floats) -> Floats:
+    return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
+
+
+def _dot(a: Floats, b: Floats) -> Floats:
+    return np.asarray(a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1])
+
+
+def _length(x: Floats, y: Floats) -> Floats:
+    return np.asarray(np.sqrt(x * x + y * y))
+
+
+# ---- The kinds of shapes that walls are made of
 
 
 class ShapeKind(IntEnum):

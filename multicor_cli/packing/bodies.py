@@ -7,8 +7,8 @@ from typing import Literal
 
 import numpy as np
 
-from multicor_cli.model.areas import Polygon
 from multicor_cli.model.model import SHAPE_FACTOR, Floats
+from multicor_cli.model.shapes import Polygon
 
 Shape = Literal["disc", "sphere"]
 

@@ -11,7 +11,7 @@ from multicor_cli.engine.exchange.passage import note_presence
 from multicor_cli.model import Grains, Model, Presence, ShapeKind, State, Thermal
 from multicor_cli.model.columns import RADIUS, X
 from multicor_cli.model.model import LEAST_DIAMETERS, LEAST_THROAT, SHAPE_FACTOR, Floats, Ints
-from multicor_cli.model.nudge import nudge, nudge_seed
+from multicor_cli.model.state import nudge, nudge_seed
 from multicor_cli.packing.bodies import Shape, inertias, masses
 from multicor_cli.packing.errors import PackingError
 from multicor_cli.packing.going_on import carried_over, carry_presence, grains_of, known_bodies, misfits, origin_of, placed_walls

@@ -17,10 +17,9 @@ from multicor_cli.engine.contact.detection import resting_attraction
 from multicor_cli.engine.exchange.passage import note_presence
 from multicor_cli.engine.geometry.scene import scene_of
 from multicor_cli.model import Model, Presence, State, Thermal, WallBody
-from multicor_cli.model.areas import Room
 from multicor_cli.model.columns import NORMAL, Y
 from multicor_cli.model.model import SHAPE_FACTOR, Floats, Ints
-from multicor_cli.model.shapes import TAIL, Tail
+from multicor_cli.model.shapes import TAIL, Room, Tail
 from multicor_cli.packing.errors import PackingError
 from multicor_cli.packing.groups import with_motion
 from multicor_cli.packing.initial_grains import InitialGrains

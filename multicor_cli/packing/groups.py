@@ -8,9 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from multicor_cli.arithmetic.sums import total
-from multicor_cli.model.areas import Area
 from multicor_cli.model.columns import SPIN, X, Y
 from multicor_cli.model.model import Floats
+from multicor_cli.model.shapes import Area
 from multicor_cli.packing.bodies import Shape
 from multicor_cli.packing.compacted import compact
 from multicor_cli.packing.deposited import deposit

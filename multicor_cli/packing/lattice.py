@@ -14,8 +14,8 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from multicor_cli.engine.jit import elementwise
-from multicor_cli.model.areas import Room
 from multicor_cli.model.model import Floats
+from multicor_cli.model.shapes import Room
 from multicor_cli.packing.errors import PackingError
 from multicor_cli.packing.obstacles import OPEN
 from multicor_cli.packing.region import PackingRegion

@@ -7,10 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from multicor_cli.model.areas import Annulus, Area, Polygon, Room
 from multicor_cli.model.columns import TAIL_X, X
 from multicor_cli.model.model import Floats, Ints
-from multicor_cli.model.shapes import TAIL, ShapeKind, Tail, outlines
+from multicor_cli.model.shapes import TAIL, Annulus, Area, Polygon, Room, ShapeKind, Tail, outlines
 from multicor_cli.packing.region import PackingRegion
 
 OPEN = Room()

@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 from multicor_cli.engine.geometry.neighbors import classify
 from multicor_cli.engine.geometry.scene import gap_to_shape
 from multicor_cli.engine.jit.compile import kernel
-from multicor_cli.model.areas import Room
 from multicor_cli.model.columns import RADIUS, X, Y
 from multicor_cli.model.model import Floats, Ints
-from multicor_cli.model.shapes import ShapeKind
+from multicor_cli.model.shapes import Room, ShapeKind
 from multicor_cli.packing.errors import NAMED, PackingError
 from multicor_cli.packing.obstacles import Obstacles
 from multicor_cli.packing.pairs import find_pairs

@@ -13,10 +13,9 @@ from dataclasses import replace
 import numpy as np
 
 from multicor_cli.arithmetic.sums import mean, total
-from multicor_cli.model.areas import Room
 from multicor_cli.model.columns import X, Y
 from multicor_cli.model.model import Floats
-from multicor_cli.model.shapes import IS_THIN
+from multicor_cli.model.shapes import IS_THIN, Room
 from multicor_cli.packing.errors import PackingError
 from multicor_cli.packing.obstacles import Obstacles
 from multicor_cli.packing.pairs import find_pairs

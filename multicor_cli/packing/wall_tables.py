@@ -13,8 +13,8 @@ from numpy.typing import NDArray
 
 from multicor_cli.engine.geometry.scene import place_shapes
 from multicor_cli.model import WallBody
-from multicor_cli.model.areas import Room
 from multicor_cli.model.model import Floats, Walls, WallShapes
+from multicor_cli.model.shapes import Room
 from multicor_cli.packing.bodies import Shape, prism_inertia
 from multicor_cli.packing.chain import chain_on_circle, chain_on_line
 from multicor_cli.packing.errors import PackingError

@@ -6,9 +6,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from multicor_cli.model.areas import Polygon
 from multicor_cli.model.model import Floats
-from multicor_cli.model.shapes import Outline
+from multicor_cli.model.shapes import Outline, Polygon
 from multicor_cli.plots.style import COLUMN, PAGE
 from multicor_cli.post.scene import GrainScene, images
 

@@ -9,8 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.model.areas import Area, Rectangle, Room
 from multicor_cli.model.model import Floats
+from multicor_cli.model.shapes import Area, Rectangle, Room
 from multicor_cli.post.averages import Spread, spread
 from multicor_cli.post.contacts import LoadedContacts, has_forces, loaded_contacts
 from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Selection, model_of, rows_of

@@ -9,8 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from multicor_cli.checks import check_run
-from multicor_cli.export.errors import ExportRefused
-from multicor_cli.export.target import check_output
+from multicor_cli.export.target import ExportRefused, check_output
 from multicor_cli.files import open_regular
 from multicor_cli.post.energy import energy
 from multicor_cli.post.source import PostError

@@ -12,8 +12,8 @@ from pydantic import Field, Strict, field_validator
 from multicor_cli.arithmetic import hypot
 from multicor_cli.arithmetic.sums import column_totals, total
 from multicor_cli.model import ShapeKind, WallBody
-from multicor_cli.model.areas import Discs, Polygon, Room
 from multicor_cli.model.model import Floats
+from multicor_cli.model.shapes import Discs, Polygon, Room
 from multicor_cli.scenario.base import Coordinate, Length, Point, Radius, refuse
 from multicor_cli.scenario.gluing import Glued, Ring, Sides, SizesOrGroup
 from multicor_cli.scenario.particles import ParticleGroup

@@ -8,7 +8,7 @@ from typing import Annotated, NamedTuple
 from pydantic import Discriminator, Tag
 
 from multicor_cli.arithmetic import hypot
-from multicor_cli.model.areas import Polygon
+from multicor_cli.model.shapes import Polygon
 from multicor_cli.scenario.base import Name, tag_table
 from multicor_cli.scenario.sizes import Sizes
 

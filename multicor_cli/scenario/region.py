@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal
 import numpy as np
 from pydantic import BaseModel, Discriminator, Field, Strict, Tag, ValidationInfo, field_validator
 
-from multicor_cli.model.areas import Annulus, Area, Polygon, Rectangle, fault_of_polygon
+from multicor_cli.model.shapes import Annulus, Area, Polygon, Rectangle, fault_of_polygon
 from multicor_cli.scenario.base import Length, Point, Table, refuse
 
 MAX_CORNERS = 2000

@@ -8,9 +8,8 @@ from typing import Literal
 
 from multicor_cli.arithmetic import hypot
 from multicor_cli.model import WallBody
-from multicor_cli.model.areas import Room
 from multicor_cli.model.model import Floats
-from multicor_cli.model.shapes import outlines
+from multicor_cli.model.shapes import Room, outlines
 from multicor_cli.scenario.base import Table
 from multicor_cli.scenario.gluing import Glued
 from multicor_cli.scenario.problems import Finding

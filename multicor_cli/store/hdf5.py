@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import DTypeLike, NDArray
 
 from multicor_cli import __version__
-from multicor_cli.model.stored import Version
+from multicor_cli.model.books import Version
 from multicor_cli.store.atomic import GuardedFile, commit_file, kill_point
 from multicor_cli.store.documents import plain
 from multicor_cli.store.errors import StorageError

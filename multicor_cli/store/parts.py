@@ -13,7 +13,7 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.model.stored import Version
+from multicor_cli.model.books import Version
 from multicor_cli.store import schema
 from multicor_cli.store.checked import CheckedFile
 from multicor_cli.store.errors import DamagedRun

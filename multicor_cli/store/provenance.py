@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from multicor_cli import __version__
-from multicor_cli.model.nudge import nudge_seed
+from multicor_cli.model.state import nudge_seed
 
 _LIBRARIES = ("numpy", "numba", "llvmlite", "h5py", "pydantic")
 
@@ -31,7 +31,7 @@ def collect_provenance(command: Sequence[str], *, seed: int, threads: int, threa
     Returns:
         ``multicor_version, git_sha1, git_dirty, versions, platform, cpu, cores, threads, threading_layer, host,
         command, seed``; the commit is empty where the program was not started from its repository. ``nudge`` is there only if
-        the switch for tests of `multicor_cli.model.nudge` was set.
+        the switch for tests of `multicor_cli.model.state` was set.
     """
     sha1, is_dirty = _commit(Path(__file__).resolve().parents[2])
     return {

@@ -10,7 +10,7 @@ from types import TracebackType
 from typing import Any, Literal
 
 from multicor_cli.model import Model, State
-from multicor_cli.model.stored import Version
+from multicor_cli.model.books import Version
 from multicor_cli.scenario.steered import steered_text
 from multicor_cli.store import layout
 from multicor_cli.store.atomic import commit_bytes, file_digest, kill_point, make_directory, remove_own, require_own, storage_errors

@@ -5,9 +5,8 @@ from __future__ import annotations
 from typing import Any
 
 from multicor_cli.model import BOOK_NAMES, EXCHANGE_NAMES, HEAT_BOOK_NAMES, TALLY_NAMES, Model, State
-from multicor_cli.model.books import EXCHANGE_BOOKS, TALLIES, entry_counts, measures_first
+from multicor_cli.model.books import EXCHANGE_BOOKS, TALLIES, Version, entry_counts, measures_first
 from multicor_cli.model.model import Thermal
-from multicor_cli.model.stored import Version
 from multicor_cli.store.moment import temperatures_of
 
 Summary = dict[str, Any]

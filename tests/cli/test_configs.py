@@ -6,7 +6,7 @@ from digest_run import digests_of, frozen
 
 import multicor_cli as multicor
 from multicor_cli.checks import Verdict, worst_verdict
-from multicor_cli.model.nudge import nudge_seed
+from multicor_cli.model.state import nudge_seed
 from multicor_cli.store import run_info
 
 

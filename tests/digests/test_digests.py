@@ -14,7 +14,7 @@ from digest_run import differences, frozen, run_cases
 from machines import another_machine
 from places import DATA, ROOT
 
-from multicor_cli.model.nudge import VARIABLE, nudge_seed
+from multicor_cli.model.state import VARIABLE, nudge_seed
 
 HERE = Path(__file__).parent
 

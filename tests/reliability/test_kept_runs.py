@@ -14,7 +14,7 @@ from command_line import call, read_info
 from digest_run import digests_of
 from keep_run import DATA
 
-from multicor_cli.model.nudge import VARIABLE, nudge_seed
+from multicor_cli.model.state import VARIABLE, nudge_seed
 from multicor_cli.store import open_run, verify
 from multicor_cli.store.schema import FORMAT_VERSION
 

@@ -20,11 +20,11 @@ from multicor_cli.engine.heat.walls import WallHeat, WallValues, begin_bodies
 from multicor_cli.engine.motion.drives import AnyGravity, Gravity, WallDrive
 from multicor_cli.engine.motion.separation import Correction
 from multicor_cli.engine.motion.walls import WallMotion
+from multicor_cli.model.books import stored_fields
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.model.faults import LARGEST, find_absurd_value
 from multicor_cli.model.model import ContactLaws, Model
 from multicor_cli.model.state import Presence, State
-from multicor_cli.model.stored import stored_fields
 
 # ---- A step without any grain: the walls move, and nothing meets them
 

@@ -5,8 +5,8 @@ that only some runs have name the feature of the run that they belong to; a run 
 it none (`select`).
 """
 
+from multicor_cli.model.books import Feature, stored_fields
 from multicor_cli.model.state import State
-from multicor_cli.model.stored import Feature, stored_fields
 from multicor_cli.store.schema.frames import CONTACTS, FRAME_TABLE, OFFSETS, PARTICLES, STEPS, WALLS
 from multicor_cli.store.schema.model import MODEL, SCENARIO
 from multicor_cli.store.schema.rows import Dataset, features_of, markdown, names, select

@@ -12,10 +12,10 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from multicor_cli.model.books import DType, Export, Stored, stored_fields
 from multicor_cli.model.columns import ANGLE, SPIN
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.model.state import FrameFields, State
-from multicor_cli.model.stored import DType, Export, Stored, stored_fields
 from multicor_cli.store.moment import in_plane
 from multicor_cli.store.schema.rows import Column, Dataset, Value
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import replace
 
+from multicor_cli.model.books import DType, Feature, Shape
 from multicor_cli.model.shapes import SHAPES
-from multicor_cli.model.stored import DType, Feature, Shape
 from multicor_cli.store.schema.rows import Dataset
 
 

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Generic, NoReturn, Protocol, TypeVar, overload
 
 from multicor_cli.model import Model
-from multicor_cli.model.books import entry_counts
-from multicor_cli.model.stored import Dim, DType, Export, Feature, Shape, Version
+from multicor_cli.model.books import Dim, DType, Export, Feature, Shape, Version, entry_counts
 from multicor_cli.store.moment import Moment
 
 Value = Callable[[Moment], Any]

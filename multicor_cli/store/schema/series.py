@@ -7,8 +7,19 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
-from multicor_cli.model.books import BOOKS, EXCHANGE_BOOKS, HEAT_BOOKS, TALLIES, WINDOW, Entry, measures_first
-from multicor_cli.model.stored import DType, Feature, Shape, Version
+from multicor_cli.model.books import (
+    BOOKS,
+    EXCHANGE_BOOKS,
+    HEAT_BOOKS,
+    TALLIES,
+    WINDOW,
+    DType,
+    Entry,
+    Feature,
+    Shape,
+    Version,
+    measures_first,
+)
 from multicor_cli.store.moment import Moment
 from multicor_cli.store.schema.rows import Dataset, Value
 

@@ -30,7 +30,7 @@ from multicor_cli.engine import Engine
 from multicor_cli.engine.contact.report import PhysicsError
 from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
 from multicor_cli.model import BOOK_NAMES, TALLY_NAMES
-from multicor_cli.model.nudge import VARIABLE
+from multicor_cli.model.state import VARIABLE
 from multicor_cli.running.outcome import ExitCode
 from multicor_cli.scenario import parse_scenario
 

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from multicor_cli.model.areas import Annulus, Area, Discs, Polygon, Rectangle, Room, fault_of_polygon
+from multicor_cli.model.shapes import Annulus, Area, Discs, Polygon, Rectangle, Room, fault_of_polygon
 
 L_SHAPE = np.array([[0.0, 0.0], [3.0, 0.0], [3.0, 1.0], [1.0, 1.0], [1.0, 2.0], [0.0, 2.0]])
 AREAS = {

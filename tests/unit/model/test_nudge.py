@@ -8,7 +8,7 @@ from command_line import call
 from scenes import SMALL, write_small
 
 from multicor_cli import run
-from multicor_cli.model.nudge import VARIABLE, NudgeError, nudge, nudge_seed
+from multicor_cli.model.state import VARIABLE, NudgeError, nudge, nudge_seed
 from multicor_cli.packing import build
 from multicor_cli.scenario import parse_scenario
 

@@ -11,7 +11,7 @@ from packing_support import generator, scenario, wall
 
 from multicor_cli.engine.geometry.scene import gap_to_shape
 from multicor_cli.model import ShapeKind
-from multicor_cli.model.areas import Polygon
+from multicor_cli.model.shapes import Polygon
 from multicor_cli.packing import build
 from multicor_cli.packing.chain import chain_on_circle
 from multicor_cli.packing.sizes import uniform_sizes

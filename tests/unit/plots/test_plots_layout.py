@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from heat_run import write_heated_run
 
-from multicor_cli.model.areas import Annulus
+from multicor_cli.model.shapes import Annulus
 from multicor_cli.plots import plot, style
 from multicor_cli.post import (
     ForceNetwork,

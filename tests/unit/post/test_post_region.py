@@ -8,7 +8,7 @@ from cut_runs import BOX
 from scenes import SMALL
 
 import multicor_cli as multicor
-from multicor_cli.model.areas import Annulus, Area, Polygon, Rectangle
+from multicor_cli.model.shapes import Annulus, Area, Polygon, Rectangle
 from multicor_cli.post import PostError, Selection, in_region, profile
 from multicor_cli.post.extent import find_extent
 from multicor_cli.post.region import part_inside

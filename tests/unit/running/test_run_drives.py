@@ -10,7 +10,7 @@ from scenes import ONE, WARM, changed
 
 import multicor_cli as multicor
 from multicor_cli.engine.motion.drives import Constant, DofDrive, Ramp, Shifted, Sine, Spring
-from multicor_cli.export.fclib_problem import frame_problem
+from multicor_cli.export.fclib_file import frame_problem
 from multicor_cli.model.faults import find_misfit
 from multicor_cli.packing import build
 from multicor_cli.packing.laws import stage_laws
