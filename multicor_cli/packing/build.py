@@ -12,18 +12,15 @@ from multicor_cli.model import Grains, Model, Presence, ShapeKind, State, Therma
 from multicor_cli.model.columns import RADIUS, X
 from multicor_cli.model.model import LEAST_DIAMETERS, LEAST_THROAT, SHAPE_FACTOR, Floats, Ints
 from multicor_cli.model.state import nudge, nudge_seed
-from multicor_cli.packing.bodies import Shape, inertias, masses
-from multicor_cli.packing.errors import PackingError
 from multicor_cli.packing.going_on import carried_over, carry_presence, grains_of, known_bodies, misfits, origin_of, placed_walls
 from multicor_cli.packing.groups import make_group
-from multicor_cli.packing.initial_grains import InitialGrains
+from multicor_cli.packing.initial_grains import InitialGrains, PackingError, Shape, inertias, masses
 from multicor_cli.packing.laws import contact_laws, touching_pairs
-from multicor_cli.packing.overlap import behind_problem, overlap_problems, solid_problem
-from multicor_cli.packing.pairs import wrap
+from multicor_cli.packing.overlap import behind_problem, overlap_problems, solid_problem, wrap
 from multicor_cli.packing.source import Source, read_source
 from multicor_cli.packing.start_speed import start_speed
 from multicor_cli.packing.thermal import group_thermal, joined, sizes_problems
-from multicor_cli.packing.wall_tables import BuiltWalls, build_walls
+from multicor_cli.packing.walls import BuiltWalls, build_walls
 from multicor_cli.scenario import Scenario, ScenarioError
 from multicor_cli.store.origin import Origin
 

@@ -21,9 +21,7 @@ from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
 from multicor_cli.model import ContactLaws, Grains, Model, ShapeKind, State, WallBody
 from multicor_cli.model.columns import NORMAL, SPIN, X, Y
 from multicor_cli.model.model import SHAPE_FACTOR, Floats
-from multicor_cli.packing.bodies import Shape, inertias, masses
-from multicor_cli.packing.errors import PackingError
-from multicor_cli.packing.region import PackingRegion
+from multicor_cli.packing.initial_grains import PackingError, PackingRegion, Shape, inertias, masses
 from multicor_cli.packing.walls import join_shapes, join_walls
 
 _STEP = 0.1  # of √(m/P), the time in which the load moves a grain by its size

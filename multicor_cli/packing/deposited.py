@@ -23,11 +23,10 @@ import numpy as np
 from multicor_cli.arithmetic.sums import mean, total
 from multicor_cli.model.columns import RADIUS
 from multicor_cli.model.model import Floats
-from multicor_cli.packing.errors import PackingError
-from multicor_cli.packing.obstacles import Obstacles
+from multicor_cli.packing.initial_grains import PackingError, PackingRegion
 from multicor_cli.packing.placing import drop_and_roll, make_field
-from multicor_cli.packing.region import PackingRegion
-from multicor_cli.packing.streams import Stream
+from multicor_cli.packing.sizes import Stream
+from multicor_cli.packing.walls import Obstacles
 
 _ATTEMPTS = 200
 _SPARE = 2.0  # room for dummies, over the number of mean grains that cover the region

@@ -1,4 +1,4 @@
-"""Grains from a CSV or HDF5 file: columns (datasets) x, y, radius and, if wanted, angle, vx, vy, spin.
+"""Grains, and initial temperatures, from files.
 
 The file comes from elsewhere and is not trusted: sizes are checked before memory is taken, values are plain numbers (no pickled
 objects, no links to other files), and what is wrong is named with its row.
@@ -10,6 +10,7 @@ import csv
 import difflib
 import math
 import warnings
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +18,20 @@ import numpy as np
 
 from multicor_cli.files import regular_path
 from multicor_cli.model.model import Floats
-from multicor_cli.packing.errors import LINE_LIMIT, NAMED, PackingError, reading_input, text_lines
-from multicor_cli.packing.initial_grains import InitialGrains
-from multicor_cli.packing.values import describe_faults, faulty_rows, find_fault
+from multicor_cli.packing.initial_grains import (
+    LINE_LIMIT,
+    NAMED,
+    InitialGrains,
+    PackingError,
+    describe_faults,
+    faulty_rows,
+    find_fault,
+    reading_input,
+    text_lines,
+)
 from multicor_cli.scenario.checks.grains import MAX_GRAINS
+
+# ---- Grains from a CSV or HDF5 file: columns (datasets) x, y, radius and, if wanted, angle, vx, vy, spin
 
 REQUIRED = ("x", "y", "radius")
 OPTIONAL = ("angle", "vx", "vy", "spin")
@@ -188,3 +199,65 @@ def _dataset_size(file: Any, name: str, path: Path) -> int:
     if math.prod(item.chunks or (0,)) > max(item.size, _LARGEST_CHUNK):  # one chunk is unpacked whole
         raise PackingError(f"'{path}': {name} is stored in chunks of {item.chunks[0]} values", "use smaller chunks", _KEY)
     return int(item.shape[0])
+
+
+# ---- Initial temperatures from a text file: one number per line.
+#
+# The file comes from elsewhere and is not trusted: its size is checked before memory is taken, and what is wrong is named with its
+# line. Empty lines and what follows a `#` are left out.
+
+MAX_TEXT_BYTES = 2**31
+"""Largest file: more than 40 characters for each of the most grains there can be."""
+
+_TEMPERATURE_KEY = ("temperature", "file")
+
+
+def read_temperatures(path: Path) -> Floats:
+    """The temperatures in a file [K], in the order of its lines.
+
+    Args:
+        path: The file, text in UTF-8.
+
+    Raises:
+        PackingError: The file is missing, unreadable, too large, or holds something else; lines are named.
+    """
+    values: list[float] = []
+    faults: list[str] = []
+    with reading_input(path, "text in UTF-8, one temperature per line", _TEMPERATURE_KEY):
+        for number, text in _lines(path):
+            value, fault = _parse(text)
+            if fault:
+                faults.append(f"line {number}: {fault}")
+            values.append(value)
+            if len(faults) > NAMED or len(values) > MAX_GRAINS:
+                break
+    if faults:
+        more = "; and more" if len(faults) > NAMED else ""
+        raise PackingError(
+            f"'{path}': {'; '.join(faults[:NAMED])}{more}", "give one temperature in kelvin per line", _TEMPERATURE_KEY
+        )
+    if len(values) > MAX_GRAINS:
+        raise PackingError(f"'{path}' holds more than {MAX_GRAINS} temperatures", "give one per grain", _TEMPERATURE_KEY)
+    return np.array(values, float)
+
+
+def _lines(path: Path) -> Iterator[tuple[int, str]]:
+    """Number and text of each line that holds something; a line too long for a number is cut and ends with "…"."""
+    number, is_rest = 0, False
+    for line in text_lines(path, MAX_TEXT_BYTES):
+        is_cut = len(line) == LINE_LIMIT and not line.endswith("\n")
+        if not is_rest:
+            number += 1
+            text = line.split("#", 1)[0].strip()
+            if text:
+                yield number, f"{text[:40]}…" if is_cut else text
+        is_rest = is_cut
+
+
+def _parse(text: str) -> tuple[float, str]:
+    """The temperature [K], and what is wrong with it; empty if nothing is."""
+    try:
+        value = float(text)
+    except ValueError:
+        return 0.0, f"{text[:40]!r} is not a number"
+    return value, find_fault("temperature", value)

@@ -6,9 +6,7 @@ from pathlib import Path
 
 import numpy as np
 
-from multicor_cli.packing.errors import PackingError
-from multicor_cli.packing.initial_grains import InitialGrains
-from multicor_cli.packing.values import describe_faults
+from multicor_cli.packing.initial_grains import InitialGrains, PackingError, describe_faults
 
 _KEY = ("packing", "path")
 

@@ -20,11 +20,10 @@ from multicor_cli.model import Model, Presence, State, Thermal, WallBody
 from multicor_cli.model.columns import NORMAL, Y
 from multicor_cli.model.model import SHAPE_FACTOR, Floats, Ints
 from multicor_cli.model.shapes import TAIL, Room, Tail
-from multicor_cli.packing.errors import PackingError
 from multicor_cli.packing.groups import with_motion
-from multicor_cli.packing.initial_grains import InitialGrains
+from multicor_cli.packing.initial_grains import InitialGrains, PackingError
 from multicor_cli.packing.source import Source
-from multicor_cli.packing.wall_tables import BuiltWalls
+from multicor_cli.packing.walls import BuiltWalls
 from multicor_cli.scenario import Scenario
 from multicor_cli.store.origin import Origin
 

@@ -11,21 +11,15 @@ from multicor_cli.arithmetic.sums import total
 from multicor_cli.model.columns import SPIN, X, Y
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import Area
-from multicor_cli.packing.bodies import Shape
 from multicor_cli.packing.compacted import compact
 from multicor_cli.packing.deposited import deposit
-from multicor_cli.packing.errors import PackingError
 from multicor_cli.packing.file import read_grains
 from multicor_cli.packing.from_run import read_frame
-from multicor_cli.packing.initial_grains import InitialGrains
-from multicor_cli.packing.lattice import lattice, lattice_capacity
-from multicor_cli.packing.obstacles import Obstacles
+from multicor_cli.packing.initial_grains import InitialGrains, PackingError, PackingRegion, Shape
+from multicor_cli.packing.lattice import lattice, lattice_capacity, repeat_tile
 from multicor_cli.packing.random import DEFAULT_ATTEMPTS, random_packing
-from multicor_cli.packing.region import PackingRegion
-from multicor_cli.packing.size_tables import sizes_of
-from multicor_cli.packing.sizes import SizeDistribution, disc_area, draw_to_total
-from multicor_cli.packing.streams import Purpose, Stream, TableKind, stream
-from multicor_cli.packing.tile import repeat_tile
+from multicor_cli.packing.sizes import Purpose, SizeDistribution, Stream, TableKind, disc_area, draw_to_total, sizes_of, stream
+from multicor_cli.packing.walls import Obstacles
 from multicor_cli.scenario import Scenario
 from multicor_cli.scenario.models import (
     CompactedPacking,

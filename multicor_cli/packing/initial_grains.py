@@ -1,12 +1,197 @@
-"""Grains that a packing brings with it: radii, places, motion and, from a run with heat, temperatures."""
+"""What every packing gives and needs: grains with radii, places and motion, their masses, the region, and what goes wrong."""
 
 from __future__ import annotations
 
+import contextlib
+import csv
+import io
+import math
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
 
 import numpy as np
+from numpy.typing import NDArray
 
-from multicor_cli.model.model import Floats
+from multicor_cli.files import open_regular
+from multicor_cli.model.model import SHAPE_FACTOR, Floats
+from multicor_cli.model.shapes import Polygon
+from multicor_cli.scenario.base import COORDINATE_BOUNDS, KELVIN_BOUNDS, NUMBER_BOUNDS, RADIUS_BOUNDS
+
+# ---- What goes wrong while the initial bodies are made, before it is tied to a place in the scenario file
+
+Key = tuple[str | int, ...]
+
+NAMED = 5
+"""So many faulty lines, rows or grains are named."""
+
+LINE_LIMIT = 10_000
+"""So much of a line is read at a time [characters]: a file may be one line as long as itself."""
+
+
+class PackingError(ValueError):
+    """A packing or a wall cannot be made as asked.
+
+    Attributes:
+        message: What is wrong, with the value.
+        remedy: What to do about it.
+        key: Path of the key at fault, relative to the table that is being built; empty: the table itself.
+    """
+
+    def __init__(self, message: str, remedy: str, key: Key = ()) -> None:
+        super().__init__(f"{message}; {remedy}")
+        self.message = message
+        self.remedy = remedy
+        self.key = key
+
+
+@contextlib.contextmanager
+def reading_input(path: Path, what: str, key: Key) -> Iterator[None]:
+    """Tell what goes wrong while a file from elsewhere is opened and read as `PackingError`.
+
+    Args:
+        path: The file.
+        what: What it must be, for the remedy.
+        key: That of the error.
+    """
+    try:
+        yield
+    except FileNotFoundError:
+        raise PackingError(f"there is no file '{path}'", "give its path relative to the scenario file", key) from None
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        reason = getattr(error, "strerror", None) or str(error)
+        raise PackingError(f"'{path}' cannot be read: {reason}", f"it must be {what}", key) from None
+
+
+def text_lines(path: Path, most: int) -> Iterator[str]:
+    """Lines of a text file in UTF-8 with at most ``most`` bytes; pieces of those longer than `LINE_LIMIT`, without line breaks.
+
+    Raises:
+        OSError: As `multicor_cli.files.open_regular`.
+        UnicodeDecodeError: It is not UTF-8.
+    """
+    with io.TextIOWrapper(open_regular(path, most), encoding="utf-8-sig", newline="") as file:
+        yield from iter(lambda: file.readline(LINE_LIMIT), "")
+
+
+# ---- Values of grains that come from elsewhere: finite and within bounds, or named with their row
+
+_BOUNDS = {"x": COORDINATE_BOUNDS, "y": COORDINATE_BOUNDS, "radius": RADIUS_BOUNDS, "temperature": KELVIN_BOUNDS}
+"""Bounds of columns, those of the keys of a scenario; all others are angles [rad], velocities [m/s] and spins [rad/s]."""
+
+_UNITS = {"x": " m", "y": " m", "radius": " m", "temperature": " K"}
+
+
+def find_fault(name: str, value: float) -> str:
+    """What is wrong with a value of the column ``name`` (``x, y, radius, temperature`` or a motion); empty if nothing is."""
+    if not math.isfinite(value):
+        return f"{name} = {value} is not finite"
+    low, high = _BOUNDS.get(name, NUMBER_BOUNDS)
+    if low <= value <= high:
+        return ""
+    hint = f" (from degrees Celsius: {value + 273.15:g})" if name == "temperature" and -273.15 < value <= 0.0 else ""
+    unit = _UNITS.get(name, "")
+    return f"{name} = {value:g}{unit} is not between {low:g} and {high:g}{unit}{hint}"
+
+
+def describe_faults(columns: Mapping[str, Floats]) -> str:
+    """The first faulty rows and how many more there are; empty if all values are fine.
+
+    Args:
+        columns: Values of each column, all of shape ``(n,)``, ``radius`` among them.
+    """
+    rows = faulty_rows(columns)
+    if not rows.size:
+        return ""
+    more = f"; and {rows.size - NAMED} more rows" if rows.size > NAMED else ""
+    return "; ".join(_name_rows(columns, rows[:NAMED])) + more
+
+
+def faulty_rows(columns: Mapping[str, Floats]) -> NDArray[np.int64]:
+    """Rows with a value that `find_fault` finds something wrong with."""
+    bad = np.zeros(columns["radius"].shape, np.bool_)
+    for name, values in columns.items():
+        low, high = _BOUNDS.get(name, NUMBER_BOUNDS)
+        bad |= ~((values >= low) & (values <= high))
+    return np.flatnonzero(bad)
+
+
+def _name_rows(columns: Mapping[str, Floats], rows: NDArray[np.int64]) -> Iterator[str]:
+    for row in rows:
+        for name, values in columns.items():
+            if fault := find_fault(name, float(values[row])):
+                yield f"row {row}: {fault}"
+                break
+
+
+# ---- Masses and moments of inertia of grains and solid polygons
+
+Shape = Literal["disc", "sphere"]
+
+
+def masses(radius: Floats, density: float, shape: Shape, thickness: float | None) -> Floats:
+    """Mass of each grain [kg]: π a² h ρ of a disc of thickness h, 4/3 π a³ ρ of a sphere.
+
+    Args:
+        radius: Radii a [m].
+        density: ρ [kg/m³].
+        shape: Shape of the grains.
+        thickness: h [m], for discs.
+    """
+    if shape == "sphere":
+        return np.asarray(4.0 / 3.0 * math.pi * (radius * radius * radius) * density)
+    if thickness is None:
+        message = "discs need a thickness"
+        raise ValueError(message)
+    return np.asarray(math.pi * (radius * radius) * thickness * density)
+
+
+def inertias(radius: Floats, mass: Floats, shape: Shape) -> Floats:
+    """Moment of inertia of each grain about its center [kg m²]: ½ m a² of a disc, 2/5 m a² of a sphere."""
+    return np.asarray(mass * (radius * radius) / SHAPE_FACTOR[shape])
+
+
+def prism_inertia(polygon: Polygon, density: float, height: float) -> tuple[float, float]:
+    """Mass ρ h A [kg] and moment of inertia about the centroid ρ h ∫ r² dA [kg m²] of a polygon of thickness h [m]."""
+    return density * height * polygon.size, density * height * polygon.polar_moment
+
+
+# ---- The rectangle that a packing fills
+
+
+@dataclass(frozen=True)
+class PackingRegion:
+    """A rectangle [m]; ``is_periodic``: its left and right sides are one and the same (it spans the period exactly)."""
+
+    left: float
+    bottom: float
+    right: float
+    top: float
+    is_periodic: bool = False
+
+    @property
+    def width(self) -> float:
+        """Extent in x [m]."""
+        return self.right - self.left
+
+    @property
+    def height(self) -> float:
+        """Extent in y [m]."""
+        return self.top - self.bottom
+
+    @property
+    def area(self) -> float:
+        """Area [m²]."""
+        return self.width * self.height
+
+    @property
+    def period(self) -> float:
+        """Period in x [m]; 0 if the region is not periodic."""
+        return self.width if self.is_periodic else 0.0
+
+
+# ---- Grains that a packing brings with it: radii, places, motion and, from a run with heat, temperatures
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Triangular and square lattices, filled row by row from the bottom of the region.
+"""Triangular and square lattices, filled row by row from the bottom of the region; and a small packing repeated over it.
 
 The bottom row stands on the bottom of the region (the largest grain touches it) and the rows are centered between its sides. In
 a region that spans the period, a row holds the largest whole number of grains that fits and its spacing is opened to close the
@@ -14,12 +14,12 @@ from typing import Literal, NamedTuple
 import numpy as np
 
 from multicor_cli.engine.jit import elementwise
+from multicor_cli.model.columns import X, Y
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import Room
-from multicor_cli.packing.errors import PackingError
-from multicor_cli.packing.obstacles import OPEN
-from multicor_cli.packing.region import PackingRegion
-from multicor_cli.packing.streams import Stream
+from multicor_cli.packing.initial_grains import InitialGrains, PackingError, PackingRegion
+from multicor_cli.packing.sizes import Stream
+from multicor_cli.packing.walls import OPEN
 
 LatticeKind = Literal["triangular", "square"]
 
@@ -188,3 +188,38 @@ def _jitter(count: int, reach: float, rng: Stream) -> Floats:
     distance = reach * np.sqrt(rng.random(count))
     angle = 2.0 * math.pi * rng.random(count)
     return np.column_stack([distance * elementwise.cos(angle), distance * elementwise.sin(angle)])
+
+
+# ---- A small packing repeated over a region
+
+
+def repeat_tile(tile: InitialGrains, size: tuple[float, float], repeat: tuple[int, int], region: PackingRegion) -> InitialGrains:
+    """Copies of a tile side by side, from the lower left corner of ``region``.
+
+    Grains may stick out of a tile: they reach into the next one. Where there is no next one, because the tiles do not close the
+    period or the region ends, grains that stick out of the region are left out.
+
+    Args:
+        tile: Grains with centers in [0, width) x [0, height).
+        size: Width and height of the tile [m].
+        repeat: Number of copies in x and y.
+        region: Where they go.
+
+    Raises:
+        PackingError: The copies do not fit into the region.
+    """
+    width, height = repeat[0] * size[0], repeat[1] * size[1]
+    if width > region.width * (1.0 + _SLACK) or height > region.height * (1.0 + _SLACK):
+        text = f"{repeat[0]} x {repeat[1]} tiles cover {width:g} m x {height:g} m, more than the region"
+        raise PackingError(text, "use fewer tiles or enlarge the region", ("packing", "repeat"))
+    row, column = np.divmod(np.arange(repeat[0] * repeat[1]), repeat[0])
+    shift = np.column_stack([region.left + column * size[0], region.bottom + row * size[1], np.zeros(row.size)])
+    position = (tile.position[None, :, :] + shift[:, None, :]).reshape(-1, 3)
+    radius, velocity = np.tile(tile.radius, row.size), np.tile(tile.velocity, (row.size, 1))
+    closes = region.is_periodic and abs(width - region.width) <= _SLACK * region.width
+    reach = radius * (1.0 - _SLACK)
+    x, y = position[:, X], position[:, Y]
+    keep = (y - reach >= region.bottom) & (y + reach <= region.top)
+    if not closes:
+        keep &= (x - reach >= region.left) & (x + reach <= region.right)
+    return InitialGrains(radius[keep], position[keep], velocity[keep])

@@ -18,9 +18,9 @@ from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.model.columns import RADIUS, X, Y
 from multicor_cli.model.model import Floats, Ints
 from multicor_cli.model.shapes import ShapeKind
-from multicor_cli.packing.obstacles import Obstacles
-from multicor_cli.packing.pairs import wrap
-from multicor_cli.packing.region import PackingRegion
+from multicor_cli.packing.initial_grains import PackingRegion
+from multicor_cli.packing.overlap import wrap
+from multicor_cli.packing.walls import Obstacles
 
 _DISC = int(ShapeKind.DISC)
 _FALLS = -1

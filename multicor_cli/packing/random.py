@@ -16,13 +16,12 @@ from multicor_cli.arithmetic.sums import mean, total
 from multicor_cli.model.columns import X, Y
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import IS_THIN, Room
-from multicor_cli.packing.errors import PackingError
-from multicor_cli.packing.obstacles import Obstacles
-from multicor_cli.packing.pairs import find_pairs
+from multicor_cli.packing.initial_grains import PackingError, PackingRegion
+from multicor_cli.packing.overlap import find_pairs
 from multicor_cli.packing.placing import insert_at_random, make_field
-from multicor_cli.packing.region import PackingRegion
 from multicor_cli.packing.relaxation import relax
-from multicor_cli.packing.streams import Stream
+from multicor_cli.packing.sizes import Stream
+from multicor_cli.packing.walls import Obstacles
 
 DEFAULT_ATTEMPTS = 1000
 

@@ -17,9 +17,9 @@ from multicor_cli.engine.geometry.scene import gap_to_shape, minimum_image
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.model.columns import X, Y
 from multicor_cli.model.model import Floats, Ints
-from multicor_cli.packing.obstacles import Obstacles
-from multicor_cli.packing.pairs import DiscPairs, find_pairs, wrap
-from multicor_cli.packing.region import PackingRegion
+from multicor_cli.packing.initial_grains import PackingRegion
+from multicor_cli.packing.overlap import DiscPairs, find_pairs, wrap
+from multicor_cli.packing.walls import Obstacles
 
 INFLATION = 5e-4
 """Radii are enlarged by this share while relaxing, so that what is left over at the end is a small gap and no overlap."""

@@ -1,4 +1,4 @@
-"""Distributions of radii, by number or by mass, and drawing from them.
+"""Distributions of radii, by number or by mass, as formulas or tables; and drawing from them.
 
 Lists are drawn by exact quotas (largest remainder, ties at random), so that the fractions hold as well as whole grains can;
 continuous distributions are drawn by stratified sampling, one grain per interval of equal probability, so that their moments
@@ -6,7 +6,7 @@ hold far better than with independent draws. Both are then shuffled.
 
 "By mass" weights are turned into weights by number: a grain of radius r has a mass ∝ r^p, p = 2 for discs and 3 for spheres, so
 that ``number density ∝ mass density / r^p``. The continuous families here stay in closed form under this; tables and the normal
-distribution are in `multicor_cli.packing.tabulated_sizes`.
+distribution follow.
 """
 
 from __future__ import annotations
@@ -14,15 +14,65 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from dataclasses import dataclass
+from enum import IntEnum
 from typing import Literal, Protocol
 
 import numpy as np
 
 from multicor_cli import arithmetic
-from multicor_cli.arithmetic import sums
+from multicor_cli.arithmetic import normal_cdf, sums
 from multicor_cli.engine.jit import elementwise
 from multicor_cli.model.model import Floats
-from multicor_cli.packing.streams import Stream
+from multicor_cli.packing.initial_grains import Shape
+from multicor_cli.scenario.models import AnySizes, ListSizes, LognormalSizes, NormalSizes, PowerSizes, TableSizes
+
+# ---- Independent random streams: one for each table of the scenario and purpose, all from one seed.
+#
+# Adding a wall or a particle group therefore does not change the numbers that any other group draws.
+#
+# NumPy promises the raw numbers of its bit generators for all versions, but not what its `Generator` makes of them: that is done
+# here.
+
+
+class TableKind(IntEnum):
+    """Kind of table that draws."""
+
+    PARTICLES = 0
+    WALLS = 1
+
+
+class Purpose(IntEnum):
+    """What the numbers are for."""
+
+    SIZES = 0
+    PLACES = 1
+    JITTER = 2
+    RELEASE = 3
+
+
+class Stream:
+    """A stream of random numbers."""
+
+    def __init__(self, raw: np.random.BitGenerator) -> None:
+        self._raw = raw
+
+    def random(self, shape: int | tuple[int, ...]) -> Floats:
+        """Multiples of 2⁻⁵³ uniform in [0, 1)."""
+        count = math.prod(shape) if isinstance(shape, tuple) else shape
+        return np.asarray((self._raw.random_raw(count) >> np.uint64(11)) * 2.0**-53).reshape(shape)
+
+    def shuffled(self, values: Floats) -> Floats:
+        """The values in random order."""
+        return values[np.argsort(self._raw.random_raw(values.size), kind="stable")]
+
+
+def stream(seed: int, table: TableKind, index: int, purpose: Purpose, *part: int) -> Stream:
+    """The counter-based stream of table number ``index`` of its kind, or of a part of it, at its beginning."""
+    key = np.random.SeedSequence(entropy=seed, spawn_key=(int(table), index, int(purpose), *part))
+    return Stream(np.random.Philox(key))
+
+
+# ---- Distributions
 
 MASS_POWER = {"disc": 2, "sphere": 3}
 """p in ``mass ∝ radius^p`` by shape."""
@@ -193,3 +243,90 @@ def draw_to_total(
             radii = sizes.draw(near, restart())
             tried[near] = abs(sums.total(measure(radii)) - total), radii
     return min(tried.values(), key=lambda pair: pair[0])[1]
+
+
+# ---- Sizes from a table of what passes, as a sieve curve, and whatever can be written as one
+
+_SLICES = 2000  # of a normal distribution by mass
+
+
+def table_sizes(radii: Floats, passing: Floats, by: Basis, mass_power: int) -> ContinuousSizes:
+    """Radii between the rows of a table, with a constant density by ``by`` within each row.
+
+    The density of numbers is then ∝ r^-p within a row, where the mass of a grain is ∝ r^p, and its integral and quantile have a
+    closed form.
+
+    Args:
+        radii: Radii [m], ascending, shape ``(k,)``.
+        passing: Share of the grains, by number or by mass, that is smaller; from 0 to 1, shape ``(k,)``.
+        by: What is shared out.
+        mass_power: p.
+    """
+    largest = float(radii[-1])
+    edge = radii / largest
+    low, high = edge[:-1], edge[1:]
+    share = np.diff(passing)
+    power = mass_power if by == "mass" else 0
+    begin, end = _integral(low, power), _integral(high, power)
+    number = share / (high - low) * (end - begin)
+    cumulated = np.concatenate([[0.0], np.cumsum(number)])
+    cumulated /= cumulated[-1]
+
+    def quantile(level: Floats) -> Floats:
+        row = np.clip(np.searchsorted(cumulated, level, side="right") - 1, 0, low.size - 1)
+        span = cumulated[row + 1] - cumulated[row]
+        local = (level - cumulated[row]) / np.where(span > 0.0, span, 1.0)
+        ratio = _inverse(begin[row] + local * (end[row] - begin[row]), power)
+        return largest * np.clip(ratio, low[row], high[row])
+
+    return ContinuousSizes(quantile, largest)
+
+
+def _integral(ratio: Floats, power: int) -> Floats:
+    """∫ r^-p dr, without its constant."""
+    if power == 0:
+        return ratio
+    return -1.0 / ratio if power == 2 else -0.5 / (ratio * ratio)
+
+
+def _inverse(integral: Floats, power: int) -> Floats:
+    """The ratio r of an `_integral`."""
+    if power == 0:
+        return integral
+    return -1.0 / integral if power == 2 else np.sqrt(-0.5 / integral)
+
+
+def normal_sizes(mean: float, sigma: float, smallest: float, largest: float, by: Basis, mass_power: int) -> ContinuousSizes:
+    """Normal distribution of the radius with ``mean`` and standard deviation ``sigma``, cut to ``smallest`` … ``largest`` [m].
+
+    By mass it is a table of so many rows that their steps cannot be told from the curve.
+    """
+    low, high = (smallest - mean) / sigma, (largest - mean) / sigma
+    if by == "mass" and largest > smallest:
+        width = (largest - smallest) / _SLICES
+        edges = np.array([smallest + k * width for k in range(_SLICES + 1)])
+        below = np.array([normal_cdf((edge - mean) / sigma) for edge in edges.tolist()])
+        below -= below[0]
+        return table_sizes(edges, below / below[-1], by, mass_power)
+    score = normal_between(low, high)
+    return ContinuousSizes(lambda level: np.clip(mean + sigma * score(level), smallest, largest), largest)
+
+
+# ---- From a `sizes` table of the scenario to a distribution
+
+
+def sizes_of(table: AnySizes, shape: Shape) -> SizeDistribution:
+    """The distribution that a ``sizes`` table describes; ``shape`` tells how mass grows with the radius."""
+    power = MASS_POWER[shape]
+    if isinstance(table, ListSizes):
+        fractions = None if table.fractions is None else np.array(table.fractions)
+        return list_sizes(np.array(table.radii), fractions, table.by, power)
+    if isinstance(table, LognormalSizes):
+        return lognormal_sizes(table.median, table.sigma, table.min, table.max, table.by, power)
+    if isinstance(table, NormalSizes):
+        return normal_sizes(table.mean, table.sigma, table.min, table.max, table.by, power)
+    if isinstance(table, TableSizes):
+        return table_sizes(np.array(table.radii), np.array(table.passing), table.by, power)
+    if isinstance(table, PowerSizes):
+        return power_sizes(table.exponent, table.min, table.max, table.by, power)
+    return uniform_sizes(table.min, table.max, table.by, power)

@@ -16,7 +16,7 @@ from multicor_cli.model import Model, State
 from multicor_cli.model.columns import NORMAL
 from multicor_cli.model.faults import find_misfit
 from multicor_cli.model.model import Floats
-from multicor_cli.packing.errors import PackingError
+from multicor_cli.packing.initial_grains import PackingError
 from multicor_cli.scenario import Scenario
 from multicor_cli.store import Run, StoreError, layout, open_run
 from multicor_cli.store.atomic import is_regular

@@ -10,10 +10,8 @@ import numpy as np
 from multicor_cli.model import Thermal
 from multicor_cli.model.columns import X, Y
 from multicor_cli.model.model import Floats
-from multicor_cli.packing.bodies import masses
-from multicor_cli.packing.errors import PackingError
-from multicor_cli.packing.initial_grains import InitialGrains
-from multicor_cli.packing.temperature_file import read_temperatures
+from multicor_cli.packing.file import read_temperatures
+from multicor_cli.packing.initial_grains import InitialGrains, PackingError, masses
 from multicor_cli.scenario import Scenario
 from multicor_cli.scenario.base import KELVIN_BOUNDS
 from multicor_cli.scenario.models import (

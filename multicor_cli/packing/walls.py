@@ -1,19 +1,232 @@
-"""Wall bodies together: their shapes in one table, their inertia, and where the flow is before a row of glued grains."""
+"""From ``[[walls]]`` tables to wall bodies and shapes, rows of glued grains among them; and what packings must stay clear of."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
+from multicor_cli.arithmetic import hypot
 from multicor_cli.arithmetic.sums import column_totals, mean, total
-from multicor_cli.model import ShapeKind, WallBody
-from multicor_cli.model.columns import RADIUS, X, Y
-from multicor_cli.model.model import Floats, Walls, WallShapes
-from multicor_cli.model.shapes import TAIL, Tail
-from multicor_cli.packing.bodies import Shape, inertias, masses
-from multicor_cli.scenario.gluing import Row
+from multicor_cli.engine.geometry.scene import place_shapes
+from multicor_cli.engine.jit import elementwise
+from multicor_cli.model import WallBody
+from multicor_cli.model.columns import RADIUS, TAIL_X, X, Y
+from multicor_cli.model.model import Floats, Ints, Walls, WallShapes
+from multicor_cli.model.shapes import TAIL, Annulus, Area, Polygon, Room, ShapeKind, Tail, outlines
+from multicor_cli.packing.initial_grains import PackingError, PackingRegion, Shape, inertias, masses, prism_inertia
+from multicor_cli.packing.sizes import Purpose, SizeDistribution, Stream, TableKind, diameter, draw_to_total, sizes_of, stream
+from multicor_cli.scenario import Scenario
+from multicor_cli.scenario.bodies import ClusterGeometry, PolygonGeometry, prism_height
+from multicor_cli.scenario.gluing import Glued, Ring, Row, Sides
+from multicor_cli.scenario.models import ParticleGroup, Wall
+
+# ---- Rows of touching glued grains: along a line, and inside or around a circle
+
+_ROUNDS = 20
+_BISECTIONS = 200
+
+
+def chain_on_line(start: Floats, end: Floats, sizes: SizeDistribution, restart: Callable[[], Stream]) -> Floats:
+    """Discs with centers on a line, each touching the next: x, y, radius [m], shape ``(k, 3)``.
+
+    The number of discs is the one whose diameters add up best to the length of the line; the radii are then scaled by one
+    factor close to 1, so that the chain begins and ends exactly at the ends of the line (the first and last disc touch them
+    from inside). If the line spans a period, the last disc therefore touches the first.
+
+    Args:
+        start: Where the line begins [m], shape ``(2,)``.
+        end: Where it ends [m], shape ``(2,)``.
+        sizes: Distribution of the radii.
+        restart: Gives the random stream at its beginning.
+
+    Raises:
+        PackingError: The line is shorter than one grain.
+    """
+    length = hypot(*(end - start).tolist())
+    _check_length(length, 2.0 * sizes.largest, "line")
+    radii = draw_to_total(sizes, diameter, length, restart)
+    radii = radii * (length / total(diameter(radii)))
+    along = np.cumsum(diameter(radii)) - radii
+    return np.column_stack([start + along[:, None] * ((end - start) / length), radii])
+
+
+def chain_on_circle(radius: float, sizes: SizeDistribution, restart: Callable[[], Stream], *, is_outside: bool = False) -> Floats:
+    """Discs that touch a circle around the origin, each touching the next: x, y, radius [m], shape ``(k, 3)``.
+
+    As with `chain_on_line`, the radii are scaled by one factor so that the chain closes.
+
+    Args:
+        radius: Radius of the circle [m].
+        sizes: Distribution of the radii.
+        restart: Gives the random stream at its beginning.
+        is_outside: Whether they touch it from outside.
+
+    Raises:
+        PackingError: The circle is not at least four times as large as the grains, or twice from outside.
+    """
+    side = 1.0 if is_outside else -1.0
+    _check_length(radius, (2.0 if is_outside else 4.0) * sizes.largest, "radius of the circle")
+
+    def angles(radii: Floats) -> Floats:
+        # What each grain takes of the full circle; exact for equal grains.
+        return np.asarray(2.0 * elementwise.asin(radii / (radius + side * radii)))
+
+    radii = draw_to_total(sizes, angles, 2.0 * math.pi, restart)
+    found = {}
+    for _ in range(_ROUNDS):  # unequal neighbors take a little less: a few grains more are needed
+        factor = _closing_factor(radii, radius, side)
+        found[radii.size] = abs(factor - 1.0), factor * radii
+        after = round(radii.size * factor)
+        if after in found:
+            break
+        radii = sizes.draw(after, restart())
+    radii = min(found.values(), key=lambda pair: pair[0])[1]
+    steps = _turns(radii, radius, side)
+    bearing = np.concatenate([[0.0], np.cumsum(steps[:-1])])
+    away = radius + side * radii
+    return np.column_stack([away * elementwise.cos(bearing), away * elementwise.sin(bearing), radii])
+
+
+def _turns(radii: Floats, radius: float, side: float) -> Floats:
+    """Angle at the center of the circle between each disc and the next [rad]; ``side`` is 1 for discs outside, −1 inside."""
+    after = np.roll(radii, -1)
+    a, b, c = radius + side * radii, radius + side * after, radii + after
+    return np.asarray(elementwise.acos(np.clip((a * a + b * b - c * c) / (2.0 * a * b), -1.0, 1.0)))
+
+
+def _closing_factor(radii: Floats, radius: float, side: float) -> float:
+    """Factor on the radii with which the turns of the chain add up to a full circle (bisection to the last bit)."""
+    low, high = 0.5, 2.0 if side > 0.0 else min(2.0, 0.49 * radius / float(radii.max()))
+    for _ in range(_BISECTIONS):
+        middle = 0.5 * (low + high)
+        if middle in (low, high):
+            break
+        if total(_turns(middle * radii, radius, side)) < 2.0 * math.pi:
+            low = middle
+        else:
+            high = middle
+    return low
+
+
+def _check_length(length: float, needed: float, what: str) -> None:
+    if length < needed:
+        raise PackingError(
+            f"the {what}, {length:g} m, is too short for glued grains: at least {needed:g} m",
+            "make it longer or the grains smaller",
+        )
+
+
+# ---- What a packing must stay clear of: wall shapes, solid matter, the boundary of its region, and the grains of earlier groups
+
+OPEN = Room()
+"""All of the plane."""
+
+
+@dataclass(frozen=True)
+class Obstacles:
+    """Shapes that do not move, in the world.
+
+    Attributes:
+        kind: `ShapeKind` of each shape, shape ``(m,)``.
+        world: Geometry [m], as in `multicor_cli.model.WallShapes` but in the world, shape ``(m, 4)``.
+        room: What solid bodies leave to the grains, and the region: outlines do not tell on which side of them to be.
+        lids: Heights of the lowest points of rows of glued grains under which grains are to be [m].
+    """
+
+    kind: Ints
+    world: Floats
+    room: Room = OPEN
+    lids: tuple[float, ...] = ()
+
+    @classmethod
+    def none(cls) -> Obstacles:
+        """An empty set."""
+        return cls(np.zeros(0, np.int32), np.zeros((0, 4)))
+
+    @property
+    def is_disc(self) -> np.ndarray[tuple[int], np.dtype[np.bool_]]:
+        """Which shapes are discs."""
+        return np.asarray(self.kind == ShapeKind.DISC)
+
+    def discs(self) -> Floats:
+        """x, y and radius of the discs [m], shape ``(k, 3)``."""
+        return self.world[self.is_disc, :3]
+
+    def with_discs(self, discs: Floats) -> Obstacles:
+        """Append discs given as x, y, radius [m], shape ``(k, 3)``. Numbers of the shapes before do not change."""
+        rows = np.zeros((len(discs), 4))
+        rows[:, :3] = discs
+        return self._append(ShapeKind.DISC, rows)
+
+    def with_sides(self, region: PackingRegion, bottom: bool = True, top: bool = True) -> Obstacles:
+        """Append planes along the closed sides of ``region``; left and right unless it is periodic."""
+        planes = []
+        if not region.is_periodic:
+            planes += [(region.left, region.bottom, 1.0, 0.0), (region.right, region.bottom, -1.0, 0.0)]
+        if bottom:
+            planes.append((region.left, region.bottom, 0.0, 1.0))
+        if top:
+            planes.append((region.left, region.top, 0.0, -1.0))
+        return self._append(ShapeKind.PLANE, np.array(planes).reshape(-1, 4))
+
+    def with_boundary(self, area: Area) -> Obstacles:
+        """Append the outline of an area that is not a rectangle, inside which grains are to be."""
+        added = replace(self, room=self.room.within(area))
+        if isinstance(area, Annulus):
+            added = added._append(ShapeKind.CIRCLE, np.array([[*area.center, area.outer, 0.0]]))
+            return added.with_discs(np.array([[*area.center, area.inner]])) if area.inner > 0.0 else added
+        if isinstance(area, Polygon):
+            first, number = len(self.kind), np.arange(len(area.points))
+            added = added._append(ShapeKind.SIDE, np.column_stack([area.points, np.roll(area.points, -1, axis=0)]))
+            return added._append(ShapeKind.VERTEX, np.column_stack([area.points, first + np.roll(number, 1), first + number]))
+        message = f"no outline of a {type(area).__name__}"
+        raise TypeError(message)
+
+    def around(self, region: PackingRegion, period: float) -> Obstacles:
+        """Make the obstacles of a periodic domain fit for ``region``, which may cover only a part of the period.
+
+        A region that spans the period is packed with its own periodicity and nothing changes. Any other is packed as if space
+        were not periodic, so what reaches into it from neighboring periods is added.
+        """
+        if period <= 0.0 or region.is_periodic:
+            return self
+        ends = np.empty((2, self.kind.size))
+        for which, outline in outlines(self.kind, self.world):
+            ends[:, which] = outline.corners()[:, :, X]
+        has_ends = self.kind != ShapeKind.PLANE  # planes are level
+        nearby = self
+        first = math.floor((region.left - float(ends[1, has_ends].max(initial=region.left))) / period)
+        last = math.ceil((region.right - float(ends[0, has_ends].min(initial=region.right))) / period)
+        for k in range(first, last + 1):
+            near = has_ends & (ends[1] + k * period > region.left) & (ends[0] + k * period < region.right)
+            refers = TAIL[self.kind] == Tail.SHAPES
+            for end in self.world[near & refers, TAIL_X:].astype(np.int64).T:
+                near[end[end >= 0]] = True  # a vertex asks its lines
+            if k == 0 or not near.any():
+                continue
+            rows, refers = self.world[near].copy(), refers[near]
+            rows[:, X] += k * period
+            rows[TAIL[self.kind[near]] == Tail.POINT, TAIL_X] += k * period
+            place = np.where(near, len(nearby.kind) + np.cumsum(near) - 1, -1)
+            tail = rows[refers, TAIL_X:].astype(np.int64)
+            rows[refers, TAIL_X:] = np.where(tail >= 0, place[tail], -1)
+            nearby = nearby._with(self.kind[near], rows)
+        return nearby
+
+    def _append(self, kind: ShapeKind, rows: Floats) -> Obstacles:
+        return self._with(np.full(len(rows), int(kind), np.int32), rows)
+
+    def _with(self, kind: Ints, rows: Floats) -> Obstacles:
+        return replace(self, kind=np.concatenate([self.kind, kind]), world=np.concatenate([self.world, rows]))
+
+
+# ---- Wall bodies together: their shapes in one table, their inertia, and where the flow is before a row of glued grains
 
 _LEVEL = math.sqrt(0.5)  # a row is a lid if its flow lies within 45 degrees below it
 
@@ -107,3 +320,161 @@ def join_walls(names: list[str], bodies: list[WallBody], inertia: list[tuple[flo
         has_gravity=np.array(has_gravity, bool),
         length=np.array([body.length for body in bodies], float),
     )
+
+
+# ---- From `[[walls]]` tables to wall bodies and shapes
+
+
+class BuiltWalls(NamedTuple):
+    """All walls of a scenario.
+
+    Attributes:
+        bodies: One for each wall.
+        fronts: Where the flow is, for each wall that is a row of glued grains; None for the others.
+        walls: Their inertia.
+        shapes: Their shapes.
+        position: Their reference points in the world [m] and angles, which are 0, shape ``(w, 3)``.
+        rooms: What each leaves to the grains that packings place.
+    """
+
+    bodies: list[WallBody]
+    fronts: list[Front | None]
+    walls: Walls
+    shapes: WallShapes
+    position: Floats
+    rooms: list[Room]
+
+    def obstacles(self, group: int | None = None) -> Obstacles:
+        """The shapes in the world, and what is left for grains; of the walls alone that a group meets, if one is given."""
+        is_met = np.ones(len(self.bodies), np.bool_)
+        if group is not None and self.walls.meets.size:
+            is_met = self.walls.meets[:, group]
+        met = np.flatnonzero(is_met).tolist()
+        shapes = self.shapes if is_met.all() else join_shapes([self.bodies[w] for w in met], [0] * len(met))
+        world = np.empty(shapes.geometry.shape)
+        place_shapes(shapes.kind, shapes.wall, shapes.geometry, self.position[met], world)
+        rooms = [self.rooms[w] for w in met]
+        room = Room(
+            tuple(area for room in rooms for area in room.inside),
+            tuple(area for room in rooms for area in room.outside),
+            max((room.period for room in rooms), default=0.0),
+        )
+        lids = [self.bodies[w] for w, front in enumerate(self.fronts) if front is not None and front.is_lid and is_met[w]]
+        lowest = [float((body.origin[1] + body.glued[:, 1] - body.glued[:, 2]).min()) for body in lids]
+        return Obstacles(shapes.kind, world, room, tuple(lowest))
+
+
+def build_walls(scenario: Scenario, known: Mapping[str, WallBody] | None = None) -> BuiltWalls:
+    """The walls in the order of the file.
+
+    Args:
+        scenario: The scenario.
+        known: Walls that are there already, by their names; no front is known of them.
+
+    Raises:
+        PackingError: Glued grains cannot be made; its key begins at the wall.
+    """
+    materials = list(scenario.materials)
+    there = known or {}
+    made = [(there[wall.name], None) if wall.name in there else _make(scenario, k, wall) for k, wall in enumerate(scenario.walls)]
+    bodies = [body for body, _ in made]
+    inertia = [_inertia(scenario, wall, body) for wall, body in zip(scenario.walls, bodies, strict=True)]
+    names = [wall.name for wall in scenario.walls]
+    walls = join_walls(names, bodies, inertia, [wall.gravity for wall in scenario.walls])
+    return BuiltWalls(
+        bodies,
+        [front for _, front in made],
+        replace(walls, runs=_running(scenario), meets=_meetings(scenario)),
+        join_shapes(bodies, [materials.index(wall.material) for wall in scenario.walls]),
+        np.array([[*body.origin, 0.0] for body in bodies]).reshape(-1, 3),
+        [_room(scenario, wall, body) for wall, body in zip(scenario.walls, bodies, strict=True)],
+    )
+
+
+def _running(scenario: Scenario) -> NDArray[np.bool_]:
+    """`Walls.runs`."""
+    named = [drives for stage in scenario.loading for drives in stage.drives.items()]
+    names = {name for name, drive in named if drive.surface is not None}
+    return np.array([wall.name in names for wall in scenario.walls] if names else [], np.bool_)
+
+
+def _meetings(scenario: Scenario) -> NDArray[np.bool_]:
+    """`Walls.meets`."""
+    if all(wall.groups is None for wall in scenario.walls):
+        return np.zeros((0, 0), np.bool_)
+    return np.array([[wall.groups is None or g.name in wall.groups for g in scenario.particles] for wall in scenario.walls])
+
+
+def _room(scenario: Scenario, wall: Wall, body: WallBody) -> Room:
+    room = wall.geometry.room(body.glued + np.append(body.origin, 0.0))
+    return replace(room, period=scenario.domain.period)
+
+
+def _make(scenario: Scenario, index: int, wall: Wall) -> tuple[WallBody, Front | None]:
+    body, glued = wall.geometry.body(scenario.domain), wall.geometry.glued(scenario.domain)
+    if isinstance(wall.geometry, ClusterGeometry):
+        body = about_center_of_mass(body, _shape(scenario))
+    if glued is None:
+        return body, None
+    try:
+        return _glue(scenario, index, wall, body, glued)
+    except PackingError as error:
+        raise PackingError(error.message, error.remedy, ("walls", index, "geometry", *error.key)) from error
+
+
+def _glue(scenario: Scenario, index: int, wall: Wall, body: WallBody, glued: Glued) -> tuple[WallBody, Front | None]:
+    table = scenario.glued_sizes(wall)
+    assert table is not None  # the scenario has been checked
+    sizes, place = sizes_of(table, _shape(scenario)), glued.place
+
+    def restart(*side: int) -> Stream:
+        return stream(scenario.seed, TableKind.WALLS, index, Purpose.SIZES, *side)
+
+    if isinstance(place, Ring):
+        return with_glued(body, chain_on_circle(place.radius, sizes, restart, is_outside=place.is_outside)), None
+    if isinstance(place, Sides):
+        corners = place.polygon.points - body.origin
+        ends = zip(corners, np.roll(corners, -1, axis=0), strict=True)
+        sides = [chain_on_line(start, end, sizes, partial(restart, k)) for k, (start, end) in enumerate(ends)]
+        return with_glued(body, np.concatenate(sides)), None
+    chain = chain_on_line(np.array(place.start), np.array(place.end), sizes, restart)
+    return with_glued(body, chain - np.append(body.origin, 0.0)), Front.of(place, chain)
+
+
+def _shape(scenario: Scenario) -> Shape:
+    shape: Shape = scenario.particles[0].shape
+    return shape
+
+
+def _inertia(scenario: Scenario, wall: Wall, body: WallBody) -> tuple[float, float]:
+    """Mass [kg] and moment of inertia [kg m²]: as given, else those of its discs or of its material, else nan.
+
+    Where only the mass is given, the inertia that follows from the geometry is scaled with it: the same distribution of mass.
+    """
+    mass, inertia = _default_inertia(scenario, wall, body)
+    if wall.mass is not None:
+        inertia *= wall.mass / mass
+        mass = wall.mass
+    return mass, inertia if wall.inertia is None else wall.inertia
+
+
+def _default_inertia(scenario: Scenario, wall: Wall, body: WallBody) -> tuple[float, float]:
+    density, geometry = scenario.materials[wall.material].density, wall.geometry
+    if geometry.substance is None:
+        return math.nan, math.nan
+    if isinstance(geometry, PolygonGeometry) and geometry.substance == "prism":
+        height = prism_height(scenario.particles[0])
+        return prism_inertia(geometry.area(), density, math.nan if height is None else height)
+    return glued_inertia(body, density, _shape(scenario), _model_group(scenario, wall).thickness)
+
+
+def _model_group(scenario: Scenario, wall: Wall) -> ParticleGroup:
+    """The group whose thickness glued grains have: the one they take their sizes from, else the first of their material."""
+    glued = wall.geometry.glued()
+    named = None if glued is None else glued.sizes
+    if isinstance(named, str):
+        return next(group for group in scenario.particles if group.name == named)
+    if named is None:
+        return scenario.particles[0]
+    same = (group for group in scenario.particles if group.material == wall.material)
+    return next(same, scenario.particles[0])

@@ -7,7 +7,7 @@ import math
 from multicor_cli.engine.exchange.rules import ExchangeRules, Outlet, Rectangle, Release
 from multicor_cli.model import Model
 from multicor_cli.model.model import Floats
-from multicor_cli.packing.streams import Purpose, TableKind, stream
+from multicor_cli.packing.sizes import Purpose, TableKind, stream
 from multicor_cli.scenario.models import ParticleGroup, RectangleRegion
 from multicor_cli.scenario.scenario import Scenario
 

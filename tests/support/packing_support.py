@@ -7,9 +7,9 @@ from pathlib import Path
 import numpy as np
 from scenes import PACKED
 
-from multicor_cli.packing.obstacles import Obstacles
-from multicor_cli.packing.pairs import find_pairs
-from multicor_cli.packing.streams import Stream
+from multicor_cli.packing.overlap import find_pairs
+from multicor_cli.packing.sizes import Stream
+from multicor_cli.packing.walls import Obstacles
 from multicor_cli.scenario import Scenario, parse_scenario
 
 SECOND = """

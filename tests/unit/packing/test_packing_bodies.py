@@ -13,9 +13,8 @@ from multicor_cli.engine.geometry.scene import gap_to_shape
 from multicor_cli.model import ShapeKind
 from multicor_cli.model.shapes import Polygon
 from multicor_cli.packing import build
-from multicor_cli.packing.chain import chain_on_circle
 from multicor_cli.packing.sizes import uniform_sizes
-from multicor_cli.packing.wall_tables import BuiltWalls, build_walls
+from multicor_cli.packing.walls import BuiltWalls, build_walls, chain_on_circle
 from multicor_cli.scenario import ScenarioError
 
 DENSITY, THICKNESS = 7800.0, 2e-3  # of steel, and of the discs of the scenario

@@ -6,10 +6,9 @@ from packing_support import generator, pair_gaps, scenario, smallest_gap, wall
 
 from multicor_cli.packing import build
 from multicor_cli.packing.deposited import deposit
-from multicor_cli.packing.errors import PackingError
-from multicor_cli.packing.obstacles import Obstacles
-from multicor_cli.packing.region import PackingRegion
+from multicor_cli.packing.initial_grains import PackingError, PackingRegion
 from multicor_cli.packing.sizes import uniform_sizes
+from multicor_cli.packing.walls import Obstacles
 from multicor_cli.scenario import ScenarioError
 
 WIDTH = 0.06

@@ -4,9 +4,8 @@ import numpy as np
 import pytest
 from packing_support import generator, pair_gaps, smallest_gap
 
-from multicor_cli.packing.errors import PackingError
+from multicor_cli.packing.initial_grains import PackingError, PackingRegion
 from multicor_cli.packing.lattice import lattice, lattice_capacity
-from multicor_cli.packing.region import PackingRegion
 
 R = 1e-3
 BOX = PackingRegion(0.0, 0.0, 0.02, 0.02)

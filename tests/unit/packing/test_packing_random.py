@@ -8,11 +8,10 @@ from packing_support import generator, smallest_gap
 
 from multicor_cli.model import ShapeKind
 from multicor_cli.packing import random
-from multicor_cli.packing.errors import PackingError
-from multicor_cli.packing.obstacles import Obstacles
+from multicor_cli.packing.initial_grains import PackingError, PackingRegion
 from multicor_cli.packing.random import random_packing
-from multicor_cli.packing.region import PackingRegion
 from multicor_cli.packing.sizes import disc_area, draw_to_total, uniform_sizes
+from multicor_cli.packing.walls import Obstacles
 
 WIDTH = 0.05
 

@@ -13,10 +13,11 @@ from multicor_cli.packing.sizes import (
     draw_to_total,
     list_sizes,
     lognormal_sizes,
+    normal_sizes,
     power_sizes,
+    table_sizes,
     uniform_sizes,
 )
-from multicor_cli.packing.tabulated_sizes import normal_sizes, table_sizes
 
 LOW, HIGH, N = 0.5e-3, 2.0e-3, 20_000
 

@@ -8,9 +8,8 @@ from packing_support import SECOND, scenario, wall
 from scenes import PACKED, changed
 
 from multicor_cli.packing import build
-from multicor_cli.packing.errors import PackingError
-from multicor_cli.packing.initial_grains import InitialGrains
-from multicor_cli.packing.temperature_file import read_temperatures
+from multicor_cli.packing.file import read_temperatures
+from multicor_cli.packing.initial_grains import InitialGrains, PackingError
 from multicor_cli.scenario import ScenarioError
 
 HOT = ('heat={conduction="none", friction="none"}', "materials.glass.heat_capacity=800.0", "particles.0.count=50")

@@ -7,11 +7,9 @@ import pytest
 from packing_support import generator, scenario, wall
 
 from multicor_cli.model import ShapeKind, WallBody
-from multicor_cli.packing.chain import chain_on_circle, chain_on_line
-from multicor_cli.packing.errors import PackingError
+from multicor_cli.packing.initial_grains import PackingError
 from multicor_cli.packing.sizes import list_sizes, uniform_sizes
-from multicor_cli.packing.wall_tables import build_walls
-from multicor_cli.packing.walls import join_shapes
+from multicor_cli.packing.walls import build_walls, chain_on_circle, chain_on_line, join_shapes
 from multicor_cli.scenario.settings import Domain
 from multicor_cli.scenario.walls import BoxGeometry, CircleGeometry, PlaneGeometry, PolylineGeometry, WallGeometry
 
