@@ -16,7 +16,7 @@ from PIL import Image
 import multicor_cli as multicor
 from multicor_cli import post
 from multicor_cli.plots.forces import segments
-from multicor_cli.plots.scene import draw_discs, draw_walls
+from multicor_cli.plots.grain_map import draw_discs, draw_walls
 
 TARGET = Path(__file__).parents[1] / "pictures" / "front.png"
 SCENARIO = """

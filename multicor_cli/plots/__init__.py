@@ -1,17 +1,13 @@
 """Figures of the tables that `post` makes, each in a module of the same name; `plot` and `show` draw any of them."""
 
 from multicor_cli.plots.compare import draw_comparison
-from multicor_cli.plots.dispatch import plot, show
 from multicor_cli.plots.energy import draw_energy
-from multicor_cli.plots.force_statistics import draw_angles, draw_distribution
-from multicor_cli.plots.forces import draw_forces
-from multicor_cli.plots.grain_map import draw_map
+from multicor_cli.plots.forces import draw_angles, draw_distribution, draw_forces
+from multicor_cli.plots.grain_map import Place, draw_map, place_scene
 from multicor_cli.plots.profile import draw_profile
 from multicor_cli.plots.region import draw_region
 from multicor_cli.plots.rheology import draw_rheology
-from multicor_cli.plots.scene import Place, place_scene
-from multicor_cli.plots.style import PlotError
-from multicor_cli.plots.text_picture import Terminal
+from multicor_cli.plots.style import PlotError, Terminal, plot, show
 from multicor_cli.plots.theta_eta import draw_theta_eta
 
 __all__ = [

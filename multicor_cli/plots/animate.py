@@ -14,8 +14,7 @@ from typing import Any
 import numpy as np
 
 from multicor_cli.model.model import Floats
-from multicor_cli.plots.grain_map import color_scale, draw_bar, draw_values
-from multicor_cli.plots.scene import place_scene
+from multicor_cli.plots.grain_map import color_scale, draw_bar, draw_values, place_scene
 from multicor_cli.plots.style import PAGE, PlotError, house_style
 from multicor_cli.post.grain_map import GrainMap
 from multicor_cli.store.atomic import storage_errors

@@ -6,12 +6,20 @@ from typing import Any
 
 import numpy as np
 
-from multicor_cli.plots.dispatch import Ways
 from multicor_cli.plots.profile import axis_labels
-from multicor_cli.plots.small_rises import rise_formatter, rise_label, rise_reference
-from multicor_cli.plots.style import COLORS, COLUMN, PAGE, draw_with_errors
-from multicor_cli.plots.text_chart import TextLine, draw_text
-from multicor_cli.plots.text_picture import Terminal
+from multicor_cli.plots.style import (
+    COLORS,
+    COLUMN,
+    PAGE,
+    Terminal,
+    TextLine,
+    Ways,
+    draw_text,
+    draw_with_errors,
+    rise_formatter,
+    rise_label,
+    rise_reference,
+)
 from multicor_cli.post.compare import Comparison, ProfilePair
 from multicor_cli.text import unit_sign
 

@@ -6,10 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from multicor_cli.plots.dispatch import Ways
-from multicor_cli.plots.style import COLORS, COLUMN
-from multicor_cli.plots.text_chart import TextLine, draw_text
-from multicor_cli.plots.text_picture import Terminal
+from multicor_cli.plots.style import COLORS, COLUMN, Terminal, TextLine, Ways, draw_text
 from multicor_cli.post.crossings import FlowTable
 from multicor_cli.text import with_error
 

@@ -6,12 +6,22 @@ from typing import Any
 
 import numpy as np
 
-from multicor_cli.plots.dispatch import Ways
-from multicor_cli.plots.scene import draw_walls, is_wide, place_scene
-from multicor_cli.plots.small_rises import rise_formatter, rise_label, rise_reference
-from multicor_cli.plots.style import COLORS, COLUMN, axis_label, color_map, explain_errors
-from multicor_cli.plots.text_chart import TextLine, draw_text
-from multicor_cli.plots.text_picture import Terminal, draw_picture
+from multicor_cli.plots.grain_map import draw_walls, is_wide, place_scene
+from multicor_cli.plots.style import (
+    COLORS,
+    COLUMN,
+    Terminal,
+    TextLine,
+    Ways,
+    axis_label,
+    color_map,
+    draw_picture,
+    draw_text,
+    explain_errors,
+    rise_formatter,
+    rise_label,
+    rise_reference,
+)
 from multicor_cli.post.field_sums import Field
 from multicor_cli.post.fields import FieldTable
 from multicor_cli.text import unit_sign

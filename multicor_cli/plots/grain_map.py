@@ -1,21 +1,247 @@
-"""Map of a quantity: every grain to scale, colored."""
+"""Grains and walls of a frame drawn to scale, colored by a quantity, with streamlines."""
 
 from __future__ import annotations
 
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
+from multicor_cli.model.model import Floats
+from multicor_cli.model.shapes import Outline, Polygon
 from multicor_cli.optional import library
-from multicor_cli.plots.dispatch import Ways
-from multicor_cli.plots.scene import Place, draw_discs, draw_walls, is_wide, place_scene
-from multicor_cli.plots.small_rises import rise_formatter, rise_label, rise_reference
-from multicor_cli.plots.streamlines import draw_streamlines
-from multicor_cli.plots.style import COLORS, COLUMN, axis_label, color_map
-from multicor_cli.plots.text_picture import Terminal, draw_picture
+from multicor_cli.plots.style import (
+    COLORS,
+    COLUMN,
+    PAGE,
+    Terminal,
+    Ways,
+    axis_label,
+    color_map,
+    draw_picture,
+    rise_formatter,
+    rise_label,
+    rise_reference,
+)
 from multicor_cli.post.grain_map import GrainMap
 from multicor_cli.post.quantities import color_range
+from multicor_cli.post.scene import GrainScene, images
 from multicor_cli.text import unit_sign
+
+# ---- Grains and walls of a frame drawn to scale
+
+WALL = "0.35"
+"""Color of walls."""
+
+SOLID = "0.7"
+"""Color of glued grains and solid bodies."""
+
+_MANY = 1500  # grains above which a figure takes the width of a page
+_FEW = 600  # grains up to which each has an outline
+_TALLEST, _NARROWEST = 8.0, 2.0  # height and width of a figure [inch]
+_LEFT, _RIGHT, _BOTTOM, _TOP = 0.64, 0.15, 0.45, 0.12  # room beside the axes for their labels [inch]
+_BAR, _BAR_GAP = 0.12, 0.1  # thickness of the color bar, and what lies between it and the axes [inch]
+_BESIDE, _BELOW = 0.85, 0.62  # room for the color bar with its labels, beside or below the axes [inch]
+_JOINED = 1e-9  # ends of sides that differ by less than this share of the coordinates are one corner
+_TICK_X, _TICK_Y = 0.5, 0.3  # room that the label of a tick takes [inch]
+
+
+class Place(NamedTuple):
+    """Where a scene is drawn.
+
+    Attributes:
+        axes: Axes of matplotlib with the aspect of the scene.
+        bar: Axes for the color bar; None without one.
+    """
+
+    axes: Any
+    bar: Any
+
+
+def place_scene(figure: Any, scene: GrainScene, *, has_bar: bool = True, top: float = _TOP, width: float = 0.0) -> Place:
+    """Give a figure the size that a scene needs, and axes that fill it: nothing is left empty, no label is cut.
+
+    Args:
+        figure: The figure; whatever size it has.
+        scene: The scene. A wide one has its color bar below it, a tall one beside it.
+        has_bar: Whether there is a color bar.
+        top: Room above the axes [inch].
+        width: Width of the figure [inch]; 0: of a column, of a page if there are many grains. A tall scene takes less.
+    """
+    across, upwards = (scene.box[1] - scene.box[0]).tolist()
+    beside = _BESIDE if has_bar and not is_wide(scene) else 0.0
+    below = _BELOW if has_bar and is_wide(scene) else 0.0
+    aside, above = _LEFT + _RIGHT + beside, _BOTTOM + top + below
+    width = width or (PAGE if scene.radius.size > _MANY else COLUMN)
+    scale = min((width - aside) / across, (_TALLEST - above) / upwards)
+    wide, high = scale * across, scale * upwards
+    figure.set_layout_engine("none")  # everything has its place
+    spare = max(0.0, _NARROWEST - wide - aside)
+    left = _LEFT + 0.5 * spare
+    figure.set_size_inches(wide + aside + spare, high + above)
+    axes = _add_axes(figure, left, _BOTTOM + below, wide, high)
+    axes.locator_params(axis="x", nbins=int(np.clip(wide / _TICK_X, 1, 5)))
+    axes.locator_params(axis="y", nbins=int(np.clip(high / _TICK_Y, 1, 5)))
+    if not has_bar:
+        return Place(axes, None)
+    if below:
+        return Place(axes, _add_axes(figure, left, _BELOW - _BAR - _BAR_GAP, wide, _BAR))
+    return Place(axes, _add_axes(figure, left + wide + _BAR_GAP, _BOTTOM, _BAR, high))
+
+
+def _add_axes(figure: Any, left: float, bottom: float, width: float, height: float) -> Any:
+    """Axes at a place [inch]."""
+    across, upwards = figure.get_size_inches()
+    return figure.add_axes((left / across, bottom / upwards, width / across, height / upwards))
+
+
+def is_wide(scene: GrainScene) -> bool:
+    """Whether the scene is wider than high."""
+    across, upwards = (scene.box[1] - scene.box[0]).tolist()
+    return bool(across > 1.3 * upwards)
+
+
+def draw_discs(axes: Any, scene: GrainScene, *, value: Floats | None = None, color: str = "none", **style: Any) -> Any:
+    """Draw the grains: colored by ``value`` [shape ``(n,)``], or all in one color; returns the collection of matplotlib."""
+    which, shift = images(scene.center[:, 0], scene.radius, scene.period)
+    center = scene.center[which] + np.column_stack([shift, np.zeros_like(shift)])
+    edge = {"edgecolors": "0.2", "linewidths": 0.3} if scene.radius.size <= _FEW else {"edgecolors": "none", "linewidths": 0.0}
+    filling: dict[str, Any] = {"facecolors": color} if value is None else {"array": value[which]}
+    return _add_discs(axes, center, scene.radius[which], **{**edge, **filling, **style})
+
+
+def draw_walls(axes: Any, scene: GrainScene) -> None:
+    """Draw walls and glued grains, and set limits, aspect and labels of the axes."""
+    for outline in scene.walls:
+        _draw_outline(axes, scene, outline)
+    axes.set_xlim(*scene.box[:, 0])
+    axes.set_ylim(*scene.box[:, 1])
+    axes.set_aspect("equal")
+    axes.tick_params(top=False, right=False, which="both", direction="out")
+    axes.minorticks_off()
+    axes.set_xlabel("$x$ [m]")
+    axes.set_ylabel("$y$ [m]")
+
+
+def _add_discs(axes: Any, center: Floats, radius: Floats, **style: Any) -> Any:
+    from matplotlib.collections import EllipseCollection
+
+    width = 2.0 * radius
+    discs = EllipseCollection(
+        width, width, np.zeros_like(width), units="xy", offsets=center, offset_transform=axes.transData, **style
+    )
+    axes.add_collection(discs)
+    return discs
+
+
+def _draw_outline(axes: Any, scene: GrainScene, outline: Outline) -> None:
+    from matplotlib.collections import LineCollection, PolyCollection
+
+    if outline.is_solid:
+        axes.add_collection(PolyCollection(solid_polygons(outline.points), facecolors=SOLID, edgecolors="none", zorder=1.9))
+    if outline.radius is None:
+        lines = outline.points if outline.normal is None else _visible_part(outline.points[:, 0], outline.normal, scene.box)
+        axes.add_collection(LineCollection(list(lines), colors=WALL, linewidths=1.0, zorder=2))
+    elif outline.is_grain:
+        center = outline.points[:, 0]
+        which, shift = images(center[:, 0], outline.radius, scene.period)
+        center = center[which] + np.column_stack([shift, np.zeros_like(shift)])
+        _add_discs(axes, center, outline.radius[which], facecolors=SOLID, edgecolors=WALL, linewidths=0.3, zorder=2)
+    else:
+        _add_discs(axes, outline.points[:, 0], outline.radius, facecolors="none", edgecolors=WALL, linewidths=1.0, zorder=2)
+
+
+def solid_polygons(sides: Floats) -> list[Floats]:
+    """Corners of the polygons whose inside is solid, given the ends of sides that are solid on the left, shape ``(k, 2, 2)``.
+
+    Each side begins where the one before ends, unless it begins another polygon.
+    """
+    jump = np.abs(sides[1:, 0] - sides[:-1, 1]).max(axis=1)
+    first = np.flatnonzero(jump > _JOINED * np.abs(sides).max()) + 1
+    polygons = np.split(sides[:, 0], first)
+    return [corners for corners in polygons if Polygon(corners).signed_size > 0.0]
+
+
+def _visible_part(point: Floats, normal: Floats, box: Floats) -> Floats:
+    """Ends of what is to be seen of endless lines [m], shape ``(k, 2, 2)``."""
+    along = np.column_stack([-normal[:, 1], normal[:, 0]]) * float(np.hypot(*(box[1] - box[0]))) * 2.0
+    nearest = point + (((box.mean(axis=0) - point) * along).sum(axis=1) / (along**2).sum(axis=1))[:, np.newaxis] * along
+    return np.stack([nearest - along, nearest + along], axis=1)
+
+
+# ---- Streamlines of the vectors of grains, averaged over a few diameters so that vortices are seen
+
+_CELL = 1.0  # cell of the grid over the mean diameter, for few grains
+_FINEST = 250  # cells along the longer side at most
+_SMOOTH = 2.0  # standard deviation of the average over the mean diameter
+_COARSE = 60.0  # an average spans at least this part of the longer side, or lines of many grains cannot be told apart
+_DENSITY = 1.3  # of the lines along the longer side, as matplotlib counts
+_EMPTY = 0.5  # share of the plane that grains must fill for lines to pass, over its mean
+
+
+def draw_streamlines(axes: Any, table: GrainMap) -> None:
+    """Draw streamlines of the local mean of the vectors over the grains of a map."""
+    from matplotlib.patheffects import Normal, Stroke
+
+    x, y, field = smooth_field(table)
+    if not np.isfinite(field).any() or not np.nanmax(np.abs(field)) > 0.0:
+        return
+    across, upwards = (table.scene.box[1] - table.scene.box[0]).tolist()
+    longest = max(across, upwards)
+    density = (across / longest, upwards / longest)
+    drawn = axes.streamplot(
+        x,
+        y,
+        np.ma.masked_invalid(field[..., 0]),
+        np.ma.masked_invalid(field[..., 1]),
+        density=tuple(max(_DENSITY * part, 0.3) for part in density),
+        color="white",
+        linewidth=0.8,
+        arrowsize=0.8,
+        arrowstyle="-|>",
+        zorder=3,
+    )
+    outline = [Stroke(linewidth=1.8, foreground="0.1"), Normal()]  # readable on light grains and between them
+    drawn.lines.set_path_effects(outline)
+    for patch in axes.patches:
+        patch.set_path_effects(outline)
+
+
+def smooth_field(table: GrainMap) -> tuple[Floats, Floats, Floats]:
+    """Mean of the vectors around the points of a grid, weighted by the area of the grains and a Gaussian of the distance.
+
+    Returns:
+        x and y of the points [m], shapes ``(p,)`` and ``(q,)``, and the field, shape ``(q, p, 2)``; nan where there are no grains.
+    """
+    scene, vector = table.scene, table.vector
+    assert vector is not None
+    low, size = scene.box[0], scene.box[1] - scene.box[0]
+    diameter = 2.0 * float(scene.radius.mean())
+    cell = max(_CELL * diameter, float(size.max()) / _FINEST)
+    sigma = max(_SMOOTH * diameter, float(size.max()) / _COARSE)
+    number = np.maximum(np.ceil(size / cell).astype(np.int64), 4)
+    step = size / number
+    column, row = np.clip(((scene.center - low) / step).astype(np.int64), 0, number - 1).T
+    place, area = row * number[0] + column, scene.radius**2
+    sums = [np.bincount(place, area * weight, minlength=int(number.prod())) for weight in (1.0, *vector.T)]
+    grids = [_blur(found.reshape(number[::-1]), sigma / step, is_periodic=scene.period > 0.0) for found in sums]
+    filled = grids[0] > _EMPTY * float(area.sum() / number.prod())
+    mean = [np.where(filled, grid / np.where(filled, grids[0], 1.0), np.nan) for grid in grids[1:]]
+    x, y = (low[k] + (np.arange(number[k]) + 0.5) * step[k] for k in (0, 1))
+    return x, y, np.stack(mean, axis=-1)
+
+
+def _blur(grid: Floats, sigma: Floats, *, is_periodic: bool) -> Floats:
+    """Convolve with a Gaussian of ``sigma`` (x, y) cells; around the ends in x if periodic, with nothing beyond otherwise."""
+    rows, columns = grid.shape
+    pad = (int(4 * sigma[1]) + 1, 0 if is_periodic else int(4 * sigma[0]) + 1)
+    wide = np.pad(grid, ((0, pad[0]), (0, pad[1])))
+    frequency = [np.fft.fftfreq(wide.shape[0]), np.fft.rfftfreq(wide.shape[1])]
+    decay = [np.exp(-2.0 * (np.pi * s * f) ** 2) for s, f in zip(sigma[::-1], frequency, strict=True)]
+    found = np.fft.irfft2(np.fft.rfft2(wide) * np.outer(*decay), wide.shape)
+    return np.asarray(np.maximum(found, 0.0) if grid.min() >= 0.0 else found)[:rows, :columns]
+
+
+# ---- Map of a quantity: every grain to scale, colored
 
 _ARROWS = 1500  # at most this many arrows, or they cannot be told apart
 _LONG = 0.95  # this part of the arrows are as long as their velocity says; longer ones are cut to this length

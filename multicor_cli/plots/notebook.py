@@ -8,8 +8,7 @@ from typing import Any
 
 import numpy as np
 
-from multicor_cli.plots.grain_map import draw_map
-from multicor_cli.plots.scene import place_scene
+from multicor_cli.plots.grain_map import draw_map, place_scene
 from multicor_cli.plots.style import house_style
 from multicor_cli.post.grain_map import grain_map
 

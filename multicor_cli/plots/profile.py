@@ -6,11 +6,20 @@ from typing import Any
 
 import numpy as np
 
-from multicor_cli.plots.dispatch import Ways
-from multicor_cli.plots.small_rises import rise_formatter, rise_label, rise_reference
-from multicor_cli.plots.style import COLORS, COLUMN, axis_label, draw_with_errors, explain_errors
-from multicor_cli.plots.text_chart import TextLine, draw_text
-from multicor_cli.plots.text_picture import Terminal
+from multicor_cli.plots.style import (
+    COLORS,
+    COLUMN,
+    Terminal,
+    TextLine,
+    Ways,
+    axis_label,
+    draw_text,
+    draw_with_errors,
+    explain_errors,
+    rise_formatter,
+    rise_label,
+    rise_reference,
+)
 from multicor_cli.post import ProfileSet, ProfileTable
 from multicor_cli.text import unit_sign
 

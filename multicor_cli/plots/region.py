@@ -6,12 +6,8 @@ from typing import Any
 
 import numpy as np
 
-from multicor_cli.plots.dispatch import Ways
 from multicor_cli.plots.rheology import draw_panel, explain
-from multicor_cli.plots.small_rises import rise_formatter, rise_label, rise_reference
-from multicor_cli.plots.style import PAGE
-from multicor_cli.plots.text_chart import TextLine, draw_text
-from multicor_cli.plots.text_picture import Terminal
+from multicor_cli.plots.style import PAGE, Terminal, TextLine, Ways, draw_text, rise_formatter, rise_label, rise_reference
 from multicor_cli.post.region import RegionTable
 
 _PANELS: tuple[tuple[str, tuple[tuple[str, str], ...]], ...] = (

@@ -8,10 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from multicor_cli.model.model import Floats
-from multicor_cli.plots.dispatch import Ways
-from multicor_cli.plots.style import COLORS, PAGE
-from multicor_cli.plots.text_chart import TextLine, draw_text
-from multicor_cli.plots.text_picture import Terminal
+from multicor_cli.plots.style import COLORS, PAGE, Terminal, TextLine, Ways, draw_text
 from multicor_cli.post.rheology import Rheology
 
 _PANELS: tuple[tuple[str, tuple[tuple[str, str], ...]], ...] = (

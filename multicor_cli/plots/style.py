@@ -1,20 +1,27 @@
-"""One look for all figures: a journal column wide, vector-friendly, readable in print and for color-blind eyes."""
+"""One look for all figures, on paper and in the terminal; and which figure a table has."""
 
 from __future__ import annotations
 
 import io
+import math
 import re
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import dataclass
+from importlib import import_module
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
+from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
 from multicor_cli.optional import library
+from multicor_cli.post.scene import GrainScene
 from multicor_cli.store.atomic import commit_result, make_directory
 from multicor_cli.text import unit_sign
+
+# ---- A journal column wide, vector-friendly, readable in print and for color-blind eyes
 
 COLUMN = 3.35
 """Width of a journal column [inch]."""
@@ -181,3 +188,250 @@ def save_figure(figure: Any, path: Path) -> None:
     figure.savefig(drawn, format=ending.removeprefix("."), metadata=undated[ending])
     make_directory(path.parent)
     commit_result(path, "figure", drawn.getvalue())
+
+
+# ---- Temperatures that differ by a few millikelvin: axes show how far they are above a round temperature
+
+_NARROW = 3e-4
+"""Range over the largest value below which numbers on an axis need so many digits that nobody reads them."""
+
+_LITTLE = 0.1
+"""Part of the range by which the round temperature may lie above the lowest."""
+
+_COARSEST = 2
+"""Least number of decimals of the round temperature: 0 °C is 273.15 K."""
+
+
+def rise_reference(unit: str, low: float, high: float) -> float | None:
+    """The round temperature from which an axis should count [K]; None if it can show temperatures as they are.
+
+    It lies just below ``low``, or a little above: of grains that started at 298.15 K one may have cooled by a millionth.
+
+    Args:
+        unit: Unit of the values; only kelvin have an arbitrary zero.
+        low: Smallest value on the axis.
+        high: Largest value on the axis.
+    """
+    width = high - low
+    if unit != "K" or not 0.0 < width < _NARROW * abs(high):
+        return None
+    finest = max(_COARSEST, math.ceil(-math.log10(width)))
+    for decimals in range(_COARSEST, finest + 1):
+        nearest = round(low, decimals)
+        if low <= nearest <= low + _LITTLE * width:
+            return nearest
+        below = math.floor(low * 10.0**decimals + 1e-6) / 10.0**decimals
+        if low - below <= width:  # a rounder one farther below would leave the axis empty
+            return below
+    return below
+
+
+def rise_label(label: str, symbol: str, reference: float) -> str:
+    """Label of an axis that counts from ``reference`` [K]."""
+    return f"{label} ${symbol}$ − {reference:.12g} K [mK]"
+
+
+def rise_formatter(reference: float) -> Any:
+    """Formatter of matplotlib that prints temperatures [K] as millikelvin above ``reference`` [K]."""
+    from matplotlib.ticker import FuncFormatter
+
+    return FuncFormatter(lambda value, _position: f"{round(1e3 * (value - reference), 6) + 0.0:g}".replace("-", "−"))
+
+
+# ---- Grains in a terminal: what matplotlib draws, as cells of two colors, or as letters where there are no colors
+
+_DPI = 72.0  # a pixel is a point: lines are at least a pixel wide
+_RAMP = " .:-=+*#%@"  # from white to black
+
+
+@dataclass(frozen=True)
+class Terminal:
+    """What a terminal can show.
+
+    Attributes:
+        columns: Letters in a line.
+        rows: Lines.
+        colors: Its color system as rich names it ("truecolor", "256", "standard"); None without colors.
+    """
+
+    columns: int = 80
+    rows: int = 40
+    colors: str | None = None
+
+
+def draw_picture(scene: GrainScene, draw: Callable[[Any], Any], terminal: Terminal) -> str:
+    """A scene as lines of text that fit into a terminal; a letter is two pixels high and one wide.
+
+    Args:
+        scene: The grains and walls; its box is what is shown.
+        draw: Draws them into axes of matplotlib.
+        terminal: What the terminal can show.
+
+    Raises:
+        MissingLibrary: If matplotlib is not installed.
+    """
+    across, upwards = (scene.box[1] - scene.box[0]).tolist()
+    most = min(terminal.columns, 2.0 * terminal.rows * across / upwards)
+    width, lines = max(int(most), 4), max(round(0.5 * most * upwards / across), 2)
+    pixels = _render(draw, width, 2 * lines)
+    return _in_letters(pixels) if terminal.colors is None else _in_colors(pixels, terminal.colors)
+
+
+def _render(draw: Callable[[Any], Any], width: int, height: int) -> NDArray[np.uint8]:
+    """What ``draw`` draws as pixels, shape ``(height, width, 3)``."""
+    with house_style():
+        from matplotlib.backends.backend_agg import FigureCanvasAgg
+        from matplotlib.figure import Figure
+
+        figure = Figure(figsize=(width / _DPI, height / _DPI), dpi=_DPI)
+        canvas: Any = FigureCanvasAgg(figure)
+        axes: Any = figure.add_axes((0.0, 0.0, 1.0, 1.0))
+        draw(axes)
+        axes.set_axis_off()
+        canvas.draw()
+        return np.asarray(canvas.buffer_rgba())[:, :, :3]
+
+
+def _in_letters(pixels: NDArray[np.uint8]) -> str:
+    """Darkness as letters."""
+    light = pixels.reshape(len(pixels) // 2, 2, -1, 3).mean(axis=(1, 3)) / 255.0
+    rank = np.rint((1.0 - light) * (len(_RAMP) - 1)).astype(int)
+    return "\n".join("".join(_RAMP[k] for k in row).rstrip() for row in rank)
+
+
+def _in_colors(pixels: NDArray[np.uint8], colors: str) -> str:
+    """Half blocks: the upper pixel is the color of the letter, the lower one that of its background."""
+    from rich.color import Color
+    from rich.console import Console
+    from rich.segment import Segment, Segments
+    from rich.style import Style
+
+    lines: list[Segment] = []
+    for upper, lower in zip(pixels[::2].tolist(), pixels[1::2].tolist(), strict=True):
+        cells = zip(upper, lower, strict=True)
+        lines += [Segment("▀", Style(color=Color.from_rgb(*a), bgcolor=Color.from_rgb(*b))) for a, b in cells]
+        lines.append(Segment.line())
+    text = io.StringIO()
+    console: Any = Console  # its types know color systems only as literals
+    console(file=text, force_terminal=True, color_system=colors, width=pixels.shape[1] + 1).print(Segments(lines), end="")
+    return text.getvalue().rstrip("\n")
+
+
+# ---- Charts drawn with letters: they need no library and look the same in every terminal, mail and log
+
+WIDTH, HEIGHT = 72, 20
+"""Columns and rows of the area of a chart."""
+
+_MARKS = "abcdefghijklmnop"
+
+
+@dataclass(frozen=True)
+class TextLine:
+    """A line of a chart.
+
+    Attributes:
+        label: What it is; empty if it is the only one.
+        x: Where its points are, shape ``(k,)``.
+        y: Their heights, shape ``(k,)``; points with nan are left out.
+    """
+
+    label: str
+    x: Floats
+    y: Floats
+
+
+def draw_text(lines: Sequence[TextLine], x_label: str, y_label: str, *, rows: int = HEIGHT, is_logarithmic: bool = False) -> str:
+    """A chart as lines of text; the first line that passes a place is the one that is seen there.
+
+    Args:
+        lines: Up to 16 lines; more are left out.
+        x_label: Quantity and unit across.
+        y_label: Quantity and unit upwards.
+        rows: Rows of the area of the chart.
+        is_logarithmic: Whether both axes are logarithmic; points that are not positive are left out.
+    """
+    known = [_known(line, is_logarithmic=is_logarithmic) for line in lines[: len(_MARKS)]]
+    points = np.concatenate([np.column_stack([line.x, line.y]) for line in known]) if known else np.zeros((0, 2))
+    if not points.size:
+        return f"{y_label}: nothing to draw"
+    low, high = points.min(axis=0), points.max(axis=0)
+    same = low == high
+    low, high = np.where(same, low - 0.5 * (np.abs(low) + same), low), np.where(same, high + 0.5 * (np.abs(high) + same), high)
+    area = np.full((rows, WIDTH), " ")
+    for number in reversed(range(len(known))):
+        column, row = _cells(known[number], low, high, rows)
+        area[row, column] = _MARKS[number] if len(known) > 1 else "*"
+    if is_logarithmic:
+        low, high = 10.0**low, 10.0**high
+    chart = _frame(area, low, high, x_label, y_label)
+    return "\n".join([*chart, *(f"  {_MARKS[k]}  {line.label}" for k, line in enumerate(known) if len(known) > 1)])
+
+
+def _known(line: TextLine, *, is_logarithmic: bool) -> TextLine:
+    """The points that can be drawn, as their logarithms if asked."""
+    x, y = np.asarray(line.x, np.float64), np.asarray(line.y, np.float64)
+    if is_logarithmic:
+        x, y = (np.log10(v, where=v > 0.0, out=np.full_like(v, np.nan)) for v in (x, y))
+    kept = np.isfinite(x) & np.isfinite(y)
+    return TextLine(line.label, x[kept], y[kept])
+
+
+def _cells(line: TextLine, low: Floats, high: Floats, rows: int) -> tuple[NDArray[np.int64], NDArray[np.int64]]:
+    """Columns and rows that a line passes, row 0 at the top."""
+    part = (np.column_stack([line.x, line.y]) - low) / (high - low)
+    if len(part) > 1:  # so many points between that no cell is missed
+        between = np.linspace(0.0, 1.0, 2 * (WIDTH + rows))[:, np.newaxis, np.newaxis]
+        part = (part[:-1] + between * np.diff(part, axis=0)).reshape(-1, 2)
+    column, row = np.rint(part * [WIDTH - 1, rows - 1]).astype(np.int64).T
+    return column, rows - 1 - row
+
+
+def _frame(area: NDArray[np.str_], low: Floats, high: Floats, x_label: str, y_label: str) -> list[str]:
+    """The area with numbers at the ends of its axes."""
+    ends = [f"{high[1]:.4g}", f"{low[1]:.4g}"]
+    margin = max(map(len, ends))
+    names = {0: ends[0], len(area) - 1: ends[1]}
+    rows = [f"{names.get(k, ''):>{margin}} |{''.join(row).rstrip()}" for k, row in enumerate(area)]
+    left, right = f"{low[0]:.4g}", f"{high[0]:.4g}"
+    across = f"{left}{x_label:^{WIDTH - len(left) - len(right)}}{right}"
+    return [f"{'':{margin}}  {y_label}", *rows, f"{'':{margin}} +{'-' * WIDTH}", f"{'':{margin}}  {across}"]
+
+
+# ---- The figure of a table: tables of `post/NAME.py` are drawn by `plots/NAME.py`, whose `FIGURES` says how
+
+
+class Ways(NamedTuple):
+    """How a table is drawn: how large a figure of it is [inch], into a figure of matplotlib, and as text for a terminal."""
+
+    size: Callable[[Any], tuple[float, float]]
+    draw: Callable[..., None]
+    text: Callable[..., str]
+
+
+def plot(table: Any, path: Path, **options: Any) -> None:
+    """Draw the figure of a table that `post` made.
+
+    Args:
+        table: The table.
+        path: File to write; its ending (.png, .svg, .pdf) chooses the format.
+        options: Further options of the figure of this kind of table.
+
+    Raises:
+        MissingLibrary: If matplotlib is not installed.
+        PlotError: If the ending is not known.
+        StorageError: If the file cannot be written.
+    """
+    ways = _ways(table)
+    with figure_file(path, *ways.size(table)) as figure:
+        ways.draw(figure, table, **options)
+
+
+def show(table: Any, terminal: Terminal, **options: Any) -> str:
+    """The figure of a table as text for a terminal; raises `PlotError` if it needs matplotlib and that is not installed."""
+    return _ways(table).text(table, terminal, **options)
+
+
+def _ways(table: Any) -> Ways:
+    name = type(table).__module__.rpartition(".")[2]
+    figures: dict[type, Ways] = import_module(f"multicor_cli.plots.{name}").FIGURES
+    return figures[type(table)]

@@ -16,8 +16,7 @@ from multicor_cli.model.model import Floats
 from multicor_cli.optional import MissingLibrary
 from multicor_cli.plots.energy import COLOR_OF
 from multicor_cli.plots.profile import draw_profile
-from multicor_cli.plots.small_rises import rise_formatter, rise_label, rise_reference
-from multicor_cli.plots.style import COLORS, house_style
+from multicor_cli.plots.style import COLORS, house_style, rise_formatter, rise_label, rise_reference
 from multicor_cli.post import PostError, Selection, profile
 from multicor_cli.post.energy import HEAT, MECHANICAL, BookLine, EnergyTable
 from multicor_cli.store import Run

@@ -19,8 +19,8 @@ from multicor_cli import __version__
 from multicor_cli.checks import Check
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import outlines
-from multicor_cli.plots.scene import solid_polygons
-from multicor_cli.plots.small_rises import rise_reference
+from multicor_cli.plots.grain_map import solid_polygons
+from multicor_cli.plots.style import rise_reference
 from multicor_cli.post.energy import HEAT, MECHANICAL, EnergyTable
 from multicor_cli.report.figures import Figure
 from multicor_cli.report.pack import Packed

@@ -9,8 +9,7 @@ from typing import Any
 import numpy as np
 
 from multicor_cli.model.model import Floats
-from multicor_cli.plots.style import COLORS, COLUMN, PAGE, figure_file
-from multicor_cli.plots.text_chart import TextLine, draw_text
+from multicor_cli.plots.style import COLORS, COLUMN, PAGE, TextLine, draw_text, figure_file
 from multicor_cli.studies.cases import short_names
 from multicor_cli.studies.fits import Curve
 from multicor_cli.studies.series import Panel, Question, find_key

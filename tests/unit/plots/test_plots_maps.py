@@ -11,8 +11,7 @@ from heat_run import GRAINS, write_heated_run
 
 from multicor_cli.plots import PlotError, draw_forces, draw_map, draw_theta_eta, plot
 from multicor_cli.plots.forces import line_widths, segments
-from multicor_cli.plots.grain_map import color_scale
-from multicor_cli.plots.scene import place_scene, solid_polygons
+from multicor_cli.plots.grain_map import color_scale, place_scene, solid_polygons
 from multicor_cli.plots.style import COLORS, house_style
 from multicor_cli.post import MAPPED, GrainMap, force_network, grain_map, theta_eta
 from multicor_cli.store import Run, open_run

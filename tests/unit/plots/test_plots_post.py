@@ -19,8 +19,7 @@ from multicor_cli.plots import (
     plot,
 )
 from multicor_cli.plots.fields import _draw_mesh
-from multicor_cli.plots.scene import place_scene
-from multicor_cli.plots.streamlines import smooth_field
+from multicor_cli.plots.grain_map import place_scene, smooth_field
 from multicor_cli.plots.style import house_style
 from multicor_cli.post import (
     MAPPED,

@@ -1,0 +1,215 @@
+"""What figures have in common: axes of small rises, charts of letters, pictures in the terminal."""
+
+from __future__ import annotations
+
+import re
+from typing import Any
+
+import numpy as np
+import pytest
+from heat_run import write_heated_run
+from matplotlib.figure import Figure
+
+from multicor_cli.plots import Terminal, show
+from multicor_cli.plots.profile import draw_profile
+from multicor_cli.plots.style import (
+    HEIGHT,
+    WIDTH,
+    TextLine,
+    draw_picture,
+    draw_text,
+    house_style,
+    rise_formatter,
+    rise_label,
+    rise_reference,
+)
+from multicor_cli.post import (
+    PROFILED,
+    GrainScene,
+    ProfileTable,
+    Selection,
+    angular_distribution,
+    compare,
+    energy,
+    force_distribution,
+    force_network,
+    grain_map,
+    profiles,
+    rheology,
+    theta_eta,
+)
+from multicor_cli.store import Run, open_run
+
+# ---- Axes of temperatures that differ by millikelvin
+
+
+@pytest.mark.parametrize(
+    ("low", "high", "expected"),
+    [
+        (298.15, 298.18, 298.15),
+        (298.1503, 298.1553, 298.15),
+        (298.15512, 298.15538, 298.155),
+        (298.15021, 298.1508, 298.15),
+        (298.15512, 298.15518, 298.1551),
+        (298.149, 298.16, 298.15),  # it started there, and one grain has cooled
+        (298.147, 298.16, 298.14),
+        (298.15, 298.60, None),
+        (298.15, 298.15, None),
+    ],
+)
+def test_reference_is_a_round_temperature_near_the_lowest(low: float, high: float, expected: float | None) -> None:
+    reference = rise_reference("K", low, high)
+    if expected is None:
+        assert reference is None
+    else:
+        assert reference == pytest.approx(expected, abs=1e-9)
+
+
+def test_only_kelvin_have_an_arbitrary_zero() -> None:
+    assert rise_reference("m/s", 298.15, 298.18) is None
+
+
+def test_numbers_are_millikelvin_above_it() -> None:
+    show = rise_formatter(298.15)
+    assert [show(value, 0) for value in (298.15, 298.1525, 298.149)] == ["0", "2.5", "−1"]
+    assert rise_label("temperature", "T", 298.15) == "temperature $T$ − 298.15 K [mK]"
+
+
+def test_profile_of_a_small_rise_has_no_offset_beside_its_label() -> None:
+    y = np.linspace(0.05, 0.95, 10)
+    table = ProfileTable(
+        PROFILED["temperature"], y, 298.15 + 5e-3 * y, np.full(10, 1e-5), np.ones(10), 0.1, 1.0, (298.15, 298.15),
+        ("bottom", "top"), 1.0, np.arange(5), (0.0, 1.0),
+    )  # fmt: skip
+    with house_style():
+        figure = Figure()
+        axes = figure.add_subplot()
+        draw_profile(axes, table)
+        figure.draw_without_rendering()
+    assert axes.get_xlabel() == "temperature $T$ − 298.15 K [mK]"
+    assert axes.xaxis.get_offset_text().get_text() == ""
+    shown = [float(label.get_text().replace("−", "-")) for label in axes.get_xticklabels() if label.get_text()]
+    assert 0.0 <= min(shown) < max(shown) <= 6.0
+
+
+# ---- Charts of letters: every point where it belongs, ends of the axes named
+
+
+def area(chart: str) -> list[str]:
+    """The rows between the axes, padded."""
+    return [row.split(" |", 1)[1].ljust(WIDTH) for row in chart.splitlines() if " |" in row]
+
+
+def test_straight_line_goes_from_corner_to_corner_without_gaps() -> None:
+    chart = draw_text([TextLine("", np.array([1.0, 3.0]), np.array([-2.0, 5.0]))], "time [s]", "height [m]")
+    rows = area(chart)
+    assert len(rows) == HEIGHT
+    assert (rows[0][WIDTH - 1], rows[-1][0]) == ("*", "*")
+    assert all("*" in row for row in rows)
+    assert all(any(row[column] == "*" for row in rows) for column in range(WIDTH))
+    lines = chart.splitlines()
+    assert lines[0].strip() == "height [m]"
+    assert lines[1].startswith(" 5 |") or lines[1].split("|")[0].strip() == "5"
+    assert lines[HEIGHT].split("|")[0].strip() == "-2"
+    assert lines[-1].split() == ["1", "time", "[s]", "3"]
+
+
+def test_several_lines_have_letters_and_the_first_is_in_front() -> None:
+    x = np.array([0.0, 1.0])
+    chart = draw_text([TextLine("one", x, x), TextLine("two", x, 1.0 - x)], "x", "y")
+    rows = area(chart)
+    assert (rows[0][WIDTH - 1], rows[-1][0], rows[0][0], rows[-1][WIDTH - 1]) == ("a", "a", "b", "b")
+    assert chart.splitlines()[-2:] == ["  a  one", "  b  two"]
+    same = area(draw_text([TextLine("one", x, x), TextLine("two", x, x)], "x", "y"))
+    assert not any("b" in row for row in same)
+
+
+def test_points_that_are_not_known_are_left_out() -> None:
+    chart = draw_text([TextLine("", np.array([0.0, 1.0, 2.0]), np.array([1.0, np.nan, 3.0]))], "x", "y")
+    assert sum("*" in row for row in area(chart)) == HEIGHT
+    assert draw_text([TextLine("", np.array([0.0]), np.array([np.nan]))], "x", "y") == "y: nothing to draw"
+    assert draw_text([], "x", "y") == "y: nothing to draw"
+
+
+def test_constant_and_single_points_lie_in_the_middle() -> None:
+    rows = area(draw_text([TextLine("", np.array([2.0]), np.array([0.0]))], "x", "y"))
+    assert "".join(rows).count("*") == 1
+    assert any(0.4 * HEIGHT < number < 0.6 * HEIGHT and "*" in row for number, row in enumerate(rows))
+
+
+# ---- Figures for the terminal: every table has one, and pictures of grains have the colors of the figures in files
+
+ALL = Selection(start=0.0)
+TERMINAL = Terminal(columns=40, rows=20)
+
+
+@pytest.fixture(scope="module")
+def run(tmp_path_factory: pytest.TempPathFactory) -> Run:
+    path = tmp_path_factory.mktemp("run") / "run"
+    write_heated_run(path)
+    return open_run(path)
+
+
+def test_every_table_can_be_shown_in_a_terminal(run: Run) -> None:
+    tables: dict[str, Any] = {
+        "height y [m]": profiles(run, "stress", ALL),
+        "theta [–]": theta_eta(run, wall="top"),
+        "energy [J]": energy(run),
+        "friction mu* [–]": rheology(run, ALL),
+        "probability density [–]": force_distribution(run, ALL),
+        "direction [°]": angular_distribution(run, ALL),
+        "height y/H [–]": compare(run, run, ["velocity"], ALL),
+        "temperature [K] from": grain_map(run, "temperature"),
+        "normal force, mean": force_network(run),
+    }
+    for text, table in tables.items():
+        shown = show(table, TERMINAL)
+        assert text in shown, text
+        assert "\x1b" not in shown
+
+
+def test_logarithmic_axes() -> None:
+    chart = draw_text(
+        [TextLine("", np.array([0.01, 1.0, 0.0]), np.array([1.0, 100.0, 5.0]))], "x", "y", rows=5, is_logarithmic=True
+    )
+    rows = [row.split(" |", 1)[1] for row in chart.splitlines() if " |" in row]
+    assert [row.index("*") for row in rows] == sorted((row.index("*") for row in rows), reverse=True)
+    assert chart.splitlines()[1].startswith("100 |")
+    assert chart.splitlines()[-1].split() == ["0.01", "x", "1"]  # the point at 0 is left out
+
+
+def scene(across: float, upwards: float) -> GrainScene:
+    box = np.array([[0.0, 0.0], [across, upwards]])
+    return GrainScene(np.zeros((0, 2)), np.zeros(0), [], 0.0, box)
+
+
+def quarters(axes: Any) -> None:
+    """Red at the lower left, blue at the upper right."""
+    axes.fill_between([0.0, 0.5], 0.0, 0.5, color="#ff0000", linewidth=0.0)
+    axes.fill_between([0.5, 1.0], 0.5, 1.0, color="#0000ff", linewidth=0.0)
+    axes.set_xlim(0.0, 1.0)
+    axes.set_ylim(0.0, 1.0)
+
+
+def test_picture_has_two_pixels_in_a_letter() -> None:
+    picture = draw_picture(scene(1.0, 1.0), quarters, Terminal(columns=8, rows=50, colors="truecolor"))
+    lines = picture.splitlines()
+    assert len(lines) == 4
+    cells = [re.findall(r"\x1b\[38;2;(\d+);(\d+);(\d+);48;2;(\d+);(\d+);(\d+)m(▀+)", line) for line in lines]
+    white, red, blue = ["255"] * 3, ["255", "0", "0"], ["0", "0", "255"]
+    for row, found in enumerate(cells):
+        letters = [(list(cell[:3]), list(cell[3:6])) for cell in found for _ in cell[6]]
+        left, right = (white, blue) if row < 2 else (red, white)
+        assert letters == [(left, left)] * 4 + [(right, right)] * 4
+
+
+def test_picture_without_colors_tells_dark_from_light() -> None:
+    upper, lower = draw_picture(scene(1.0, 1.0), quarters, Terminal(columns=4, rows=50)).splitlines()
+    assert (upper[:2], len(lower)) == ("  ", 2)  # white
+    assert upper[2] == upper[3] == lower[0] == lower[1] != " "  # red and blue are a third as light
+
+
+@pytest.mark.parametrize(("across", "upwards", "size"), [(1.0, 1.0, (20, 10)), (4.0, 1.0, (30, 4)), (1.0, 3.0, (7, 10))])
+def test_picture_fits_into_the_terminal(across: float, upwards: float, size: tuple[int, int]) -> None:
+    lines = draw_picture(scene(across, upwards), lambda axes: axes.axvspan(-9.0, 9.0, color="black"), Terminal(30, 10)).splitlines()
+    assert (max(map(len, lines)), len(lines)) == pytest.approx(size, abs=1)
