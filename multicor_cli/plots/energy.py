@@ -9,8 +9,7 @@ import numpy as np
 
 from multicor_cli.model.model import Floats
 from multicor_cli.plots.style import COLORS, COLUMN, PAGE, PlotError, Terminal, TextLine, Ways, draw_text, show_decades
-from multicor_cli.post.energy import HEAT, MECHANICAL, BookLine, EnergyTable
-from multicor_cli.post.series import SeriesTable
+from multicor_cli.post.energy import HEAT, MECHANICAL, BookLine, EnergyTable, SeriesTable
 from multicor_cli.text import unit_sign
 
 # ---- The energy books: what came in and where it went, stacked, and how well the books close

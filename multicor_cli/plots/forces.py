@@ -9,9 +9,8 @@ import numpy as np
 from multicor_cli.model.model import Floats
 from multicor_cli.plots.grain_map import draw_discs, draw_walls, place_scene
 from multicor_cli.plots.style import COLORS, COLUMN, PAGE, Terminal, TextLine, Ways, draw_picture, draw_text, show_decades
-from multicor_cli.post.force_statistics import AngularDistribution, ForceDistribution
-from multicor_cli.post.forces import ForceNetwork
-from multicor_cli.post.scene import images
+from multicor_cli.post.forces import AngularDistribution, ForceDistribution, ForceNetwork
+from multicor_cli.post.grain_map import images
 
 # ---- Force network: a line for every contact, its width proportional to the normal force
 

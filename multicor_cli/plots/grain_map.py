@@ -22,9 +22,8 @@ from multicor_cli.plots.style import (
     rise_label,
     rise_reference,
 )
-from multicor_cli.post.grain_map import GrainMap
+from multicor_cli.post.grain_map import GrainMap, GrainScene, images
 from multicor_cli.post.quantities import color_range
-from multicor_cli.post.scene import GrainScene, images
 from multicor_cli.text import unit_sign
 
 # ---- Grains and walls of a frame drawn to scale

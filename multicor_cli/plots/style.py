@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
 from multicor_cli.optional import library
-from multicor_cli.post.scene import GrainScene
+from multicor_cli.post.grain_map import GrainScene
 from multicor_cli.store.atomic import commit_result, make_directory
 from multicor_cli.text import unit_sign
 

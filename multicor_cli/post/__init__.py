@@ -2,17 +2,21 @@
 
 from multicor_cli.post.compare import Comparison, ProfilePair, compare
 from multicor_cli.post.crossings import FlowTable, flow_through
-from multicor_cli.post.energy import EnergyTable, energy
+from multicor_cli.post.energy import EnergyTable, SeriesTable, energy, series
 from multicor_cli.post.fields import FieldTable, fields
-from multicor_cli.post.force_statistics import AngularDistribution, ForceDistribution, angular_distribution, force_distribution
-from multicor_cli.post.forces import ForceNetwork, force_network
-from multicor_cli.post.grain_map import GrainMap, grain_map
+from multicor_cli.post.forces import (
+    AngularDistribution,
+    ForceDistribution,
+    ForceNetwork,
+    angular_distribution,
+    force_distribution,
+    force_network,
+)
+from multicor_cli.post.grain_map import GrainMap, GrainScene, grain_map, make_scene
 from multicor_cli.post.profile import ProfileSet, ProfileTable, profile, profiles
 from multicor_cli.post.quantities import MAPPED, PROFILE_GROUPS, PROFILED, QUANTITIES, Quantity
 from multicor_cli.post.region import RegionTable, in_region
 from multicor_cli.post.rheology import Rheology, rheology
-from multicor_cli.post.scene import GrainScene, make_scene
-from multicor_cli.post.series import SeriesTable, series
 from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Selection, frame_index
 from multicor_cli.post.theta_eta import ThetaTable, theta_eta
 

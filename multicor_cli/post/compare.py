@@ -12,8 +12,7 @@ from multicor_cli.model.model import Floats
 from multicor_cli.post.energy import BookLine, energy
 from multicor_cli.post.profile import ProfileTable, profile
 from multicor_cli.post.rheology import QUANTITIES, Rheology, SeriesSource, rheology
-from multicor_cli.post.source import PostError, Selection, rows_of
-from multicor_cli.post.table import Table
+from multicor_cli.post.source import PostError, Selection, Table, rows_of
 
 
 class ScenarioSource(SeriesSource, Protocol):

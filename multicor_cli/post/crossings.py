@@ -11,9 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
-from multicor_cli.post.averages import Spread, spread
-from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Selection, model_of, rows_of
-from multicor_cli.post.table import Table
+from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Selection, Table, model_of, rows_of
+from multicor_cli.post.sums import Spread, spread
 from multicor_cli.text import count_noun
 
 Point = tuple[float, float]
@@ -63,7 +62,7 @@ class FlowTable(Table):
 
     @cached_property
     def spread(self) -> dict[str, Spread]:
-        """Errors and drifts of the mean rates by name; see `multicor_cli.post.averages.spread`."""
+        """Errors and drifts of the mean rates by name; see `multicor_cli.post.sums.spread`."""
         return {name: spread(values, self.time) for name, values in self.rate.items()}
 
     @property

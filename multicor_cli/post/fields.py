@@ -10,14 +10,23 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
-from multicor_cli.post.averages import pseudo_values, spread
-from multicor_cli.post.coarse import CoarseGrid
 from multicor_cli.post.contacts import has_forces
-from multicor_cli.post.field_points import FieldPoints, grid, line, polar_grid, rings
-from multicor_cli.post.field_sums import Field, column_names, derive, field_list, frame_sums
-from multicor_cli.post.scene import GrainScene, make_scene
-from multicor_cli.post.source import FrameSource, PostError, Selection, model_of, need_grains, rows_of
-from multicor_cli.post.table import Table
+from multicor_cli.post.field_sums import (
+    CoarseGrid,
+    Field,
+    FieldPoints,
+    column_names,
+    derive,
+    field_list,
+    frame_sums,
+    grid,
+    line,
+    polar_grid,
+    rings,
+)
+from multicor_cli.post.grain_map import GrainScene, make_scene
+from multicor_cli.post.source import FrameSource, PostError, Selection, Table, model_of, need_grains, rows_of
+from multicor_cli.post.sums import pseudo_values, spread
 from multicor_cli.text import choices
 
 Center = tuple[float, float]

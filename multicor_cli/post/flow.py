@@ -9,8 +9,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
-from multicor_cli.post.bins import Bins, heights, make_bins
-from multicor_cli.post.extent import Extent
+from multicor_cli.post.bins import Bins, Extent, heights, make_bins
 from multicor_cli.post.source import FrameSource, GrainFrame, model_of
 
 _CELL_LIMIT = 1000

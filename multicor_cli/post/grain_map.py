@@ -1,18 +1,137 @@
-"""A quantity of every grain of one frame, to be drawn as a map."""
+"""The grains and walls of a frame as shapes that can be drawn, and a quantity of every grain as a map."""
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
+from multicor_cli.model import Model
 from multicor_cli.model.model import Floats
+from multicor_cli.model.shapes import Outline, outlines
 from multicor_cli.post.quantities import MAPPED, SAME, Quantity
-from multicor_cli.post.scene import GrainScene, make_scene
-from multicor_cli.post.source import FrameSource, PostError, frame_index, need_grains, rows_of
-from multicor_cli.post.table import Table
+from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Table, frame_index, model_of, need_grains, rows_of
 from multicor_cli.text import choices
+
+# ---- The grains and walls of a frame as shapes that can be drawn
+
+_NEAR = 0.25  # walls count for the frame of a picture if they begin within this part of the grains' extent
+_MARGIN = 0.02
+
+
+@dataclass(frozen=True)
+class GrainScene:
+    """Where the grains and walls of a frame are.
+
+    Attributes:
+        center: Centers of the grains [m], shape ``(n, 2)``.
+        radius: Radii of the grains [m], shape ``(n,)``.
+        walls: What the shapes of the walls look like in the world, kind by kind; glued grains lie within the period.
+        period: Period in x [m]; 0 if there is none.
+        box: Lower left and upper right corner of what is to be seen [m], shape ``(2, 2)``.
+    """
+
+    center: Floats
+    radius: Floats
+    walls: Sequence[Outline]
+    period: float
+    box: Floats
+
+
+def make_scene(source: FrameSource, frame: GrainFrame) -> GrainScene:
+    """The scene of a frame; x is wrapped into the period.
+
+    Args:
+        source: The run.
+        frame: One of its frames.
+
+    Raises:
+        StoreError: If the run cannot be read.
+    """
+    model = model_of(source, frame)
+    center = np.array(np.asarray(frame.position, np.float64)[:, :2])
+    walls = [outline for _, outline in placed_walls(model, np.asarray(frame.wall_position, np.float64))]
+    if model.period > 0.0:
+        center[:, 0] %= model.period
+        for outline in walls:
+            if outline.is_grain:
+                outline.points[..., 0] %= model.period
+    box = _find_box(center, model.grains.radius, walls)
+    if model.period > 0.0:
+        box[:, 0] = 0.0, model.period
+    return GrainScene(center, model.grains.radius, walls, model.period, box)
+
+
+def placed_walls(
+    model: Model, pose: Floats, is_asked: NDArray[np.bool_] | None = None
+) -> Iterator[tuple[NDArray[np.int64], Outline]]:
+    """What the shapes of the walls look like in the world, kind by kind: which of them, and their outlines.
+
+    Args:
+        model: The walls.
+        pose: Reference points and angles of the walls [m, rad], shape ``(w, 3)``.
+        is_asked: Of which walls, shape ``(w,)``; default: all.
+    """
+    shapes = model.shapes
+    asked = np.arange(model.shape_count) if is_asked is None else np.flatnonzero(is_asked[shapes.wall])
+    for which, outline in outlines(shapes.kind[asked], shapes.geometry[asked]):
+        yield asked[which], _placed(outline, pose[shapes.wall[asked[which]]])
+
+
+def images(x: Floats, reach: Floats, period: float) -> tuple[NDArray[np.int64], Floats]:
+    """What is to be drawn of things that cross the ends of the period.
+
+    Args:
+        x: Where they are, within the period [m], shape ``(n,)``.
+        reach: How far they reach to both sides [m], shape ``(n,)``.
+        period: The period [m]; 0 if there is none.
+
+    Returns:
+        Number of each thing to be drawn, and its shift in x [m]: all of them unshifted, then the images.
+    """
+    everything = np.arange(x.size)
+    if period <= 0.0:
+        return everything, np.zeros(x.size)
+    left, right = np.flatnonzero(x + reach > period), np.flatnonzero(x - reach < 0.0)
+    shift = np.concatenate([np.zeros(x.size), np.full(left.size, -period), np.full(right.size, period)])
+    return np.concatenate([everything, left, right]), shift
+
+
+def _placed(outline: Outline, pose: Floats) -> Outline:
+    """Outlines turned and moved with their walls, whose poses have shape ``(k, 3)``."""
+    points = _turned(outline.points, pose[:, np.newaxis, 2]) + pose[:, np.newaxis, :2]
+    return replace(outline, points=points, normal=None if outline.normal is None else _turned(outline.normal, pose[:, 2]))
+
+
+def _turned(vectors: Floats, angle: Floats) -> Floats:
+    c, s = np.cos(angle), np.sin(angle)
+    x, y = vectors[..., 0], vectors[..., 1]
+    return np.stack([c * x - s * y, s * x + c * y], axis=-1)
+
+
+def _find_box(center: Floats, radius: Floats, walls: Sequence[Outline]) -> Floats:
+    """Around the grains and the walls with ends that are near."""
+    low, high = np.concatenate([np.zeros((2, 0, 2)), *(outline.corners() for outline in walls if outline.normal is None)], axis=1)
+    grains = np.array(
+        [
+            (center - radius[:, np.newaxis]).min(axis=0, initial=np.inf),
+            (center + radius[:, np.newaxis]).max(axis=0, initial=-np.inf),
+        ]
+    )
+    if not radius.size:  # none is there yet, or any more
+        grains = np.array([low.min(axis=0), high.max(axis=0)]) if len(low) else np.array([[0.0, 0.0], [1.0, 1.0]])
+    room = _NEAR * (grains[1] - grains[0]).max()
+    near = ((low <= grains[1] + room) & (high >= grains[0] - room)).all(axis=1)
+    box = np.array([np.minimum(grains[0], low[near].min(axis=0, initial=np.inf)), grains[1]])
+    box[1] = np.maximum(box[1], high[near].max(axis=0, initial=-np.inf))
+    margin = _MARGIN * float((box[1] - box[0]).max())
+    return np.asarray(box + np.array([[-margin], [margin]]))
+
+
+# ---- A quantity of every grain of one frame, to be drawn as a map
 
 
 @dataclass(frozen=True, repr=False)

@@ -10,13 +10,11 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
-from multicor_cli.post.bins import Bins, make_bins
-from multicor_cli.post.contacts import with_forces
-from multicor_cli.post.extent import Between
+from multicor_cli.post.bins import Between, Bins, make_bins
+from multicor_cli.post.contacts import FrameOfGroups, of_groups, with_forces
 from multicor_cli.post.flow import RelativeFrame, mean_flow
-from multicor_cli.post.groups import FrameOfGroups, of_groups
 from multicor_cli.post.quantities import PROFILE_GROUPS, PROFILED, SAME, Quantity
-from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Selection, model_of, rows_of
+from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Selection, Table, model_of, rows_of
 from multicor_cli.post.sums import (
     Sums,
     Values,
@@ -29,7 +27,6 @@ from multicor_cli.post.sums import (
     sum_rates,
     sum_shares,
 )
-from multicor_cli.post.table import Table
 from multicor_cli.text import choices
 
 
@@ -43,7 +40,7 @@ class ProfileTable(Table):
     stretch with the walls, so that in every frame they end at the walls.
 
     Standard errors hold what consecutive frames (for rates: intervals between frames) remember of each other; they are nan with
-    too few frames to tell (see `multicor_cli.post.averages.spread`). Averages over bins that no grain has touched are nan.
+    too few frames to tell (see `multicor_cli.post.sums.spread`). Averages over bins that no grain has touched are nan.
 
     Attributes:
         field: What was averaged.
@@ -52,7 +49,7 @@ class ProfileTable(Table):
         error: Standard errors, shape ``(b,)``.
         area: Area of the grains in each bin, averaged over the frames [m²], shape ``(b,)``.
         width: Width of a bin, in the unit of ``y``.
-        height: Distance of the walls [m]; see `multicor_cli.post.extent.Extent`.
+        height: Distance of the walls [m]; see `multicor_cli.post.bins.Extent`.
         wall_values: Averages of the field at the lower and upper wall; nan where there is none.
         walls: Names of the lower and upper wall; empty where there is none.
         shear_rate: Difference of the mean velocities of the upper and lower wall over their distance [1/s]; nan without them.

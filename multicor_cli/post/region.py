@@ -11,10 +11,9 @@ from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import Area, Rectangle, Room
-from multicor_cli.post.averages import Spread, spread
 from multicor_cli.post.contacts import LoadedContacts, has_forces, loaded_contacts
-from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Selection, model_of, rows_of
-from multicor_cli.post.table import Table
+from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Selection, Table, model_of, rows_of
+from multicor_cli.post.sums import Spread, spread
 
 _UNITS = {
     "solid_fraction": "1", "coordination": "1", "velocity_x": "m/s", "velocity_y": "m/s", "spin": "rad/s", "temperature": "K",
@@ -68,7 +67,7 @@ class RegionTable(Table):
 
     @cached_property
     def spread(self) -> dict[str, Spread]:
-        """Errors and drifts of the means by name; see `multicor_cli.post.averages.spread`."""
+        """Errors and drifts of the means by name; see `multicor_cli.post.sums.spread`."""
         return {name: spread(v, self.time) for name, v in self.values.items()}
 
     @property

@@ -9,21 +9,20 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
-from multicor_cli.post.averages import scatter
-from multicor_cli.post.bins import BIN_LIMIT
-from multicor_cli.post.extent import wall_spans
+from multicor_cli.post.bins import BIN_LIMIT, wall_spans
 from multicor_cli.post.source import (
     FrameSource,
     GrainFrame,
     PostError,
     Selection,
+    Table,
     frame_index,
     model_of,
     need_grains,
     need_heat,
     rows_of,
 )
-from multicor_cli.post.table import Table
+from multicor_cli.post.sums import scatter
 from multicor_cli.text import choices
 
 _ROUNDING = 1e-12  # of a mean of equal temperatures, which is to be that temperature

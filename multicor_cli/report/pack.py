@@ -1,23 +1,212 @@
-"""The grains of many frames in as few bytes as the page may have."""
+"""The grains of many frames in as few bytes as the page may have: which frames and values, and how they are made small."""
 
 from __future__ import annotations
 
 import math
+import zlib
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
-from multicor_cli.post import Quantity
+from multicor_cli.post import QUANTITIES, PostError, Quantity
+from multicor_cli.post.contacts import has_forces, loaded_contacts
+from multicor_cli.post.grain_map import make_scene
 from multicor_cli.post.quantities import color_range
-from multicor_cli.report.collect import ContactsView, FrameView, thin_frames, view_of
-from multicor_cli.report.fields import SPACINGS, fields_of
-from multicor_cli.report.quantize import Code, compress
 from multicor_cli.store import Run
+from multicor_cli.store.frame_view import Frame
 from multicor_cli.store.progress import Progress, no_progress
+
+# ---- Floating-point numbers as small integers whose resolution is known, and as few bytes as deflate can make of them
+
+Spacing = Literal["even", "square", "signed"]
+"""``even``: all steps are equal. ``square``: steps grow from the low end on, ``signed``: from the middle on, to both sides, for
+quantities of which most values are small."""
+
+_LEVEL = 6  # of deflate: 9 takes three times as long for 1 % less
+
+
+@dataclass(frozen=True)
+class Code:
+    """How numbers of one quantity become integers; the largest integer of the type stands for "not known".
+
+    Attributes:
+        low: Number that becomes 0.
+        high: Number that becomes the largest code in use.
+        width: Bytes of a code: 1, 2 or 4.
+        spacing: How the numbers between are spaced.
+    """
+
+    low: float
+    high: float
+    width: int
+    spacing: Spacing = "even"
+
+    @property
+    def largest(self) -> int:
+        """The largest code in use."""
+        return int(256**self.width - 2)
+
+    @property
+    def resolution(self) -> float:
+        """Largest distance of neighboring numbers, over their range."""
+        return (1.0 if self.spacing == "even" else 2.0) / self.largest
+
+    def encode(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Codes of numbers; those outside of the range get the code of its end, nan the one for "not known"."""
+        values = np.asarray(values, np.float64)
+        width = self.high - self.low
+        share = np.clip((values - self.low) / width, 0.0, 1.0) if width > 0.0 else np.where(np.isnan(values), np.nan, 0.0)
+        if self.spacing == "square":
+            share = np.sqrt(share)
+        elif self.spacing == "signed":
+            share = 0.5 + 0.5 * np.sign(share - 0.5) * np.sqrt(np.abs(2.0 * share - 1.0))
+        unknown = np.isnan(share)
+        codes = np.rint(np.where(unknown, 0.0, share) * self.largest).astype(f"<u{self.width}")
+        codes[unknown] = self.largest + 1
+        return np.asarray(codes)
+
+    def decode(self, codes: NDArray[Any]) -> Floats:
+        """Numbers of codes, as the page computes them."""
+        share = codes.astype(np.float64) / self.largest
+        if self.spacing == "square":
+            share *= share
+        elif self.spacing == "signed":
+            share = 0.5 + 0.5 * (2.0 * share - 1.0) * np.abs(2.0 * share - 1.0)
+        return np.where(codes > self.largest, np.nan, self.low + (self.high - self.low) * share)
+
+
+def compress(arrays: list[NDArray[Any]]) -> bytes:
+    """Arrays of unsigned integers one after the other, each as its lowest bytes, then the next ones …; deflated (zlib format)."""
+    planes = [np.ascontiguousarray(array.view(np.uint8).reshape(array.size, -1).T).tobytes() for array in arrays if array.size]
+    return zlib.compress(b"".join(planes), _LEVEL)
+
+
+# ---- What the grains on the page can be colored by
+
+SPACINGS: dict[str, Spacing] = {
+    "speed": "square",
+    "velocity": "signed",
+    "velocity-y": "signed",
+    "spin": "signed",
+    "temperature": "even",
+    "heat": "square",
+    "force": "square",
+}
+"""How the values of each quantity are stored; the page has these quantities, in this order."""
+
+
+def fields_of(run: Run) -> tuple[Quantity, ...]:
+    """The quantities that a run can have."""
+    return tuple(QUANTITIES[name] for name in SPACINGS if run.model.thermal is not None or not QUANTITIES[name].needs_heat)
+
+
+def values_of(quantity: Quantity, run: Run, frame: int) -> Floats | None:
+    """Values of the grains of a frame, shape ``(n,)``, or None where the frame has none."""
+    assert quantity.of_grain is not None
+    try:
+        return quantity.of_grain(run, frame)
+    except PostError:
+        return None
+
+
+# ---- The frames of a run as the page needs them: read once, kept small
+
+Singles = NDArray[np.float32]
+
+
+@dataclass(frozen=True)
+class ContactsView:
+    """The contacts of a frame that carry a force; ``c`` of them, ordered by the first grain.
+
+    Attributes:
+        i: First grain, shape ``(c,)``.
+        j: Second grain; −1: a wall, shape ``(c,)``.
+        angle: Direction from the first grain to the contact [rad], −π … π, shape ``(c,)``.
+        force: Normal force without sign [N], shape ``(c,)``.
+    """
+
+    i: NDArray[np.int64]
+    j: NDArray[np.int64]
+    angle: Singles
+    force: Singles
+
+    def strongest(self, count: int) -> ContactsView:
+        """The ``count`` contacts with the largest forces."""
+        if count >= self.i.size:
+            return self
+        kept = np.sort(np.argpartition(-self.force, count)[:count]) if count else np.zeros(0, np.int64)
+        return ContactsView(self.i[kept], self.j[kept], self.angle[kept], self.force[kept])
+
+
+@dataclass(frozen=True)
+class FrameView:
+    """A frame; ``n`` grains, ``w`` walls.
+
+    Attributes:
+        index: Its number in the run.
+        center: Centers, x within the period [m], shape ``(n, 2)``.
+        values: Values of the fields by name, each of shape ``(n,)``; a field that this frame lacks is missing.
+        contacts: Its contacts, or None where they are not in the file.
+        walls: Displacement [m] and angle [rad] of the walls, shape ``(w, 3)``.
+        box: Corners of what is to be seen [m], shape ``(2, 2)``.
+    """
+
+    index: int
+    center: Singles
+    values: dict[str, NDArray[Any]]
+    contacts: ContactsView | None
+    walls: Floats
+    box: Floats
+
+
+def thin_frames(count: int, wanted: int) -> NDArray[np.int64]:
+    """Numbers of about ``wanted`` of ``count`` frames, evenly spaced; the last one is always among them."""
+    if wanted >= count:
+        return np.arange(count)
+    return np.unique(np.rint(np.linspace(0.0 if wanted > 1 else count - 1.0, count - 1.0, wanted)).astype(np.int64))
+
+
+def view_of(run: Run, index: int) -> FrameView:
+    """Read a frame; raises `multicor_cli.store.StoreError`."""
+    frame = run.frames[index]
+    scene = make_scene(run, frame)
+    values = {}
+    for field in fields_of(run):
+        found = values_of(field, run, index)
+        if found is not None:
+            # Temperatures may differ by millikelvins only, which single precision does not resolve.
+            values[field.name] = np.asarray(found, np.float64 if field.unit == "K" else np.float32)
+    walls = np.array(frame.wall_position, np.float64)
+    center = scene.center.astype(np.float32)
+    if frame.is_open:  # grains that are not there have no place
+        center, values = _spread(run, frame, center), {name: _spread(run, frame, found) for name, found in values.items()}
+    return FrameView(index, center, values, _contacts(run, index), walls, scene.box)
+
+
+def _spread(run: Run, frame: Frame, values: NDArray[Any]) -> NDArray[Any]:
+    """Values of all grains of the run, nan for those that are not there."""
+    found = np.full((run.model.grain_count, *values.shape[1:]), np.nan, values.dtype)
+    found[frame.number] = values
+    return found
+
+
+def _contacts(run: Run, index: int) -> ContactsView | None:
+    frame = run.frames[index]
+    if not has_forces(frame):
+        return None
+    contacts = loaded_contacts(frame, frame.model)
+    normal, j = contacts.normal, np.where(contacts.is_wall, -1, contacts.j).astype(np.int64)
+    i = frame.number[contacts.i]
+    j[~contacts.is_wall] = frame.number[j[~contacts.is_wall]]
+    angle = np.arctan2(-normal[:, 1], -normal[:, 0]).astype(np.float32)
+    return ContactsView(i, j, angle, np.abs(contacts.force[:, 0]).astype(np.float32))
+
+
+# ---- Frames as bytes
 
 _CONTACT_SHARE = 0.25  # of the bytes of a frame may belong to contacts if not everything fits
 _SAFETY = 1.03  # frames may be this much larger than the one that was tried

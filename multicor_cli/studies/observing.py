@@ -120,7 +120,7 @@ def _start(run: Any, after: After | None) -> float | None:
 
 
 def _mean_of_series(run: Any, name: str, start: float | None) -> Number:
-    """Mean of a column, weighted by the windows, with its standard error; see `multicor_cli.post.averages`."""
+    """Mean of a column, weighted by the windows, with its standard error; see `multicor_cli.post.sums`."""
     if name not in run.series:
         raise Unobservable(f"the time series has no {name}; it has {', '.join(run.series)}")
     column = np.asarray(run.series[name], float)

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
-from multicor_cli.post import force_statistics, forces
+from multicor_cli.post import forces
 from multicor_cli.post.energy import HEAT, MECHANICAL, energy
 from multicor_cli.post.grain_map import grain_map
 from multicor_cli.post.profile import profile
@@ -107,13 +107,13 @@ def _map(run: Run, row: Observable, _selection: Selection) -> Number:
 
 
 _OF_NETWORK = forces.SUMMARY
-_OF_DIRECTIONS = force_statistics.MOMENTS
+_OF_DIRECTIONS = forces.MOMENTS
 
 
 def _forces(run: Run, row: Observable, selection: Selection) -> Number:
     if row.value in _OF_NETWORK:
         return Number(float(forces.force_network(run).summary[_value(row)]))
-    return Number(force_statistics.angular_distribution(run, selection).moments[_value(row)])
+    return Number(forces.angular_distribution(run, selection).moments[_value(row)])
 
 
 _CLOSURES = ("energy_closure", "heat_closure")

@@ -17,7 +17,7 @@ from recorded import keep
 from scipy.optimize import curve_fit
 
 import multicor_cli as multicor
-from multicor_cli.post.extent import find_extent
+from multicor_cli.post.bins import find_extent
 from multicor_cli.post.profile import profile
 from multicor_cli.post.source import Selection
 from multicor_cli.store import Run

@@ -210,7 +210,7 @@ def remembering_error(values: list[tuple[Floats, Floats]]) -> Floats:
 
 
 def error_of_mean(x: Floats) -> float:
-    """As `multicor_cli.post.averages.spread`, in plain loops."""
+    """As `multicor_cli.post.sums.spread`, in plain loops."""
     n, away = x.size, x - x.mean()
     if np.abs(away).max() <= 1e-14 * n * np.abs(x).max():
         return 0.0

@@ -47,7 +47,7 @@ from multicor_cli.post import (
     rheology,
     theta_eta,
 )
-from multicor_cli.post.extent import find_extent
+from multicor_cli.post.bins import find_extent
 from multicor_cli.store import Run, open_run
 
 ALL = Selection(frames=slice(None))

@@ -34,7 +34,7 @@ from multicor_cli.post import (
     profiles,
     rheology,
 )
-from multicor_cli.post.scene import GrainScene
+from multicor_cli.post.grain_map import GrainScene
 from multicor_cli.store import Run, open_run
 
 ALL = Selection(start=0.0)

@@ -7,7 +7,7 @@ import math
 import numpy as np
 import pytest
 
-from multicor_cli.post.averages import FEW_ROWS, pseudo_values, spread
+from multicor_cli.post.sums import FEW_ROWS, pseudo_values, spread
 
 
 def autoregressive(phi: float, rows: int, count: int, seed: int = 1) -> np.ndarray:

@@ -11,7 +11,7 @@ from made_up_frames import source_of
 from scene_parts import make_model
 
 from multicor_cli.post import PostError, Selection, fields
-from multicor_cli.post.coarse import CoarseGrid
+from multicor_cli.post.field_sums import CoarseGrid
 
 ALL = Selection(frames=slice(None))
 FIRST = Selection(frames=slice(0, 1))

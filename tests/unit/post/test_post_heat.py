@@ -14,7 +14,7 @@ from made_up_frames import source_of
 
 from multicor_cli.model import Model
 from multicor_cli.post import PostError, Selection, grain_map, theta_eta
-from multicor_cli.post.extent import find_extent
+from multicor_cli.post.bins import find_extent
 from multicor_cli.post.flow import mean_flow
 from multicor_cli.post.sums import Bins
 from multicor_cli.store import Frame, Run, open_run

@@ -17,9 +17,9 @@ from scene_parts import between_planes, make_shapes
 from multicor_cli import post
 from multicor_cli.model import ShapeKind
 from multicor_cli.post import PostError, Selection
-from multicor_cli.post.averages import standard_error
-from multicor_cli.post.binning import area_below, share_discs
+from multicor_cli.post.bins import area_below, share_discs
 from multicor_cli.post.profile import ProfileTable
+from multicor_cli.post.sums import standard_error
 
 EVERY = Selection(frames=slice(None))
 

@@ -10,7 +10,7 @@ from scenes import SMALL
 import multicor_cli as multicor
 from multicor_cli.model.shapes import Annulus, Area, Polygon, Rectangle
 from multicor_cli.post import PostError, Selection, in_region, profile
-from multicor_cli.post.extent import find_extent
+from multicor_cli.post.bins import find_extent
 from multicor_cli.post.region import part_inside
 from multicor_cli.post.sums import plane_width
 from multicor_cli.scenario.load import parse_scenario

@@ -14,8 +14,8 @@ from scene_parts import between_planes, make_shapes
 
 from multicor_cli.model import ShapeKind
 from multicor_cli.post import PostError, Selection, rheology
-from multicor_cli.post.averages import standard_error
 from multicor_cli.post.rheology import QUANTITIES
+from multicor_cli.post.sums import standard_error
 from multicor_cli.store import open_run
 
 N, RADIUS, PERIOD, RATE, LAPSE = 400, 0.01, 4.0, 3.0, 0.25

@@ -18,9 +18,8 @@ from scenes import write_small
 import multicor_cli as multicor
 from multicor_cli.model import Model
 from multicor_cli.post import PROFILE_GROUPS, PostError, Selection, grain_map, rheology
-from multicor_cli.post.binning import part_between, share_lines
-from multicor_cli.post.contacts import loaded_contacts
-from multicor_cli.post.groups import FrameOfGroups
+from multicor_cli.post.bins import part_between, share_lines
+from multicor_cli.post.contacts import FrameOfGroups, loaded_contacts
 from multicor_cli.store import Run, open_run
 
 ALL = Selection(start=0.0)

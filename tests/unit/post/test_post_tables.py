@@ -11,8 +11,8 @@ from heat_run import write_heated_run
 
 from multicor_cli.optional import MissingLibrary
 from multicor_cli.post import Selection, angular_distribution, energy, force_distribution, profile, theta_eta
-from multicor_cli.post.averages import scatter
 from multicor_cli.post.compare import _labels
+from multicor_cli.post.sums import scatter
 from multicor_cli.store import Run, open_run
 
 

@@ -12,7 +12,7 @@ from packing_support import scenario, wall
 
 from multicor_cli.model import Model
 from multicor_cli.packing import build
-from multicor_cli.post.extent import Extent, find_extent
+from multicor_cli.post.bins import Extent, find_extent
 
 GROUND = ("domain.periodic = true", "particles.0.count = 60", "particles.0.region = { min = [0.0, 0.015], max = [0.06, 0.045] }")
 LID = wall("lid", 'kind = "rough", from = [0, 0.055], to = [0.06, 0.055], side = "right"')

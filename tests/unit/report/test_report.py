@@ -24,12 +24,9 @@ from multicor_cli.post import QUANTITIES, PostError, force_network, rheology
 from multicor_cli.post.energy import HEAT, EnergyTable
 from multicor_cli.post.quantities import color_range
 from multicor_cli.report import write_report
-from multicor_cli.report.collect import ContactsView, thin_frames
-from multicor_cli.report.fields import values_of
 from multicor_cli.report.figures import _book_lines, _Thinning
-from multicor_cli.report.pack import _ends, _sane, pack_frames
+from multicor_cli.report.pack import Code, ContactsView, _ends, _sane, compress, pack_frames, thin_frames, values_of
 from multicor_cli.report.page import _solids
-from multicor_cli.report.quantize import Code, compress
 from multicor_cli.report.tables import ReportRow, describe_forces, describe_rheology, describe_run, describe_stages, pretty
 from multicor_cli.report.write import default_path
 from multicor_cli.store import RunDirectory, StoreError, open_run, run_info

@@ -18,7 +18,7 @@ from multicor_cli.export.csv_files import export_csv
 from multicor_cli.model import Presence
 from multicor_cli.packing.build import build, place
 from multicor_cli.post import PostError
-from multicor_cli.report.collect import view_of
+from multicor_cli.report.pack import view_of
 from multicor_cli.running.planning import make_plan
 from multicor_cli.running.session import Session, make_stepper
 from multicor_cli.running.stage import begin_stage
