@@ -6,7 +6,7 @@ import subprocess
 import tempfile
 from dataclasses import dataclass
 
-from multicor_cli.running.children import python_child
+from multicor_cli.running.compiling import python_child
 
 _CODE = """
 import os, time

@@ -18,10 +18,9 @@ from multicor_cli.engine.coupled import CoupledEngine
 from multicor_cli.model import Model, State
 from multicor_cli.packing import build
 from multicor_cli.running.controller import Controller
-from multicor_cli.running.plan import RunPlan, StagePlan
+from multicor_cli.running.plan import RunPlan, StagePlan, begin_stage
 from multicor_cli.running.planning import make_plan
 from multicor_cli.running.session import make_engine
-from multicor_cli.running.stage import begin_stage
 from multicor_cli.scenario import Scenario, parse_scenario
 
 

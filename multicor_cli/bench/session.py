@@ -14,7 +14,7 @@ from typing import Any, TypeVar
 from multicor_cli.bench.calibration import copy_bandwidth
 from multicor_cli.bench.compilation import CompileTimes, time_compilation
 from multicor_cli.bench.measuring import Result, Task, measure
-from multicor_cli.running.children import end_with_parent, python_child
+from multicor_cli.running.compiling import end_with_parent, python_child
 
 T = TypeVar("T")
 

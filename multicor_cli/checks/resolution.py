@@ -15,7 +15,7 @@ from multicor_cli.engine.heat.hertz import contact_modulus
 from multicor_cli.engine.motion.drives import DofDrive
 from multicor_cli.model import Model
 from multicor_cli.model.model import Floats
-from multicor_cli.running.memory import available_memory
+from multicor_cli.running.compiling import available_memory
 from multicor_cli.running.time_step import Scales, StepReview, largest_friction, largest_gravity, largest_speed
 from multicor_cli.scenario.heat import PrescribedForce
 from multicor_cli.scenario.scenario import Scenario

@@ -67,7 +67,7 @@ def bench(
     from multicor_cli.bench.recorded import read_record, write_record
     from multicor_cli.bench.scenes import SCENES
     from multicor_cli.bench.session import run_benchmark
-    from multicor_cli.running.threads import available_cores
+    from multicor_cli.running.compiling import available_cores
 
     unknown = [name for name in scenes or [] if name not in SCENES]
     if unknown:

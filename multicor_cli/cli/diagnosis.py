@@ -49,7 +49,7 @@ def _hdf5_version() -> str:
 
 
 def _cores() -> str:
-    from multicor_cli.running.threads import available_cores
+    from multicor_cli.running.compiling import available_cores
 
     return f"{available_cores()} of {os.cpu_count()}"
 
@@ -67,8 +67,7 @@ def _threading() -> dict[str, str]:
     """The threading layer that kernels get, asked for in another process: whatever fails there, this one goes on."""
     import subprocess
 
-    from multicor_cli.running.children import python_child
-    from multicor_cli.running.threads import reserve_threads
+    from multicor_cli.running.compiling import python_child, reserve_threads
 
     reserve_threads()  # as a run does
     command, environment = python_child("-c", "from multicor_cli.engine.jit.cache import describe_layer; print(describe_layer())")

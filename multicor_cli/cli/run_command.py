@@ -85,7 +85,7 @@ class _Job(NamedTuple):
 
 def _prepare(path: Path, overrides: Sequence[str], threads: int) -> _Job:
     """Load the scenario, and the engine with room for the threads: most of the time before a run can begin."""
-    from multicor_cli.running.threads import reserve_threads
+    from multicor_cli.running.compiling import reserve_threads
     from multicor_cli.scenario.load import load_scenario
 
     scenario = load_scenario(path, overrides)
@@ -150,7 +150,7 @@ def _conclude(outcome: RunOutcome, *, is_quiet: bool, is_strict: bool) -> None:
 
 def _dry_run(job: _Job) -> None:
     from multicor_cli.packing import build
-    from multicor_cli.running.dry_run import try_step
+    from multicor_cli.running.session import try_step
 
     say("placing the grains")
     model, state = build(job.scenario)

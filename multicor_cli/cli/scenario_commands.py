@@ -62,7 +62,7 @@ def validate(
     is_json: Annotated[bool, typer.Option("--json", help="Print the result as JSON.")] = False,
 ) -> None:
     """Check a scenario, place its grains, and estimate what a run will cost. Nothing is written."""
-    from multicor_cli.running.threads import reserve_threads
+    from multicor_cli.running.compiling import reserve_threads
     from multicor_cli.scenario.load import load_scenario
 
     loaded = load_scenario(scenario, overrides or ())

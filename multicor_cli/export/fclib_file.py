@@ -23,10 +23,9 @@ from multicor_cli.model import Model, State
 from multicor_cli.model.columns import NORMAL, TANGENTIAL
 from multicor_cli.model.model import Floats, Ints
 from multicor_cli.running.cadence import is_due
-from multicor_cli.running.plan import RunPlan, StagePlan
+from multicor_cli.running.plan import RunPlan, StagePlan, resume_stage
 from multicor_cli.running.planning import make_plan
 from multicor_cli.running.session import make_engine
-from multicor_cli.running.stage import resume_stage
 from multicor_cli.scenario.load import parse_scenario
 from multicor_cli.scenario.scenario import Scenario
 from multicor_cli.store import Frame, Run

@@ -65,7 +65,7 @@ def run(
         raise TypeError(f"an observer has the methods of multicor_cli.Observer; this one lacks {', '.join(missing)}")
     if steer_every < 1:
         raise ValueError(f"steer_every counts steps and must be at least 1, is {steer_every}")
-    from multicor_cli.running.threads import reserve_threads
+    from multicor_cli.running.compiling import reserve_threads
     from multicor_cli.scenario.load import load_scenario
 
     if isinstance(scenario, str | Path):

@@ -1,13 +1,132 @@
-"""The kernels of a first run, compiled on two cores. As a program, the process on the second one."""
+"""What a run takes of the machine: processes, threads, memory, and a second core that compiles. As a program: the process on it."""
 
 from __future__ import annotations
 
 import contextlib
+import ctypes
+import os
+import site
 import subprocess
+import sys
+import threading
 from collections.abc import Iterator
+from pathlib import Path
 
 from multicor_cli.engine.jit.cache import is_compiled, is_kept
-from multicor_cli.running.children import end_with_parent, python_child
+
+# ---- How every Python process that this program starts begins: without the working directory on its path
+
+
+def python_child(*words: str, **variables: str) -> tuple[list[str], dict[str, str]]:
+    """Command and environment of a Python process that finds modules where this one does, but never in the working directory.
+
+    ``python -c`` and ``python -m`` put the working directory first: a file ``random.py`` there, of the user or of a folder from
+    somewhere, would be run in place of the library's. ``-P`` keeps it out, ``PYTHONSAFEPATH`` out of what the child starts in turn.
+    ``-I`` would keep out ``PYTHONPATH`` and the user's own packages too, where libraries may be installed; of ``PYTHONPATH`` only
+    the parts go that mean the working directory.
+
+    Args:
+        words: What follows the interpreter: ``-m``, ``-c``, or a file, and arguments.
+        variables: Further variables of the environment.
+
+    Returns:
+        The command and all of its environment.
+    """
+    path = [part for part in os.environ.get("PYTHONPATH", "").split(os.pathsep) if os.path.normpath(part) != "."]
+    root = str(Path(__file__).resolve().parents[2])
+    if root not in (*path, *site.getsitepackages(), site.getusersitepackages()):
+        path.append(root)  # a source tree that is not installed
+    safe = {"PYTHONSAFEPATH": "1", "PYTHONPATH": os.pathsep.join(path)}
+    return [sys.executable, "-I" if sys.flags.isolated else "-P", *words], {**os.environ, **safe, **variables}
+
+
+def end_with_parent() -> None:
+    """End this process when the other end of its standard input is closed; returns at once."""
+
+    def wait() -> None:
+        while sys.stdin.buffer.read(4096):
+            pass
+        os._exit(0)
+
+    threading.Thread(target=wait, daemon=True).start()
+
+
+# ---- How many threads the kernels use. Numba fixes the largest possible number when it is imported; more than cores is allowed
+
+LIMIT = 1024
+"""Largest number of threads."""
+
+_VARIABLE = "NUMBA_NUM_THREADS"
+
+
+def available_cores() -> int:
+    """Number of cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def reserve_threads(requested: int = 0) -> int:
+    """Make room for a number of threads; call before Numba is imported.
+
+    Args:
+        requested: Number of threads; 0 takes ``$NUMBA_NUM_THREADS`` if set, else all cores.
+
+    Returns:
+        The number of threads to use.
+
+    Raises:
+        ValueError: If the number is not between 0 and `LIMIT`, or if Numba has been imported with room for fewer.
+    """
+    if not 0 <= requested <= LIMIT:
+        raise ValueError(f"{requested} threads: choose between 1 and {LIMIT}, or 0 for all cores")
+    given = os.environ.get(_VARIABLE, "")
+    room = int(given) if given.isdecimal() and 0 < int(given) <= LIMIT else available_cores()
+    wanted = requested or room
+    numba = sys.modules.get("numba")
+    if numba is None:
+        os.environ[_VARIABLE] = str(max(room, wanted))
+        return wanted
+    room = int(numba.config.NUMBA_NUM_THREADS)
+    if requested > room:
+        raise ValueError(f"{requested} threads: Numba has been imported with room for {room}; set {_VARIABLE} beforehand")
+    return min(wanted, room)
+
+
+# ---- Memory: what the machine has left, and keeping what was freed for the next time step
+
+_TRIM_THRESHOLD, _MMAP_THRESHOLD = -1, -3  # options of mallopt(3)
+_NEVER = 2**31 - 1
+
+
+def keep_freed_memory() -> bool:
+    """Ask the C library not to give freed memory back to the system before the process ends.
+
+    Otherwise every array above some 100 kB is a fresh mapping, whose pages the system has to find and to clear when they are first
+    touched, in every time step again: a fifth of what is done before the first sweep. The peak of the memory stays as it is.
+
+    Returns:
+        Whether the C library knows how (that of GNU does).
+    """
+    if not sys.platform.startswith("linux"):
+        return False
+    mallopt = getattr(ctypes.CDLL(None), "mallopt", None)
+    if mallopt is None:
+        return False
+    return bool(mallopt(_MMAP_THRESHOLD, _NEVER)) and bool(mallopt(_TRIM_THRESHOLD, _NEVER))
+
+
+def available_memory() -> int | None:
+    """Memory that a process can have without others being pushed out [bytes]; None where the system does not tell."""
+    with contextlib.suppress(OSError, ValueError, IndexError):
+        lines = Path("/proc/meminfo").read_text().splitlines()
+        for line in lines:
+            if line.startswith("MemAvailable:"):
+                return int(line.split()[1]) << 10
+    with contextlib.suppress(OSError, ValueError):
+        return os.sysconf("SC_PAGE_SIZE") * os.sysconf("SC_PHYS_PAGES")
+    return None
+
+
+# ---- The kernels of a first run, compiled on two cores
 
 
 @contextlib.contextmanager

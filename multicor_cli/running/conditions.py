@@ -6,15 +6,49 @@ likewise.
 
 from __future__ import annotations
 
+import math
 from abc import ABC, abstractmethod
 from dataclasses import dataclass
 from typing import ClassVar, Literal
 
 import numpy as np
 
-from multicor_cli.model import BOOK_NAMES, State
+from multicor_cli.arithmetic.sums import mean, total
+from multicor_cli.engine.motion.spacing import Spacing
+from multicor_cli.model import BOOK_NAMES, Model, State
+from multicor_cli.model.columns import X
 from multicor_cli.model.model import Floats
-from multicor_cli.running.gauges import ShearGauge
+from multicor_cli.running.cadence import is_due
+
+# ---- Shear strain, as it is measured between two walls
+
+
+@dataclass(frozen=True)
+class ShearGauge:
+    """Measures shear strain between two walls: relative displacement in x over the distance in y, summed over the steps.
+
+    Increments count by their absolute value, so that the strain of a stage that shears back and forth keeps growing.
+
+    Attributes:
+        height: Distance in y of the second wall from the first.
+    """
+
+    height: Spacing
+
+    @classmethod
+    def between(cls, model: Model, lower: str, upper: str) -> ShearGauge:
+        """The gauge of the two walls of these names; raises as `Spacing.between`."""
+        return cls(Spacing.between(model, lower, upper))
+
+    def offset(self, wall_position: Floats) -> float:
+        """How far the second wall is displaced in x relative to the first [m], given the positions of the walls."""
+        return float(wall_position[self.height.upper, X] - wall_position[self.height.lower, X])
+
+    def increment(self, state: State, wall_before: Floats) -> float:
+        """Strain of the last step; ``wall_before`` are the positions before it. Walls at the same height have no strain."""
+        height = self.height.of(state)
+        return abs((self.offset(state.wall_position) - self.offset(wall_before)) / height) if height else 0.0
+
 
 ROUNDING = 1e-9
 """Relative amount by which an accumulated strain may miss its goal: the sum of 10⁶ rounded increments."""
@@ -155,3 +189,220 @@ def update_peak(state: State) -> None:
     if state.step == 1:
         state.stage_peak = max(state.stage_peak, float(state.books[_KINETIC_START]))
     state.stage_peak = max(state.stage_peak, float(state.books[KINETIC]))
+
+
+# ---- Conditions about walls: how far they have come, and how hard the grains push them
+
+SUM, SUMMED, WINDOWS, LAST, BEFORE = range(5)
+"""Notes of means over windows: sum and steps of the window under way, number of those that are over, means of the last two."""
+
+
+@dataclass(frozen=True)
+class Bounded(Condition):
+    """A condition whose bound the scenario gives."""
+
+    sought: Aim
+
+    @property
+    def aim(self) -> Aim:
+        """What it waits for."""
+        return self.sought
+
+
+@dataclass(frozen=True)
+class DistanceReached(Bounded):
+    """The stage ends at a relative change of the distance of two walls; its note is the distance at the start of the stage [m]."""
+
+    lack = "they were at the same place when the stage began"
+    spacing: Spacing
+
+    def first_notes(self, state: State) -> Floats:
+        """The distance at the start."""
+        return np.array([self.spacing.of(state)])
+
+    def value(self, state: State) -> float | None:
+        """Distance over that at the start of the stage, less 1; None if they were at the same place."""
+        first = float(state.stage_notes[0])
+        return self.spacing.of(state) / first - 1.0 if first else None
+
+
+@dataclass(frozen=True)
+class DisplacementReached(Bounded):
+    """The stage ends at a displacement of a wall; its note is the coordinate at the start of the stage.
+
+    Attributes:
+        wall: Index of the wall.
+        axis: Column of the coordinate: x or y [m], or angle [rad].
+    """
+
+    wall: int
+    axis: int
+
+    def first_notes(self, state: State) -> Floats:
+        """The coordinate at the start."""
+        return np.array([state.wall_position[self.wall, self.axis]])
+
+    def value(self, state: State) -> float:
+        """Displacement since the start of the stage."""
+        return float(state.wall_position[self.wall, self.axis] - state.stage_notes[0])
+
+
+@dataclass(frozen=True)
+class ForceReached(Bounded):
+    """The stage ends at a mean force of the grains on a wall, over a window of time: that of a single step fluctuates.
+
+    Attributes:
+        wall: Index of the wall.
+        axis: Column of the force: x, y or torque.
+        steps: Steps of a window, not always whole ones: it ends with the step nearest to its end.
+        length: What the force is divided by: 1, or the length of the wall [m].
+    """
+
+    wall: int
+    axis: int
+    lack = "no window of it was over"
+    steps: float
+    length: float
+
+    def first_notes(self, state: State) -> Floats:
+        """No window yet."""
+        return np.zeros(BEFORE + 1)
+
+    def note(self, state: State, done: StepDone) -> None:
+        """Add the force of the step to the window."""
+        force = done.wall_impulse[self.wall, self.axis] / done.dt / self.length
+        add_to_window(state.stage_notes, force, is_over=is_due(state.stage_step, self.steps))
+
+    def value(self, state: State) -> float | None:
+        """Mean of the last window that is over; None before the end of the first."""
+        return last_mean(state.stage_notes)
+
+    def holds(self, state: State) -> bool:
+        """Whether a window has just ended whose mean is what is waited for."""
+        return state.stage_notes[SUMMED] == 0.0 and super().holds(state)
+
+
+def add_to_window(notes: Floats, value: float, *, is_over: bool) -> None:
+    """Add the value of a step to the window under way, and close it if it is over. **Modifies** ``notes``."""
+    notes[SUM] += value
+    notes[SUMMED] += 1.0
+    if is_over:
+        notes[BEFORE], notes[LAST] = notes[LAST], notes[SUM] / notes[SUMMED]
+        notes[WINDOWS] += 1.0
+        notes[SUM] = notes[SUMMED] = 0.0
+
+
+def last_mean(notes: Floats) -> float | None:
+    """Mean of the last window that is over; None before the end of the first."""
+    return float(notes[LAST]) if notes[WINDOWS] else None
+
+
+# ---- A stage that ends when a mean no longer drifts
+
+HALF = 8
+"""Blocks in each half of a window."""
+
+BLOCKS = 2 * HALF
+SURE = 2.0
+"""Standard errors by which a drift may be larger than it looks."""
+
+OVER, UNDER, STEPS, DONE, FIRST = range(5)
+"""Notes: sums of numerator and denominator and steps of the block under way; number of blocks that are over; then the means of the
+last `BLOCKS` blocks, the latest last."""
+
+
+def drift_of(blocks: Floats) -> float | None:
+    """By how much the mean of a quantity may have drifted between the halves of a window, over its mean (derived).
+
+    (|m₂ − m₁| + 2 e)/|m|: m₁ and m₂ are the means of the halves, m that of both, and e = √(s₁²/b + s₂²/b) is the standard error of
+    their difference, with the variances s² of the b blocks of each half about its mean. Blocks longer than the memory of the
+    quantity are independent, and |m₂ − m₁| + 2 e is then an upper bound of the drift with a confidence of 95 %. So noise delays the
+    end of a stage, and hardly ever brings it about.
+
+    Args:
+        blocks: Means over equal blocks of time that follow each other, shape ``(BLOCKS,)``.
+
+    Returns:
+        The drift; None if the mean is zero.
+    """
+    halves = blocks[:HALF], blocks[HALF:]
+    first, second = (mean(half) for half in halves)
+    middle = 0.5 * (first + second)
+    if middle == 0.0:
+        return None
+    squares = math.fsum(total((half - at) * (half - at)) for half, at in zip(halves, (first, second), strict=True))
+    error = math.sqrt(squares / (HALF - 1) / HALF)
+    return (abs(second - first) + SURE * error) / abs(middle)
+
+
+@dataclass(frozen=True)
+class Steady(Bounded):
+    """The stage ends when the mean of a quantity drifts no longer; see `drift_of`. Windows move on by one block.
+
+    Attributes:
+        wall: Index of the wall; None: the kinetic energy of all.
+        axis: Column of the force: x, y or torque.
+        across: Column of the force by which it is divided; None: by nothing.
+        steps: Steps of a block, not always whole ones: it ends with the step nearest to its end.
+        skipped: Steps of the stage that are left out.
+    """
+
+    lack = "no window was over in which there was a force"
+    wall: int | None
+    axis: int
+    across: int | None
+    steps: float
+    skipped: int
+
+    def first_notes(self, state: State) -> Floats:
+        """No block yet."""
+        return np.zeros(FIRST + BLOCKS)
+
+    def note(self, state: State, done: StepDone) -> None:
+        """Add the step to its block, and close the block if it is over. One without any force across the wall begins anew."""
+        notes = state.stage_notes
+        if state.stage_step <= self.skipped:
+            return
+        over, under = self._values(state, done)
+        notes[OVER] += over
+        notes[UNDER] += under
+        notes[STEPS] += 1.0
+        if not is_due(state.stage_step - self.skipped, self.steps):
+            return
+        if notes[UNDER] != 0.0:
+            notes[FIRST:-1] = notes[FIRST + 1 :].copy()
+            notes[-1] = notes[OVER] / notes[UNDER]
+            notes[DONE] += 1.0
+        else:
+            notes[DONE] = 0.0
+        notes[OVER] = notes[UNDER] = notes[STEPS] = 0.0
+
+    def value(self, state: State) -> float | None:
+        """Drift in the last window that is over; None before the end of the first, and if its mean is zero.
+
+        A kinetic energy that has been zero for the whole stage does not drift.
+        """
+        if self._is_still(state):
+            return 0.0
+        notes = state.stage_notes
+        return drift_of(notes[FIRST:]) if notes[DONE] >= BLOCKS else None
+
+    def holds(self, state: State) -> bool:
+        """Whether a window has just ended in which the drift is small enough."""
+        return state.stage_notes[STEPS] == 0.0 and not self._is_still(state) and super().holds(state)
+
+    def holds_at_last(self, state: State) -> bool:
+        """Whether it holds, or the kinetic energy is watched and nothing ever moved. Until then a wall or a grain may come."""
+        return self._is_still(state) or self.holds(state)
+
+    def _is_still(self, state: State) -> bool:
+        return self.wall is None and state.stage_peak == 0.0 == state.books[KINETIC]
+
+    def _values(self, state: State, done: StepDone) -> tuple[float, float]:
+        """What the step adds to numerator and denominator of its block."""
+        if self.wall is None:
+            return float(state.books[KINETIC]), 1.0
+        along = float(done.wall_impulse[self.wall, self.axis]) / done.dt
+        if self.across is None:
+            return along, 1.0
+        return along, float(done.wall_impulse[self.wall, self.across]) / done.dt

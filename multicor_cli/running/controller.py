@@ -1,28 +1,131 @@
-"""The loop over steps and loading stages, and what happens between two steps."""
+"""The loop over steps and loading stages, what happens between two steps, and what of it goes into files."""
 
 from __future__ import annotations
 
 import time
+from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import replace
 from typing import Any, Protocol
 
 import numpy as np
 
-from multicor_cli.engine.contact.report import StepReport
+from multicor_cli.engine.contact.report import PhysicsError, StepReport
 from multicor_cli.engine.contact.solve import Interrupted
 from multicor_cli.model import State
 from multicor_cli.model.contacts import ContactTable
+from multicor_cli.model.faults import find_absurd_value
 from multicor_cli.running.conditions import StepDone, update_peak
-from multicor_cli.running.foresight import foresee_steps
 from multicor_cli.running.observer import Observer, SilentObserver, Status
 from multicor_cli.running.outcome import StageTimeout, StopReason
-from multicor_cli.running.pace import Pace
-from multicor_cli.running.plan import RunPlan, StagePlan
+from multicor_cli.running.plan import RunPlan, Staged, StagePlan, begin_stage, foresee_steps, resume_stage
 from multicor_cli.running.signals import Switchboard
-from multicor_cli.running.stage import Staged, begin_stage, resume_stage
 from multicor_cli.running.steering import Steering
+from multicor_cli.store.moment import Moment
+from multicor_cli.store.rundir import RunDirectory
+from multicor_cli.store.segments import FrameWriter
 from multicor_cli.store.stage_ends import StageEnd
+
+# ---- From the controller to the files of a run directory
+
+
+class DirectoryRecorder:
+    """Writes what the controller says into a run directory."""
+
+    def __init__(self, directory: RunDirectory, writer: FrameWriter) -> None:
+        self._directory = directory
+        self._writer = writer
+
+    def frame(self, state: State, contacts: ContactTable | None) -> None:
+        """Write a frame; without contacts if they are not recorded. Raises as `checkpoint` does."""
+        self._require_sound(state)
+        self._writer.frame(Moment(state, self._writer.model, contacts))
+
+    def series(self, state: State) -> None:
+        """Write the row of the time series that ends the window of ``state``; raises as `frame` does."""
+        self._require_sound(state)
+        self._writer.series_row(Moment(state, self._writer.model))
+
+    def stage_ended(self, end: StageEnd) -> None:
+        """Note how a stage ended, for ``run.json``."""
+        self._directory.stage_ended(end)
+
+    def checkpoint(self, state: State) -> None:
+        """Commit the output so far, then the state.
+
+        Raises:
+            StoreError: If something cannot be written.
+            PhysicsError: If the state holds a value that is not finite or absurd: what is on disk stays right.
+        """
+        self._require_sound(state)
+        self._directory.checkpoint(state, self._writer)
+
+    def heartbeat(self, data: dict[str, Any]) -> None:
+        """Replace ``progress.json``."""
+        self._directory.progress(data)
+
+    def _require_sound(self, state: State) -> None:
+        fault = find_absurd_value(state, self._writer.model)
+        if fault is not None:
+            raise PhysicsError(state.step, fault)
+
+
+# ---- How fast a run goes and when it will be done, the compilation of the kernels left out
+
+WARM_UP_STEPS = 3
+"""Steps of this process that are left out: kernels compile, or are loaded from the cache, while they run."""
+
+RECENT = 20.0
+"""Length of wall-clock time over which the current speed is measured [s]."""
+
+SPACING = 0.1
+"""Shortest wall-clock time between two points [s]."""
+
+
+class Pace:
+    """Speed and remaining time from (clock, steps done by this process, share of the run that is done)."""
+
+    def __init__(self) -> None:
+        self._start: tuple[float, int, float] | None = None
+        self._samples: deque[tuple[float, int]] = deque()
+        self._progress = 0.0
+
+    def note(self, now: float, steps: int, progress: float) -> None:
+        """Note a point; points of the warm-up, and those too close to the one before, are left out.
+
+        Args:
+            now: Monotonic clock [s].
+            steps: Steps done since this process began.
+            progress: Share of the run that is done, 0 to 1.
+        """
+        if steps < WARM_UP_STEPS or (self._samples and now - self._samples[-1][0] < SPACING):
+            return
+        if self._start is None:
+            self._start = (now, steps, progress)
+        self._progress = progress
+        self._samples.append((now, steps))
+        while now - self._samples[0][0] > RECENT and len(self._samples) > 2:
+            self._samples.popleft()
+
+    def speed(self) -> float | None:
+        """Recent speed [steps/s], or None as long as that is unknown."""
+        if len(self._samples) < 2:
+            return None
+        (first, before), (last, after) = self._samples[0], self._samples[-1]
+        return (after - before) / (last - first) if last > first else None
+
+    def remaining(self) -> float | None:
+        """Seconds left if the run goes on as it has since the warm-up, or None as long as that is unknown."""
+        if self._start is None:
+            return None
+        begun, _, done_before = self._start
+        now, done = self._samples[-1][0], self._progress - done_before
+        if done <= 0.0 or now <= begun:
+            return None
+        return (1.0 - self._progress) * (now - begun) / done
+
+
+# ---- The loop
 
 HEARTBEAT = 2.0
 """Wall-clock time between two heartbeats [s]."""

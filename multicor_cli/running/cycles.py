@@ -14,8 +14,7 @@ from typing import NamedTuple
 from multicor_cli.engine.heat.walls import PRESCRIBED, WallHeat
 from multicor_cli.engine.motion.drives import DofDrive, Shifted, Signal, WallDrive
 from multicor_cli.model import ContactLaws, Model
-from multicor_cli.running.gravity_plan import StageGravity
-from multicor_cli.running.plan import StageHeat
+from multicor_cli.running.plan import StageGravity, StageHeat
 from multicor_cli.scenario.drives import DOF_NAMES, StageDrives
 from multicor_cli.scenario.loading import Stage
 

@@ -1,20 +1,246 @@
-"""What the controller carries out: loading stages with everything counted in steps."""
+"""What the controller carries out: loading stages in whole steps, with their gravity, heat and exchange of grains."""
 
 from __future__ import annotations
 
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
+from typing import Protocol
 
+import numpy as np
+from numpy.typing import NDArray
+
+from multicor_cli.arithmetic import hypot
 from multicor_cli.engine.contact.solve import Settings
-from multicor_cli.model import ContactLaws, State
+from multicor_cli.engine.exchange.rules import ExchangeRules, Outlet, Rectangle, Release
+from multicor_cli.engine.heat.conduction import ContactForce
+from multicor_cli.engine.heat.laws import heat_laws
+from multicor_cli.engine.heat.mechanism import HeatLaws
+from multicor_cli.engine.heat.settings import MECHANISMS, HeatSettings
+from multicor_cli.engine.heat.walls import WallHeat
+from multicor_cli.engine.motion.drives import AnyGravity, Constant, Gravity, TiltedGravity, WallDrive
+from multicor_cli.model import ContactLaws, Model, State
+from multicor_cli.model.model import Floats
+from multicor_cli.packing.sizes import Purpose, TableKind, stream
 from multicor_cli.running.cadence import is_due
-from multicor_cli.running.conditions import Condition
-from multicor_cli.running.gravity_plan import StageGravity
-from multicor_cli.running.heat_plan import StageWallHeat
-from multicor_cli.scenario.drives import StageDrives
+from multicor_cli.running.conditions import KINETIC, Condition, StrainReached
+from multicor_cli.scenario.drives import StageDrives, engine_signal, kept_signal
+from multicor_cli.scenario.gravity import AnyStageGravity, TiltedGravityTable
+from multicor_cli.scenario.heat import AverageForce, Heat
+from multicor_cli.scenario.models import ParticleGroup, RectangleRegion
+from multicor_cli.scenario.scenario import Scenario
 from multicor_cli.scenario.settings import Output
+from multicor_cli.scenario.wall_heat import AnyCondition, CapacityCondition, FlowCondition, TemperatureCondition
 from multicor_cli.store.stage_ends import Reason, StageEnd
+
+# ---- Gravity in each stage: what the stage says, or what the stage before had at its end
+
+
+@dataclass(frozen=True)
+class StageGravity:
+    """Gravity of one stage.
+
+    Attributes:
+        stage: Index of the stage.
+        gravity: What the stage says that named it, as a function of the time since the start of that stage.
+        named_by: Index of that stage; the stage itself if none has named it.
+    """
+
+    stage: int
+    gravity: AnyGravity
+    named_by: int
+
+    def started(self, stage_starts: Sequence[float]) -> AnyGravity:
+        """Gravity as a function of the time since the start of this stage.
+
+        A stage that says nothing keeps what there was at the end of the stage that named gravity last: a tilted chute stays tilted.
+
+        Args:
+            stage_starts: Times at which the stages up to this one have begun [s].
+        """
+        if self.named_by == self.stage:
+            return self.gravity
+        return Gravity.constant(self.gravity.value(stage_starts[self.named_by + 1] - stage_starts[self.named_by]))
+
+
+def stage_gravity(scenario: Scenario) -> list[StageGravity]:
+    """Gravity of all stages; that of ``[domain]`` until a stage names another."""
+    x, y = scenario.domain.gravity
+    current: AnyGravity = Gravity(Constant(x), Constant(y))
+    named_by, found = None, []
+    for number, stage in enumerate(scenario.loading):
+        if stage.gravity is not None:
+            current, named_by = _engine_gravity(stage.gravity, hypot(x, y)), number
+        found.append(StageGravity(number, current, number if named_by is None else named_by))
+    return found
+
+
+def _engine_gravity(gravity: AnyStageGravity, magnitude: float) -> AnyGravity:
+    """The engine's form of what a stage says; ``magnitude`` is that of the domain [m/s²]."""
+    if isinstance(gravity, TiltedGravityTable):
+        given = magnitude if gravity.magnitude is None else gravity.magnitude
+        return TiltedGravity(engine_signal(gravity.angle), engine_signal(given))
+    return Gravity(engine_signal(gravity[0]), engine_signal(gravity[1]))
+
+
+# ---- From the thermal keys of a scenario to the choices of the heat engine and the thermal conditions of the walls
+
+
+def heat_settings(scenario: Scenario, model: Model) -> HeatSettings | None:
+    """The choices about heat; None if the scenario has no ``[heat]``.
+
+    Args:
+        scenario: What to do.
+        model: Grains and walls of the run; materials come in its order.
+    """
+    heat = scenario.heat
+    if heat is None:
+        return None
+    mechanisms = tuple(table.as_record(MECHANISMS[key]) for key, table in heat.mechanisms.items())
+    return heat.as_record(HeatSettings, laws=laws_of_scenario(scenario, model.materials), force=_force(heat), mechanisms=mechanisms)
+
+
+def _force(heat: Heat) -> ContactForce:
+    if heat.force is None:
+        return ContactForce()
+    if isinstance(heat.force, AverageForce):
+        return ContactForce("average", heat.force.average)
+    return ContactForce("prescribed", heat.force.prescribed)
+
+
+def laws_of_scenario(scenario: Scenario, materials: Sequence[str]) -> HeatLaws:
+    """Thermal properties of the materials and of their pairs, as `multicor_cli.engine.heat.laws.heat_laws`.
+
+    Args:
+        scenario: A scenario with heat.
+        materials: Names of the materials, in the order of the model.
+    """
+    if scenario.heat is None:
+        message = "a scenario without [heat] has no heat laws"
+        raise ValueError(message)
+    tables = [scenario.materials[name].model_dump() for name in materials]
+    wear = np.array([[_wear(scenario, a, b) for b in materials] for a in materials], float)
+    return heat_laws(tables, scenario.heat.partition, wear)
+
+
+def _wear(scenario: Scenario, a: str, b: str) -> float:
+    """Archard's coefficient of two materials; 0 without wear, or if they cannot touch."""
+    is_covered = any(entry.covers(a, b) for entry in scenario.contacts)
+    return (scenario.law(a, b).wear if is_covered else None) or 0.0
+
+
+@dataclass(frozen=True)
+class StageWallHeat:
+    """The thermal conditions of the walls in one stage.
+
+    Attributes:
+        stage: Index of the stage.
+        walls: One condition per wall; signals are functions of the time since the start of the stage that named them.
+        named_by: For each wall the index of the stage from whose start its signal counts.
+    """
+
+    stage: int
+    walls: tuple[WallHeat, ...]
+    named_by: tuple[int, ...]
+
+    def beginning(self) -> NDArray[np.bool_]:
+        """Which walls have a condition that begins with this stage, shape ``(w,)``."""
+        return np.array([named_by == self.stage for named_by in self.named_by], np.bool_)
+
+    def started(self, stage_starts: Sequence[float]) -> list[WallHeat]:
+        """The conditions as functions of the time since the start of this stage.
+
+        Args:
+            stage_starts: Times at which the stages up to this one have begun [s].
+        """
+        return [
+            replace(wall, signal=kept_signal(wall.signal, named_by, self.stage, stage_starts))
+            for wall, named_by in zip(self.walls, self.named_by, strict=True)
+        ]
+
+
+def wall_heat(scenario: Scenario, wall_names: Sequence[str]) -> list[StageWallHeat]:
+    """The thermal conditions of all walls in all stages.
+
+    Args:
+        scenario: What to do.
+        wall_names: Names of the walls, in the order of the engine.
+    """
+    fallback = math.nan if scenario.heat is None else scenario.heat.temperature
+    found = []
+    for number, walls in enumerate(scenario.wall_conditions(tuple(wall_names))):
+        conditions = (_engine_condition(kept.condition, fallback) for kept in walls)
+        found.append(StageWallHeat(number, tuple(conditions), tuple(kept.stage for kept in walls)))
+    return found
+
+
+def _engine_condition(condition: AnyCondition, fallback: float) -> WallHeat:
+    if isinstance(condition, CapacityCondition):
+        initial = math.nan if condition.initial is None else condition.initial
+        return WallHeat("capacity", capacity=condition.capacity, initial=initial, fallback=fallback)
+    if isinstance(condition, TemperatureCondition):
+        return WallHeat("temperature", engine_signal(condition.temperature))
+    if isinstance(condition, FlowCondition):
+        return WallHeat("flow", engine_signal(condition.flow))
+    return WallHeat()
+
+
+# ---- From the tables of a scenario to the rules by which grains come and go
+
+TRIES = 100
+"""Places tried for each release."""
+
+
+def exchange_rules(scenario: Scenario, model: Model) -> ExchangeRules:
+    """The rules of a run.
+
+    Args:
+        scenario: What to do.
+        model: All grains of the run.
+    """
+    releases = (_release(scenario, number, group) for number, group in enumerate(scenario.particles))
+    return ExchangeRules(
+        tuple(release for release in releases if release is not None),
+        tuple(Outlet(_rectangle(outlet.region), outlet.then == "release") for outlet in scenario.outlets),
+        None if scenario.domain.lost == "ignore" else _limits(scenario, 2.0 * float(model.grains.radius.max())),
+        scenario.domain.lost == "stop",
+    )
+
+
+def _rectangle(region: RectangleRegion) -> Rectangle:
+    return Rectangle(region.min, region.max)
+
+
+def _limits(scenario: Scenario, margin: float) -> Rectangle:
+    """The domain and a margin around it [m]; without limits in the direction of a period."""
+    width, height = scenario.domain.size
+    left, right = (-math.inf, math.inf) if scenario.domain.periodic else (-margin, width + margin)
+    return Rectangle((left, -margin), (right, height + margin))
+
+
+def _release(scenario: Scenario, number: int, group: ParticleGroup) -> Release | None:
+    table = group.release
+    if table is None:
+        return None
+
+    def draw(release: int) -> Floats:
+        return stream(scenario.seed, TableKind.PARTICLES, number, Purpose.RELEASE, release).random((TRIES, 2))
+
+    rate = table.rate if table.rate is not None else table.mass_rate
+    assert rate is not None  # the scenario has been checked
+    return Release(
+        group=number,
+        rate=rate,
+        is_mass=table.mass_rate is not None,
+        start=table.start,
+        region=_rectangle(table.region),
+        spans_period=scenario.domain.is_spanned(table.region.min[0], table.region.max[0]),
+        velocity=(*group.velocity, group.spin),
+        draw=draw,
+    )
+
+
+# ---- Loading stages with everything counted in whole steps
 
 
 @dataclass(frozen=True)
@@ -161,3 +387,117 @@ class RunPlan:
         weights = [1.0] * len(self.stages) if None in steps else [float(count or 0) for count in steps]
         done = math.fsum(weights[: state.stage]) + weights[state.stage] * stage.progress(state)
         return done / math.fsum(weights)
+
+
+# ---- Beginning a loading stage, or going on with one: what an engine is told, whoever carries the stage out
+
+
+class Staged(Protocol):
+    """What a stage needs of `multicor_cli.engine.coupled.CoupledEngine`."""
+
+    settings: Settings
+
+    @property
+    def state(self) -> State:
+        """What is advanced."""
+
+    def set_drives(self, drives: list[WallDrive]) -> None:
+        """Choose what the walls do, at the start of a stage."""
+
+    def resume_drives(self, drives: list[WallDrive]) -> None:
+        """Choose what the walls do, in the middle of a stage."""
+
+    def set_laws(self, laws: ContactLaws) -> None:
+        """Choose the contact laws, at the start of a stage or in its middle."""
+
+    def set_gravity(self, gravity: AnyGravity) -> None:
+        """Choose gravity, at the start of a stage or in its middle."""
+
+    def set_heat(self, conditions: list[WallHeat], *, is_on: bool, is_frozen: bool) -> None:
+        """Choose what heat does, at the start of a stage or in its middle."""
+
+    def begin_heat(self, is_new: NDArray[np.bool_]) -> None:
+        """Give walls with a heat capacity whose condition is new, shape ``(w,)``, the temperature with which they begin."""
+
+
+def begin_stage(engine: Staged, stage: StagePlan, starts: Sequence[float]) -> None:
+    """Tell an engine what a stage asks for, before its first step.
+
+    Args:
+        engine: What carries the stage out.
+        stage: The stage.
+        starts: Times at which the stages up to this one have begun [s].
+    """
+    _choose(engine, stage, starts)
+    engine.set_drives(stage.drives.started(starts))
+    if stage.heat is not None:
+        engine.begin_heat(stage.heat.conditions.beginning())
+    state = engine.state
+    state.stage_peak = float(state.books[KINETIC]) if state.step > 0 else 0.0
+    if stage.until is not None:
+        state.stage_notes = stage.until.first_notes(state)
+
+
+def resume_stage(engine: Staged, stage: StagePlan, starts: Sequence[float]) -> None:
+    """As `begin_stage`, somewhere in the stage: the books and the peak are those of its steps so far."""
+    _choose(engine, stage, starts)
+    engine.resume_drives(stage.drives.started(starts))
+
+
+def _choose(engine: Staged, stage: StagePlan, starts: Sequence[float]) -> None:
+    engine.settings = stage.settings
+    if stage.laws is not None:
+        engine.set_laws(stage.laws)
+    if stage.gravity is not None:
+        engine.set_gravity(stage.gravity.started(starts))
+    if stage.heat is not None:
+        engine.set_heat(stage.heat.conditions.started(starts), is_on=stage.heat.is_on, is_frozen=stage.heat.is_frozen)
+
+
+# ---- How many steps the stages of a run will take, as far as their conditions can be foreseen
+
+_SHORTEST_MARCH = 20_000  # evaluations of a signal before the interval is doubled
+_DOUBLINGS = 30
+
+
+def foresee_steps(plan: RunPlan, state: State) -> list[int | None]:
+    """Steps of each stage at most; None where only a condition ends the stage and it cannot be foreseen."""
+    starts, counts = [0.0], []
+    for stage in plan.stages:
+        needed = _steps_to_strain(stage, starts, state) if isinstance(stage.until, StrainReached) else None
+        bounds = [count for count in (stage.step_limit, needed) if count is not None]
+        count = min(bounds, default=None)
+        counts.append(count)
+        starts.append(starts[-1] + stage.time_after(count or 0))
+    return counts
+
+
+def _steps_to_strain(stage: StagePlan, starts: Sequence[float], state: State) -> int | None:
+    """Steps until two walls whose motion is prescribed have reached the strain of the stage."""
+    assert isinstance(stage.until, StrainReached)
+    spacing = stage.until.gauge.height
+    walls = spacing.lower, spacing.upper
+    drives = stage.drives.started(starts)
+    if any(drives[w].x.is_driven for w in walls):
+        return None
+    height = spacing.of(state)
+    if not height:
+        return None
+    t, interval, left = 0.0, stage.dt, stage.until.goal
+    for _ in range(_DOUBLINGS):
+        for _ in range(_SHORTEST_MARCH):
+            lower, upper = (_velocity(drives[w], t, interval) for w in walls)
+            rate = abs((upper - lower) / height)
+            if rate * interval >= left:
+                return max(1, round((t + left / rate) / stage.dt))
+            left -= rate * interval
+            t += interval
+        interval *= 2.0
+    return None
+
+
+def _velocity(drive: WallDrive, t: float, interval: float) -> float:
+    """Prescribed velocity in x between ``t`` and ``t + interval`` [m/s]."""
+    if drive.x.position is not None:
+        return (drive.x.position.value(t + interval) - drive.x.position.value(t)) / interval
+    return drive.x.velocity.value(t + 0.5 * interval) if drive.x.velocity is not None else 0.0

@@ -1,4 +1,4 @@
-"""One session of a run: starting it or finding where it was left, carrying it on, and recording how it ended."""
+"""One session of a run: starting it or finding where it was left, carrying it on, and recording how it ended; or a single step."""
 
 from __future__ import annotations
 
@@ -16,23 +16,20 @@ import numpy as np
 
 from multicor_cli import __version__
 from multicor_cli.engine import Engine
+from multicor_cli.engine.contact.report import StepReport
 from multicor_cli.engine.coupled import CoupledEngine
 from multicor_cli.engine.exchange.engine import OpenEngine
 from multicor_cli.engine.heat.step import HeatEngine
 from multicor_cli.engine.jit.cache import is_compiled
 from multicor_cli.model import TALLY_NAMES, Model, State
 from multicor_cli.packing.build import Placed, place
-from multicor_cli.running.compiling import shared_compilation
-from multicor_cli.running.controller import Controller
+from multicor_cli.running.compiling import keep_freed_memory, shared_compilation
+from multicor_cli.running.controller import Controller, DirectoryRecorder
 from multicor_cli.running.differences import added_stages, find_differences, former_defaults
-from multicor_cli.running.exchange_plan import exchange_rules
-from multicor_cli.running.heat_plan import heat_settings
-from multicor_cli.running.memory import keep_freed_memory
 from multicor_cli.running.observer import Observer, SilentObserver
 from multicor_cli.running.outcome import ExitCode, RunOutcome, StopReason, exit_code_of
-from multicor_cli.running.plan import RunPlan
+from multicor_cli.running.plan import RunPlan, begin_stage, exchange_rules, heat_settings
 from multicor_cli.running.planning import make_plan, stage_name
-from multicor_cli.running.recorder import DirectoryRecorder
 from multicor_cli.running.signals import Switchboard
 from multicor_cli.running.steering import Steer, Steering
 from multicor_cli.scenario.load import parse_scenario
@@ -405,3 +402,26 @@ def _refuse_changes(scenario: Scenario, before: str, path: Path) -> None:
                 for change in changes
             ]
         )
+
+
+# ---- One step of a run, to see whether it would start
+
+
+def try_step(scenario: Scenario, model: Model, state: State, threads: int) -> StepReport:
+    """Do the first step of a run; nothing is written.
+
+    Args:
+        scenario: The scenario.
+        model: Its grains and walls.
+        state: Its initial state. **Modified.**
+        threads: Number of threads.
+
+    Raises:
+        ScenarioError: If the domain is too small.
+        PhysicsError: If the step fails.
+    """
+    stage = make_plan(scenario, model).stages[0]
+    engine = make_stepper(scenario, model, state, threads)
+    engine.exchange()
+    begin_stage(engine, stage, [0.0])
+    return engine.step(stage.step_after(0), 0.0)

@@ -14,8 +14,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from multicor_cli.optional import library
-from multicor_cli.running.children import python_child
-from multicor_cli.running.memory import available_memory
+from multicor_cli.running.compiling import available_memory, python_child
 from multicor_cli.scenario.problems import Finding
 from multicor_cli.store.errors import StoreError
 from multicor_cli.studies.forecast import Needs

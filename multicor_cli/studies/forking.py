@@ -18,7 +18,7 @@ import sys
 import threading
 from typing import IO, Any
 
-from multicor_cli.running.children import python_child
+from multicor_cli.running.compiling import python_child
 
 _LOST = -signal.SIGKILL
 """How a process has ended whose parent has died: nobody knows."""
@@ -68,7 +68,7 @@ class Nursery:
     """
 
     def __init__(self, threads: int) -> None:
-        from multicor_cli.running.threads import available_cores
+        from multicor_cli.running.compiling import available_cores
 
         self.threads = max(threads, available_cores())
         self._lock = threading.Lock()

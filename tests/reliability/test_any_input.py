@@ -25,9 +25,9 @@ from trials import trials
 from multicor_cli.engine import PhysicsError
 from multicor_cli.packing import build
 from multicor_cli.running.estimate import estimate
+from multicor_cli.running.plan import begin_stage
 from multicor_cli.running.planning import make_plan
 from multicor_cli.running.session import make_engine
-from multicor_cli.running.stage import begin_stage
 from multicor_cli.scenario.load import parse_scenario
 from multicor_cli.scenario.problems import ScenarioError
 from multicor_cli.scenario.schema import scenario_schema

@@ -14,8 +14,7 @@ from multicor_cli.engine.contact.solve import Interrupted, Settings
 from multicor_cli.engine.motion.drives import AnyGravity, Constant, DofDrive, WallDrive
 from multicor_cli.model import BOOK_NAMES, Model, State
 from multicor_cli.model.contacts import ContactTable
-from multicor_cli.running.conditions import RestReached, StrainReached
-from multicor_cli.running.gauges import ShearGauge
+from multicor_cli.running.conditions import RestReached, ShearGauge, StrainReached
 from multicor_cli.running.observer import SilentObserver
 from multicor_cli.running.plan import RunPlan, StagePlan
 from multicor_cli.scenario.settings import Output

@@ -18,7 +18,7 @@ from multicor_cli.engine.heat.settings import MECHANISMS, HeatSettings
 from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.engine.motion.drives import Constant, Ramp, Shifted, Sine
 from multicor_cli.packing import build
-from multicor_cli.running.heat_plan import heat_settings, laws_of_scenario, wall_heat
+from multicor_cli.running.plan import heat_settings, laws_of_scenario, wall_heat
 from multicor_cli.running.planning import make_plan
 from multicor_cli.scenario import ScenarioError, parse_scenario
 from multicor_cli.scenario.heat import Heat, MechanismTable

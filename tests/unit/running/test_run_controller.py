@@ -15,12 +15,10 @@ from multicor_cli.engine.contact.report import PhysicsError
 from multicor_cli.engine.contact.solve import Settings
 from multicor_cli.engine.motion.spacing import Spacing, wall_places
 from multicor_cli.model import BOOK_NAMES, State
-from multicor_cli.running.conditions import RestReached, StrainReached, update_peak
-from multicor_cli.running.controller import Controller
-from multicor_cli.running.gauges import ShearGauge
+from multicor_cli.running.conditions import RestReached, ShearGauge, StrainReached, update_peak
+from multicor_cli.running.controller import WARM_UP_STEPS, Controller, Pace
 from multicor_cli.running.observer import SilentObserver, Status
 from multicor_cli.running.outcome import StopReason
-from multicor_cli.running.pace import WARM_UP_STEPS, Pace
 from multicor_cli.running.plan import RunPlan, StagePlan
 from multicor_cli.running.signals import STOP_SIGNALS, Switchboard
 from multicor_cli.scenario.settings import Output

@@ -14,7 +14,7 @@ from multicor_cli.export.fclib_file import frame_problem
 from multicor_cli.model.faults import find_misfit
 from multicor_cli.packing import build
 from multicor_cli.packing.laws import stage_laws
-from multicor_cli.running.foresight import foresee_steps
+from multicor_cli.running.plan import foresee_steps
 from multicor_cli.running.planning import make_plan
 from multicor_cli.running.time_step import find_scales
 from multicor_cli.scenario import parse_scenario

@@ -8,7 +8,7 @@ from scenes import WARM
 
 import multicor_cli as multicor
 from multicor_cli.packing import build
-from multicor_cli.running.dry_run import try_step
+from multicor_cli.running.session import try_step
 from multicor_cli.store import run_info
 
 CONFIGS = ROOT / "configs"

@@ -18,20 +18,18 @@ from multicor_cli.engine.contact.solve import Settings
 from multicor_cli.engine.heat.hertz import relative_deflection
 from multicor_cli.engine.motion.drives import Constant, DofDrive, Ramp, Sine, WallDrive
 from multicor_cli.model import State
-from multicor_cli.running.conditions import StrainReached
+from multicor_cli.running.compiling import available_cores, reserve_threads
+from multicor_cli.running.conditions import ShearGauge, StrainReached
 from multicor_cli.running.differences import find_differences, former_defaults
 from multicor_cli.running.estimate import estimate
-from multicor_cli.running.foresight import foresee_steps
-from multicor_cli.running.gauges import ShearGauge
-from multicor_cli.running.plan import RunPlan, StagePlan
+from multicor_cli.running.plan import RunPlan, StagePlan, foresee_steps
 from multicor_cli.running.planning import make_plan as plan_of
-from multicor_cli.running.threads import available_cores, reserve_threads
 from multicor_cli.scenario.load import load_scenario, parse_scenario
 from multicor_cli.scenario.settings import Output
 
 
 def reserved(code: str, **extra: str) -> str:
-    script = f"from multicor_cli.running.threads import reserve_threads\nimport os\n{code}"
+    script = f"from multicor_cli.running.compiling import reserve_threads\nimport os\n{code}"
     done = subprocess.run(
         [sys.executable, "-c", script], env=environment(**extra), capture_output=True, text=True, check=True, timeout=60
     )

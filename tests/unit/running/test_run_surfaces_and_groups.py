@@ -179,7 +179,7 @@ def test_grains_are_released_in_a_wall_that_they_do_not_meet() -> None:
         'kind = "polyline", points = [[0.0, 0.008], [0.012, 0.007]]', 'kind = "plane", point = [0.0, 0.01], normal = [0.0, 1.0]'
     )
     from multicor_cli.engine.exchange.passage import find_room
-    from multicor_cli.running.exchange_plan import exchange_rules
+    from multicor_cli.running.plan import exchange_rules
 
     scenario = parse_scenario(text, "sieve.toml")
     model, state = build(scenario)

@@ -9,8 +9,7 @@ from scenes import ONE, SMALL, changed
 
 import multicor_cli as multicor
 from multicor_cli.model import State
-from multicor_cli.running.conditions import KINETIC, Aim, StepDone
-from multicor_cli.running.steady import BLOCKS, DONE, HALF, Steady, drift_of
+from multicor_cli.running.conditions import BLOCKS, DONE, HALF, KINETIC, Aim, Steady, StepDone, drift_of
 from multicor_cli.store import run_info
 
 BLOCK = 10

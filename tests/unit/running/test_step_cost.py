@@ -6,8 +6,7 @@ from dataclasses import replace
 import pytest
 
 from multicor_cli.engine import Settings
-from multicor_cli.running.plan import StageHeat, StagePlan
-from multicor_cli.running.step_cost import (
+from multicor_cli.running.estimate import (
     CONTACTS_PER_GRAIN,
     FEWEST,
     INERTIAL_NUMBER,
@@ -20,6 +19,7 @@ from multicor_cli.running.step_cost import (
     seconds_per_step,
     sweeps_of_stage,
 )
+from multicor_cli.running.plan import StageHeat, StagePlan
 from multicor_cli.running.time_step import Scales
 
 STAGE = StagePlan("flow", 1e-3, 10, None, 1, 1, Settings(), drives=None)  # type: ignore[arg-type]

@@ -1,4 +1,4 @@
-"""Python processes that this program starts find no module in the working directory, and everything where it is installed."""
+"""What a run takes of the machine: processes that find no module in the working directory, and memory that stays."""
 
 from __future__ import annotations
 
@@ -12,7 +12,9 @@ import pytest
 from places import ROOT
 
 import multicor_cli
-from multicor_cli.running.children import python_child
+from multicor_cli.running.compiling import python_child
+
+# ---- Python processes that this program starts find no module in the working directory, and everything where it is installed
 
 SHOW = "import sys, os, multicor_cli; print(os.getcwd() in sys.path or '' in sys.path, multicor_cli.__file__)"
 
@@ -46,7 +48,7 @@ def test_variables_and_packages_of_the_user_stay(monkeypatch: pytest.MonkeyPatch
 
 def test_nothing_else_starts_an_interpreter() -> None:
     """Nor processes that start one by themselves, with the working directory first."""
-    allowed = {"running/children.py", "cli/diagnosis.py", "studies/clusters.py"}  # the last two write its name down
+    allowed = {"running/compiling.py", "cli/diagnosis.py", "studies/clusters.py"}  # the last two write its name down
     for path in sorted((ROOT / "multicor_cli").rglob("*.py")):
         name = path.relative_to(ROOT / "multicor_cli").as_posix()
         for node in ast.walk(ast.parse(path.read_text(encoding="utf-8"))):
@@ -57,3 +59,33 @@ def test_nothing_else_starts_an_interpreter() -> None:
                 names = [alias.name for alias in node.names]
                 assert not {module.split(".")[0] for module in modules} & {"multiprocessing"}, f"{name} line {node.lineno}"
                 assert "ProcessPoolExecutor" not in names, f"{name} line {node.lineno}"
+
+
+# ---- Freed memory stays in the process
+
+CODE = """
+import resource, sys
+import numpy as np
+from multicor_cli.running.compiling import keep_freed_memory
+if sys.argv[1] == "keep" and not keep_freed_memory():
+    print("unknown")
+    sys.exit()
+for _ in range(3):
+    np.empty(1_000_000).fill(1.0)
+before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+for _ in range(20):
+    np.empty(1_000_000).fill(1.0)
+print(resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before)
+"""
+
+
+def faults(way):
+    done = subprocess.run([sys.executable, "-c", CODE, way], capture_output=True, text=True, check=True)
+    return done.stdout.strip()
+
+
+def test_arrays_are_not_fetched_from_the_system_again_and_again():
+    kept = faults("keep")
+    if kept == "unknown":
+        pytest.skip("the C library has no mallopt")
+    assert int(kept) < 200  # twenty arrays of 2,000 pages
