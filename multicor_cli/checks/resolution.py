@@ -17,7 +17,7 @@ from multicor_cli.model import Model
 from multicor_cli.model.model import Floats
 from multicor_cli.running.compiling import available_memory
 from multicor_cli.running.time_step import Scales, StepReview, largest_friction, largest_gravity, largest_speed
-from multicor_cli.scenario.heat import PrescribedForce
+from multicor_cli.scenario.materials import PrescribedForce
 from multicor_cli.scenario.scenario import Scenario
 from multicor_cli.text import format_bytes
 

@@ -33,7 +33,7 @@ from multicor_cli.scenario.models import (
     StartPacking,
     TilePacking,
 )
-from multicor_cli.scenario.packings import MAX_FILL
+from multicor_cli.scenario.particles import MAX_FILL
 from multicor_cli.text import count_noun
 
 _MOST_FILLED = 1.5

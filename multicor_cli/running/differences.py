@@ -7,9 +7,9 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 from multicor_cli.scenario.base import FREE, Formerly
-from multicor_cli.scenario.describe import find_field, find_spot
 from multicor_cli.scenario.models import ScenarioModel
 from multicor_cli.scenario.problems import KeyPath, show
+from multicor_cli.scenario.translate import find_field, find_spot
 
 _ABSENT = object()
 

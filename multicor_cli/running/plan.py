@@ -25,12 +25,18 @@ from multicor_cli.packing.sizes import Purpose, TableKind, stream
 from multicor_cli.running.cadence import is_due
 from multicor_cli.running.conditions import KINETIC, Condition, StrainReached
 from multicor_cli.scenario.drives import StageDrives, engine_signal, kept_signal
-from multicor_cli.scenario.gravity import AnyStageGravity, TiltedGravityTable
-from multicor_cli.scenario.heat import AverageForce, Heat
+from multicor_cli.scenario.loading import (
+    AnyCondition,
+    AnyStageGravity,
+    CapacityCondition,
+    FlowCondition,
+    TemperatureCondition,
+    TiltedGravityTable,
+)
+from multicor_cli.scenario.materials import AverageForce, Heat
 from multicor_cli.scenario.models import ParticleGroup, RectangleRegion
 from multicor_cli.scenario.scenario import Scenario
 from multicor_cli.scenario.settings import Output
-from multicor_cli.scenario.wall_heat import AnyCondition, CapacityCondition, FlowCondition, TemperatureCondition
 from multicor_cli.store.stage_ends import Reason, StageEnd
 
 # ---- Gravity in each stage: what the stage says, or what the stage before had at its end

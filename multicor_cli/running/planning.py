@@ -28,12 +28,10 @@ from multicor_cli.running.conditions import (
 from multicor_cli.running.cycles import Acting
 from multicor_cli.running.plan import RunPlan, StageHeat, StagePlan, stage_gravity, wall_heat
 from multicor_cli.running.time_step import OSCILLATIONS, automatic_step, scales_of_stage
-from multicor_cli.scenario.checks.timing import MAX_STEPS
-from multicor_cli.scenario.loading import Stage
-from multicor_cli.scenario.problems import ScenarioError
-from multicor_cli.scenario.scenario import Scenario
-from multicor_cli.scenario.until import (
+from multicor_cli.scenario.checks.stages import MAX_STEPS
+from multicor_cli.scenario.loading import (
     BoundEnd,
+    Stage,
     UntilAxialStrain,
     UntilDisplacement,
     UntilForce,
@@ -42,6 +40,8 @@ from multicor_cli.scenario.until import (
     UntilStrain,
     UntilStress,
 )
+from multicor_cli.scenario.problems import ScenarioError
+from multicor_cli.scenario.scenario import Scenario
 
 # ---- From the key `until` of a stage to the condition that ends it
 

@@ -32,8 +32,7 @@ from multicor_cli.running.plan import RunPlan, begin_stage, exchange_rules, heat
 from multicor_cli.running.planning import make_plan, stage_name
 from multicor_cli.running.signals import Switchboard
 from multicor_cli.running.steering import Steer, Steering
-from multicor_cli.scenario.load import parse_scenario
-from multicor_cli.scenario.overrides import apply_overrides
+from multicor_cli.scenario.load import apply_overrides, parse_scenario
 from multicor_cli.scenario.problems import ScenarioError
 from multicor_cli.scenario.scenario import Scenario
 from multicor_cli.store import DirectoryRefused, RunDirectory, StoreError, collect_provenance, open_run

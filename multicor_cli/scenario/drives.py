@@ -13,8 +13,7 @@ from typing import NamedTuple, TypeVar
 
 from multicor_cli.engine.motion.drives import Constant, DofDrive, Interpolated, Ramp, Shifted, Sine, Spring, WallDrive
 from multicor_cli.engine.motion.drives import Signal as EngineSignal
-from multicor_cli.scenario.dofs import AnyDof, FixedDof, LoadDof, PositionDof
-from multicor_cli.scenario.loading import Stage
+from multicor_cli.scenario.loading import AnyDof, FixedDof, LoadDof, PositionDof, Stage
 from multicor_cli.scenario.signals import AnySignal, RampSignal, SineSignal, TableSignal
 
 DOF_NAMES = ("x", "y", "spin")

@@ -10,50 +10,24 @@ from typing import Annotated
 from pydantic import Field, Strict, ValidationInfo, field_validator
 
 from multicor_cli.scenario.base import FREE, Name, Table, refuse
-from multicor_cli.scenario.dofs import FixedDof, LoadDof, PositionDof, Spring, VelocityDof, WallDrives
-from multicor_cli.scenario.exchange import Outlet, Release
 from multicor_cli.scenario.functions import Variable, VariableName
-from multicor_cli.scenario.gravity import TiltedGravityTable
-from multicor_cli.scenario.heat import Heat
-from multicor_cli.scenario.loading import Stage
-from multicor_cli.scenario.materials import (
-    MAX_MATERIALS,
-    ContactPair,
-    FrictionTable,
-    Material,
-    PairFriction,
-    SofteningFriction,
-)
-from multicor_cli.scenario.packings import (
-    CompactedPacking,
-    DepositedPacking,
-    FilePacking,
-    LatticePacking,
-    RandomPacking,
-    RunPacking,
-    StartPacking,
-    TilePacking,
-)
-from multicor_cli.scenario.particles import ParticleGroup
-from multicor_cli.scenario.region import RectangleRegion, Region
-from multicor_cli.scenario.settings import Domain, Header, Output, Solver, StageSolver
-from multicor_cli.scenario.signals import RampSignal, SineSignal, SineWave, TableSignal
-from multicor_cli.scenario.sizes import AnySizes, ListSizes, LognormalSizes, NormalSizes, PowerSizes, TableSizes, UniformSizes
-from multicor_cli.scenario.start import Start
-from multicor_cli.scenario.temperatures import (
-    AnyTemperature,
-    FileTemperature,
-    GradientTemperature,
-    RegionsTemperature,
-    ValuesTemperature,
-)
-from multicor_cli.scenario.until import (
+from multicor_cli.scenario.loading import (
     AxialStrainEnd,
+    CapacityCondition,
     DisplacementEnd,
+    FixedDof,
+    FlowCondition,
     ForceEnd,
+    InsulatedCondition,
+    LoadDof,
+    PositionDof,
+    Spring,
+    Stage,
     SteadyEnd,
     StrainEnd,
     StressEnd,
+    TemperatureCondition,
+    TiltedGravityTable,
     UntilAxialStrain,
     UntilDisplacement,
     UntilForce,
@@ -61,8 +35,41 @@ from multicor_cli.scenario.until import (
     UntilSteady,
     UntilStrain,
     UntilStress,
+    VelocityDof,
+    WallDrives,
 )
-from multicor_cli.scenario.wall_heat import CapacityCondition, FlowCondition, InsulatedCondition, TemperatureCondition
+from multicor_cli.scenario.materials import (
+    MAX_MATERIALS,
+    ContactPair,
+    FrictionTable,
+    Heat,
+    Material,
+    PairFriction,
+    SofteningFriction,
+)
+from multicor_cli.scenario.particles import (
+    AnyTemperature,
+    CompactedPacking,
+    DepositedPacking,
+    FilePacking,
+    FileTemperature,
+    GradientTemperature,
+    LatticePacking,
+    Outlet,
+    ParticleGroup,
+    RandomPacking,
+    RegionsTemperature,
+    Release,
+    RunPacking,
+    Start,
+    StartPacking,
+    TilePacking,
+    ValuesTemperature,
+)
+from multicor_cli.scenario.region import RectangleRegion, Region
+from multicor_cli.scenario.settings import Domain, Header, Output, Solver, StageSolver
+from multicor_cli.scenario.signals import RampSignal, SineSignal, SineWave, TableSignal
+from multicor_cli.scenario.sizes import AnySizes, ListSizes, LognormalSizes, NormalSizes, PowerSizes, TableSizes, UniformSizes
 from multicor_cli.scenario.walls import Wall
 
 

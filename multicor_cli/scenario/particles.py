@@ -1,25 +1,316 @@
-"""Groups of free grains."""
+"""Groups of free grains: how they are placed, their temperatures, how they come and go, and where they come from another run."""
 
 from __future__ import annotations
 
-from typing import Literal, Self
+import tomllib
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
 
-from pydantic import Field, model_validator
+from pydantic import Discriminator, Field, Strict, Tag, model_validator
 
-from multicor_cli.scenario.base import GrainCount, Length, Name, Number, Table, Vector, refuse
-from multicor_cli.scenario.exchange import Release
-from multicor_cli.scenario.packings import (
-    AreaFraction,
-    FilePacking,
-    LatticePacking,
-    Packing,
-    RunPacking,
-    StartPacking,
-    TilePacking,
+from multicor_cli.files import read_regular
+from multicor_cli.scenario.base import (
+    Friction,
+    GrainCount,
+    Kelvin,
+    Length,
+    LengthPair,
+    Name,
+    Number,
+    Point,
+    Ratio,
+    Table,
+    Vector,
+    one_of,
+    refuse,
 )
-from multicor_cli.scenario.region import AnyRegion
+from multicor_cli.scenario.region import AnnulusRegion, AnyRegion, CircleRegion, PolygonRegion, RectangleRegion, tag_kind
 from multicor_cli.scenario.sizes import Sizes
-from multicor_cli.scenario.temperatures import Temperature
+
+# ---- How the grains of a group are placed at the start
+
+MAX_FILL = 0.9069
+FilePath = Annotated[str, Field(min_length=1, max_length=4096, pattern=r"^[^\x00]+$")]
+AreaFraction = Annotated[float, Field(gt=0.0, le=MAX_FILL)]
+
+
+class LatticePacking(Table):
+    """Grains on the sites of a lattice, row by row from the lower left corner of the region."""
+
+    kind: Literal["lattice"]
+    lattice: Literal["triangular", "square"] = Field(description='"triangular" (closest) or "square"')
+    spacing: Length | None = Field(
+        None, description="distance between the centers of neighboring sites [m]; default: the largest diameter"
+    )
+    jitter: float = Field(
+        0.0, ge=0.0, le=0.5, description="each grain is put at random within this share of the spacing around its site"
+    )
+
+
+class RandomPacking(Table):
+    """Grains at random places without overlap, the largest first."""
+
+    kind: Literal["random"]
+    separation: float = Field(0.0, ge=0.0, le=10.0, description="smallest gap between grains, over the mean diameter")
+    attempts: int = Field(1000, ge=1, le=1_000_000, description="places tried for one grain before giving up")
+
+
+class DepositedPacking(Table):
+    """Grains dropped one after the other; each rolls down until it rests on two others, a wall or the floor of the region."""
+
+    kind: Literal["deposited"]
+
+
+class CompactedPacking(Table):
+    """A random packing that the engine compacts between a floor and a loaded lid inside the region."""
+
+    kind: Literal["compacted"]
+    pressure: float = Field(
+        ge=1e-12, le=1e12, description="load on the lid: force per length of wall, for the whole thickness of the grains [N/m]"
+    )
+    friction: Friction | None = Field(
+        None, description="coefficient of friction during the compaction (0: densest); default: that of [[contacts]]"
+    )
+    kinetic_energy_ratio: Ratio = Field(
+        1e-6, description="compacted when the kinetic energy has fallen to this share of its largest value"
+    )
+
+
+SourcePacking = Annotated[
+    LatticePacking | RandomPacking | DepositedPacking | CompactedPacking,
+    Field(discriminator="kind"),
+]
+
+
+class TilePacking(Table):
+    """A small packing, periodic in x, repeated in x and y from the lower left corner of the region."""
+
+    kind: Literal["tile"]
+    source: SourcePacking = Field(description="packing of one tile: a lattice, random, deposited or compacted packing")
+    tile: LengthPair = Field(description="width and height of one tile [m]")
+    tile_count: GrainCount | None = Field(None, description="number of grains of one tile (or give tile_fill)")
+    tile_fill: AreaFraction | None = Field(None, description="area fraction of one tile (or give tile_count)")
+    repeat: Annotated[tuple[Annotated[int, Field(ge=1, le=100_000)], Annotated[int, Field(ge=1, le=100_000)]], Strict(False)] = (
+        Field(description="number of tiles in x and in y")
+    )
+
+    @model_validator(mode="after")
+    def _one_count(self) -> Self:
+        given = (self.tile_count is not None) + (self.tile_fill is not None)
+        if given == 2:
+            raise refuse("both tile_count and tile_fill are given", "give one of them", "tile_fill")
+        if given == 0 and not isinstance(self.source, LatticePacking):
+            raise refuse("neither tile_count nor tile_fill is given", "give one of them")
+        return self
+
+
+class FilePacking(Table):
+    """Grains from a CSV or HDF5 file with columns (datasets) x, y, radius and, if wanted, angle, vx, vy, spin."""
+
+    kind: Literal["file"]
+    path: FilePath = Field(description="file (.csv, .h5), relative to the scenario file")
+    shift: Point = Field((0.0, 0.0), description="added to all x and y [m]")
+
+
+class RunPacking(Table):
+    """Grains from a frame of another run, with their velocities."""
+
+    kind: Literal["run"]
+    path: FilePath = Field(description="run directory, relative to the scenario file")
+    frame: int = Field(-1, ge=-(10**9), le=10**9, description="index of the frame; -1 is the last one")
+
+
+class StartPacking(Table):
+    """The grains that the group of this name has in the run of ``[start]``."""
+
+    kind: Literal["start"]
+
+
+Packing = Annotated[
+    LatticePacking | RandomPacking | DepositedPacking | CompactedPacking | TilePacking | FilePacking | RunPacking | StartPacking,
+    Field(discriminator="kind"),
+]
+
+
+# ---- Initial temperatures of a group of grains
+
+MAX_VALUES = 100_000
+"""Most temperatures in the scenario file itself; more go into a file of their own."""
+
+
+class GradientTemperature(Table):
+    """A temperature that varies linearly from place to place."""
+
+    value: Kelvin = Field(description="temperature [K] at the point at")
+    gradient: Annotated[tuple[Number, Number], Strict(False)] = Field(description="change in x and in y [K/m]")
+    at: Point = Field((0.0, 0.0), description="point at which the temperature is value [m]")
+
+
+class _Warm(Table):
+    value: Kelvin = Field(description="temperature of the grains with their center in it [K]")
+
+
+class TemperatureRectangle(RectangleRegion, _Warm):
+    """A rectangle with a temperature."""
+
+
+class TemperatureCircle(CircleRegion, _Warm):
+    """The inside of a circle with a temperature."""
+
+
+class TemperatureAnnulus(AnnulusRegion, _Warm):
+    """An annulus with a temperature."""
+
+
+class TemperaturePolygon(PolygonRegion, _Warm):
+    """A polygon with a temperature."""
+
+
+TemperatureRegion = Annotated[
+    Annotated[TemperatureRectangle, Tag("rectangle")]
+    | Annotated[TemperatureCircle, Tag("circle")]
+    | Annotated[TemperatureAnnulus, Tag("annulus")]
+    | Annotated[TemperaturePolygon, Tag("polygon")],
+    Discriminator(tag_kind),
+]
+
+
+class RegionsTemperature(Table):
+    """One temperature, and others in regions; where they overlap, the later one holds."""
+
+    value: Kelvin = Field(description="temperature outside all regions [K]")
+    regions: Annotated[tuple[TemperatureRegion, ...], Strict(False)] = Field(
+        min_length=1,
+        max_length=1000,
+        description="rectangles, circles, annuli or polygons, as [{ min = [0, 0], max = [1, 1], value = 400.0 }, "
+        '{ kind = "circle", center = [0, 0], radius = 1, value = 350.0 }]; later ones win',
+    )
+
+
+class ValuesTemperature(Table):
+    """One temperature for each grain of the group."""
+
+    values: Annotated[tuple[Kelvin, ...], Strict(False)] = Field(
+        min_length=1, max_length=MAX_VALUES, description="temperature of each grain of the group [K], in their order"
+    )
+
+
+class FileTemperature(Table):
+    """One temperature for each grain of the group, from a file."""
+
+    file: FilePath = Field(description="text file with one temperature [K] per line, relative to the scenario file")
+
+
+Temperature = Annotated[
+    Annotated[Kelvin, Tag("<plain>")]
+    | Annotated[GradientTemperature, Tag("<gradient>")]
+    | Annotated[RegionsTemperature, Tag("<regions>")]
+    | Annotated[ValuesTemperature, Tag("<values>")]
+    | Annotated[FileTemperature, Tag("<file>")],
+    one_of("a temperature is a number or a table with", "gradient", "regions", "values", "file"),
+]
+AnyTemperature = float | GradientTemperature | RegionsTemperature | ValuesTemperature | FileTemperature
+
+
+# ---- How grains come and go: releases of groups, and outlets
+
+Rate = Annotated[float, Field(gt=0.0, le=1e12)]
+
+
+class Release(Table):
+    """``release`` of a group: its grains come one after the other, in the order of their numbers."""
+
+    rate: Rate | None = Field(None, description="grains per second [1/s] (or give mass_rate)")
+    mass_rate: Rate | None = Field(None, description="mass per second [kg/s] (or give rate)")
+    region: RectangleRegion = Field(
+        description="where: grains come at random places wholly inside it that are free; if none is, they wait"
+    )
+    start: float = Field(0.0, ge=0.0, le=1e12, description="time of the first release [s]")
+
+    @model_validator(mode="after")
+    def _one_rate(self) -> Self:
+        given = [key for key in ("rate", "mass_rate") if getattr(self, key) is not None]
+        if len(given) != 1:
+            what = "both rate and mass_rate are given" if given else "neither rate nor mass_rate is given"
+            raise refuse(what, "give one of them: grains per second, or kilograms per second")
+        return self
+
+
+class Outlet(Table):
+    """One entry of ``[[outlets]]``: grains whose centers are inside leave before the next step."""
+
+    name: Name = Field(description="name of the outlet")
+    region: RectangleRegion = Field(description="where: deeper than the fastest grain moves in a step")
+    then: Literal["remove", "release"] = Field(
+        "remove",
+        description='"remove": grains leave for good; "release": those of groups with a release go back to wait for it, to come '
+        "again as they came first",
+    )
+
+
+# ---- Going on from another run: where the grains of a scenario are at its start, and what groups they belong to
+
+RECORD = "scenario.resolved.toml"
+"""The scenario of a run in its directory, with all defaults (docs/reference/formats/run-directory.md)."""
+
+KIND = "start"
+"""Kind of packing of the groups whose grains come from the run of ``[start]``."""
+
+LARGEST_RECORD = 64 << 20
+"""Longer records are not read [bytes]: no scenario that was accepted is nearly as long when it is resolved."""
+
+_KEPT = ("name", "material", "shape", "thickness", "sizes")
+"""What a group is; the other keys said how its grains were placed."""
+
+
+class Start(Table):
+    """``[start]``: the run from which this one goes on."""
+
+    run: FilePath = Field(description="directory of the run to go on from, relative to the scenario file")
+    at: Literal["end"] | None = Field(
+        None, description='"end" (default): where the run stands, its last checkpoint, exactly; or give frame'
+    )
+    frame: int | None = Field(
+        None, ge=-(10**9), le=10**9, description="index of a frame of the run to go on from; -1 is the last one"
+    )
+
+    @model_validator(mode="after")
+    def _one_moment(self) -> Self:
+        if self.at is not None and self.frame is not None:
+            raise refuse('both at = "end" and frame are given', "give one of them", "frame")
+        return self
+
+
+def take_groups(document: dict[str, Any], directory: Path) -> bool:
+    """Give a document with ``[start]`` and without ``[[particles]]`` the groups of the run that it names.
+
+    What is wrong with the run is not said here but where its grains are read: a run that goes on needs neither any more. Until
+    then a document whose run cannot be read has no groups.
+
+    Args:
+        document: The parsed document. **Modified.**
+        directory: That of its file.
+
+    Returns:
+        Whether the groups come from the run.
+    """
+    start = document.get("start")
+    if not isinstance(start, dict) or "particles" in document:
+        return False
+    path = start.get("run")
+    document["particles"] = _groups_of(directory / path) if isinstance(path, str) else []
+    return True
+
+
+def _groups_of(run: Path) -> list[dict[str, Any]]:
+    try:
+        groups = tomllib.loads(read_regular(run / RECORD, LARGEST_RECORD).decode())["particles"]
+        return [{key: group[key] for key in _KEPT if key in group} | {"packing": {"kind": KIND}} for group in groups]
+    except (OSError, ValueError, RecursionError, LookupError, TypeError):
+        return []
+
+
+# ---- Groups
 
 
 class ParticleGroup(Table):

@@ -10,19 +10,15 @@ from typing import Any
 
 from multicor_cli.scenario.checks.grains import region_of
 from multicor_cli.scenario.drives import StageDrives, stage_drives
-from multicor_cli.scenario.exchange import Outlet
-from multicor_cli.scenario.heat import Heat
-from multicor_cli.scenario.loading import Stage, frozen_dt
-from multicor_cli.scenario.materials import ContactPair, Material
+from multicor_cli.scenario.loading import KeptCondition, Stage, frozen_dt, resolve_conditions
+from multicor_cli.scenario.materials import ContactPair, Heat, Material
 from multicor_cli.scenario.models import ScenarioModel
-from multicor_cli.scenario.particles import ParticleGroup
+from multicor_cli.scenario.particles import Outlet, ParticleGroup, Start
 from multicor_cli.scenario.problems import Finding, KeyPath, Problem
 from multicor_cli.scenario.region import Region
 from multicor_cli.scenario.settings import Domain, Output, Solver
 from multicor_cli.scenario.sizes import AnySizes
 from multicor_cli.scenario.sources import Sources
-from multicor_cli.scenario.start import Start
-from multicor_cli.scenario.wall_heat import KeptCondition, resolve_conditions
 from multicor_cli.scenario.walls import Wall
 from multicor_cli.text import count_noun
 

@@ -1,13 +1,231 @@
-"""Where a scenario comes from: its text and what the command line has set, to give problems their positions."""
+"""Where a scenario comes from, its text and what the command line has set, and where in it the keys are: positions of problems."""
 
 from __future__ import annotations
 
+import bisect
+import re
+import tomllib
 from collections.abc import Sequence
 from functools import cached_property
+from itertools import accumulate
 from typing import NamedTuple
 
-from multicor_cli.scenario.locate import Lines, locate_keys
 from multicor_cli.scenario.problems import OVERRIDE, Finding, KeyPath, Problem, format_key, show
+
+# ---- Where the keys of a TOML document are: path of a key → line and column.
+#
+# `tomllib` tells positions of syntax errors only. This scanner walks over a document that `tomllib` has accepted and notes where
+# each key and each array element begins.
+
+_BARE = re.compile(r"[A-Za-z0-9_-]++")
+_BLANKS = re.compile(r"[ \t]*+")
+_FILLING = re.compile(r"(?:[ \t\r\n]++|#[^\n]*+)*+")
+_SEPARATORS = re.compile(r"(?:[ \t\r\n,]++|#[^\n]*+)*+")
+_SCALAR = re.compile(r"[^,\]}#\r\n]++")
+# A multi-line string may end with up to five quotes, of which the first two belong to it.
+_STRING_TEXT = "|".join(
+    (
+        r'"""(?:[^"\\]++|\\.|"(?!""))*+""""{0,2}',
+        r"'''(?:[^']++|'(?!''))*+''''{0,2}",
+        r'"(?:[^"\\]++|\\.)*+"',
+        r"'[^']*+'",
+    )
+)
+_STRING = re.compile(_STRING_TEXT, re.DOTALL)
+_PART_TEXT = rf"(?:[A-Za-z0-9_-]++|{_STRING_TEXT})"
+_DOTTED_KEY = re.compile(rf"[ \t]*+{_PART_TEXT}(?:[ \t]*+\.[ \t]*+{_PART_TEXT})*+[ \t]*+=", re.DOTALL)
+
+MAX_NESTING = 32
+# The last two tokens: a string without end (then the rest of the document does not matter), and anything else.
+_NESTING = re.compile(
+    rf"(?P<chain>(?:{_PART_TEXT}[ \t]*+\.[ \t]*+){{{MAX_NESTING}}})"
+    rf"|(?:{_STRING_TEXT})|#[^\n]*+|(?P<open>[\[{{])|(?P<close>[\]}}])|[\"'].*+|[^\s\"'#\[\]{{}}]++",
+    re.DOTALL,
+)
+
+
+def find_deep_nesting(text: str) -> int | None:
+    """Offset at which arrays, tables or dotted keys are nested more than `MAX_NESTING` deep, or ``None``.
+
+    Runs before the parser, which is recursive and needs time that grows with the square of the length of a dotted key.
+    """
+    depth = 0
+    for token in _NESTING.finditer(text):
+        if token["chain"]:
+            return token.start()
+        depth = max(0, depth + (token["open"] is not None) - (token["close"] is not None))
+        if depth > MAX_NESTING:
+            return token.start()
+    return None
+
+
+class Lines:
+    """Lines of a text, by number and by offset."""
+
+    def __init__(self, text: str) -> None:
+        self._lines = text.split("\n")
+        self._starts = [0, *accumulate(len(line) + 1 for line in self._lines)][:-1]
+
+    @property
+    def count(self) -> int:
+        """Number of lines."""
+        return len(self._lines)
+
+    def position(self, offset: int) -> tuple[int, int]:
+        """Line and column, both from 1, of the character at ``offset``."""
+        line = bisect.bisect_right(self._starts, offset)
+        return line, offset - self._starts[line - 1] + 1
+
+    def line(self, number: int) -> str:
+        """Text of line ``number`` (from 1), without its end; empty if there is no such line."""
+        return self._lines[number - 1].rstrip("\r") if 1 <= number <= self.count else ""
+
+
+def locate_keys(text: str) -> dict[KeyPath, int]:
+    """Offset at which each key and array element of a TOML document begins.
+
+    Tables have the offset of their header (elements of an array of tables that of theirs), or of the first key that brings them
+    into being; keys that of the whole dotted key they are part of; array elements that of their value.
+
+    Args:
+        text: A document that `tomllib` accepts, nested at most `MAX_NESTING` deep.
+    """
+    scanner = _Scanner(text)
+    scanner.scan()
+    return scanner.offsets
+
+
+class _Scanner:
+    """Recursive descent over a valid document; each method starts where the one before has stopped."""
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+        self.at = 0
+        self.offsets: dict[KeyPath, int] = {}
+        self.last_element: dict[KeyPath, int] = {}
+
+    def scan(self) -> None:
+        """Note the offsets of all keys of the document."""
+        table: KeyPath = ()
+        self._skip(_FILLING)
+        while self.at < len(self.text):
+            if self.text.startswith("[[", self.at):
+                table = self._element_header()
+            elif self.text[self.at] == "[":
+                table = self._table_header()
+            else:
+                self._pair(table)
+            self._skip(_FILLING)
+
+    def _skip(self, pattern: re.Pattern[str]) -> str:
+        match = pattern.match(self.text, self.at)
+        assert match is not None
+        self.at = match.end()
+        return match.group()
+
+    def _note(self, path: KeyPath, first: int, offset: int) -> None:
+        """Note ``offset`` for ``path``, and for those of its parents after the first ``first`` parts that are new."""
+        for end in range(first + 1, len(path)):
+            self.offsets.setdefault(path[:end], offset)
+        self.offsets[path] = offset
+
+    def _table_header(self) -> KeyPath:
+        start = self.at
+        self.at += 1
+        path = self._resolve(self.read_key())
+        self.at += 1
+        self._note(path, 0, start)
+        return path
+
+    def _element_header(self) -> KeyPath:
+        start = self.at
+        self.at += 2
+        key = self.read_key()
+        self.at += 2
+        array = (*self._resolve(key[:-1]), key[-1])
+        self.last_element[array] = self.last_element.get(array, -1) + 1
+        path = (*array, self.last_element[array])
+        self._note(path, 0, start)
+        return path
+
+    def _resolve(self, key: KeyPath) -> KeyPath:
+        """The path that a header's key means: arrays of tables stand for their last element."""
+        path: KeyPath = ()
+        for part in key:
+            path = (*path, part)
+            if path in self.last_element:
+                path = (*path, self.last_element[path])
+        return path
+
+    def read_key(self) -> KeyPath:
+        """Parts of the dotted key that begins here."""
+        parts: list[str] = []
+        while True:
+            self._skip(_BLANKS)
+            parts.append(self._key_part())
+            self._skip(_BLANKS)
+            if self.text[self.at] != ".":
+                return tuple(parts)
+            self.at += 1
+
+    def _key_part(self) -> str:
+        if self.text[self.at] not in "\"'":
+            return self._skip(_BARE)
+        return str(tomllib.loads(f"key = {self._skip(_STRING)}")["key"])
+
+    def _pair(self, table: KeyPath) -> None:
+        start = self.at
+        path = table + self.read_key()
+        self._note(path, len(table), start)
+        self.at += 1
+        self._skip(_BLANKS)
+        self._value(path)
+
+    def _value(self, path: KeyPath) -> None:
+        first = self.text[self.at]
+        if first == "[":
+            self._array(path)
+        elif first == "{":
+            self._inline_table(path)
+        else:
+            self._skip(_STRING if first in "\"'" else _SCALAR)
+
+    def _array(self, path: KeyPath) -> None:
+        self.at += 1
+        index = 0
+        while not self._ends("]"):
+            self.offsets[(*path, index)] = self.at
+            self._value((*path, index))
+            index += 1
+
+    def _inline_table(self, path: KeyPath) -> None:
+        self.at += 1
+        while not self._ends("}"):
+            self._pair(path)
+
+    def _ends(self, bracket: str) -> bool:
+        """Skip what separates elements; if the closing ``bracket`` follows, step over it and say so."""
+        self._skip(_SEPARATORS)
+        if self.text[self.at] != bracket:
+            return False
+        self.at += 1
+        return True
+
+
+def parse_key(text: str) -> tuple[KeyPath, int]:
+    """The dotted key at the beginning of ``text``, and the offset of the ``=`` that must follow it.
+
+    Raises:
+        ValueError: ``text`` does not begin with a dotted key and ``=``.
+    """
+    match = _DOTTED_KEY.match(text)
+    if match is None:
+        raise ValueError("no dotted key")
+    scanner = _Scanner(text)
+    return scanner.read_key(), scanner.at
+
+
+# ---- Text and command line together
 
 MAX_PROBLEMS = 100
 

@@ -1,17 +1,36 @@
-"""Python values as TOML: what a scenario that is written in Python becomes before it is read like a file."""
+"""Python values as TOML: a scenario that is written in Python, before it is read like a file, and single values in one line."""
 
 from __future__ import annotations
 
 import datetime as dt
+import json
+import re
 from collections.abc import Mapping
 from pathlib import PurePath
 from typing import Any
 
 import numpy as np
+import tomli_w
 
-from multicor_cli.scenario.inline import in_line
-from multicor_cli.scenario.locate import MAX_NESTING
 from multicor_cli.scenario.problems import OVERRIDE, KeyPath, Problem, ScenarioError, format_key
+from multicor_cli.scenario.sources import MAX_NESTING
+
+# ---- Values as TOML in one line, which the library that writes TOML does not do: for `--set`, and for examples on pages
+
+_BARE = re.compile(r"[A-Za-z0-9_-]+")
+
+
+def in_line(value: Any) -> str:
+    """A value of TOML's types in one line."""
+    if isinstance(value, dict):
+        entries = (f"{key if _BARE.fullmatch(key) else json.dumps(key)} = {in_line(entry)}" for key, entry in value.items())
+        return f"{{ {', '.join(entries)} }}"
+    if isinstance(value, list | tuple):
+        return f"[{', '.join(map(in_line, value))}]"
+    return tomli_w.dumps({"value": value}).removeprefix("value = ").strip()
+
+
+# ---- A whole scenario
 
 _SCALARS = (bool, int, float, str, dt.date, dt.time)  # a datetime is a date
 _REMEDY = "give a number, text, true or false, a date, a list or a dict"

@@ -15,7 +15,7 @@ from pathlib import Path
 
 from multicor_cli.files import Unfit, read_regular
 from multicor_cli.model import Model
-from multicor_cli.scenario.start import LARGEST_RECORD
+from multicor_cli.scenario.particles import LARGEST_RECORD
 from multicor_cli.store import layout, schema
 from multicor_cli.store.atomic import commit_bytes, file_digest, fsync_path, kill_point, make_directory, remove_own, storage_errors
 from multicor_cli.store.checked import CheckedFile

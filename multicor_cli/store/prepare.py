@@ -10,7 +10,7 @@ import tempfile
 from pathlib import Path
 
 from multicor_cli.files import read_regular
-from multicor_cli.scenario.start import LARGEST_RECORD
+from multicor_cli.scenario.particles import LARGEST_RECORD
 from multicor_cli.store import layout
 from multicor_cli.store.atomic import commit_bytes, is_regular, make_directory, remove_own, storage_errors
 from multicor_cli.store.documents import Document, read_document, write_document

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
+from multicor_cli.scenario.loading import UntilStrain
 from multicor_cli.scenario.problems import Finding, KeyPath
 from multicor_cli.scenario.scenario import Scenario
 from multicor_cli.scenario.translate import did_you_mean
-from multicor_cli.scenario.until import UntilStrain
 from multicor_cli.store.schema import SERIES
 from multicor_cli.store.summary import empty_summary
 from multicor_cli.studies.schema import Observable

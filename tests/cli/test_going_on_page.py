@@ -8,7 +8,7 @@ from places import ROOT
 from scenes import SMALL
 
 from multicor_cli.scenario import parse_scenario
-from multicor_cli.scenario.start import Start
+from multicor_cli.scenario.particles import Start
 
 PAGE = (ROOT / "docs" / "how-to" / "going-on.md").read_text(encoding="utf-8")
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from multicor_cli.scenario.checks import ends, exchange, grains, heat, laws, stages, thermal_materials, timing, walls
+from multicor_cli.scenario.checks import grains, laws, stages
 from multicor_cli.scenario.checks.draft import Draft
 from multicor_cli.scenario.problems import Finding
 
@@ -14,12 +14,12 @@ def check_all(draft: Draft) -> list[Finding]:
     checks = (
         laws.check,
         grains.check,
-        exchange.check,
-        walls.check,
+        grains.check_exchange,
+        grains.check_walls,
         stages.check,
-        ends.check,
-        timing.check,
-        heat.check,
-        thermal_materials.check,
+        stages.check_ends,
+        stages.check_timing,
+        laws.check_heat,
+        laws.check_thermal_materials,
     )
     return [finding for check in checks for finding in check(draft)]

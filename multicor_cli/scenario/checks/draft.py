@@ -9,12 +9,10 @@ from typing import Any, TypeVar
 from pydantic import ValidationError
 
 from multicor_cli.scenario.base import Table
-from multicor_cli.scenario.exchange import Outlet
-from multicor_cli.scenario.heat import Heat
 from multicor_cli.scenario.loading import Stage
-from multicor_cli.scenario.materials import ContactPair, Material
+from multicor_cli.scenario.materials import ContactPair, Heat, Material
 from multicor_cli.scenario.models import ScenarioModel
-from multicor_cli.scenario.particles import ParticleGroup
+from multicor_cli.scenario.particles import Outlet, ParticleGroup
 from multicor_cli.scenario.settings import Domain, Output, Solver
 from multicor_cli.scenario.translate import without_unknown_keys
 from multicor_cli.scenario.walls import Wall

@@ -1,4 +1,4 @@
-"""Groups of grains fit together, into the domain and into their regions."""
+"""Groups of grains and walls fit together, into the domain and into their regions; grains that come and go find their places."""
 
 from __future__ import annotations
 
@@ -7,11 +7,16 @@ from collections.abc import Iterator, Sequence
 
 from multicor_cli.model.model import LEAST_DIAMETERS
 from multicor_cli.scenario.checks.draft import Draft
-from multicor_cli.scenario.packings import CompactedPacking, DepositedPacking, StartPacking, TilePacking
-from multicor_cli.scenario.particles import ParticleGroup
-from multicor_cli.scenario.problems import Finding, KeyPath, show
+from multicor_cli.scenario.models import GradientTemperature, RegionsTemperature
+from multicor_cli.scenario.particles import CompactedPacking, DepositedPacking, Outlet, ParticleGroup, StartPacking, TilePacking
+from multicor_cli.scenario.problems import Finding, KeyPath, name_list, show
 from multicor_cli.scenario.region import RectangleRegion, Region
 from multicor_cli.scenario.settings import Domain
+from multicor_cli.scenario.sizes import AnySizes
+from multicor_cli.scenario.translate import did_you_mean
+from multicor_cli.scenario.walls import Glued, Wall
+
+# ---- Groups of grains fit together, into the domain and into their regions
 
 MAX_GRAINS = 50_000_000
 """More grains than any machine can hold today; a file that claims more is refused before memory is taken."""
@@ -142,3 +147,121 @@ def _least_count(group: ParticleGroup, domain: Domain) -> float:
         return one * packing.repeat[0] * packing.repeat[1]
     region = region_of(group, domain)
     return group.count or (group.fill or 0.0) * region.area().size / largest_area
+
+
+# ---- Grains that come and go find their places: releases and outlets fit into the domain, and to each other
+
+
+def check_exchange(draft: Draft) -> Iterator[Finding]:
+    """Findings about releases and outlets."""
+    yield from double_names([outlet.name if outlet else None for outlet in draft.outlets], "outlets")
+    for k, group in enumerate(draft.particles):
+        if group is not None and group.release is not None and draft.domain is not None:
+            yield from _check_release(("particles", k), group, draft.domain)
+    for k, outlet in enumerate(draft.outlets):
+        if outlet is not None:
+            yield from _check_outlet(("outlets", k), outlet, draft)
+
+
+def _check_release(path: KeyPath, group: ParticleGroup, domain: Domain) -> Iterator[Finding]:
+    assert group.release is not None
+    region, (width, height) = group.release.region, domain.size
+    if not (region.min[0] >= 0.0 and region.max[0] <= width and region.min[1] >= 0.0 and region.max[1] <= height):
+        what = f"reaches from {list(region.min)} to {list(region.max)} m, beyond the domain of {width:g} × {height:g} m"
+        yield Finding((*path, "release", "region"), what, "keep it inside [domain] size, or enlarge that")
+    if group.sizes is not None:
+        diameter = 2.0 * group.sizes.largest
+        if diameter > min(region.width, region.height) * (1.0 + _SLACK):
+            what = f"grains of diameter {diameter:g} m never fit into the region of {region.width:g} × {region.height:g} m"
+            yield Finding((*path, "release", "region"), what, "enlarge it: grains are released wholly inside")
+    if group.packing is None and isinstance(group.temperature, GradientTemperature | RegionsTemperature):
+        what = "the temperature depends on the place, but grains that wait have none"
+        yield Finding((*path, "temperature"), what, "give one temperature [K], or one for each grain")
+
+
+def _check_outlet(path: KeyPath, outlet: Outlet, draft: Draft) -> Iterator[Finding]:
+    groups = [(k, group) for k, group in enumerate(draft.particles) if group is not None]
+    for k, group in groups:
+        if group.release is not None and _overlap(outlet.region, group.release.region):
+            what = f"overlaps the release region of particles.{k}: grains would leave where they come"
+            yield Finding((*path, "region"), what, "move one of the two")
+    if outlet.then == "release" and len(groups) == len(draft.particles) and not any(group.release for _, group in groups):
+        what = "grains are to be released again, but no group has a release"
+        yield Finding((*path, "then"), what, 'give a group release = { rate = ..., region = ... }, or use then = "remove"')
+    domain = draft.domain
+    if domain is not None and domain.periodic and not (outlet.region.min[0] >= 0.0 and outlet.region.max[0] <= domain.size[0]):
+        what = (
+            f"reaches from x = {outlet.region.min[0]:g} to {outlet.region.max[0]:g}, beyond the period from 0 to {domain.size[0]:g}"
+        )
+        yield Finding((*path, "region"), what, "keep it within the period: x is counted there")
+
+
+def _overlap(a: RectangleRegion, b: RectangleRegion) -> bool:
+    return all(a.min[axis] < b.max[axis] and b.min[axis] < a.max[axis] for axis in (0, 1))
+
+
+# ---- Walls fit to the domain and know what they are made of
+
+_MAX_GLUED = 10_000_000
+
+
+def check_walls(draft: Draft) -> Iterator[Finding]:
+    """Findings about the walls."""
+    yield from double_names(draft.wall_names, "walls")
+    for k, wall in enumerate(draft.walls):
+        if wall is None:
+            continue
+        yield from _unknown_groups(("walls", k, "groups"), wall, draft)
+        path, glued = ("walls", k, "geometry"), wall.geometry.glued()
+        if glued is not None:
+            yield from _check_glued((*path, glued.key), glued, draft)
+        if draft.domain:
+            for found in wall.geometry.misfits(draft.domain):
+                yield found._replace(path=(*path, *found.path))
+
+
+def _unknown_groups(path: KeyPath, wall: Wall, draft: Draft) -> Iterator[Finding]:
+    """Groups that a wall is to meet."""
+    if None in draft.group_names or not draft.group_names:
+        return  # the group that is meant may be one without a name
+    known = [name for name in draft.group_names if name]
+    for e, name in enumerate(wall.groups or ()):
+        if name not in known:
+            remedy = did_you_mean(name, known) or f"the groups are {name_list(known)}"
+            yield Finding((*path, e), f"there is no group of particles {show(name)}", remedy)
+
+
+def _check_glued(path: KeyPath, glued: Glued, draft: Draft) -> Iterator[Finding]:
+    named = glued.sizes
+    if named is not None and not isinstance(named, str):
+        yield from _check_room(path, glued, named)
+    elif named is not None and named not in draft.group_names:
+        known = [name for name in draft.group_names if name]
+        if not known or len(known) < len(draft.group_names):  # the group that is meant may be one without a name
+            return
+        remedy = did_you_mean(named, known) or f"use one of {name_list(known)}, or a table of sizes"
+        yield Finding(path, f"there is no group of particles {show(named)}", remedy)
+    elif draft.particles:
+        group = draft.particles[0 if named is None else draft.group_names.index(named)]
+        yield from _check_borrowed(path, glued, group, draft)
+
+
+def _check_borrowed(path: KeyPath, glued: Glued, group: ParticleGroup | None, draft: Draft) -> Iterator[Finding]:
+    """Glued grains with the sizes of a group of free grains."""
+    if group is None:
+        return
+    if group.sizes is None:
+        what = f"the group '{group.name}' has no sizes that the glued grains could have"
+        yield Finding(path, what, 'give them here, as { kind = "uniform", min = 0.4e-3, max = 0.6e-3 }')
+    elif draft.domain and 2.0 * group.sizes.largest <= min(draft.domain.size):  # if larger, the group itself is told
+        yield from _check_room(path, glued, group.sizes)
+
+
+def _check_room(path: KeyPath, glued: Glued, sizes: AnySizes) -> Iterator[Finding]:
+    """Glued grains fit on the wall, in a number that makes sense."""
+    place, diameter = glued.place, 2.0 * sizes.largest
+    remedy = "give radii and points in meters"
+    if place.length < place.least * diameter:
+        yield Finding(path, f"{place}, too little for grains of diameter {diameter:g} m", remedy)
+    elif place.length > diameter * _MAX_GLUED:
+        yield Finding(path, f"{place}: more than {_MAX_GLUED:.3g} glued grains", remedy)

@@ -1,20 +1,31 @@
-"""Loading stages name walls that exist and can do what is asked of them."""
+"""Loading stages name walls that exist, wait for what can come, and their steps, durations and intervals go together."""
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator
 
-from multicor_cli.scenario.bodies import prism_height
 from multicor_cli.scenario.checks.draft import Draft
 from multicor_cli.scenario.checks.grains import double_names
-from multicor_cli.scenario.dofs import LoadDof, moves
-from multicor_cli.scenario.drives import DOF_NAMES
-from multicor_cli.scenario.gravity import TiltedGravityTable
-from multicor_cli.scenario.loading import Stage
+from multicor_cli.scenario.drives import DOF_NAMES, WallDofs, resolve_dofs
+from multicor_cli.scenario.loading import (
+    LoadDof,
+    Stage,
+    TiltedGravityTable,
+    UntilAxialStrain,
+    UntilDisplacement,
+    UntilStrain,
+    frozen_dt,
+    is_prescribed,
+    keeps_moving,
+    moves,
+    walls_of,
+)
 from multicor_cli.scenario.problems import Finding, KeyPath, name_list, show
 from multicor_cli.scenario.translate import did_you_mean
-from multicor_cli.scenario.until import walls_of
-from multicor_cli.scenario.walls import Wall
+from multicor_cli.scenario.walls import Wall, prism_height
+
+# ---- Loading stages name walls that exist and can do what is asked of them
 
 _LEVEL = 1e-9  # distance over the size of the domain that counts as none
 
@@ -130,3 +141,142 @@ def _weighs(wall: Wall, draft: Draft) -> bool:
         first = draft.particles[0] if draft.particles else None
         return first is None or prism_height(first) is not None
     return wall.geometry.substance is not None
+
+
+# ---- Stages that wait for something of walls wait for what can come
+
+
+def check_ends(draft: Draft) -> Iterator[Finding]:
+    """Findings about the conditions that end stages."""
+    stages = [stage for stage in draft.loading if stage]
+    walls = [wall for wall in draft.walls if wall]
+    if len(stages) < len(draft.loading) or len(walls) < len(draft.walls):
+        return
+    by_name = {wall.name: wall for wall in walls}
+    names = list(by_name)
+    if len(names) < len(walls):
+        return  # a name is double
+    for k, (stage, dofs) in enumerate(zip(stages, resolve_dofs(stages, names), strict=True)):
+        if set(walls_of(stage.until).values()) <= by_name.keys():
+            yield from _check_stage(("loading", k, "until"), stage, by_name, dict(zip(names, dofs, strict=True)))
+
+
+def _check_stage(path: KeyPath, stage: Stage, walls: dict[str, Wall], dofs: dict[str, WallDofs]) -> Iterator[Finding]:
+    until = stage.until
+    if isinstance(until, UntilStrain):
+        yield from _check_pair((*path, "strain"), until.strain.walls, "x", "y", walls, dofs)
+        drives = [dofs[name][0].dof for name in until.strain.walls]
+        if stage.duration is None and any(map(moves, drives)) and not any(map(keeps_moving, drives)):
+            lower, upper = until.strain.walls
+            what = f"'{lower}' and '{upper}' come to a stop, so that the stage may never end"
+            yield Finding((*path, "strain"), what, "give duration [s] too, as its upper bound")
+    elif isinstance(until, UntilAxialStrain):
+        axis = until.axial_strain.axis
+        yield from _check_pair((*path, "axial_strain"), until.axial_strain.walls, axis, axis, walls, dofs)
+    elif isinstance(until, UntilDisplacement):
+        end = until.displacement
+        if not moves(dofs[end.wall][DOF_NAMES.index(end.axis)].dof):
+            doing = "turn" if end.axis == "spin" else f"move in {end.axis}"
+            remedy = f"drive it, as drives.{end.wall}.{end.axis} = {{ velocity = 0.1 }}"
+            yield Finding((*path, "displacement"), f"'{end.wall}' does not {doing} in this stage", remedy)
+
+
+def _check_pair(
+    path: KeyPath, pair: tuple[str, str], moved: str, apart: str, walls: dict[str, Wall], dofs: dict[str, WallDofs]
+) -> Iterator[Finding]:
+    """Two walls that move relative to each other along one axis and lie apart along another."""
+    lower, upper = pair
+    if lower == upper:
+        yield Finding((*path, "walls"), f"'{lower}' is named twice", "name two different walls")
+        return
+    heights = [walls[name].geometry.height for name in pair]
+    if apart == "y" and heights[0] is not None and heights[0] == heights[1]:
+        what = f"'{lower}' and '{upper}' both lie at y = {heights[0]:g}: there is no strain between them"
+        yield Finding((*path, "walls"), what, "name two walls at different heights")
+    drives = [dofs[name][DOF_NAMES.index(moved)].dof for name in pair]
+    if not any(map(moves, drives)) or (drives[0] == drives[1] and is_prescribed(drives[0])):
+        what = f"neither '{lower}' nor '{upper}' moves in {moved} relative to the other in this stage"
+        yield Finding(path, what, f"drive one of them, as drives.{upper}.{moved} = {{ velocity = 0.1 }}")
+
+
+# ---- Time steps, durations and intervals of output go together
+
+MAX_STEPS = 1e10
+MAX_FRAMES = 1e6
+MAX_ROWS = 1e8
+_SLACK = 1e-9
+
+
+def check_timing(draft: Draft) -> Iterator[Finding]:
+    """Findings about times."""
+    durations = list(_check_durations(draft))
+    yield from durations
+    yield from _check_intervals(draft)
+    if not durations:
+        yield from _check_amounts(draft)
+
+
+def _time_steps(draft: Draft) -> list[float]:
+    """Time steps of the stages in which something moves, as far as they are known.
+
+    A frozen stage is left out: its time step is the interval at which temperatures are evaluated, and output waits for it.
+    """
+    steps = [_time_step(draft, stage) for stage in draft.loading if stage and not stage.frozen]
+    return [dt for dt in steps if dt is not None]
+
+
+def _time_step(draft: Draft, stage: Stage) -> float | None:
+    """Time step of a stage; None if it is not known yet: an automatic one suits the output whatever it is."""
+    dt = stage.dt
+    if dt is None:
+        if stage.frozen:
+            return frozen_dt(stage, draft.output) if draft.output else None
+        dt = draft.solver.dt if draft.solver else None
+    return None if dt == "auto" else dt
+
+
+def _check_durations(draft: Draft) -> Iterator[Finding]:
+    for k, stage in enumerate(draft.loading):
+        dt = _time_step(draft, stage) if stage else None
+        if stage is None or stage.duration is None or dt is None:
+            continue
+        path = ("loading", k, "duration")
+        if stage.duration < dt * (1.0 - _SLACK):
+            yield Finding(path, f"{stage.duration:g} s is shorter than the time step dt = {dt:g} s", "lower dt")
+        elif stage.duration > MAX_STEPS * dt:
+            what = f"{stage.duration:g} s are {stage.duration / dt:.2g} steps of dt = {dt:g} s"
+            yield Finding(path, what, f"stay below {MAX_STEPS:g} steps; times are in seconds")
+
+
+def _check_intervals(draft: Draft) -> Iterator[Finding]:
+    output, steps = draft.output, _time_steps(draft)
+    if output is None or not steps:
+        return
+    longest = max(steps)
+    if output.frame_interval < longest * (1.0 - _SLACK):
+        what = f"{output.frame_interval:g} s is less than the time step dt = {longest:g} s"
+        yield Finding(("output", "frame_interval"), what, "make it at least dt")
+    elif output.series_interval < longest * (1.0 - _SLACK) and not output.has_default_series:  # else there is one row per step
+        what = f"{output.series_interval:g} s is less than the time step dt = {longest:g} s"
+        yield Finding(("output", "series_interval"), what, "make it at least dt, or remove it")
+
+
+def _check_amounts(draft: Draft) -> Iterator[Finding]:
+    """A mistaken interval must not fill the disk."""
+    output = draft.output
+    if output is None:
+        return
+    stages = [stage for stage in draft.loading if stage]
+    limits = (("frame_interval", output.frame_interval, MAX_FRAMES), ("series_interval", output.series_interval, MAX_ROWS))
+    for key, interval, most in limits:
+        times = math.fsum((stage.duration or 0.0) / _between(stage, interval) for stage in stages)
+        if times > most:
+            total = math.fsum(stage.duration or 0.0 for stage in stages)
+            what = f"{total:g} s of loading at intervals of {interval:g} s are written {times:.2g} times"
+            yield Finding(("output", key), what, f"stay below {most:g}; times are in seconds")
+            return
+
+
+def _between(stage: Stage, interval: float) -> float:
+    """Time between two rows or frames that are wanted at an interval [s]."""
+    return max(interval, stage.dt) if stage.frozen and isinstance(stage.dt, float) else interval

@@ -8,7 +8,7 @@ from scenes import SHEAR, WARM, changed
 
 from multicor_cli import arithmetic
 from multicor_cli.scenario import load_scenario, parse_scenario
-from multicor_cli.scenario.evaluate import MAX_EXPRESSIONS
+from multicor_cli.scenario.expressions import MAX_EXPRESSIONS
 
 VARIABLES = """
 [variables]

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 
-from multicor_cli.scenario.locate import MAX_NESTING, Lines, find_deep_nesting, locate_keys, parse_key
+from multicor_cli.scenario.sources import MAX_NESTING, Lines, find_deep_nesting, locate_keys, parse_key
 
 KEYS = st.one_of(
     st.text("abc019_-", min_size=1, max_size=4),
