@@ -139,7 +139,7 @@ def _describe_steering(steering: dict[str, Any] | None) -> list[tuple[str, str]]
 
 
 def _describe_origin(origin: dict[str, Any] | None) -> list[tuple[str, str]]:
-    from multicor_cli.store.origin import Origin
+    from multicor_cli.store.stage_ends import Origin
 
     return [] if origin is None else [("goes on from", Origin.of_document(origin).text)]
 

@@ -17,8 +17,9 @@ from numpy.typing import NDArray
 
 from multicor_cli.export.target import choose_frames, new_directory
 from multicor_cli.store import Frame, Run, schema
-from multicor_cli.store.data_frames import NamedColumn, contact_columns, grain_columns, series_columns, split, wall_columns
-from multicor_cli.store.progress import Progress, no_progress
+from multicor_cli.store.frame_view import NamedColumn, contact_columns, grain_columns, split, wall_columns
+from multicor_cli.store.layout import Progress, no_progress
+from multicor_cli.store.reader import series_columns
 
 FILE_NAMES = re.compile(r"(grains|contacts|walls)-\d{6,}\.csv|(frames|series)\.csv")
 """What the files are called."""

@@ -30,8 +30,8 @@ from multicor_cli.scenario.load import parse_scenario
 from multicor_cli.scenario.scenario import Scenario
 from multicor_cli.store import Frame, Run
 from multicor_cli.store.atomic import GuardedFile, commit_file, make_directory, temporary_beside
-from multicor_cli.store.checked import reading
 from multicor_cli.store.errors import DamagedRun, StorageError
+from multicor_cli.store.hdf5 import reading
 
 _LOCAL, _BODIES, _GUESSES = "fclib_local", "multicor", "guesses"
 _ROWS = -2

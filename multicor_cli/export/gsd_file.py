@@ -20,7 +20,7 @@ from multicor_cli.model import Model
 from multicor_cli.model.model import Floats
 from multicor_cli.optional import library
 from multicor_cli.store import Frame, Run, StorageError, schema
-from multicor_cli.store.progress import Progress, no_progress
+from multicor_cli.store.layout import Progress, no_progress
 from multicor_cli.store.schema.rows import Column, Reader
 
 _DEPTH = 1.0

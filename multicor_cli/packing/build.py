@@ -22,7 +22,7 @@ from multicor_cli.packing.start_speed import start_speed
 from multicor_cli.packing.thermal import group_thermal, joined, sizes_problems
 from multicor_cli.packing.walls import BuiltWalls, build_walls
 from multicor_cli.scenario import Scenario, ScenarioError
-from multicor_cli.store.origin import Origin
+from multicor_cli.store.stage_ends import Origin
 
 
 @dataclass(frozen=True)

@@ -25,7 +25,7 @@ from multicor_cli.packing.initial_grains import InitialGrains, PackingError
 from multicor_cli.packing.source import Source
 from multicor_cli.packing.walls import BuiltWalls
 from multicor_cli.scenario import Scenario
-from multicor_cli.store.origin import Origin
+from multicor_cli.store.stage_ends import Origin
 
 _RUN = ("start", "run")
 

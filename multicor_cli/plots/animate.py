@@ -18,7 +18,7 @@ from multicor_cli.plots.grain_map import color_scale, draw_bar, draw_values, pla
 from multicor_cli.plots.style import PAGE, PlotError, house_style
 from multicor_cli.post.grain_map import GrainMap
 from multicor_cli.store.atomic import storage_errors
-from multicor_cli.store.progress import Progress, no_progress
+from multicor_cli.store.layout import Progress, no_progress
 
 SUFFIXES = (".mp4", ".gif")
 """Formats of films."""

@@ -16,7 +16,7 @@ from multicor_cli.post.sums import Spread, spread
 from multicor_cli.text import choices
 
 if TYPE_CHECKING:
-    from multicor_cli.store.data_frames import NamedColumn
+    from multicor_cli.store.frame_view import NamedColumn
 
 # ---- The energy books
 

@@ -18,7 +18,7 @@ from multicor_cli.report.pack import Packed, pack_frames
 from multicor_cli.report.page import MARK, make_page
 from multicor_cli.store import open_run, run_info
 from multicor_cli.store.atomic import commit_result, storage_errors
-from multicor_cli.store.progress import Progress, no_progress
+from multicor_cli.store.layout import Progress, no_progress
 
 SIZE_LIMIT = 30_000_000
 """Largest size of a page [bytes]: what most mail servers still take."""

@@ -23,7 +23,7 @@ from multicor_cli.running.plan import RunPlan, StagePlan
 from multicor_cli.running.planning import make_plan, stage_name
 from multicor_cli.scenario.scenario import Scenario
 from multicor_cli.scenario.steered import Decision, steered_document
-from multicor_cli.store.grain_facts import GrainFacts
+from multicor_cli.store.parts import GrainFacts
 from multicor_cli.store.rundir import RunDirectory
 
 Array = NDArray[Any]

@@ -16,11 +16,10 @@ from multicor_cli.model.faults import find_misfit
 from multicor_cli.model.state import digest_of
 from multicor_cli.store import schema
 from multicor_cli.store.atomic import file_digest, kill_point, remove_own, storage_errors
-from multicor_cli.store.checked import CheckedFile, check_version
 from multicor_cli.store.documents import Document, read_document, write_document
 from multicor_cli.store.errors import DamagedRun, UnsupportedVersion
-from multicor_cli.store.hdf5 import Hdf5Writer, dtype_of, estimate_size, write_hdf5
-from multicor_cli.store.manifest import Segment, check_segment
+from multicor_cli.store.hdf5 import CheckedFile, Hdf5Writer, check_version, dtype_of, estimate_size, write_hdf5
+from multicor_cli.store.segments import Segment, check_segment
 from multicor_cli.store.summary import Summary, summarize
 
 FILETYPE = "multicor-checkpoint"

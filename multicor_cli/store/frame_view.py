@@ -1,23 +1,92 @@
-"""Frames of a run as lazy numpy arrays."""
+"""Frames of a run as lazy numpy arrays, and as columns with names and units."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
-from typing import Any, TypeVar, cast, overload
+from typing import Any, NamedTuple, TypeVar, cast, overload
 
 import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model import Model, Presence
+from multicor_cli.optional import library
 from multicor_cli.store import schema
-from multicor_cli.store.data_frames import contact_columns, data_frame, grain_columns
 from multicor_cli.store.errors import DamagedRun, frame_number
-from multicor_cli.store.grain_facts import GrainFacts
-from multicor_cli.store.parts import Parts
-from multicor_cli.store.schema.frames import ContactColumns, GrainColumns, KeptColumns, StepColumns, WallColumns
-from multicor_cli.store.schema.rows import Column, Dataset
+from multicor_cli.store.parts import GrainFacts, Parts
+from multicor_cli.store.schema.rows import Column, ContactColumns, Dataset, GrainColumns, KeptColumns, StepColumns, WallColumns
 from multicor_cli.text import count_noun
+
+# ---- What a run holds as columns with names and units: of CSV files, and of DataFrames of pandas
+
+
+class NamedColumn(NamedTuple):
+    """A column of a table.
+
+    Attributes:
+        name: Its name.
+        unit: SI unit; ``1`` if it has none.
+        values: The values, one per row.
+    """
+
+    name: str
+    unit: str
+    values: Sequence[Any] | NDArray[Any]
+
+    @property
+    def heading(self) -> str:
+        """Name, and unit unless there is none."""
+        return self.name if self.unit == "1" else f"{self.name} [{self.unit}]"
+
+
+def data_frame(columns: Sequence[NamedColumn], index: str | None = None) -> Any:
+    """Columns as a DataFrame, indexed by one of them; units are in its ``attrs["units"]``. Raises `MissingLibrary`."""
+    table = library("pandas").DataFrame({column.name: column.values for column in columns})
+    table.attrs["units"] = {column.name: column.unit for column in columns if column.unit != "1"}
+    return table if index is None else table.set_index(index)
+
+
+def grain_columns(frame: Frame) -> list[NamedColumn]:
+    """The grains of a frame, those that are there: number, group, material, radius, mass, and what the frame holds of each."""
+    grains, model = frame.model.grains, frame.facts.model
+    return [
+        NamedColumn("grain", "1", frame.number),
+        NamedColumn("group", "1", [model.groups[k] for k in grains.group]),
+        NamedColumn("material", "1", [model.materials[k] for k in grains.material]),
+        NamedColumn("radius", "m", grains.radius),
+        NamedColumn("mass", "kg", grains.mass),
+        *_columns_of(frame, schema.PARTICLES, frame.number),
+    ]
+
+
+def contact_columns(frame: Frame) -> list[NamedColumn]:
+    """The contacts of a frame as they are stored: grains by their numbers in the run."""
+    return _columns_of(frame, schema.CONTACTS)
+
+
+def wall_columns(frame: Frame) -> list[NamedColumn]:
+    """The walls of a frame: name, and what the frame holds of each."""
+    columns = [NamedColumn("wall", "1", list(frame.facts.model.walls.names))]
+    for spec in frame.rows(schema.WALLS):
+        columns += split(spec, frame.column(spec.path)[0])
+    return columns
+
+
+def split(spec: Dataset, values: NDArray[Any]) -> list[NamedColumn]:
+    """The columns of a dataset."""
+    names = spec.columns or (spec.name,)
+    units = spec.unit.split(", ") * (1 if ", " in spec.unit else len(names))
+    flat = values.reshape(len(values), int(np.prod(values.shape[1:], dtype=np.int64)))
+    return [NamedColumn(name, unit, flat[:, k]) for k, (name, unit) in enumerate(zip(names, units, strict=True))]
+
+
+def _columns_of(frame: Frame, table: tuple[Dataset, ...], rows: NDArray[np.int64] | None = None) -> list[NamedColumn]:
+    """The columns of a table as they are stored, or these rows of them."""
+    found = ((spec, frame.column(spec.path)) for spec in frame.rows(table))
+    return [column for spec, values in found for column in split(spec, values if rows is None else values[rows])]
+
+
+# ---- Lazy arrays
 
 Array = NDArray[Any]
 T = TypeVar("T")

@@ -1,8 +1,9 @@
-"""Names of the files of a run directory, and which files may be removed because only this program makes them."""
+"""Names of the files of a run directory, which of them may be removed, and how their reading is followed."""
 
 from __future__ import annotations
 
 import re
+from collections.abc import Callable
 from pathlib import Path
 
 RUN = "run.json"
@@ -93,3 +94,13 @@ def known_files(directory: Path) -> list[Path]:
         elif entry.name not in (RUN, LOCK):
             found.append(entry)
     return found
+
+
+# ---- Telling whoever waits how many frames of a run have been read, drawn or written
+
+Progress = Callable[[int, int], None]
+"""Is told how many frames are done, and of how many."""
+
+
+def no_progress(done: int, total: int) -> None:
+    """Report nothing."""

@@ -12,11 +12,10 @@ from numpy.typing import NDArray
 from multicor_cli.model import ContactLaws, Grains, Model, ShapeKind, State, Thermal, Walls, WallShapes
 from multicor_cli.model.faults import LARGEST
 from multicor_cli.store import schema
-from multicor_cli.store.checked import CheckedFile
-from multicor_cli.store.columns import columns_of
 from multicor_cli.store.errors import DamagedRun
-from multicor_cli.store.hdf5 import Hdf5Writer, dtype_of, estimate_size, write_hdf5
+from multicor_cli.store.hdf5 import CheckedFile, Hdf5Writer, dtype_of, estimate_size, write_hdf5
 from multicor_cli.store.moment import Moment
+from multicor_cli.store.segments import columns_of
 
 Arrays = dict[str, NDArray[Any]]
 

@@ -1,4 +1,4 @@
-"""Where the frames of a run lie: one ``results.h5``, or a row of segments; readers see the same either way."""
+"""Where the frames of a run lie, in one ``results.h5`` or in segments, alike for readers; and what its grains are."""
 
 from __future__ import annotations
 
@@ -13,15 +13,103 @@ from typing import Any, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
+from multicor_cli.model import Model
 from multicor_cli.model.books import Version
-from multicor_cli.store import schema
-from multicor_cli.store.checked import CheckedFile
-from multicor_cli.store.errors import DamagedRun
-from multicor_cli.store.manifest import Segment
+from multicor_cli.model.model import Floats
+from multicor_cli.store import layout, schema
+from multicor_cli.store.checkpoint import START_AGAIN, Identity, load_newest, newest_first
+from multicor_cli.store.documents import read_document
+from multicor_cli.store.errors import DamagedRun, StorageError
+from multicor_cli.store.hdf5 import CheckedFile
 from multicor_cli.store.results import FILETYPE as RESULTS_FILETYPE
 from multicor_cli.store.results import read_offsets, segment_dims
+from multicor_cli.store.run_document import read_run_document
 from multicor_cli.store.schema import Dataset
 from multicor_cli.store.segments import FILETYPE as SEGMENT_FILETYPE
+from multicor_cli.store.segments import NAME, Segment, read_manifest
+from multicor_cli.text import count_noun
+
+# ---- What the grains of a run or of a frame are: sizes, masses, and names where the model has numbers
+
+
+@dataclass(frozen=True, repr=False)
+class GrainFacts:
+    """What grains are that does not change; every array has shape ``(n,)``.
+
+    Attributes:
+        radius: Radius a [m].
+        mass: Mass m [kg].
+        inertia: Moment of inertia about the center [kg m²].
+        material: Name of the material.
+        group: Name of the ``[[particles]]`` table that a grain comes from.
+    """
+
+    radius: Floats
+    mass: Floats
+    inertia: Floats
+    material: NDArray[Any]
+    group: NDArray[Any]
+
+    @classmethod
+    def of(cls, model: Model) -> GrainFacts:
+        """Those of a model."""
+        grains = model.grains
+        material, group = np.array(model.materials)[grains.material], np.array(model.groups)[grains.group]
+        return cls(grains.radius, grains.mass, grains.inertia, material, group)
+
+    def __len__(self) -> int:
+        return len(self.radius)
+
+    def __repr__(self) -> str:
+        sizes = f", radius {self.radius.min():.4g} to {self.radius.max():.4g} m" if len(self) else ""
+        return f"<Grains: {count_noun(len(self), 'grain')}{sizes}>"
+
+
+# ---- Which segments of an unfinished run count: those in the manifest, which must hold all that a checkpoint relies on
+
+
+def committed_segments(run: Path) -> list[Segment]:
+    """The segments of a run directory, in order.
+
+    A manifest that lost lines at its end looks like a shorter one, so it is compared with the newest checkpoint. Checkpoints are
+    read first: while a run goes on, its manifest only grows.
+
+    Raises:
+        DamagedRun: If a line is damaged, or lines are missing.
+        StorageError: If a file cannot be read.
+    """
+    directory = run / layout.SEGMENTS
+    sidecar, names = _listed_by_checkpoint(run / layout.CHECKPOINTS)
+    segments = read_manifest(directory)
+    if [segment.name for segment in segments[: len(names)]] != names:
+        what = f"{directory / NAME}: damaged (segments listed in {sidecar} are missing)"
+        raise DamagedRun(f"{what}; {_remedy(run)}")
+    return segments
+
+
+def _remedy(run: Path) -> str:
+    """What helps if the manifest of a run is damaged: to continue from a checkpoint whose segments are whole, if there is one."""
+    try:
+        found = load_newest(run / layout.CHECKPOINTS, Identity.of(read_run_document(run)), run / layout.SEGMENTS)
+    except (DamagedRun, StorageError):
+        found = None
+    if found is None:
+        return f"no checkpoint has all its segments; {START_AGAIN}"
+    return f"continue the run to repair it, from step {found.state.step}"
+
+
+def _listed_by_checkpoint(directory: Path) -> tuple[str, list[str]]:
+    """Name of the newest description of a checkpoint that can be read, and its segments."""
+    for sidecar in newest_first(directory):
+        try:
+            listed = read_document(sidecar)["segments"]
+            return sidecar.name, [str(segment["name"]) for segment in listed]
+        except (DamagedRun, StorageError, KeyError, TypeError):
+            continue
+    return "", []
+
+
+# ---- Frames, wherever they lie
 
 _T = TypeVar("_T")
 

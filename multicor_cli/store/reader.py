@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import contextlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
@@ -16,18 +16,15 @@ from multicor_cli.model import Model, State
 from multicor_cli.scenario.steered import steered_text
 from multicor_cli.store import layout, schema
 from multicor_cli.store.atomic import is_regular
-from multicor_cli.store.checked import CheckedFile
 from multicor_cli.store.checkpoint import Identity, load_newest
-from multicor_cli.store.committed import committed_segments
-from multicor_cli.store.data_frames import NamedColumn, data_frame, series_columns
 from multicor_cli.store.documents import Document
 from multicor_cli.store.errors import DamagedRun, DirectoryRefused, NothingStored, StorageError
-from multicor_cli.store.frame_view import Frames, ModelFacts
-from multicor_cli.store.grain_facts import GrainFacts
+from multicor_cli.store.extension import read_scenario
+from multicor_cli.store.frame_view import Frames, ModelFacts, NamedColumn, data_frame, split
+from multicor_cli.store.hdf5 import CheckedFile
 from multicor_cli.store.lock import is_alive
 from multicor_cli.store.model_file import load_model, read_model
-from multicor_cli.store.parts import Part, Parts, results_part, segment_part
-from multicor_cli.store.prepare import read_scenario
+from multicor_cli.store.parts import GrainFacts, Part, Parts, committed_segments, results_part, segment_part
 from multicor_cli.store.results import FILETYPE as RESULTS_FILETYPE
 from multicor_cli.store.run_document import check_types, decisions_of, read_run_document
 from multicor_cli.store.schema import Dataset
@@ -326,3 +323,19 @@ def _info_of_results(path: Path) -> Document:
     check_types(path, {**texts, **documents})
     results = {"size": path.stat().st_size, "data_digest": digest, "frames": frames}
     return {**texts, **documents, "stages": stages, "exit_code": 0, "timings": {}, "results": results}
+
+
+def series_columns(run: Run) -> list[NamedColumn]:
+    """The time series; columns of walls and outlets have their names before them."""
+    columns: list[NamedColumn] = []
+    for spec in run.rows(schema.SERIES):
+        values = run.series[spec.name]
+        owners: Sequence[str] | None = run.wall_names if "wall" in spec.dims else None
+        if "outlet" in spec.dims:
+            owners = run.model.outlets or ()
+        if owners is None:
+            columns += split(spec, values)
+            continue
+        for number, owner in enumerate(owners):
+            columns += [column._replace(name=f"{owner}: {column.name}") for column in split(spec, values[:, number])]
+    return columns

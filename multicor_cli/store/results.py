@@ -14,9 +14,9 @@ from multicor_cli.model import Model
 from multicor_cli.model.books import Version
 from multicor_cli.store import schema
 from multicor_cli.store.atomic import file_digest
-from multicor_cli.store.checked import CheckedFile
 from multicor_cli.store.errors import DamagedRun
 from multicor_cli.store.hdf5 import (
+    CheckedFile,
     DatasetStream,
     Hdf5Writer,
     Precision,
@@ -26,10 +26,10 @@ from multicor_cli.store.hdf5 import (
     estimate_size,
     write_hdf5,
 )
-from multicor_cli.store.manifest import Segment, check_segment
 from multicor_cli.store.model_file import model_columns, write_model_into
 from multicor_cli.store.schema import Dataset
 from multicor_cli.store.segments import FILETYPE as SEGMENT_FILETYPE
+from multicor_cli.store.segments import Segment, check_segment
 from multicor_cli.store.vtkhdf import check_view, estimate_view, link_view, write_view
 
 FILETYPE = "multicor-results"

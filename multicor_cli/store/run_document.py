@@ -14,14 +14,12 @@ from multicor_cli.model import EXCHANGE_NAMES
 from multicor_cli.scenario.steered import Decision, is_decision
 from multicor_cli.store import layout
 from multicor_cli.store.atomic import is_regular
-from multicor_cli.store.checked import check_version
 from multicor_cli.store.documents import Document, plain, read_document
 from multicor_cli.store.errors import DamagedRun, NothingStored, no_run
-from multicor_cli.store.hdf5 import Precision
-from multicor_cli.store.origin import Origin, is_origin
+from multicor_cli.store.hdf5 import Precision, check_version
 from multicor_cli.store.provenance import current_command
 from multicor_cli.store.schema import FORMAT_VERSION
-from multicor_cli.store.stage_ends import is_stage_end
+from multicor_cli.store.stage_ends import Origin, is_origin, is_stage_end
 from multicor_cli.store.summary import empty_summary
 
 FILETYPE = "multicor-run"

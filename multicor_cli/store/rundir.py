@@ -17,18 +17,15 @@ from multicor_cli.store.atomic import commit_bytes, file_digest, kill_point, mak
 from multicor_cli.store.checkpoint import START_AGAIN, Checkpoint, Identity, load_newest, prune, write_checkpoint
 from multicor_cli.store.documents import Document, plain, write_document
 from multicor_cli.store.errors import DamagedRun, StoreError, no_run
-from multicor_cli.store.extension import Extension, extend
+from multicor_cli.store.extension import Extension, check_usable, extend, is_run, lay_out, read_scenario, remove_temporaries
 from multicor_cli.store.hdf5 import Precision
 from multicor_cli.store.lock import RunLock
-from multicor_cli.store.manifest import keep_segments
 from multicor_cli.store.model_file import load_model, model_digest, write_model
-from multicor_cli.store.origin import Origin
-from multicor_cli.store.prepare import check_usable, is_run, lay_out, read_scenario, remove_temporaries
 from multicor_cli.store.results import Texts, write_results
 from multicor_cli.store.run_document import decisions_of, new_document, new_session, now, read_run_document
 from multicor_cli.store.schema import FORMAT_VERSION
-from multicor_cli.store.segments import FrameWriter
-from multicor_cli.store.stage_ends import StageEnd
+from multicor_cli.store.segments import FrameWriter, keep_segments
+from multicor_cli.store.stage_ends import Origin, StageEnd
 
 Status = Literal["finished", "stopped", "failed"]
 

@@ -13,20 +13,19 @@ from numpy.typing import NDArray
 from multicor_cli.model import Model
 from multicor_cli.store import layout, schema
 from multicor_cli.store.atomic import file_digest, is_regular
-from multicor_cli.store.checked import CheckedFile
 from multicor_cli.store.checkpoint import Identity, load_checkpoint, newest_first, step_of
-from multicor_cli.store.committed import committed_segments
 from multicor_cli.store.documents import Document
 from multicor_cli.store.errors import DamagedRun, NothingStored, StoreError
-from multicor_cli.store.hdf5 import data_digest
-from multicor_cli.store.manifest import Segment, check_segment
+from multicor_cli.store.extension import read_scenario
+from multicor_cli.store.hdf5 import CheckedFile, data_digest
 from multicor_cli.store.model_file import load_model, read_model
-from multicor_cli.store.prepare import read_scenario
+from multicor_cli.store.parts import committed_segments
 from multicor_cli.store.results import FILETYPE as RESULTS_FILETYPE
 from multicor_cli.store.results import check_features, read_offsets, segment_dims
 from multicor_cli.store.run_document import check_types, read_run_document
 from multicor_cli.store.schema import Dataset
 from multicor_cli.store.segments import FILETYPE as SEGMENT_FILETYPE
+from multicor_cli.store.segments import Segment, check_segment
 from multicor_cli.store.vtkhdf import check_view
 
 

@@ -20,7 +20,7 @@ from multicor_cli.report.page import figure_cards, make_head, table_card
 from multicor_cli.report.tables import ReportRow
 from multicor_cli.report.write import check_target, write_report
 from multicor_cli.store.atomic import commit_result, make_directory
-from multicor_cli.store.progress import Progress, no_progress
+from multicor_cli.store.layout import Progress, no_progress
 from multicor_cli.studies.cases import SEED, short_names, shown
 from multicor_cli.studies.directory import PAGES, CaseStatus
 from multicor_cli.studies.figure import draw_into

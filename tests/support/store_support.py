@@ -26,7 +26,7 @@ from multicor_cli.model import (
 )
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.store import Moment, RunDirectory
-from multicor_cli.store.texts import write_digests, write_text
+from multicor_cli.store.hdf5 import write_digests, write_text
 
 SOURCE = "# scénario\r\n[scenario]\nname = 'tiny'\n"
 RESOLVED = """[scenario]

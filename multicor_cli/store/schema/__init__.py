@@ -7,10 +7,22 @@ it none (`select`).
 
 from multicor_cli.model.books import Feature, stored_fields
 from multicor_cli.model.state import State
-from multicor_cli.store.schema.frames import CONTACTS, FRAME_TABLE, OFFSETS, PARTICLES, STEPS, WALLS
-from multicor_cli.store.schema.model import MODEL, SCENARIO
-from multicor_cli.store.schema.rows import Dataset, features_of, markdown, names, select
-from multicor_cli.store.schema.series import SERIES
+from multicor_cli.store.schema.rows import (
+    CONTACTS,
+    FRAME_TABLE,
+    MODEL,
+    OFFSETS,
+    PARTICLES,
+    SCENARIO,
+    SERIES,
+    STEPS,
+    WALLS,
+    Dataset,
+    features_of,
+    markdown,
+    names,
+    select,
+)
 
 SEGMENT_TABLE = FRAME_TABLE + SERIES
 """Everything in a segment."""

@@ -26,8 +26,8 @@ from multicor_cli.store import (
     schema,
     verify,
 )
-from multicor_cli.store.checked import CheckedFile
 from multicor_cli.store.documents import document_line, parse_document, read_document, write_document
+from multicor_cli.store.hdf5 import CheckedFile
 
 FLIPS = 25
 

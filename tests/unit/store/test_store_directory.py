@@ -39,9 +39,9 @@ from multicor_cli.store import (
 )
 from multicor_cli.store.atomic import GuardedFile
 from multicor_cli.store.checkpoint import prune
+from multicor_cli.store.extension import check_usable
 from multicor_cli.store.lock import RunLock, is_alive
-from multicor_cli.store.manifest import keep_segments
-from multicor_cli.store.prepare import check_usable
+from multicor_cli.store.segments import keep_segments
 
 
 def listing(path: Path) -> dict[str, bytes]:

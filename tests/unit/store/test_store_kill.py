@@ -12,7 +12,7 @@ from store_support import continue_run, drive, killed_at, make_model, make_run
 from trials import thinned
 
 from multicor_cli.store import Moment, RunDirectory, open_run, run_info, verify
-from multicor_cli.store.manifest import read_manifest
+from multicor_cli.store.segments import read_manifest
 
 
 @pytest.fixture(scope="module")

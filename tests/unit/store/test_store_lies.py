@@ -15,7 +15,7 @@ from store_support import drive, make_model, make_run, replace, run_whole, set_t
 from multicor_cli.store import DamagedRun, open_run, schema, verify
 from multicor_cli.store.atomic import file_digest
 from multicor_cli.store.documents import document_line, parse_document
-from multicor_cli.store.texts import write_text
+from multicor_cli.store.hdf5 import write_text
 
 HEAT_DATASETS = [
     spec.path for spec in schema.RESULTS_TABLE if spec.only_with not in (None, "exchange", "surface", "groups", "motion")

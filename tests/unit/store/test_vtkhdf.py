@@ -156,8 +156,8 @@ def test_steps_without_contacts_anywhere(tmp_path: Path, counts: tuple[int, ...]
 @pytest.mark.parametrize("rows", [1, 12, 13])
 def test_frames_are_written_in_blocks(tmp_path: Path, monkeypatch: pytest.MonkeyPatch, rows: int) -> None:
     """Blocks of frames and chunks of rows end at different places."""
-    monkeypatch.setattr("multicor_cli.store.vtk_lines.BLOCK_ROWS", rows)
-    monkeypatch.setattr("multicor_cli.store.vtk_lines.CHUNK_ROWS", 5)
+    monkeypatch.setattr("multicor_cli.store.vtkhdf.BLOCK_ROWS", rows)
+    monkeypatch.setattr("multicor_cli.store.vtkhdf.CHUNK_ROWS", 5)
     run_whole(tmp_path / "run", make_model(heat=True))
     assert check_run(tmp_path / "run") == 9
 
