@@ -48,7 +48,7 @@ _LISTS = {
     "mapped": ("multicor_cli.post", "MAPPED"),
     "scenes": ("multicor_cli.bench.scenes", "SCENES"),
     "templates": ("multicor_cli.scenario.templates", "TEMPLATES"),
-    "fits": ("multicor_cli.studies.fits", "FITS"),
+    "fits": ("multicor_cli.studies.figure", "FITS"),
 }
 """What stands for ``{name}`` in a help text: the module, and the names in it."""
 

@@ -21,7 +21,7 @@ from multicor_cli.cli.options import ListingCommand, output_option
 from multicor_cli.text import count_noun, format_bytes
 
 if TYPE_CHECKING:
-    from multicor_cli.studies.cases import Case
+    from multicor_cli.studies.axes import Case
     from multicor_cli.studies.directory import StudyDirectory
     from multicor_cli.studies.forecast import Forecast
     from multicor_cli.studies.session import StudySession
@@ -233,9 +233,9 @@ def plot(
     The name of a curve stands in the legend: --curve 'da Cruz 2005: 0.25 + 1.1*x'.
     """
     from multicor_cli.export.target import check_output
-    from multicor_cli.studies import figure, fits
-    from multicor_cli.studies.series import Question, make_panels
+    from multicor_cli.studies import figure
     from multicor_cli.studies.session import StudySession
+    from multicor_cli.studies.table import Question, make_panels
 
     if log not in ("", "x", "y", "xy"):
         raise typer.BadParameter(f"'{log}' is not x, y or xy", param_hint="--log")
@@ -243,11 +243,11 @@ def plot(
     if is_file:
         check_output(target, is_overwriting=is_overwriting)
     question = Question(of, against, by, facet, tuple(_pair(text) for text in where or ()))
-    formulas = [fits.formula(text) for text in curves or ()]
+    formulas = [figure.formula(text) for text in curves or ()]
     session = StudySession.open(file, output)
     found = _table(session, is_mean=True)
     panels = make_panels(found, question)
-    lines = [[fits.fit(kind, line) for line in panel.series] for panel in panels] if kind is not None else []
+    lines = [[figure.fit(kind, line) for line in panel.series] for panel in panels] if kind is not None else []
     for panel, own in zip(panels, lines, strict=bool(lines)):
         for line, curve in zip(panel.series, own, strict=True):
             say(": ".join(text for text in (panel.title, line.label, curve.text) if text))

@@ -7,11 +7,13 @@ The last line of standard output says how it ended.
 from __future__ import annotations
 
 import contextlib
+import fcntl
 import json
 import os
 import signal
 import socket
 import sys
+import tempfile
 import threading
 import time
 import traceback
@@ -20,7 +22,44 @@ from typing import Any
 
 from multicor_cli.running.observer import SilentObserver, Status
 from multicor_cli.store.layout import LOCK, PROGRESS, RUN
-from multicor_cli.studies.turns import CompilationTurn
+
+# ---- Taking turns at compiling: of the cases that start together on a machine one compiles the kernels, the others then load them
+
+
+class CompilationTurn:
+    """The turn of a process to compile; waits until it has it, unless someone has compiled before.
+
+    Args:
+        name: What the processes have in common that share their kernels: version of the program and study.
+    """
+
+    def __init__(self, name: str) -> None:
+        # Beside the kernels: where these are removed, the next one has to compile again.
+        directory = Path(os.environ.get("NUMBA_CACHE_DIR") or tempfile.gettempdir())
+        self._marker = directory / f"turn-{name}.done"
+        self._descriptor = -1
+        if self._marker.exists() or not os.access(directory, os.W_OK):
+            return
+        self._descriptor = os.open(directory / f"turn-{name}.lock", os.O_RDWR | os.O_CREAT | os.O_CLOEXEC, 0o600)
+        fcntl.flock(self._descriptor, fcntl.LOCK_EX)  # given back by the kernel if the process dies
+        if self._marker.exists():
+            self.leave()
+
+    def done(self) -> None:
+        """Kernels are there: nobody has to wait any more."""
+        if self._descriptor >= 0:
+            with contextlib.suppress(OSError):
+                self._marker.touch(mode=0o600)
+            self.leave()
+
+    def leave(self) -> None:
+        """Give the turn to the next; does nothing the second time."""
+        if self._descriptor >= 0:
+            os.close(self._descriptor)
+            self._descriptor = -1
+
+
+# ---- The case
 
 _PATIENCE = 180.0
 """How long a run directory may be held by another process that is about to stop [s]."""
@@ -122,7 +161,7 @@ def _failed(error: Exception) -> dict[str, Any]:
 
 def _observe(task: dict[str, Any]) -> None:
     """Take the numbers of the case that are asked for, here rather than one case after the other when the table is made."""
-    from multicor_cli.studies.cases import Case
+    from multicor_cli.studies.axes import Case
     from multicor_cli.studies.directory import StudyDirectory
     from multicor_cli.studies.observing import observe
     from multicor_cli.studies.schema import Observable

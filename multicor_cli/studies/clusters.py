@@ -18,8 +18,8 @@ from multicor_cli.running.compiling import available_memory, python_child
 from multicor_cli.scenario.problems import Finding
 from multicor_cli.store.errors import StoreError
 from multicor_cli.studies.forecast import Needs
-from multicor_cli.studies.local import LocalClient
 from multicor_cli.studies.schema import Compute, Queue, parse_memory
+from multicor_cli.studies.task import LocalClient
 from multicor_cli.text import format_bytes
 
 if TYPE_CHECKING:

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, Protocol
 import multicor_cli
 from multicor_cli.running.outcome import StopReason
 from multicor_cli.store.errors import StoreError
-from multicor_cli.studies.cases import Case
+from multicor_cli.studies.axes import Case
 from multicor_cli.studies.clusters import Site
 from multicor_cli.studies.directory import StudyDirectory
 from multicor_cli.studies.load import Study

@@ -23,7 +23,7 @@ from multicor_cli.store.atomic import commit_bytes, make_directory, storage_erro
 from multicor_cli.store.documents import SIZE_LIMIT
 from multicor_cli.store.errors import DamagedRun, DirectoryRefused
 from multicor_cli.store.lock import RunLock, is_alive
-from multicor_cli.studies.cases import Case
+from multicor_cli.studies.axes import Case
 from multicor_cli.studies.load import Study
 
 FILETYPE, VERSION = "multicor-study", 1

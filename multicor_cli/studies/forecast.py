@@ -10,9 +10,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from multicor_cli.scenario.problems import Finding, Problem, ScenarioError
-from multicor_cli.studies.cases import SEED, Case, check_case
+from multicor_cli.studies.axes import SEED, Case, check_case
 from multicor_cli.studies.load import Study
-from multicor_cli.studies.observable import missing
+from multicor_cli.studies.observing import missing
 from multicor_cli.text import format_bytes
 
 if TYPE_CHECKING:

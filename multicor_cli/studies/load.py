@@ -59,7 +59,7 @@ def arguments(values: Mapping[str, Any]) -> list[str]:
 
 
 def load_study(path: str | Path) -> Study:
-    """Load and check a study file; its scenario and cases are looked at by `multicor_cli.studies.cases`.
+    """Load and check a study file; its scenario and cases are looked at by `multicor_cli.studies.axes`.
 
     Raises:
         ScenarioError: The file cannot be read or is wrong; its ``problems`` say all that is wrong.

@@ -1,25 +1,250 @@
-"""Numbers taken from the runs of a study: each observable with its error, kept once the run is finished."""
+"""Numbers taken from the runs of a study: which can be had, from which table, with which error; kept once the run is finished."""
 
 from __future__ import annotations
 
 import hashlib
 import json
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
 
 from multicor_cli.files import read_regular
+from multicor_cli.post import forces
+from multicor_cli.post.energy import HEAT, MECHANICAL, energy
+from multicor_cli.post.grain_map import grain_map
+from multicor_cli.post.profile import profile
+from multicor_cli.post.quantities import MAPPED, PROFILED, QUANTITIES
+from multicor_cli.post.region import QUANTITIES as IN_REGION
+from multicor_cli.post.region import in_region
+from multicor_cli.post.rheology import QUANTITIES as OF_RHEOLOGY
+from multicor_cli.post.rheology import rheology
 from multicor_cli.post.source import Selection
 from multicor_cli.post.sums import Sums, average
+from multicor_cli.post.theta_eta import theta_eta
+from multicor_cli.scenario.loading import UntilStrain
+from multicor_cli.scenario.problems import Finding, KeyPath
+from multicor_cli.scenario.scenario import Scenario
+from multicor_cli.scenario.translate import did_you_mean
 from multicor_cli.store.atomic import commit_bytes
 from multicor_cli.store.documents import SIZE_LIMIT
-from multicor_cli.studies.cases import Case
+from multicor_cli.store.schema import SERIES
+from multicor_cli.store.summary import empty_summary
+from multicor_cli.studies.axes import Case
 from multicor_cli.studies.directory import StudyDirectory
 from multicor_cli.studies.schema import After, Observable
-from multicor_cli.studies.tables import SOURCES, Number, Unobservable
+
+if TYPE_CHECKING:
+    from multicor_cli.store.reader import Run
+
+# ---- Which tables of `multicor post` give a number of a run, and how
+
+
+class Number(NamedTuple):
+    """A number with its standard error; nan where it is not known."""
+
+    value: float
+    error: float = math.nan
+
+
+class Unobservable(Exception):
+    """An observable that a run does not have."""
+
+
+@dataclass(frozen=True)
+class Source:
+    """A table that gives numbers.
+
+    Attributes:
+        names: Quantities that it has.
+        take: The number of a quantity, from the frames after a time.
+        of_heat: Those of them that only runs with heat have.
+        is_of_one_frame: Whether it is about the last frame.
+        needs_shear: Whether two walls have to shear the grains.
+    """
+
+    names: tuple[str, ...]
+    take: Callable[[Run, Observable, Selection], Number]
+    of_heat: frozenset[str] = frozenset()
+    is_of_one_frame: bool = False
+    needs_shear: bool = False
+
+
+def _value(row: Observable) -> str:
+    assert row.value is not None
+    return row.value
+
+
+def _rheology(run: Run, row: Observable, selection: Selection) -> Number:
+    found = rheology(run, selection)
+    return Number(found.mean[_value(row)], found.error[_value(row)])
+
+
+def _region(run: Run, row: Observable, selection: Selection) -> Number:
+    assert row.inside is not None
+    found = in_region(run, row.inside.area(), selection)
+    if row.value not in found.mean:
+        raise Unobservable(f"the run has no {row.value}")
+    return Number(found.mean[_value(row)], found.error[_value(row)])
+
+
+def _profile(run: Run, row: Observable, selection: Selection) -> Number:
+    found = profile(run, _value(row), selection, row.bins)
+    k = _bin(found.y, found.width, row)
+    return Number(float(found.value[k]), float(found.error[k]))
+
+
+def _theta(run: Run, row: Observable, _selection: Selection) -> Number:
+    found = theta_eta(run, bins=row.bins)
+    k = _bin(found.center, 1.0 / found.center.size, row)
+    return Number(
+        float({"theta": found.mean, "standard_deviation": found.spread, "min": found.lowest, "max": found.highest}[_value(row)][k])
+    )
+
+
+def _bin(centers: np.ndarray[tuple[int], np.dtype[np.float64]], width: float, row: Observable) -> int:
+    """The bin that holds the place of an observable."""
+    assert row.at is not None
+    k = int(np.abs(centers - row.at).argmin())
+    if abs(float(centers[k]) - row.at) > 0.5001 * width:
+        low, high = float(centers[0]) - 0.5 * width, float(centers[-1]) + 0.5 * width
+        raise Unobservable(f"{row.at:g} lies outside of the profile, which goes from {low:.4g} to {high:.4g}")
+    return k
+
+
+def _map(run: Run, row: Observable, _selection: Selection) -> Number:
+    values = grain_map(run, _value(row)).value
+    values = values[np.isfinite(values)]
+    if not values.size:
+        raise Unobservable(f"no grain has a {row.value}")
+    return Number(float(getattr(np, row.statistic or "mean")(values)))
+
+
+_OF_NETWORK = forces.SUMMARY
+_OF_DIRECTIONS = forces.MOMENTS
+
+
+def _forces(run: Run, row: Observable, selection: Selection) -> Number:
+    if row.value in _OF_NETWORK:
+        return Number(float(forces.force_network(run).summary[_value(row)]))
+    return Number(forces.angular_distribution(run, selection).moments[_value(row)])
+
+
+_CLOSURES = ("energy_closure", "heat_closure")
+
+
+def _energy(run: Run, row: Observable, _selection: Selection) -> Number:
+    found = energy(run).as_dict()
+    value = found[_value(row)] if row.value in _CLOSURES else found["end"].get(row.value)
+    if value is None:
+        raise Unobservable("the run has no heat")
+    return Number(float(value))
+
+
+_AMOUNTS = tuple(name for name, quantity in MAPPED.items() if quantity.names_of is None)
+_HEAT_FIELDS = frozenset(name for name, quantity in QUANTITIES.items() if quantity.needs_heat)
+
+SOURCES: dict[str, Source] = {
+    "rheology": Source(tuple(row.name for row in OF_RHEOLOGY), _rheology, needs_shear=True),
+    "region": Source(IN_REGION, _region, frozenset({"temperature"})),
+    "profile": Source(tuple(PROFILED), _profile, _HEAT_FIELDS),
+    "theta-eta": Source(
+        ("theta", "standard_deviation", "min", "max"), _theta,
+        frozenset({"theta", "standard_deviation", "min", "max"}), is_of_one_frame=True,
+    ),
+    "map": Source(_AMOUNTS, _map, _HEAT_FIELDS, is_of_one_frame=True),
+    "forces": Source((*_OF_NETWORK, *_OF_DIRECTIONS), _forces),
+    "energy": Source(
+        (*(line.name for line in (*MECHANICAL, *HEAT)), *_CLOSURES), _energy,
+        frozenset({*(line.name for line in HEAT), "heat_closure"}), is_of_one_frame=True,
+    ),
+}  # fmt: skip
+"""By name of the command."""
+
+
+# ---- Which observables of a study no run of it can have: found before the first one starts
+
+_COLUMNS = {spec.path.removeprefix("series/"): spec for spec in SERIES if len(spec.dims) == 1}
+_OF_RUN = ("grain_count", "step", "time", "stage", "frame_count", "series_count", "duration", "hertz_deflection")
+"""Numbers that `multicor info` has beside those of the summary."""
+
+_OPEN = ("books.", "timings.", "heat.", "exchange.")
+"""Parts of info whose numbers depend on the run."""
+
+
+def unknown(observables: Iterable[Observable]) -> Iterator[Finding]:
+    """What no run of any scenario has."""
+    for number, row in enumerate(observables):
+        place: KeyPath = ("observe", number)
+        if row.post is not None and row.value not in (names := SOURCES[row.post].names):
+            known = did_you_mean(str(row.value), names) or f"it has {', '.join(names)}"
+            yield Finding((*place, "value"), f"{row.post} has no {row.value}", known)
+        if row.post is not None and row.after is not None and SOURCES[row.post].is_of_one_frame:
+            yield Finding((*place, "after"), f"{row.post} is about the end of a run, no mean", "leave after out")
+        if row.series is not None and row.series not in _COLUMNS:
+            known = did_you_mean(row.series, list(_COLUMNS)) or f"it has {', '.join(_COLUMNS)}"
+            yield Finding((*place, "series"), f"the time series has no {row.series}", known)
+        if row.info is not None and not row.info.startswith(_OPEN):
+            names = (*_OF_RUN, *_leaves("", empty_summary()))
+            if row.info not in names:
+                known = did_you_mean(row.info, names) or f"it has {', '.join(dict.fromkeys(names))}"
+                yield Finding((*place, "info"), f"info has no number {row.info}", known)
+
+
+def _leaves(prefix: str, node: Mapping[str, Any]) -> Iterator[str]:
+    for name, value in node.items():
+        if isinstance(value, Mapping):
+            yield from _leaves(f"{prefix}{name}.", value)
+        elif not isinstance(value, str):
+            yield f"{prefix}{name}"
+
+
+def missing(observables: Iterable[Observable], scenario: Scenario) -> Iterator[Finding]:
+    """What a run of this scenario does not have."""
+    for number, row in enumerate(observables):
+        place: KeyPath = ("observe", number)
+        if scenario.heat is None and _is_of_heat(row):
+            key = "value" if row.post else "series" if row.series else "info"
+            yield Finding((*place, key), f"{getattr(row, key)} needs heat", "give the scenario a table [heat]")
+        if not scenario.is_open and row.info is not None and row.info.startswith("exchange."):
+            yield Finding((*place, "info"), "no grain comes or goes in this scenario", "give it [[outlets]] or releases")
+        if row.post is not None and SOURCES[row.post].needs_shear:
+            if not scenario.domain.periodic:
+                yield Finding((*place, "post"), "rheology needs a domain that is periodic in x", "use region or profile")
+            elif len(scenario.walls) < 2:
+                yield Finding((*place, "post"), "rheology needs a wall below and a wall above the grains", "use region or profile")
+        if row.after is not None:
+            yield from _after(row, place, scenario)
+
+
+def _is_of_heat(row: Observable) -> bool:
+    if row.series is not None:
+        return row.series in _COLUMNS and _COLUMNS[row.series].only_with == "heat"
+    if row.info is not None:
+        return row.info.startswith("heat")
+    return row.post is not None and row.value in SOURCES[row.post].of_heat
+
+
+def _after(row: Observable, place: KeyPath, scenario: Scenario) -> Iterator[Finding]:
+    """Means that would begin when the run has ended already."""
+    assert row.after is not None
+    last = scenario.loading[-1] if scenario.loading else None
+    until = last.until if last is not None else None
+    if row.after.strain is not None and isinstance(until, UntilStrain) and until.strain.value <= row.after.strain:
+        message = f"the last stage ends at a strain of {until.strain.value:g}, the mean would begin at {row.after.strain:g}"
+        yield Finding((*place, "after", "strain"), message, "begin earlier, or shear for longer")
+    durations = [stage.duration for stage in scenario.loading]
+    if row.after.time is not None and durations and None not in durations:
+        total = sum(float(duration or 0.0) for duration in durations)
+        if total <= row.after.time:
+            message = f"the run ends at {total:g} s, the mean would begin at {row.after.time:g} s"
+            yield Finding((*place, "after", "time"), message, "begin earlier, or run for longer")
+
+
+# ---- Taking and keeping them
 
 
 def observe(directory: StudyDirectory, case: Case, observables: Sequence[Observable]) -> dict[str, Any]:

@@ -21,12 +21,11 @@ from multicor_cli.report.tables import ReportRow
 from multicor_cli.report.write import check_target, write_report
 from multicor_cli.store.atomic import commit_result, make_directory
 from multicor_cli.store.layout import Progress, no_progress
-from multicor_cli.studies.cases import SEED, short_names, shown
+from multicor_cli.studies.axes import SEED, short_names, shown
 from multicor_cli.studies.directory import PAGES, CaseStatus
 from multicor_cli.studies.figure import draw_into
-from multicor_cli.studies.series import Panel, Question, make_panels
 from multicor_cli.studies.session import StudySession
-from multicor_cli.studies.table import StudyTable, over_seeds
+from multicor_cli.studies.table import Panel, Question, StudyTable, make_panels, over_seeds
 
 _FIGURES = 12
 """Most figures of a page."""

@@ -13,13 +13,13 @@ from typing import Any
 
 from multicor_cli.running.outcome import StopReason
 from multicor_cli.scenario.load import load_scenario
-from multicor_cli.studies.cases import Case, expand
+from multicor_cli.studies.axes import Case, expand
 from multicor_cli.studies.clusters import DoesNotFit, Site, connected, existing, require_libraries
 from multicor_cli.studies.computing import Computation, Tally, Watcher
 from multicor_cli.studies.directory import LOGS, CaseState, CaseStatus, StudyDirectory
 from multicor_cli.studies.forecast import Forecast, Needs, check_cases, forecast
 from multicor_cli.studies.load import Study, load_study
-from multicor_cli.studies.observable import unknown
+from multicor_cli.studies.observing import unknown
 from multicor_cli.studies.table import StudyTable, make_table
 
 

@@ -13,8 +13,8 @@ from places import ROOT
 from scenes import SMALL
 
 from multicor_cli.optional import LIBRARIES, MissingLibrary, library
-from multicor_cli.studies.fits import FITS, fit
-from multicor_cli.studies.series import Series
+from multicor_cli.studies.figure import FITS, fit
+from multicor_cli.studies.table import Series
 
 STUDY = """\
 [study]

@@ -19,7 +19,7 @@ from places import ROOT
 from scenes import SMALL
 
 import multicor_cli as multicor
-from multicor_cli.studies.cases import Case
+from multicor_cli.studies.axes import Case
 from multicor_cli.studies.directory import CaseStatus, StudyDirectory
 
 pytest.importorskip("distributed")

@@ -11,10 +11,8 @@ import pytest
 
 from multicor_cli.plots.style import PlotError
 from multicor_cli.studies.directory import StudyDirectory
-from multicor_cli.studies.figure import draw, draw_letters
-from multicor_cli.studies.fits import fit, formula
-from multicor_cli.studies.series import Question, Series, make_panels
-from multicor_cli.studies.table import Row, StudyTable, over_seeds, with_error
+from multicor_cli.studies.figure import draw, draw_letters, fit, formula
+from multicor_cli.studies.table import Question, Row, Series, StudyTable, make_panels, over_seeds, with_error
 
 FRICTION, SPEED, KIND = "contacts.0.friction", "variables.speed", "particles.0.shape"
 

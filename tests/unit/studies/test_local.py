@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from multicor_cli.studies import local
-from multicor_cli.studies.local import LocalClient
+from multicor_cli.studies import task as local
+from multicor_cli.studies.task import LocalClient
 
 
 def task(name: str) -> dict[str, Any]:

@@ -1,11 +1,13 @@
-"""A case whose lock names another machine: taken over once nothing moves there any more, and then out of reach of the other."""
+"""The process of a case: of those that start together one compiles, and a case whose machine is gone is taken over."""
 
 from __future__ import annotations
 
 import json
+import multiprocessing
 import os
 import threading
 import time
+from multiprocessing.synchronize import Event
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +17,49 @@ from scenes import SMALL
 import multicor_cli as multicor
 from multicor_cli.running.observer import SilentObserver, Status
 from multicor_cli.store.errors import RunLocked
-from multicor_cli.studies.child import Silence, run_task
+from multicor_cli.studies.child import CompilationTurn, Silence, run_task
+
+# ---- Of processes that start together one compiles, the others wait
+
+
+def compile_once(began: Event, may_go_on: Event) -> None:
+    turn = CompilationTurn("a")
+    began.set()
+    may_go_on.wait()
+    turn.done()
+
+
+@pytest.mark.parametrize("is_killed", [False, True])
+def test_the_second_waits_for_the_first(is_killed: bool, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path))
+    context = multiprocessing.get_context("fork")
+    events = [(context.Event(), context.Event()) for _ in range(2)]
+    first, second = (context.Process(target=compile_once, args=pair) for pair in events)
+    first.start()
+    assert events[0][0].wait(20.0)
+    second.start()
+    time.sleep(0.3)
+    assert not events[1][0].is_set()
+    if is_killed:
+        first.kill()
+    else:
+        events[0][1].set()
+    assert events[1][0].wait(20.0)
+    assert (tmp_path / "turn-a.done").exists() is not is_killed
+    events[1][1].set()
+    for process in (first, second):
+        process.join(20.0)
+    assert (tmp_path / "turn-a.done").exists()
+    CompilationTurn("a").done()  # nobody waits any more
+
+
+def test_without_a_place_nobody_waits(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("NUMBA_CACHE_DIR", str(tmp_path / "none"))
+    CompilationTurn("a").done()
+    assert list(tmp_path.iterdir()) == []
+
+
+# ---- A case whose lock names another machine: taken over once nothing moves there any more, and then out of reach of the other
 
 
 def task(tmp_path: Path, **more: Any) -> dict[str, Any]:
