@@ -20,7 +20,7 @@ import numpy as np
 
 from multicor_cli.model import HEAT_BOOK_NAMES, ContactLaws, Grains, Model, ShapeKind, State, Thermal, Walls, WallShapes
 from multicor_cli.model.contacts import ContactTable
-from multicor_cli.store import Moment, RunDirectory
+from multicor_cli.store import RunDirectory, Snapshot
 
 ROOT = Path(__file__).parents[1]
 RADIUS = 0.5e-3
@@ -122,7 +122,7 @@ def write_run(path: Path, grains: int, frames: int) -> None:
             for _ in range(ROWS_PER_FRAME if frame else 1):
                 if frame:
                     _advance(state)
-                writer.series_row(Moment(state, model))
+                writer.series_row(Snapshot(state, model))
             moved = centers[:, 0] + flow * state.time
             state.image = np.floor(moved / model.period).astype(np.int64)
             state.position[:, 0] = moved - state.image * model.period
@@ -136,7 +136,7 @@ def write_run(path: Path, grains: int, frames: int) -> None:
             force = rng.exponential(1.0, (c, 2)) * [1.0, 0.2] * (rng.random((c, 1)) < 5.0 / 6.0)
             slip = np.zeros(c)
             contacts = ContactTable(i, j, normal, slip, force * state.last_dt, slip, force[:, 1] > 0.3, slip, slip)
-            writer.frame(Moment(state, model, contacts if frame else None))
+            writer.frame(Snapshot(state, model, contacts if frame else None))
             if frame % 10 == 9 or frame == frames - 1:
                 run.checkpoint(state, writer)
         run.finish("finished")

@@ -1,13 +1,13 @@
 from .checks import check_run as check_run
 from .checks import check_scenario as check_scenario
-from .engine.contact.report import PhysicsError as PhysicsError
+from .engine.contact.step_report import PhysicsError as PhysicsError
 from .plots.notebook import picture as picture
 from .running import run as run
 from .running.observer import Observer as Observer
 from .running.observer import Status as Status
 from .running.outcome import RunOutcome as RunOutcome
 from .running.outcome import StageTimeout as StageTimeout
-from .running.steering import Now as Now
+from .running.steering import LiveRun as LiveRun
 from .scenario.load import load_scenario as load_scenario
 from .scenario.problems import ScenarioError as ScenarioError
 from .scenario.scenario import Scenario as Scenario

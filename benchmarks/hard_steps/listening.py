@@ -147,7 +147,7 @@ frame_interval = 1.0
 
 
 def cold(problem: Problem) -> Problem:
-    """The same problem from impulses of zero; light contacts only."""
+    """The same problem from impulses of zero; diagonal contacts only."""
     system = problem.copy()
     add_impulses(system._replace(impulse=-system.impulse))
     system.impulse[:] = 0.0

@@ -30,7 +30,7 @@ _REPEATED = 3.0  # all our solves of a problem together may take this many times
 
 
 @dataclass(frozen=True)
-class Moment:
+class Snapshot:
     """Where a solver was: time spent [s], sweeps done, error."""
 
     seconds: float
@@ -54,8 +54,8 @@ class Race:
     scene: str
     is_warm: bool
     contacts: int
-    ours: list[list[Moment]]
-    theirs: list[list[Moment]]
+    ours: list[list[Snapshot]]
+    theirs: list[list[Snapshot]]
     failure: str = ""
 
 
@@ -129,9 +129,9 @@ def race(
     return races
 
 
-def solve_ours(problem: ContactProblem, matrix: MatrixProblem, start: Floats, limit: float) -> list[Moment]:
+def solve_ours(problem: ContactProblem, matrix: MatrixProblem, start: Floats, limit: float) -> list[Snapshot]:
     """Solve it again and again with ever smaller tolerances, from the start each time; the time is that of the whole call."""
-    moments = [Moment(0.0, 0.0, natural_error(matrix, start))]
+    moments = [Snapshot(0.0, 0.0, natural_error(matrix, start))]
     solve_contacts(problem, loosened(1e3), start=start)  # compiles
     spent = 0.0
     for tolerance in _TOLERANCES:
@@ -139,29 +139,29 @@ def solve_ours(problem: ContactProblem, matrix: MatrixProblem, start: Floats, li
         begin = time.perf_counter()
         solution = solve_contacts(problem, settings, reference_velocity=matrix.scale, start=start)
         seconds = time.perf_counter() - begin
-        moments.append(Moment(seconds, solution.sweeps, natural_error(matrix, solution.impulse)))
+        moments.append(Snapshot(seconds, solution.sweeps, natural_error(matrix, solution.impulse)))
         spent += seconds
         if moments[-1].error <= TARGETS[-1] or max(seconds, spent / _REPEATED) > limit or not solution.converged:
             break
     return moments
 
 
-def solve_theirs(matrix: MatrixProblem, start: Floats, python: str, limit: float, folder: Path) -> list[Moment]:
+def solve_theirs(matrix: MatrixProblem, start: Floats, python: str, limit: float, folder: Path) -> list[Snapshot]:
     """Solve it with Siconos; the time is that of its driver, without making its matrix."""
     save_problem(str(folder / "problem.npz"), matrix, start=start.ravel(), target=TARGETS[-1], limit=limit)
     worker = Path(__file__).resolve().parent / "siconos_worker.py"
     run_program([python, str(worker), "problem.npz", "solution.npz"], folder, environment={"PYTHONPATH": str(worker.parent)})
     with np.load(folder / "solution.npz") as stored:
         rows = zip(stored["seconds"], stored["iterations"], stored["errors"], strict=True)
-        return [Moment(float(s), float(i), float(e)) for s, i, e in rows]
+        return [Snapshot(float(s), float(i), float(e)) for s, i, e in rows]
 
 
-def first_below(moments: list[Moment], target: float) -> Moment | None:
+def first_below(moments: list[Snapshot], target: float) -> Snapshot | None:
     """The cheapest moment whose error is at most the target; None if it was not reached."""
     return min((m for m in moments if m.error <= target), key=lambda m: m.seconds, default=None)
 
 
-def per_contact(moments: list[Moment], contacts: int) -> float:
+def per_contact(moments: list[Snapshot], contacts: int) -> float:
     """Time per contact and sweep of the longest run [s]; nan if there was none."""
     last = max(moments, key=lambda m: m.sweeps)
     return last.seconds / (last.sweeps * contacts) if last.sweeps > 0.0 else math.nan
@@ -182,7 +182,7 @@ def _row(one: Race, target: float) -> list[str]:
     ]  # fmt: skip
 
 
-def _ratio(one: Race, ours: list[Moment], theirs: list[Moment]) -> str:
+def _ratio(one: Race, ours: list[Snapshot], theirs: list[Snapshot]) -> str:
     """Siconos over ours; a lower bound where it has not arrived within its time."""
     if theirs:
         ratios = [b.seconds / a.seconds for a, b in zip(ours, theirs, strict=False) if a.seconds > 0.0]
@@ -191,13 +191,13 @@ def _ratio(one: Race, ours: list[Moment], theirs: list[Moment]) -> str:
     return f"> {min(bounds):.3g}" if bounds else ""
 
 
-def _reached(rounds: list[list[Moment]], target: float) -> list[Moment]:
+def _reached(rounds: list[list[Snapshot]], target: float) -> list[Snapshot]:
     """Where a solver reached the target, if it did in every round."""
     moments = [first_below(moments, target) for moments in rounds]
     return [moment for moment in moments if moment is not None] if all(moments) else []
 
 
-def _cells(rounds: list[list[Moment]], reached: list[Moment]) -> list[str]:
+def _cells(rounds: list[list[Snapshot]], reached: list[Snapshot]) -> list[str]:
     if not rounds:
         return ["", ""]
     if not reached:

@@ -97,10 +97,11 @@ def column(count: int = 116) -> Problem:
     frame = np.zeros((count, 5))
     frame[:, NY], frame[:, MU] = 1.0, 0.5
     frame[:, MASS] = 1.0 / (velocity[pair[:, FIRST], INVERSE_MASS] + velocity[pair[:, SECOND], INVERSE_MASS])
-    light = batch(OneByOne(pair, frame, np.zeros((count, 2))), velocity)
+    diagonal = batch(OneByOne(pair, frame, np.zeros((count, 2))), velocity)
     system = System(
-        light.velocity, np.zeros((count + 1, 3)), light.slot, light.pair, light.frame, light.impulse, light.tile_start,
-        np.array([0, 1]), np.empty((0, 2), np.int32), np.empty((0, 8)), np.empty((0, 2, 2)), np.empty((0, 2)), 2.0, count,
+        diagonal.velocity, np.zeros((count + 1, 3)), diagonal.slot, diagonal.pair, diagonal.frame, diagonal.impulse,
+        diagonal.tile_start, np.array([0, 1]), np.empty((0, 2), np.int32), np.empty((0, 8)),
+        np.empty((0, 2, 2)), np.empty((0, 2)), 2.0, count,
     )  # fmt: skip
     return Problem(f"column of {count}, cold", system, ResidualScale(9.81e-3, 9.81e-3, 0.5 * count * 9.81e-3**2))
 

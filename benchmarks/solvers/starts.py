@@ -18,7 +18,7 @@ from multicor_cli.model.columns import INVERSE_MASS, MU, NORMAL, TANGENTIAL
 from multicor_cli.model.model import Floats
 
 Start = Callable[[Problem, Problem | None], Floats]
-"""Impulses of the light contacts to start from, as in `System`: of a problem with its warm start, and that of the step before."""
+"""Impulses of the diagonal contacts to start from, as in `System`: of a problem with its warm start, and of the step before."""
 
 
 def measure_starts(
@@ -36,7 +36,7 @@ def measure_starts(
 
 
 def _started(problem: Problem, impulse: Floats) -> Problem:
-    """The problem with other impulses of the light contacts, and the velocities that go with them."""
+    """The problem with other impulses of the diagonal contacts, and the velocities that go with them."""
     system = problem.copy()
     none = np.zeros_like(system.general_impulse)
     add_impulses(system._replace(impulse=impulse - system.impulse, general_impulse=none))

@@ -21,7 +21,7 @@ NORMALS = ((S, -C), (S, C))
 
 Pair = tuple[Fraction, Fraction]
 ZERO = Fraction(0)
-FREE: tuple[Pair, Pair] = ((ZERO, ZERO), (ZERO, ZERO))
+CHANGEABLE: tuple[Pair, Pair] = ((ZERO, ZERO), (ZERO, ZERO))
 
 
 def holding(share: Fraction) -> tuple[Pair, Pair]:

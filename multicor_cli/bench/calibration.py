@@ -35,7 +35,7 @@ class SweepTimes:
     """One sweep, ours and that in C, measured alternately.
 
     Attributes:
-        contacts: Light contacts of the problem.
+        contacts: Diagonal contacts of the problem.
         bytes_moved: Bytes of the problem that a sweep reads or writes at least once [B].
         ours: Time per contact and sweep by number of threads, median [s].
         in_c: That in C on one thread, the fastest; nan without a compiler [s].
@@ -69,30 +69,30 @@ def time_sweep(system: System, threads: tuple[int, ...]) -> SweepTimes:
     Raises:
         RuntimeError: If the sweep in C does not do what ours does.
     """
-    light = _only_light(system)
-    rows, velocity, before = flatten(light), aligned_copy(light.velocity), _before(light)
+    diagonal = _only_diagonal(system)
+    rows, velocity, before = flatten(diagonal), aligned_copy(diagonal.velocity), _before(diagonal)
     count = len(rows.pair)
     repeats = max(1, _ENOUGH // max(1, count))
     c_sweep = compile_sweep()
     if c_sweep is not None:
-        _compare(light, c_sweep)
+        _compare(diagonal, c_sweep)
     ours: dict[int, list[float]] = {number: [] for number in threads}
     in_c: list[float] = []
-    partial = np.zeros(light.tile_start.size - 1)
+    partial = np.zeros(diagonal.tile_start.size - 1)
     for round_ in range(_ROUNDS + 1):
         for number in threads:
             numba.set_num_threads(number)
             clock = _time if number > 1 else _busy
-            seconds = clock(lambda: sweep_repeatedly(light, before, repeats, number > 1, partial))  # noqa: B023
+            seconds = clock(lambda: sweep_repeatedly(diagonal, before, repeats, number > 1, partial))  # noqa: B023
             ours[number].append(seconds / (repeats * count))
         if c_sweep is not None:
-            in_c.append(_busy(lambda: c_sweep(rows, velocity, light.spin_factor, repeats)) / (repeats * count))
+            in_c.append(_busy(lambda: c_sweep(rows, velocity, diagonal.spin_factor, repeats)) / (repeats * count))
         if round_ == 0:  # the first round only warms up
             ours, in_c = {number: [] for number in threads}, []
     ratio = statistics.median(a / b for a, b in zip(ours[threads[0]], in_c, strict=True)) if in_c else float("nan")
     return SweepTimes(
         count,
-        _bytes_moved(light),
+        _bytes_moved(diagonal),
         {number: statistics.median(times) for number, times in ours.items()},
         min(in_c, default=float("nan")),
         ratio,
@@ -122,7 +122,7 @@ def compile_sweep() -> CSweep | None:
     return run
 
 
-def _only_light(system: System) -> System:
+def _only_diagonal(system: System) -> System:
     """A copy without general contacts."""
     none = slice(0, 0)
     return system._replace(

@@ -12,7 +12,7 @@ _CODE = """
 import os, time
 from multicor_cli.bench.driving import prepare
 from multicor_cli.bench.scenes import START
-from multicor_cli.engine.rehearsal import rehearse
+from multicor_cli.engine.precompile import precompile
 from multicor_cli.running.compiling import shared_compilation
 start = time.perf_counter()
 with shared_compilation(os.cpu_count() or 1) as other:
@@ -20,7 +20,7 @@ with shared_compilation(os.cpu_count() or 1) as other:
     print(time.perf_counter() - start)
     if other is not None:
         other.wait()
-    rehearse()
+    precompile()
     print(time.perf_counter() - start)
 """
 

@@ -13,7 +13,7 @@ import numpy as np
 from multicor_cli.bench.rest import Rest, Settling
 from multicor_cli.bench.scenes import BenchScene
 from multicor_cli.bench.tiling import repeat_scene
-from multicor_cli.engine.contact.report import StepReport
+from multicor_cli.engine.contact.step_report import StepReport
 from multicor_cli.engine.coupled import CoupledEngine
 from multicor_cli.model import Model, State
 from multicor_cli.packing import build

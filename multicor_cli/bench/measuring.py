@@ -15,7 +15,7 @@ from multicor_cli.bench.driving import PreparedScene, Round, prepare
 from multicor_cli.bench.reference import ReferenceStep
 from multicor_cli.bench.rest import NoRestError
 from multicor_cli.bench.scenes import SCENES
-from multicor_cli.engine.contact.report import PhysicsError
+from multicor_cli.engine.contact.step_report import PhysicsError
 
 BUDGET_SWEEPS = 30
 """Sweeps of the step of which everything else may take a quarter (benchmarks/README.md)."""

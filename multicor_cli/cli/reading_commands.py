@@ -306,11 +306,11 @@ def to_fclib(directory: RunPath, output: FclibFile, frame: OneFrame = -1, is_ove
 @contextlib.contextmanager
 def _may_be_left() -> Iterator[None]:
     """Leave at once when a signal says so: an exception would have to find its way through the machine code of a compiler."""
-    from multicor_cli.running.signals import Switchboard
+    from multicor_cli.running.signals import StopSignals
 
-    switchboard = Switchboard(may_exit=True)
-    switchboard.farewell = lambda number: complain("interrupted")
-    with switchboard.installed(), switchboard.impatient():
+    stop_signals = StopSignals(may_exit=True)
+    stop_signals.on_exit = lambda number: complain("interrupted")
+    with stop_signals.installed(), stop_signals.exit_at_once():
         yield
 
 

@@ -20,7 +20,7 @@ if TYPE_CHECKING:
     from multicor_cli.model import Model, State
     from multicor_cli.running.outcome import RunOutcome
     from multicor_cli.running.plan import RunPlan
-    from multicor_cli.running.signals import Switchboard
+    from multicor_cli.running.signals import StopSignals
     from multicor_cli.scenario.scenario import Scenario
 
 Directory = Annotated[
@@ -59,20 +59,20 @@ def run(
 
     Ctrl-C, SIGTERM and SIGHUP stop after a checkpoint (a second one at once), SIGUSR1 writes a checkpoint and goes on.
     """
-    from multicor_cli.running.signals import Switchboard
+    from multicor_cli.running.signals import StopSignals
 
     if overwrite and extend:
         raise typer.BadParameter("a run is either extended or overwritten", param_hint="--extend")
-    with Switchboard(may_exit=True).installed() as switchboard:
-        switchboard.farewell = lambda _number: complain("interrupted before anything was done")
-        with switchboard.impatient():
+    with StopSignals(may_exit=True).installed() as stop_signals:
+        stop_signals.on_exit = lambda _number: complain("interrupted before anything was done")
+        with stop_signals.exit_at_once():
             job = _prepare(scenario, overrides or [], threads)
         if is_dry:
-            with switchboard.impatient():
+            with stop_signals.exit_at_once():
                 _dry_run(job)
             return
         outcome = _run(
-            job, output, max_hours, switchboard, overwrite=overwrite, extend=extend, is_quiet=is_quiet, is_strict=is_strict
+            job, output, max_hours, stop_signals, overwrite=overwrite, extend=extend, is_quiet=is_quiet, is_strict=is_strict
         )
     _conclude(outcome, is_quiet=is_quiet, is_strict=is_strict)
     raise typer.Exit(outcome.reason.exit_code)
@@ -98,7 +98,7 @@ def _run(
     job: _Job,
     output: Path | None,
     max_hours: float | None,
-    switchboard: Switchboard,
+    stop_signals: StopSignals,
     *,
     overwrite: bool,
     extend: bool,
@@ -126,7 +126,7 @@ def _run(
         overwrite=overwrite,
         extend=extend,
         observer=observer,
-        switchboard=switchboard,
+        stop_signals=stop_signals,
         review=review,
     )
     return session.run()

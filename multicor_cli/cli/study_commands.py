@@ -235,14 +235,14 @@ def plot(
     from multicor_cli.export.target import check_output
     from multicor_cli.studies import figure
     from multicor_cli.studies.session import StudySession
-    from multicor_cli.studies.table import Question, make_panels
+    from multicor_cli.studies.table import PlotRequest, make_panels
 
     if log not in ("", "x", "y", "xy"):
         raise typer.BadParameter(f"'{log}' is not x, y or xy", param_hint="--log")
     is_file = target != Path("term")
     if is_file:
         check_output(target, is_overwriting=is_overwriting)
-    question = Question(of, against, by, facet, tuple(_pair(text) for text in where or ()))
+    question = PlotRequest(of, against, by, facet, tuple(_pair(text) for text in where or ()))
     formulas = [figure.formula(text) for text in curves or ()]
     session = StudySession.open(file, output)
     found = _table(session, is_mean=True)

@@ -8,10 +8,10 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.engine.contact.detection import net_impulses, resting_attraction
+from multicor_cli.engine.contact.contacts import net_impulses, resting_attraction
 from multicor_cli.engine.contact.problem import ContactProblem
-from multicor_cli.engine.contact.report import StepReport
 from multicor_cli.engine.contact.solve import Settings
+from multicor_cli.engine.contact.step_report import StepReport
 from multicor_cli.engine.heat.spots import resting_contacts
 from multicor_cli.engine.heat.step import HeatEngine, MovedContacts
 from multicor_cli.engine.heat.walls import WallHeat

@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 
 from multicor_cli.arithmetic import hypot
 from multicor_cli.arithmetic.sums import column_totals, total
-from multicor_cli.engine.contact.detection import (
+from multicor_cli.engine.contact.contacts import (
     StepContacts,
     WarmStart,
     attract,
@@ -26,8 +26,8 @@ from multicor_cli.engine.contact.detection import (
 )
 from multicor_cli.engine.contact.ordering import Scheduler
 from multicor_cli.engine.contact.problem import ContactProblem, problem_of_step
-from multicor_cli.engine.contact.report import PhysicsError, StepReport
 from multicor_cli.engine.contact.solve import Outcome, ResidualScale, Settings, ThreadChoice, solve_system
+from multicor_cli.engine.contact.step_report import PhysicsError, StepReport
 from multicor_cli.engine.contact.system import OrderedSystem, assemble, tabulate_contacts
 from multicor_cli.engine.energy import account
 from multicor_cli.engine.energy.account import book_step, open_books, switch_wall_kinetic
@@ -93,7 +93,7 @@ class Engine:
         self._list = NeighborList(model)
         self._motion = WallMotion(model, [WallDrive()] * w)
         self._gravity: AnyGravity = Gravity.constant(model.gravity)
-        self._pull: Floats = model.gravity  # what acts in the step: gravity at its middle
+        self._gravity_now: Floats = model.gravity  # what acts in the step: gravity at its middle
         self._middle = np.empty((n, 3))
         self._stopped: Floats | None = None  # how far grains are from where they would be at q_m, if something stopped them
         self._start = np.zeros((n + w, 4))
@@ -102,7 +102,7 @@ class Engine:
         self._mass = total(model.grains.mass)
         self.shape_temperature: Floats = np.empty(0)
         self.newcomers: NDArray[np.int64] = np.empty(0, np.int64)
-        self._pace = ThreadChoice(self.threads)
+        self._threading = ThreadChoice(self.threads)
         self._scheduler = Scheduler()
         self._contacts: StepContacts | None = None
         self._after: Floats = np.empty((0, 4))
@@ -139,7 +139,7 @@ class Engine:
             PhysicsError: If the state is not finite, the solver fails and ``on_failure`` is "error", or no admissible positions
                 exist.
         """
-        numba.set_num_threads(self._pace.favorite)
+        numba.set_num_threads(self._threading.favorite)
         self._contacts = self._last_scene = None  # free the contacts of the last step before there are new ones
         state, model, motion = self.state, self.model, self._motion
         if state.step == 0:
@@ -213,12 +213,12 @@ class Engine:
         state, model = self.state, self.model
         n = model.grain_count
         speeds = chunks_for(n)
-        self._pull = self._gravity.value(t + 0.5 * dt)
+        self._gravity_now = self._gravity.value(t + 0.5 * dt)
         predict(
-            state.position, state.velocity, model.grains.radius, model.grains.mass, self._pull, dt,
+            state.position, state.velocity, model.grains.radius, model.grains.mass, self._gravity_now, dt,
             self._middle, self._start, self._free, speeds,
         )  # fmt: skip
-        walls = self._motion.predict(state, self._pull, t, dt)
+        walls = self._motion.predict(state, self._gravity_now, t, dt)
         before = self._motion.before
         self._start[n:, :3] = before
         self._free[n:, :3] = walls
@@ -241,7 +241,7 @@ class Engine:
     def _reach_before(self, scene: Scene, walls: Floats, dt: float) -> float:
         """A gap that no pair closes in the step, as far as velocities before the solve tell [m]; ``walls`` are those of walls."""
         drift = fit_drift(self._free, self._middle, self.model.period)
-        fall = dt * np.abs(self._pull)  # between the velocities at the start and the free ones
+        fall = dt * np.abs(self._gravity_now)  # between the velocities at the start and the free ones
         drift = replace(drift, rest=drift.rest + hypot(*fall.tolist()), largest=drift.largest + fall)
         reach = self._motion.closing(drift, scene, self._motion.before, walls).reach(dt, self._list.largest)
         return max(reach, closing_distance(self.laws, self.model.grains, dt))
@@ -269,7 +269,7 @@ class Engine:
             contacts, scale = self._gather(scene, margin, dt)
             ordered = self._assemble(scene, contacts)
         with self._timed("solve"):
-            outcome = solve_system(ordered.system, scale, self.settings, self._pace, should_stop)
+            outcome = solve_system(ordered.system, scale, self.settings, self._threading, should_stop)
         return contacts, ordered.collect(contacts), outcome
 
     def _assemble(self, scene: Scene, contacts: StepContacts) -> OrderedSystem:
@@ -301,7 +301,7 @@ class Engine:
         """
         model = self.model
         mean_mass = self._mass / model.grain_count
-        weight = dt * hypot(*self._pull.tolist())
+        weight = dt * hypot(*self._gravity_now.tolist())
         pressure = dt * self._motion.pressure() * model.mean_diameter / mean_mass
         load = max(
             max(weight, pressure) or attraction / mean_mass,
@@ -323,7 +323,7 @@ class Engine:
             wall_after = np.where(self._motion.driven, after[n:, :3], self._free[n:, :3])
             grain_sums = chunks_for(n, 2)
             move(
-                self._middle, self._start, after, model.grains.radius, model.grains.mass, self._pull,
+                self._middle, self._start, after, model.grains.radius, model.grains.mass, self._gravity_now,
                 model.shape_factor, dt, state.position, state.velocity, grain_sums,
             )  # fmt: skip
             kinetic, gravity_work = column_totals(grain_sums).tolist()
@@ -334,9 +334,11 @@ class Engine:
         with self._timed("correct"):
             # Not that of q_m with other positions: heat still looks at it.
             end = scene_of(model, state.position, state.wall_position)
-            correction = correct_positions(end, model, self._pull, self._motion, self._list, reach, self._flagged, state.step)
+            correction = correct_positions(
+                end, model, self._gravity_now, self._motion, self._list, reach, self._flagged, state.step
+            )
             if self._stopped is not None:
-                pull = model.grains.mass[:, np.newaxis] * self._pull
+                pull = model.grains.mass[:, np.newaxis] * self._gravity_now
                 correction = replace(correction, gravity_work=correction.gravity_work + total(pull * self._stopped))
             if model.period > 0.0:
                 wrap(state.position, state.image, model.period)

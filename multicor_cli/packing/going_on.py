@@ -13,7 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from multicor_cli.arithmetic.sums import total
-from multicor_cli.engine.contact.detection import resting_attraction
+from multicor_cli.engine.contact.contacts import resting_attraction
 from multicor_cli.engine.exchange.passage import note_presence
 from multicor_cli.engine.geometry.scene import scene_of
 from multicor_cli.model import Model, Presence, State, Thermal, WallBody

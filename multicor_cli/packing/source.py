@@ -10,7 +10,7 @@ from typing import Any
 
 import numpy as np
 
-from multicor_cli.engine.contact.detection import resting_attraction
+from multicor_cli.engine.contact.contacts import resting_attraction
 from multicor_cli.engine.geometry.scene import scene_of
 from multicor_cli.model import Model, State
 from multicor_cli.model.columns import NORMAL

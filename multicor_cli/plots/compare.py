@@ -11,9 +11,9 @@ from multicor_cli.plots.style import (
     COLORS,
     COLUMN,
     PAGE,
+    Renderer,
     Terminal,
     TextLine,
-    Ways,
     draw_text,
     draw_with_errors,
     rise_formatter,
@@ -77,4 +77,4 @@ def comparison_text(comparison: Comparison, _terminal: Terminal) -> str:
     return "\n\n".join(charts)
 
 
-FIGURES = {Comparison: Ways(lambda table: (PAGE, 0.85 * COLUMN * len(table.profiles)), draw_comparison, comparison_text)}
+FIGURES = {Comparison: Renderer(lambda table: (PAGE, 0.85 * COLUMN * len(table.profiles)), draw_comparison, comparison_text)}

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from multicor_cli.plots.style import COLORS, COLUMN, Terminal, TextLine, Ways, draw_text
+from multicor_cli.plots.style import COLORS, COLUMN, Renderer, Terminal, TextLine, draw_text
 from multicor_cli.post.crossings import FlowTable
 from multicor_cli.text import with_error
 
@@ -32,4 +32,4 @@ def flow_text(table: FlowTable, _terminal: Terminal) -> str:
     return draw_text([TextLine("", table.time, np.cumsum(table.crossed["mass"]))], "time [s]", "mass through the line [kg]")
 
 
-FIGURES = {FlowTable: Ways(lambda _: (COLUMN, 0.75 * COLUMN), draw_flow, flow_text)}
+FIGURES = {FlowTable: Renderer(lambda _: (COLUMN, 0.75 * COLUMN), draw_flow, flow_text)}

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from multicor_cli.model.model import Floats
-from multicor_cli.plots.style import COLORS, COLUMN, PAGE, PlotError, Terminal, TextLine, Ways, draw_text, show_decades
+from multicor_cli.plots.style import COLORS, COLUMN, PAGE, PlotError, Renderer, Terminal, TextLine, draw_text, show_decades
 from multicor_cli.post.energy import HEAT, MECHANICAL, BookLine, EnergyTable, SeriesTable
 from multicor_cli.text import unit_sign
 
@@ -142,6 +142,6 @@ def _size(table: SeriesTable) -> tuple[float, float]:
 
 
 FIGURES = {
-    EnergyTable: Ways(lambda table: (COLUMN if table.heat_closure is None else PAGE, 1.15 * COLUMN), draw_energy, energy_text),
-    SeriesTable: Ways(_size, draw_series, series_text),
+    EnergyTable: Renderer(lambda table: (COLUMN if table.heat_closure is None else PAGE, 1.15 * COLUMN), draw_energy, energy_text),
+    SeriesTable: Renderer(_size, draw_series, series_text),
 }

@@ -10,9 +10,9 @@ from multicor_cli.plots.grain_map import draw_walls, is_wide, place_scene
 from multicor_cli.plots.style import (
     COLORS,
     COLUMN,
+    Renderer,
     Terminal,
     TextLine,
-    Ways,
     axis_label,
     color_map,
     draw_picture,
@@ -148,4 +148,4 @@ def _size(table: FieldTable) -> tuple[float, float]:
     return COLUMN, COLUMN * (0.35 + 0.5 * panels)
 
 
-FIGURES = {FieldTable: Ways(_size, _fill, fields_text)}
+FIGURES = {FieldTable: Renderer(_size, _fill, fields_text)}

@@ -8,7 +8,7 @@ import numpy as np
 
 from multicor_cli.model.model import Floats
 from multicor_cli.plots.grain_map import draw_discs, draw_walls, place_scene
-from multicor_cli.plots.style import COLORS, COLUMN, PAGE, Terminal, TextLine, Ways, draw_picture, draw_text, show_decades
+from multicor_cli.plots.style import COLORS, COLUMN, PAGE, Renderer, Terminal, TextLine, draw_picture, draw_text, show_decades
 from multicor_cli.post.forces import AngularDistribution, ForceDistribution, ForceNetwork
 from multicor_cli.post.grain_map import images
 
@@ -180,9 +180,9 @@ def angles_text(table: AngularDistribution, _terminal: Terminal) -> str:
 
 
 FIGURES = {
-    ForceNetwork: Ways(lambda _: (COLUMN, COLUMN), _fill, forces_text),
-    ForceDistribution: Ways(
+    ForceNetwork: Renderer(lambda _: (COLUMN, COLUMN), _fill, forces_text),
+    ForceDistribution: Renderer(
         lambda _: (COLUMN, 0.85 * COLUMN), lambda figure, table: draw_distribution(figure.add_subplot(), table), distribution_text
     ),
-    AngularDistribution: Ways(lambda _: (PAGE, 0.58 * PAGE), draw_angles, angles_text),
+    AngularDistribution: Renderer(lambda _: (PAGE, 0.58 * PAGE), draw_angles, angles_text),
 }

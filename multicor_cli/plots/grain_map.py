@@ -13,8 +13,8 @@ from multicor_cli.plots.style import (
     COLORS,
     COLUMN,
     PAGE,
+    Renderer,
     Terminal,
-    Ways,
     axis_label,
     color_map,
     draw_picture,
@@ -362,4 +362,4 @@ def map_text(table: GrainMap, terminal: Terminal, *, has_streamlines: bool = Tru
     return f"{picture}\n{table.field.label}{unit} {values}"
 
 
-FIGURES = {GrainMap: Ways(lambda _: (COLUMN, COLUMN), _fill, map_text)}
+FIGURES = {GrainMap: Renderer(lambda _: (COLUMN, COLUMN), _fill, map_text)}

@@ -9,9 +9,9 @@ import numpy as np
 from multicor_cli.plots.style import (
     COLORS,
     COLUMN,
+    Renderer,
     Terminal,
     TextLine,
-    Ways,
     axis_label,
     draw_text,
     draw_with_errors,
@@ -93,8 +93,8 @@ def profiles_text(profiles: ProfileSet, _terminal: Terminal) -> str:
 
 
 FIGURES = {
-    ProfileSet: Ways(lambda table: (COLUMN, COLUMN if len(table.tables) > 1 else 0.9 * COLUMN), _fill, profiles_text),
-    ProfileTable: Ways(
+    ProfileSet: Renderer(lambda table: (COLUMN, COLUMN if len(table.tables) > 1 else 0.9 * COLUMN), _fill, profiles_text),
+    ProfileTable: Renderer(
         lambda _: (COLUMN, 0.9 * COLUMN),
         lambda figure, table: draw_profile(figure.add_subplot(), table),
         lambda table, terminal: profiles_text(ProfileSet(table.field.name, (table,)), terminal),

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from multicor_cli.plots.rheology import draw_panel, explain
-from multicor_cli.plots.style import PAGE, Terminal, TextLine, Ways, draw_text, rise_formatter, rise_label, rise_reference
+from multicor_cli.plots.style import PAGE, Renderer, Terminal, TextLine, draw_text, rise_formatter, rise_label, rise_reference
 from multicor_cli.post.region import RegionTable
 
 _PANELS: tuple[tuple[str, tuple[tuple[str, str], ...]], ...] = (
@@ -63,4 +63,4 @@ def region_text(table: RegionTable, _terminal: Terminal) -> str:
     )
 
 
-FIGURES = {RegionTable: Ways(lambda _: (PAGE, 0.62 * PAGE), draw_region, region_text)}
+FIGURES = {RegionTable: Renderer(lambda _: (PAGE, 0.62 * PAGE), draw_region, region_text)}

@@ -8,7 +8,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from multicor_cli.model.model import Floats
-from multicor_cli.plots.style import COLORS, PAGE, Terminal, TextLine, Ways, draw_text
+from multicor_cli.plots.style import COLORS, PAGE, Renderer, Terminal, TextLine, draw_text
 from multicor_cli.post.rheology import Rheology
 
 _PANELS: tuple[tuple[str, tuple[tuple[str, str], ...]], ...] = (
@@ -131,4 +131,4 @@ def rheology_text(table: Rheology, _terminal: Terminal) -> str:
     return "\n\n".join(charts)
 
 
-FIGURES = {Rheology: Ways(lambda _: (PAGE, 0.9 * PAGE), draw_rheology, rheology_text)}
+FIGURES = {Rheology: Renderer(lambda _: (PAGE, 0.9 * PAGE), draw_rheology, rheology_text)}

@@ -400,7 +400,7 @@ def _frame(area: NDArray[np.str_], low: Floats, high: Floats, x_label: str, y_la
 # ---- The figure of a table: tables of `post/NAME.py` are drawn by `plots/NAME.py`, whose `FIGURES` says how
 
 
-class Ways(NamedTuple):
+class Renderer(NamedTuple):
     """How a table is drawn: how large a figure of it is [inch], into a figure of matplotlib, and as text for a terminal."""
 
     size: Callable[[Any], tuple[float, float]]
@@ -431,7 +431,7 @@ def show(table: Any, terminal: Terminal, **options: Any) -> str:
     return _ways(table).text(table, terminal, **options)
 
 
-def _ways(table: Any) -> Ways:
+def _ways(table: Any) -> Renderer:
     name = type(table).__module__.rpartition(".")[2]
-    figures: dict[type, Ways] = import_module(f"multicor_cli.plots.{name}").FIGURES
+    figures: dict[type, Renderer] = import_module(f"multicor_cli.plots.{name}").FIGURES
     return figures[type(table)]

@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from multicor_cli.plots.style import COLORS, COLUMN, Terminal, TextLine, Ways, draw_text
+from multicor_cli.plots.style import COLORS, COLUMN, Renderer, Terminal, TextLine, draw_text
 from multicor_cli.post.theta_eta import ThetaTable
 
 _NOTHING = 0.005
@@ -57,7 +57,7 @@ def theta_eta_text(table: ThetaTable, _terminal: Terminal) -> str:
 
 
 FIGURES = {
-    ThetaTable: Ways(
+    ThetaTable: Renderer(
         lambda _: (COLUMN, 0.8 * COLUMN), lambda figure, table: draw_theta_eta(figure.add_subplot(), table), theta_eta_text
     )
 }

@@ -40,7 +40,7 @@ def run(
         extend: Whether stages that the scenario has more at its end than the run in the directory are added to that run.
         observer: An `Observer`, whose methods are told of every step, of messages and warnings, and of the end; it cannot change
             the run. Default: none.
-        steer: A function that is called with a `Now` after steps of stages that are not frozen. It reads what there is, and may
+        steer: A function that is called with a `LiveRun` after steps of stages that are not frozen. It reads what there is, and may
             end the stage, name the next one, or end the run. It must decide by what it reads and by ``now.notes`` alone: then the
             same scenario and function give the same bits, also if the run is stopped in between and goes on with the same call.
         steer_every: Number of steps of a stage from call to call.

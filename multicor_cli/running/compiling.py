@@ -134,7 +134,7 @@ def shared_compilation(threads: int) -> Iterator[subprocess.Popen[bytes] | None]
     """Let another process compile kernels too, if there are none yet and the run may use a second thread; yields that process.
 
     Numba compiles on one core, one kernel after the other. The other process takes them in another order
-    (`multicor_cli.engine.rehearsal`) and leaves them in the cache; if it fails, they are compiled here. It ends with the block,
+    (`multicor_cli.engine.precompile`) and leaves them in the cache; if it fails, they are compiled here. It ends with the block,
     and with this process however that ends.
     """
     if threads < 2 or is_compiled() or not is_kept():
@@ -156,6 +156,6 @@ def shared_compilation(threads: int) -> Iterator[subprocess.Popen[bytes] | None]
 
 if __name__ == "__main__":
     end_with_parent()
-    from multicor_cli.engine.rehearsal import rehearse
+    from multicor_cli.engine.precompile import precompile
 
-    rehearse()
+    precompile()

@@ -10,8 +10,8 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from multicor_cli.engine.contact.report import PhysicsError, StepReport
 from multicor_cli.engine.contact.solve import Interrupted
+from multicor_cli.engine.contact.step_report import PhysicsError, StepReport
 from multicor_cli.model import State
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.model.faults import find_absurd_value
@@ -19,11 +19,11 @@ from multicor_cli.running.conditions import StepDone, update_peak
 from multicor_cli.running.observer import Observer, SilentObserver, Status
 from multicor_cli.running.outcome import StageTimeout, StopReason
 from multicor_cli.running.plan import RunPlan, Staged, StagePlan, begin_stage, foresee_steps, resume_stage
-from multicor_cli.running.signals import Switchboard
+from multicor_cli.running.signals import StopSignals
 from multicor_cli.running.steering import Steering
-from multicor_cli.store.moment import Moment
 from multicor_cli.store.rundir import RunDirectory
 from multicor_cli.store.segments import FrameWriter
+from multicor_cli.store.snapshot import Snapshot
 from multicor_cli.store.stage_ends import StageEnd
 
 # ---- From the controller to the files of a run directory
@@ -39,12 +39,12 @@ class DirectoryRecorder:
     def frame(self, state: State, contacts: ContactTable | None) -> None:
         """Write a frame; without contacts if they are not recorded. Raises as `checkpoint` does."""
         self._require_sound(state)
-        self._writer.frame(Moment(state, self._writer.model, contacts))
+        self._writer.frame(Snapshot(state, self._writer.model, contacts))
 
     def series(self, state: State) -> None:
         """Write the row of the time series that ends the window of ``state``; raises as `frame` does."""
         self._require_sound(state)
-        self._writer.series_row(Moment(state, self._writer.model))
+        self._writer.series_row(Snapshot(state, self._writer.model))
 
     def stage_ended(self, end: StageEnd) -> None:
         """Note how a stage ended, for ``run.json``."""
@@ -193,7 +193,7 @@ class Controller:
         recorder: Recorder,
         *,
         observer: Observer | None = None,
-        switchboard: Switchboard | None = None,
+        stop_signals: StopSignals | None = None,
         deadline: float | None = None,
         stage_starts: Sequence[float] = (0.0,),
         steering: Steering | None = None,
@@ -206,7 +206,7 @@ class Controller:
             engine: What advances the state.
             recorder: Where results go.
             observer: Who is told.
-            switchboard: Where signals arrive.
+            stop_signals: Where signals arrive.
             deadline: Reading of ``clock`` at which to stop.
             stage_starts: Times at which the stages up to that of the state have begun [s]; for a run that goes on from another on
                 the clock of that one, so that what signals are kept from stage to stage by has the same bits.
@@ -217,7 +217,7 @@ class Controller:
         self._engine = engine
         self._recorder = recorder
         self._observer = observer or SilentObserver()
-        self._signals = switchboard or Switchboard()
+        self._signals = stop_signals or StopSignals()
         self._deadline = deadline
         self._starts = list(stage_starts)
         self._steering = steering
@@ -319,7 +319,7 @@ class Controller:
     def _advance(self, dt: float, t: float) -> StepReport:
         if self._steps:
             return self._engine.step(dt, t, self._signals.should_stop)
-        with self._signals.impatient():  # kernels may compile now, and the last checkpoint is the state before this step
+        with self._signals.exit_at_once():  # kernels may compile now, and the last checkpoint is the state before this step
             return self._engine.step(dt, t, self._signals.should_stop)
 
     def _after_step(self, stage: StagePlan, report: StepReport) -> bool:

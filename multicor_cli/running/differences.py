@@ -6,10 +6,10 @@ import tomllib
 from collections.abc import Iterator
 from typing import Any, NamedTuple
 
-from multicor_cli.scenario.base import FREE, Formerly
+from multicor_cli.scenario.base import CHANGEABLE, Formerly
 from multicor_cli.scenario.models import ScenarioModel
 from multicor_cli.scenario.problems import KeyPath, show
-from multicor_cli.scenario.translate import find_field, find_spot
+from multicor_cli.scenario.translate import find_field, find_location
 
 _ABSENT = object()
 
@@ -23,7 +23,7 @@ class Difference(NamedTuple):
 
 
 def find_differences(before: str, after: str) -> list[Difference]:
-    """Keys that differ between two resolved scenarios, `FREE` ones left out.
+    """Keys that differ between two resolved scenarios, `CHANGEABLE` ones left out.
 
     Args:
         before: TOML of the scenario with which the run began.
@@ -69,13 +69,13 @@ def _is_given(path: KeyPath, document: Any) -> bool:
 
 
 def _marks(path: KeyPath) -> list[Any]:
-    field = find_field(find_spot(ScenarioModel, path).table, str(path[-1]))
+    field = find_field(find_location(ScenarioModel, path).table, str(path[-1]))
     return [] if field is None else field.metadata
 
 
 def _is_free(path: KeyPath) -> bool:
     """Whether the key or a table around it is free."""
-    return any(FREE in _marks(path[:end]) for end in range(1, len(path) + 1))
+    return any(CHANGEABLE in _marks(path[:end]) for end in range(1, len(path) + 1))
 
 
 def _compare(path: KeyPath, before: Any, after: Any) -> Iterator[Difference]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from multicor_cli.engine.contact.report import StepReport
+from multicor_cli.engine.contact.step_report import StepReport
 from multicor_cli.model import State
 
 

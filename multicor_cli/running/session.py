@@ -16,7 +16,7 @@ import numpy as np
 
 from multicor_cli import __version__
 from multicor_cli.engine import Engine
-from multicor_cli.engine.contact.report import StepReport
+from multicor_cli.engine.contact.step_report import StepReport
 from multicor_cli.engine.coupled import CoupledEngine
 from multicor_cli.engine.exchange.engine import OpenEngine
 from multicor_cli.engine.heat.step import HeatEngine
@@ -30,7 +30,7 @@ from multicor_cli.running.observer import Observer, SilentObserver
 from multicor_cli.running.outcome import ExitCode, RunOutcome, StopReason, exit_code_of
 from multicor_cli.running.plan import RunPlan, begin_stage, exchange_rules, heat_settings
 from multicor_cli.running.planning import make_plan, stage_name
-from multicor_cli.running.signals import Switchboard
+from multicor_cli.running.signals import StopSignals
 from multicor_cli.running.steering import Steer, Steering
 from multicor_cli.scenario.load import apply_overrides, parse_scenario
 from multicor_cli.scenario.problems import ScenarioError
@@ -63,7 +63,7 @@ class Session:
         observer: Observer | None = None,
         steer: Steer | None = None,
         steer_every: int = 1,
-        switchboard: Switchboard | None = None,
+        stop_signals: StopSignals | None = None,
         review: Review | None = None,
     ) -> None:
         """Set up; nothing is read or written yet.
@@ -78,7 +78,7 @@ class Session:
             observer: Who is told.
             steer: Program that steers the run.
             steer_every: Number of steps from call to call of it.
-            switchboard: Where signals arrive, if the caller has installed one already.
+            stop_signals: Where signals arrive, if the caller has installed one already.
             review: Looks at a new run before anything is written; what it raises ends the run there.
         """
         self._scenario = scenario
@@ -89,7 +89,7 @@ class Session:
         self._observer = observer or SilentObserver()
         self._steer, self._steer_every = steer, steer_every
         self._steering: Steering | None = None
-        self._signals = switchboard or Switchboard()
+        self._signals = stop_signals or StopSignals()
         self._review = review
         self._started = time.monotonic()
         self._deadline = None if max_seconds is None else self._started + max_seconds
@@ -104,7 +104,7 @@ class Session:
             StoreError: If the directory cannot be used, or a file cannot be written or is damaged.
         """
         with self._signals.installed(), shared_compilation(self._threads):
-            self._signals.farewell = self._leave
+            self._signals.on_exit = self._leave
             try:
                 if RunDirectory.is_run(self._path) and not self._overwrite:
                     return self._continue()
@@ -166,7 +166,7 @@ class Session:
             with self._recording_failure(directory):
                 checkpoint = directory.load_checkpoint()
                 if checkpoint is None:
-                    self._signals.farewell = functools.partial(self._leave, directory=directory)
+                    self._signals.on_exit = functools.partial(self._leave, directory=directory)
                     placed = self._build(scenario)
                     _refuse_other_origin(scenario, directory.origin, placed.origin)
                     return self._carry_on(directory, scenario, placed.model, placed.state, is_new=True)
@@ -227,7 +227,7 @@ class Session:
 
     def _build(self, scenario: Scenario) -> Placed:
         self._observer.message("placing the grains" if scenario.start is None else "taking the grains from another run")
-        with self._signals.impatient():
+        with self._signals.exit_at_once():
             placed = place(scenario)
         if placed.origin is not None:
             self._observer.message(f"going on from {placed.origin.text}")
@@ -246,13 +246,13 @@ class Session:
             writer = directory.writer(model)
             engine = make_stepper(scenario, model, state, self._threads)
             self._announce(model, engine)
-            self._signals.farewell = functools.partial(self._leave, directory=directory, state=state)
+            self._signals.on_exit = functools.partial(self._leave, directory=directory, state=state)
             controller = Controller(
                 plan,
                 engine,
                 DirectoryRecorder(directory, writer),
                 observer=self._observer,
-                switchboard=self._signals,
+                stop_signals=self._signals,
                 deadline=self._deadline,
                 stage_starts=starts,
                 steering=self._steering,

@@ -2,7 +2,7 @@
 
 SIGINT, SIGTERM and SIGHUP ask for a checkpoint and a stop, SIGUSR1 for a checkpoint. A second request to stop ends the process at
 once, which the commit protocol of the files survives. While kernels compile there is no "between two steps" for half a minute,
-nor is there anything to save: an `impatient` switchboard then ends the process out of the handler. (An exception that is raised
+nor is there anything to save: inside `exit_at_once` a signal then ends the process out of the handler. (An exception that is raised
 there would have to find its way through the machine code of a compiler, which crashes now and then.)
 """
 
@@ -21,24 +21,24 @@ from typing import NoReturn
 STOP_SIGNALS = (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)
 
 
-class Switchboard:
+class StopSignals:
     """Collects the signals that arrive during a run.
 
     Attributes:
         stop_signal: The first signal that asked for a stop, or None.
         is_checkpoint_wanted: Whether SIGUSR1 has arrived since this was last cleared.
-        farewell: What an impatient switchboard does with the number of a stop signal before it ends the process.
+        on_exit: What is done with the number of a stop signal before the process ends at once.
     """
 
     def __init__(self, *, may_exit: bool = False) -> None:
         """Set up.
 
         Args:
-            may_exit: Whether the process is ours to end; otherwise `impatient` has no effect.
+            may_exit: Whether the process is ours to end; otherwise `exit_at_once` has no effect.
         """
         self.stop_signal: int | None = None
         self.is_checkpoint_wanted = False
-        self.farewell: Callable[[int], None] = lambda number: None
+        self.on_exit: Callable[[int], None] = lambda number: None
         self._may_exit = may_exit
         self._is_impatient = False
         self._is_installed = False
@@ -48,7 +48,7 @@ class Switchboard:
         return self.stop_signal is not None
 
     @contextmanager
-    def installed(self) -> Iterator[Switchboard]:
+    def installed(self) -> Iterator[StopSignals]:
         """Handle the signals while the context lasts; SIGHUP stays ignored if it was (``nohup``).
 
         Outside the main thread Python does not allow it, and inside such a context it is done already: then nothing happens.
@@ -69,7 +69,7 @@ class Switchboard:
                 signal.signal(number, handler if handler is not None else signal.SIG_DFL)
 
     @contextmanager
-    def impatient(self) -> Iterator[None]:
+    def exit_at_once(self) -> Iterator[None]:
         """While the context lasts nothing has to be saved: a stop signal ends the process; so does one that has come already."""
         self._is_impatient = self._may_exit
         try:
@@ -88,7 +88,7 @@ class Switchboard:
 
     def _leave(self, number: int) -> NoReturn:
         with contextlib.suppress(Exception):  # a full disk: that the run was stopped is then found out from its lock
-            self.farewell(number)
+            self.on_exit(number)
         _exit_now(number)
 
     def _on_checkpoint(self, _number: int, _frame: FrameType | None) -> None:

@@ -16,7 +16,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.engine.contact.report import StepReport
+from multicor_cli.engine.contact.step_report import StepReport
 from multicor_cli.model import BOOK_NAMES, HEAT_BOOK_NAMES, Model, State
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.running.plan import RunPlan, StagePlan
@@ -45,7 +45,7 @@ class WallNow(NamedTuple):
     surface: float = 0.0
 
 
-class Now:
+class LiveRun:
     """A run after a step, for a program that steers it; ``n`` grains are there. Arrays are read-only; copy what is to be kept.
 
     Attributes:
@@ -159,10 +159,10 @@ class Now:
         return dict(zip(BOOK_NAMES, self._state.books.tolist(), strict=True)) | heat
 
     def __repr__(self) -> str:
-        return f"<Now: step {self.step}, t = {self.time:.6g} s, stage {self.stage}>"
+        return f"<LiveRun: step {self.step}, t = {self.time:.6g} s, stage {self.stage}>"
 
 
-Steer = Callable[[Now], None]
+Steer = Callable[[LiveRun], None]
 """A program that steers a run."""
 
 
@@ -209,7 +209,7 @@ class Steering:
             ValueError: If its notes cannot be kept.
             Exception: What the program raises.
         """
-        now = Now(state, self._model, stage, report, contacts, self._record["notes"])
+        now = LiveRun(state, self._model, stage, report, contacts, self._record["notes"])
         self.has_failed = True  # until it has come to its end
         self._steer(now)
         self._record["notes"] = _json_of(now.notes)
@@ -223,7 +223,7 @@ class Steering:
         state, self._record["notes"] = self._kept
         return state
 
-    def _decide(self, state: State, stage: StagePlan, now: Now) -> RunPlan:
+    def _decide(self, state: State, stage: StagePlan, now: LiveRun) -> RunPlan:
         then = None if now._then is None else dict(now._then)
         decision = Decision(state.stage, state.step, state.stage_step, stage.dt, then, now._ends_run)
         self.scenario = _changed(self.scenario, steered_document(self.scenario.as_dict(), [decision]))

@@ -32,7 +32,7 @@ class Table(BaseModel):
         return kind(**{key: value for key, value in self if key in names and value is not None} | more)
 
 
-FREE = "free"
+CHANGEABLE = "free"
 """Marks a key that may change between two sessions of a run: no result depends on it."""
 
 

@@ -15,7 +15,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from multicor_cli.files import Unfit, read_regular
-from multicor_cli.scenario.checks import Draft, check_all
+from multicor_cli.scenario.checks import PartialScenario, check_all
 from multicor_cli.scenario.csv_columns import DIRECTORY
 from multicor_cli.scenario.expressions import evaluate_expressions, unused_overrides
 from multicor_cli.scenario.models import ScenarioModel
@@ -212,8 +212,8 @@ def check_document(data: dict[str, Any], directory: Path) -> tuple[ScenarioModel
     except ValidationError as error:
         errors = error.errors(include_url=False)
         findings = translate(ScenarioModel, errors[:_MAX_ERRORS])
-        return None, _add_new(findings, check_all(Draft.of_document(data, context)))
-    return model, _add_new([], check_all(Draft.of_model(model)))
+        return None, _add_new(findings, check_all(PartialScenario.of_document(data, context)))
+    return model, _add_new([], check_all(PartialScenario.of_model(model)))
 
 
 def _add_new(findings: list[Finding], further: list[Finding]) -> list[Finding]:

@@ -9,7 +9,7 @@ from typing import Annotated, Literal, NamedTuple, Self
 from pydantic import AfterValidator, Discriminator, Field, Strict, Tag, model_validator
 
 from multicor_cli.scenario.base import (
-    FREE,
+    CHANGEABLE,
     Kelvin,
     Name,
     Number,
@@ -500,7 +500,7 @@ class Stage(Table):
         description="condition that ends the stage: strain, kinetic_energy_ratio, axial_strain, displacement, force, stress or "
         "steady",
     )
-    on_timeout: Annotated[Literal["go on", "stop"], FREE] = Field(
+    on_timeout: Annotated[Literal["go on", "stop"], CHANGEABLE] = Field(
         "go on",
         description='what happens if duration is over before until holds: "go on" with the next stage, or "stop" the run (exit '
         'code 4; "go on" continues it)',

@@ -9,7 +9,7 @@ from typing import Annotated
 
 from pydantic import Field, Strict, ValidationInfo, field_validator
 
-from multicor_cli.scenario.base import FREE, Name, Table, refuse
+from multicor_cli.scenario.base import CHANGEABLE, Name, Table, refuse
 from multicor_cli.scenario.functions import Variable, VariableName
 from multicor_cli.scenario.loading import (
     AxialStrainEnd,
@@ -77,7 +77,7 @@ class ScenarioModel(Table):
     """A scenario file."""
 
     scenario: Header = Field(description="name, description and seed")
-    variables: Annotated[dict[VariableName, Variable] | None, FREE] = Field(
+    variables: Annotated[dict[VariableName, Variable] | None, CHANGEABLE] = Field(
         None,
         max_length=1000,
         description="a number by each name, as d = 1e-3; a string that begins with = is an expression and can stand in place of "

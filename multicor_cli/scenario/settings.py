@@ -6,7 +6,7 @@ from typing import Annotated, Any, Literal
 
 from pydantic import Discriminator, Field, Tag
 
-from multicor_cli.scenario.base import FREE, Formerly, LengthPair, Table, Time, Tolerance, Vector, tag_word
+from multicor_cli.scenario.base import CHANGEABLE, Formerly, LengthPair, Table, Time, Tolerance, Vector, tag_word
 
 MAX_SWEEPS = 10_000_000
 Seed = Annotated[
@@ -28,7 +28,7 @@ class Header(Table):
     name: Annotated[str, Field(pattern=r"^[A-Za-z0-9][A-Za-z0-9._-]*$", max_length=100)] = Field(
         description="name of the scenario and of its run directory: letters, digits and . _ -"
     )
-    description: Annotated[str, FREE] = Field("", max_length=10_000, description="what the scenario is about")
+    description: Annotated[str, CHANGEABLE] = Field("", max_length=10_000, description="what the scenario is about")
     seed: Seed = Field(description='seed of all random numbers, or "random": drawn once and recorded')
 
 
@@ -74,7 +74,7 @@ class Solver(Table):
     on_failure: Literal["warn", "error"] = Field(
         "warn", description='what to do if a step does not converge: "warn" or "error" (stop)'
     )
-    threads: Annotated[int, FREE] = Field(0, ge=0, le=1024, description="number of threads; 0: all cores")
+    threads: Annotated[int, CHANGEABLE] = Field(0, ge=0, le=1024, description="number of threads; 0: all cores")
 
 
 class StageSolver(Table):
@@ -105,7 +105,7 @@ class Output(Table):
         description="time between rows of the time series [s]; default: frame_interval/10, in whole steps",
     )
     contacts: bool = Field(True, description="whether frames hold the contact network")
-    checkpoint_interval: Annotated[float, FREE] = Field(
+    checkpoint_interval: Annotated[float, CHANGEABLE] = Field(
         60.0,
         ge=1e-3,
         le=1e9,

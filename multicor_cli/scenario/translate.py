@@ -21,7 +21,7 @@ from multicor_cli.text import count_noun
 
 
 @dataclass(frozen=True)
-class Spot:
+class Location:
     """A place in a scenario.
 
     Attributes:
@@ -40,7 +40,7 @@ class Spot:
         return [field.alias or name for name, field in self.table.model_fields.items()]
 
 
-def find_spot(model: type[BaseModel], location: tuple[str | int, ...]) -> Spot:
+def find_location(model: type[BaseModel], location: tuple[str | int, ...]) -> Location:
     """Follow the location of a validation error through the models.
 
     The validation library puts the tags of unions into its locations; they are not keys of the document and are left out.
@@ -62,7 +62,7 @@ def find_spot(model: type[BaseModel], location: tuple[str | int, ...]) -> Spot:
             field = find_field(table, str(part))
             description = (field.description or "") if field else description
         annotation = _inside(annotation, part)
-    return Spot(tuple(path), description, table)
+    return Location(tuple(path), description, table)
 
 
 def types_inside(types: Iterable[Any], part: str | int) -> list[Any]:
@@ -179,13 +179,13 @@ _OTHER_WORDS = {
 
 def translate(model: type[BaseModel], errors: Iterable[ErrorDetails]) -> list[Finding]:
     """Findings for validation errors of ``model``: one per mistake, however many errors it causes."""
-    spotted = [(find_spot(model, error["loc"]), error) for error in errors if not _is_consequence(error)]
-    missing_gone = _explained_tables(spotted)
+    placed = [(find_location(model, error["loc"]), error) for error in errors if not _is_consequence(error)]
+    missing_gone = _explained_tables(placed)
     found: dict[KeyPath, Finding] = {}
-    for spot, error in spotted:
-        if error["type"] == "missing" and _is_explained(spot, missing_gone):
+    for place, error in placed:
+        if error["type"] == "missing" and _is_explained(place, missing_gone):
             continue
-        finding = _translate_one(spot, error)
+        finding = _translate_one(place, error)
         found.setdefault(finding.path, finding)
     return list(found.values())
 
@@ -195,18 +195,18 @@ def without_unknown_keys(model: type[BaseModel], table: Any, errors: Iterable[Er
 
     None if a key is meant that cannot be told: one with a unit, whose value may be a thousand times too large.
     """
-    spots = [find_spot(model, error["loc"]) for error in errors if error["type"] == "extra_forbidden"]
-    if not spots:
+    places = [find_location(model, error["loc"]) for error in errors if error["type"] == "extra_forbidden"]
+    if not places:
         return None
     known = deepcopy(table)
-    for spot in {spot.path: spot for spot in spots}.values():  # each form that a table may have complains of the same key
-        place, key = _at(known, spot.path[:-1]), str(spot.path[-1])
-        value = place.pop(key)
-        intended = _intended(key, spot.known_keys)
+    for place in {each.path: each for each in places}.values():  # each form that a table may have complains of the same key
+        owner, key = _at(known, place.path[:-1]), str(place.path[-1])
+        value = owner.pop(key)
+        intended = _intended(key, place.known_keys)
         if intended is not None and _UNIT_SUFFIX.fullmatch(key):
             return None
         if intended is not None:
-            place.setdefault(intended, value)
+            owner.setdefault(intended, value)
     return known
 
 
@@ -237,18 +237,18 @@ def _is_consequence(error: ErrorDetails) -> bool:
     return error["type"] == "too_short" and len(error["input"]) >= error["ctx"]["min_length"]
 
 
-def _explained_tables(spotted: Sequence[tuple[Spot, ErrorDetails]]) -> dict[KeyPath, set[str]]:
+def _explained_tables(placed: Sequence[tuple[Location, ErrorDetails]]) -> dict[KeyPath, set[str]]:
     """For each table with unknown keys: the keys that are missing only because they are misspelled."""
     explained: dict[KeyPath, set[str]] = {}
-    for spot, error in spotted:
+    for place, error in placed:
         if error["type"] == "extra_forbidden":
-            key = str(spot.path[-1])
-            explained.setdefault(spot.path[:-1], set()).add(_intended(key, spot.known_keys) or "")
+            key = str(place.path[-1])
+            explained.setdefault(place.path[:-1], set()).add(_intended(key, place.known_keys) or "")
     return explained
 
 
-def _is_explained(spot: Spot, explained: dict[KeyPath, set[str]]) -> bool:
-    return spot.path[-1] in explained.get(spot.path[:-1], set())
+def _is_explained(place: Location, explained: dict[KeyPath, set[str]]) -> bool:
+    return place.path[-1] in explained.get(place.path[:-1], set())
 
 
 def _intended(key: str, known: list[str]) -> str | None:
@@ -257,62 +257,62 @@ def _intended(key: str, known: list[str]) -> str | None:
     return _closest(key, known)
 
 
-def _translate_one(spot: Spot, error: ErrorDetails) -> Finding:
+def _translate_one(place: Location, error: ErrorDetails) -> Finding:
     kind = error["type"]
     if kind in _TYPES:
-        return _wrong_type(spot, error)
+        return _wrong_type(place, error)
     if kind in _BOUNDS:
-        return _out_of_bounds(spot, error)
+        return _out_of_bounds(place, error)
     handler = _HANDLERS.get(kind)
     if handler is not None:
-        return handler(spot, error)
-    return Finding(spot.path, f"{error['msg']}, is {show(error['input'])}", _expected(spot))
+        return handler(place, error)
+    return Finding(place.path, f"{error['msg']}, is {show(error['input'])}", _expected(place))
 
 
-def _expected(spot: Spot) -> str:
-    return f"expected: {spot.description}" if spot.description else ""
+def _expected(place: Location) -> str:
+    return f"expected: {place.description}" if place.description else ""
 
 
-def _wrong_type(spot: Spot, error: ErrorDetails) -> Finding:
+def _wrong_type(place: Location, error: ErrorDetails) -> Finding:
     what = _TYPES[error["type"]]
-    if error["type"] == "tuple_type" and len(spot.path) == 1:
-        return Finding(spot.path, f"must be an array of tables, is {show(error['input'])}", f"write [[{spot.path[0]}]]")
-    return Finding(spot.path, f"{what}, is {show(error['input'])}", _expected(spot))
+    if error["type"] == "tuple_type" and len(place.path) == 1:
+        return Finding(place.path, f"must be an array of tables, is {show(error['input'])}", f"write [[{place.path[0]}]]")
+    return Finding(place.path, f"{what}, is {show(error['input'])}", _expected(place))
 
 
-def _out_of_bounds(spot: Spot, error: ErrorDetails) -> Finding:
+def _out_of_bounds(place: Location, error: ErrorDetails) -> Finding:
     key, what = _BOUNDS[error["type"]]
     bound, value = error["ctx"][key], error["input"]
     if 0.0 < bound < _TINY and value <= 0.0:
-        return Finding(spot.path, f"must be positive, is {show(value)}", _expected(spot))
-    return Finding(spot.path, f"{what} {bound:g}, is {show(value)}", _expected(spot))
+        return Finding(place.path, f"must be positive, is {show(value)}", _expected(place))
+    return Finding(place.path, f"{what} {bound:g}, is {show(value)}", _expected(place))
 
 
-def _missing(spot: Spot, error: ErrorDetails) -> Finding:
-    key = spot.path[-1]
+def _missing(place: Location, error: ErrorDetails) -> Finding:
+    key = place.path[-1]
     if isinstance(key, int):
-        return Finding(spot.path[:-1], f"has too few elements: {show(error['input'])}", _expected(spot))
-    if len(spot.path) == 1:
+        return Finding(place.path[:-1], f"has too few elements: {show(error['input'])}", _expected(place))
+    if len(place.path) == 1:
         header = f"[[{key}]]" if key in ("particles", "loading") else f"[{key}]"
-        return Finding(spot.path, "is missing", f"add {header}: {spot.description}")
-    return Finding(spot.path, "is missing", f"add {key}: {spot.description}")
+        return Finding(place.path, "is missing", f"add {header}: {place.description}")
+    return Finding(place.path, "is missing", f"add {key}: {place.description}")
 
 
-def _unknown_key(spot: Spot, _error: ErrorDetails) -> Finding:
-    key = str(spot.path[-1])
-    known = spot.known_keys
+def _unknown_key(place: Location, _error: ErrorDetails) -> Finding:
+    key = str(place.path[-1])
+    known = place.known_keys
     if (match := _UNIT_SUFFIX.fullmatch(key)) and match[1] in known:
-        return Finding(spot.path, "unknown key: keys carry no unit, all numbers are in SI units", f"did you mean '{match[1]}'?")
-    return Finding(spot.path, "unknown key", did_you_mean(key, known) or f"known here: {name_list(known)}")
+        return Finding(place.path, "unknown key: keys carry no unit, all numbers are in SI units", f"did you mean '{match[1]}'?")
+    return Finding(place.path, "unknown key", did_you_mean(key, known) or f"known here: {name_list(known)}")
 
 
-def _wrong_literal(spot: Spot, error: ErrorDetails) -> Finding:
-    return _not_one_of(spot.path, error["input"], re.findall(r"'([^']*)'", error["ctx"]["expected"]))
+def _wrong_literal(place: Location, error: ErrorDetails) -> Finding:
+    return _not_one_of(place.path, error["input"], re.findall(r"'([^']*)'", error["ctx"]["expected"]))
 
 
-def _wrong_tag(spot: Spot, error: ErrorDetails) -> Finding:
+def _wrong_tag(place: Location, error: ErrorDetails) -> Finding:
     choices = re.findall(r"'([^']*)'", error["ctx"]["expected_tags"])
-    return _not_one_of((*spot.path, "kind"), error["input"].get("kind"), choices)
+    return _not_one_of((*place.path, "kind"), error["input"].get("kind"), choices)
 
 
 def _not_one_of(path: KeyPath, value: Any, choices: list[str]) -> Finding:
@@ -321,46 +321,46 @@ def _not_one_of(path: KeyPath, value: Any, choices: list[str]) -> Finding:
     return Finding(path, what, remedy or f"use {'one of them' if len(choices) > 1 else 'it'}")
 
 
-def _no_tag(spot: Spot, error: ErrorDetails) -> Finding:
+def _no_tag(place: Location, error: ErrorDetails) -> Finding:
     if isinstance(error["input"], dict):
-        return Finding((*spot.path, "kind"), "is missing", f"add kind: {spot.description}")
-    return Finding(spot.path, f"must be a table, is {show(error['input'])}", _expected(spot))
+        return Finding((*place.path, "kind"), "is missing", f"add kind: {place.description}")
+    return Finding(place.path, f"must be a table, is {show(error['input'])}", _expected(place))
 
 
-def _not_exactly_one(spot: Spot, error: ErrorDetails) -> Finding:
+def _not_exactly_one(place: Location, error: ErrorDetails) -> Finding:
     value = error["input"]
     has = f"has {name_list(map(str, value)) or 'none'}" if isinstance(value, dict) else f"is {show(value)}"
-    return Finding(spot.path, f"{has}", error["msg"])
+    return Finding(place.path, f"{has}", error["msg"])
 
 
-def _wrong_length(spot: Spot, error: ErrorDetails) -> Finding:
+def _wrong_length(place: Location, error: ErrorDetails) -> Finding:
     context, value = error["ctx"], error["input"]
     side, key = ("at most", "max_length") if "max_length" in context else ("at least", "min_length")
     bound = f"{side} {count_noun(context[key], 'element')}"
-    return Finding(spot.path, f"must have {bound}, has {len(value)}", _expected(spot))
+    return Finding(place.path, f"must have {bound}, has {len(value)}", _expected(place))
 
 
-def _wrong_text_length(spot: Spot, error: ErrorDetails) -> Finding:
+def _wrong_text_length(place: Location, error: ErrorDetails) -> Finding:
     context, value = error["ctx"], error["input"]
     bound = f"at most {context['max_length']}" if "max_length" in context else f"at least {context['min_length']}"
-    return Finding(spot.path, f"must have {bound} characters, has {len(value)}", _expected(spot))
+    return Finding(place.path, f"must have {bound} characters, has {len(value)}", _expected(place))
 
 
-def _wrong_characters(spot: Spot, error: ErrorDetails) -> Finding:
+def _wrong_characters(place: Location, error: ErrorDetails) -> Finding:
     what = f"{show(error['input'])} is empty or has characters that are not allowed here"
     pattern = error["ctx"]["pattern"]
     signs = " . _ -" if "._-" in pattern else " _ -" if "_-" in pattern else " _"
     rule = f"use letters, digits and{signs} only; " if "A-Za-z" in pattern else ""
-    return Finding(spot.path, what, f"{rule}{_expected(spot)}")
+    return Finding(place.path, what, f"{rule}{_expected(place)}")
 
 
-def _refused(spot: Spot, error: ErrorDetails) -> Finding:
+def _refused(place: Location, error: ErrorDetails) -> Finding:
     context = error["ctx"]
-    path = spot.path if context["key"] is None else (*spot.path, context["key"])
+    path = place.path if context["key"] is None else (*place.path, context["key"])
     return Finding(path, context["what"], context["remedy"])
 
 
-_HANDLERS: dict[str, Callable[[Spot, ErrorDetails], Finding]] = {
+_HANDLERS: dict[str, Callable[[Location, ErrorDetails], Finding]] = {
     "missing": _missing,
     "extra_forbidden": _unknown_key,
     "literal_error": _wrong_literal,

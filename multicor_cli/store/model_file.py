@@ -14,8 +14,8 @@ from multicor_cli.model.faults import LARGEST
 from multicor_cli.store import schema
 from multicor_cli.store.errors import DamagedRun
 from multicor_cli.store.hdf5 import CheckedFile, Hdf5Writer, dtype_of, estimate_size, write_hdf5
-from multicor_cli.store.moment import Moment
 from multicor_cli.store.segments import columns_of
+from multicor_cli.store.snapshot import Snapshot
 
 Arrays = dict[str, NDArray[Any]]
 
@@ -25,7 +25,7 @@ FILETYPE = "multicor-model"
 def model_columns(model: Model) -> Arrays:
     """Arrays of a model by path of ``schema.MODEL``, in the order of that table, as far as the model has them."""
     table = schema.select(schema.MODEL, schema.features_of(model))
-    columns = columns_of(table, Moment(State(), model))
+    columns = columns_of(table, Snapshot(State(), model))
     return {spec.path: _as_stored(spec, columns[spec.path]) for spec in table}
 
 

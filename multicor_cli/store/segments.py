@@ -18,8 +18,8 @@ from multicor_cli.store.atomic import append_line, commit_bytes, file_digest, ki
 from multicor_cli.store.documents import SIZE_LIMIT, Document, document_line, parse_document
 from multicor_cli.store.errors import DamagedRun
 from multicor_cli.store.hdf5 import CheckedFile, Hdf5Writer, Precision, dtype_of, encode_strings, estimate_size, write_hdf5
-from multicor_cli.store.moment import Moment
 from multicor_cli.store.schema import Dataset
+from multicor_cli.store.snapshot import Snapshot
 
 # ---- What is stored of a moment: arrays by path of the schema
 
@@ -27,7 +27,7 @@ Columns = dict[str, NDArray[Any]]
 """Arrays by path of the schema."""
 
 
-def columns_of(table: tuple[Dataset, ...], moment: Moment) -> Columns:
+def columns_of(table: tuple[Dataset, ...], moment: Snapshot) -> Columns:
     """Arrays of the rows of a table that come from a moment; those of one value per frame or row have a first dimension of 1."""
     return {row.path: _column(row, row.value(moment)) for row in table if row.value is not None}
 
@@ -243,7 +243,7 @@ class FrameWriter:
         """Rows of the time series since the start of the run, committed and pending."""
         return sum(segment.series_rows for segment in self.segments) + self._row_count
 
-    def frame(self, moment: Moment) -> None:
+    def frame(self, moment: Snapshot) -> None:
         """Add a frame of a moment (arrays are copied).
 
         Raises:
@@ -261,7 +261,7 @@ class FrameWriter:
         self._frames.append(stored)
         self._grow(stored)
 
-    def series_row(self, moment: Moment) -> None:
+    def series_row(self, moment: Snapshot) -> None:
         """Add the row of the time series that ends the window of a moment, which the caller then clears; raises as `frame` does.
 
         A window without steps (the row at the start of a run) has means, rates and forces of zero.

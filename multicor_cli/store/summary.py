@@ -7,7 +7,7 @@ from typing import Any
 from multicor_cli.model import BOOK_NAMES, EXCHANGE_NAMES, HEAT_BOOK_NAMES, TALLY_NAMES, Model, State
 from multicor_cli.model.books import EXCHANGE_BOOKS, TALLIES, Version, entry_counts, measures_first
 from multicor_cli.model.model import Thermal
-from multicor_cli.store.moment import temperatures_of
+from multicor_cli.store.snapshot import temperatures_of
 
 Summary = dict[str, Any]
 

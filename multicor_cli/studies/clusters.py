@@ -43,7 +43,7 @@ _NO_PAGE = "DASK_DISTRIBUTED__WORKER__HTTP__ROUTES='[]'"
 _CLASSES = {"slurm": "SLURMCluster", "pbs": "PBSCluster", "sge": "SGECluster", "lsf": "LSFCluster"}
 
 
-class Site(NamedTuple):
+class Cluster(NamedTuple):
     """Where cases are computed.
 
     Attributes:
@@ -89,7 +89,7 @@ def _queue_of(compute: Compute) -> tuple[str, Queue] | None:
 
 
 @contextlib.contextmanager
-def connected(compute: Compute, logs: Path, needs: Needs, *, most: int) -> Iterator[Site]:
+def connected(compute: Compute, logs: Path, needs: Needs, *, most: int) -> Iterator[Cluster]:
     """Workers, started if need be and ended afterwards.
 
     Args:
@@ -121,7 +121,7 @@ def connected(compute: Compute, logs: Path, needs: Needs, *, most: int) -> Itera
             yield _queued(stack, *queue, compute.threads, logs, needs, most)
 
 
-def existing(client: Any, compute: Compute, needs: Needs) -> Site:
+def existing(client: Any, compute: Compute, needs: Needs) -> Cluster:
     """The workers of a client that somebody else has made.
 
     Raises:
@@ -134,10 +134,10 @@ def existing(client: Any, compute: Compute, needs: Needs) -> Site:
         raise DoesNotFit(Finding(("study", "scenario"), message, "use larger workers, or fewer grains"))
     asked = {MEMORY: needs.memory} if offered and all(offered) and needs.memory > 0.0 else {}
     slots = sum(int(worker.get("nthreads", 1)) for worker in workers)
-    return Site(client, compute.threads or 1, slots, asked, "a Dask client", _doubt(client.scheduler.address))
+    return Cluster(client, compute.threads or 1, slots, asked, "a Dask client", _doubt(client.scheduler.address))
 
 
-def _there(stack: contextlib.ExitStack, address: str, threads: int, needs: Needs) -> Site:
+def _there(stack: contextlib.ExitStack, address: str, threads: int, needs: Needs) -> Cluster:
     from distributed import Client, Security
 
     if address.startswith("tls://") and not all(
@@ -165,7 +165,7 @@ def _doubt(address: str) -> str:
 
 
 @contextlib.contextmanager
-def _here(compute: Compute, needs: Needs, most: int) -> Iterator[Site]:
+def _here(compute: Compute, needs: Needs, most: int) -> Iterator[Cluster]:
     there = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
     workers = min(compute.workers or max(1, there // (compute.threads or 1)), most)
     free = available_memory()
@@ -177,7 +177,7 @@ def _here(compute: Compute, needs: Needs, most: int) -> Iterator[Site]:
         workers = min(workers, fitting)
     threads = compute.threads or min(needs.threads, max(1, there // workers))
     with LocalClient(workers) as client:
-        yield Site(client, threads, workers, {}, f"{workers} worker{'s' if workers > 1 else ''} here")
+        yield Cluster(client, threads, workers, {}, f"{workers} worker{'s' if workers > 1 else ''} here")
 
 
 def _dashboard(owner: Any) -> str:
@@ -186,7 +186,9 @@ def _dashboard(owner: Any) -> str:
     return f", dashboard {owner.dashboard_link}" if has_bokeh and owner.dashboard_link else ""
 
 
-def _queued(stack: contextlib.ExitStack, name: str, table: Queue, threads: int | None, logs: Path, needs: Needs, most: int) -> Site:
+def _queued(
+    stack: contextlib.ExitStack, name: str, table: Queue, threads: int | None, logs: Path, needs: Needs, most: int
+) -> Cluster:
     """Jobs, each a worker that computes as many cases at a time as its cores and its memory allow."""
     import dask
     from distributed import Client
@@ -214,7 +216,7 @@ def _queued(stack: contextlib.ExitStack, name: str, table: Queue, threads: int |
     if has_dashboard:
         text += _dashboard(cluster)
         doubt = "the dashboard asks for no password: who can reach this machine can look at it"
-    return Site(client, threads, jobs * max(1, fitting), asked, text, doubt)
+    return Cluster(client, threads, jobs * max(1, fitting), asked, text, doubt)
 
 
 def _wants_dashboard(table: Queue) -> bool:

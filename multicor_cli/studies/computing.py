@@ -16,7 +16,7 @@ import multicor_cli
 from multicor_cli.running.outcome import StopReason
 from multicor_cli.store.errors import StoreError
 from multicor_cli.studies.axes import Case
-from multicor_cli.studies.clusters import Site
+from multicor_cli.studies.clusters import Cluster
 from multicor_cli.studies.directory import StudyDirectory
 from multicor_cli.studies.load import Study
 from multicor_cli.studies.task import run_case, stop_cases
@@ -58,7 +58,7 @@ class LostScheduler(StoreError):
 
 
 @dataclass
-class Tally:
+class Progress:
     """What became of the cases of one call.
 
     Attributes:
@@ -84,7 +84,7 @@ class Computation:
         watcher: Is told how it goes.
     """
 
-    def __init__(self, directory: StudyDirectory, study: Study, site: Site, watcher: Watcher) -> None:
+    def __init__(self, directory: StudyDirectory, study: Study, site: Cluster, watcher: Watcher) -> None:
         self._directory, self._study, self._site, self._watcher = directory, study, site, watcher
         self._kernels = hashlib.sha256(f"{directory.path.absolute()} {multicor_cli.__version__}".encode()).hexdigest()[:16]
         self._id = secrets.token_hex(8)  # workers that live longer than this client are not to mix it up with the next
@@ -96,7 +96,7 @@ class Computation:
         self._steps: dict[str, int] = {}
         self._ended: queue.SimpleQueue[Future] = queue.SimpleQueue()
 
-    def run(self, cases: Iterable[Case], should_stop: Callable[[], StopReason | None], seconds: float | None = None) -> Tally:
+    def run(self, cases: Iterable[Case], should_stop: Callable[[], StopReason | None], seconds: float | None = None) -> Progress:
         """Compute cases until all are done, or ``should_stop()`` gives a reason; then running ones stop with a checkpoint.
 
         Args:
@@ -112,7 +112,7 @@ class Computation:
         self._watcher.began(self._site.text, len(self._waiting))
         if self._site.doubt:
             self._watcher.warning(self._site.doubt)
-        tally = Tally()
+        tally = Progress()
         try:
             self._fill()
             while self._submitted:
@@ -184,7 +184,7 @@ class Computation:
                 found.append(self._ended.get_nowait())
         return [future for future in found if future in self._submitted]
 
-    def _take(self, case: Case, outcome: dict[str, Any], tally: Tally) -> None:
+    def _take(self, case: Case, outcome: dict[str, Any], tally: Progress) -> None:
         status = outcome["status"]
         if status in ("stopped", "killed") and tally.reason is None and self._may_go_on(case):
             self._submit(case)
@@ -208,7 +208,7 @@ class Computation:
             return True
         return self._tries[case.name] <= _AGAIN
 
-    def _stop_if_asked(self, should_stop: Callable[[], StopReason | None], tally: Tally) -> None:
+    def _stop_if_asked(self, should_stop: Callable[[], StopReason | None], tally: Progress) -> None:
         if tally.reason is not None:
             return
         tally.reason = should_stop()
@@ -218,7 +218,7 @@ class Computation:
             self._watcher.stopping()
             self._stop(tally)
 
-    def _stop(self, tally: Tally) -> None:
+    def _stop(self, tally: Progress) -> None:
         """Forget what has not been given out, cancel what has not begun, stop what runs."""
         tally.stopped += [case.name for case in self._waiting]
         self._waiting.clear()

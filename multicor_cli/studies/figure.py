@@ -15,7 +15,7 @@ from multicor_cli.optional import library
 from multicor_cli.plots.style import COLORS, COLUMN, PAGE, PlotError, TextLine, draw_text, figure_file
 from multicor_cli.scenario.expressions import Expression, ExpressionError
 from multicor_cli.studies.axes import short_names
-from multicor_cli.studies.table import Panel, Question, Series, StudyTable, find_key
+from multicor_cli.studies.table import Panel, PlotRequest, Series, StudyTable, find_key
 
 # ---- Curves through the points of a study, and curves given as formulas beside them
 
@@ -112,7 +112,7 @@ def label_of(table: StudyTable, name: str) -> str:
 
 
 def draw(
-    path: Path, table: StudyTable, panels: list[Panel], question: Question, fits: list[list[Curve]], curves: Sequence[Curve] = (),
+    path: Path, table: StudyTable, panels: list[Panel], request: PlotRequest, fits: list[list[Curve]], curves: Sequence[Curve] = (),
     *, log: str = "",
 ) -> None:  # fmt: skip
     """Write the figure.
@@ -121,7 +121,7 @@ def draw(
         path: File to write; its ending chooses the format.
         table: The table.
         panels: Its points.
-        question: What is shown.
+        request: What is shown.
         fits: One for each series of each panel, or nothing.
         curves: Formulas, in every panel.
         log: Axes with a logarithmic scale: "x", "y" or "xy".
@@ -135,13 +135,19 @@ def draw(
     width = COLUMN if columns == 1 else PAGE
     height = 0.8 * COLUMN if columns == 1 else 0.9 * PAGE / columns
     with figure_file(path, width, rows * height) as figure:
-        draw_into(figure, table, panels, question, fits, curves, log=log)
+        draw_into(figure, table, panels, request, fits, curves, log=log)
 
 
 def draw_into(
-    figure: Any, table: StudyTable, panels: list[Panel], question: Question, fits: list[list[Curve]], curves: Sequence[Curve] = (),
-    *, log: str = "",
-) -> None:  # fmt: skip
+    figure: Any,
+    table: StudyTable,
+    panels: list[Panel],
+    request: PlotRequest,
+    fits: list[list[Curve]],
+    curves: Sequence[Curve] = (),
+    *,
+    log: str = "",
+) -> None:
     """Draw into a figure of matplotlib; arguments as of `draw`."""
     columns = min(len(panels), _ACROSS)
     rows = -(-len(panels) // columns)
@@ -155,10 +161,10 @@ def draw_into(
         _draw_series(axes, panel, fits[number] if fits else [], is_log="x" in log)
         axes.set_title(panel.title, fontsize="medium")
         if number + columns >= len(panels):
-            axes.set_xlabel(label_of(table, question.against))
+            axes.set_xlabel(label_of(table, request.against))
             axes.tick_params(labelbottom=True)
         if number % columns == 0:
-            axes.set_ylabel(label_of(table, question.of))
+            axes.set_ylabel(label_of(table, request.of))
     _draw_curves(grid[: len(panels)], panels, curves, is_log="x" in log)
     for number, panel in enumerate(panels):
         is_new = number == 0 or [line.label for line in panel.series] != [line.label for line in panels[0].series]
@@ -202,9 +208,9 @@ def _between(x: Floats, *, is_log: bool) -> Floats:
     return np.geomspace(low, high, 200) if is_log and low > 0.0 else np.linspace(low, high, 200)
 
 
-def draw_letters(table: StudyTable, panels: list[Panel], question: Question) -> str:
+def draw_letters(table: StudyTable, panels: list[Panel], request: PlotRequest) -> str:
     """The figure as text for a terminal, one panel after the other."""
-    across, up = label_of(table, question.against), label_of(table, question.of)
+    across, up = label_of(table, request.against), label_of(table, request.of)
     charts = []
     for panel in panels:
         chart = draw_text([TextLine(line.label, line.x, line.y) for line in panel.series], across, up)

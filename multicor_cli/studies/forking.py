@@ -1,6 +1,6 @@
 """Processes of cases, forked from one that has loaded the program already: loading takes longer than a short case.
 
-`Nursery` is the side of the worker: it starts ``python -m multicor_cli.studies.forking`` once, sends it three descriptors for
+`ForkServer` is the side of the worker: it starts ``python -m multicor_cli.studies.forking`` once, sends it three descriptors for
 each case, and gets the number of a process that uses them as its standard streams. The forked processes run
 `multicor_cli.studies.child.main`; they belong to the other side, which waits for them and tells how they have ended. That side has
 one thread only, for the others would be missing in what it forks, and ends with the worker.
@@ -39,8 +39,8 @@ class CaseProcess:
         stderr: What it complains about.
     """
 
-    def __init__(self, nursery: Nursery, pid: int, streams: tuple[IO[bytes], IO[bytes], IO[bytes]]) -> None:
-        self._nursery, self.pid = nursery, pid
+    def __init__(self, server: ForkServer, pid: int, streams: tuple[IO[bytes], IO[bytes], IO[bytes]]) -> None:
+        self._server, self.pid = server, pid
         self.stdin, self.stdout, self.stderr = streams
 
     def send_signal(self, number: int) -> None:
@@ -51,7 +51,7 @@ class CaseProcess:
     def wait(self) -> int:
         """How it has ended, as of `subprocess.Popen`; to be called once, when its streams have ended."""
         try:
-            return int(self._nursery.ask(f"wait {self.pid}"))
+            return int(self._server.ask(f"wait {self.pid}"))
         except (OSError, ValueError):
             return _LOST
         finally:
@@ -60,7 +60,7 @@ class CaseProcess:
                     stream.close()
 
 
-class Nursery:
+class ForkServer:
     """Starts processes of cases.
 
     Args:

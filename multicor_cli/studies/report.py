@@ -25,7 +25,7 @@ from multicor_cli.studies.axes import SEED, short_names, shown
 from multicor_cli.studies.directory import PAGES, CaseStatus
 from multicor_cli.studies.figure import draw_into
 from multicor_cli.studies.session import StudySession
-from multicor_cli.studies.table import Panel, Question, StudyTable, make_panels, over_seeds
+from multicor_cli.studies.table import Panel, PlotRequest, StudyTable, make_panels, over_seeds
 
 _FIGURES = 12
 """Most figures of a page."""
@@ -142,23 +142,23 @@ def _figures(table: StudyTable) -> list[Figure] | None:
         return []
     found = []
     for name in table.observables[:_FIGURES]:
-        question = Question(name, across)
+        request = PlotRequest(name, across)
         try:
-            panels = make_panels(mean, question)
+            panels = make_panels(mean, request)
         except PlotError:  # none has finished
             continue
         try:
-            found.append(_figure(mean, question, panels))
+            found.append(_figure(mean, request, panels))
         except MissingLibrary:  # there is no matplotlib
             return None
     return found
 
 
-def _figure(mean: StudyTable, question: Question, panels: list[Panel]) -> Figure:
+def _figure(mean: StudyTable, request: PlotRequest, panels: list[Panel]) -> Figure:
     x = np.concatenate([line.x for panel in panels for line in panel.series])
     log = "x" if x.min() > 0.0 and x.max() > _LOGARITHMIC * x.min() else ""
-    title = f"{question.of} against {short_names(mean.keys)[question.against]}"
-    return make_figure(title, _SIZE, lambda canvas: draw_into(canvas, mean, panels, question, [], log=log))
+    title = f"{request.of} against {short_names(mean.keys)[request.against]}"
+    return make_figure(title, _SIZE, lambda canvas: draw_into(canvas, mean, panels, request, [], log=log))
 
 
 def _longest_axis(mean: StudyTable) -> str | None:

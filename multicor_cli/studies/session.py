@@ -14,8 +14,8 @@ from typing import Any
 from multicor_cli.running.outcome import StopReason
 from multicor_cli.scenario.load import load_scenario
 from multicor_cli.studies.axes import Case, expand
-from multicor_cli.studies.clusters import DoesNotFit, Site, connected, existing, require_libraries
-from multicor_cli.studies.computing import Computation, Tally, Watcher
+from multicor_cli.studies.clusters import Cluster, DoesNotFit, connected, existing, require_libraries
+from multicor_cli.studies.computing import Computation, Progress, Watcher
 from multicor_cli.studies.directory import LOGS, CaseState, CaseStatus, StudyDirectory
 from multicor_cli.studies.forecast import Forecast, Needs, check_cases, forecast
 from multicor_cli.studies.load import Study, load_study
@@ -93,7 +93,7 @@ class StudySession:
         max_hours: float | None = None,
         watcher: Watcher | None = None,
         predicted: Forecast | None = None,
-    ) -> Tally:
+    ) -> Progress:
         """Compute the cases that are left.
 
         Args:
@@ -117,7 +117,7 @@ class StudySession:
             self.directory.begin(self.study, self.cases, resolved)
             left = [case for case in self.cases if self._is_left(case, retry=retry)]
             if not left:
-                return Tally()
+                return Progress()
             with _stop_signals() as asked, self._site(client, predicted.needs, len(left)) as site:
                 work = Computation(self.directory, self.study, site, watcher or _WarnsOnly())
                 return work.run(left, asked, None if max_hours is None else 3600.0 * max_hours)
@@ -130,7 +130,7 @@ class StudySession:
         return status not in (CaseStatus.FINISHED, CaseStatus.FAILED)
 
     @contextmanager
-    def _site(self, client: Any, needs: Needs, most: int) -> Iterator[Site]:
+    def _site(self, client: Any, needs: Needs, most: int) -> Iterator[Cluster]:
         compute = self.study.model.compute
         try:
             if client is not None:

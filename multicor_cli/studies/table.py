@@ -236,7 +236,7 @@ class Panel:
 
 
 @dataclass(frozen=True)
-class Question:
+class PlotRequest:
     """What is to be drawn; keys may be given by their short names.
 
     Attributes:
@@ -267,23 +267,23 @@ def find_key(table: StudyTable, name: str) -> str:
     raise PlotError(f"the study varies no {name}; it varies {', '.join(short.values()) or 'nothing'}")
 
 
-def make_panels(table: StudyTable, question: Question) -> list[Panel]:
+def make_panels(table: StudyTable, request: PlotRequest) -> list[Panel]:
     """The points of a figure.
 
     Args:
         table: Means over seeds.
-        question: What is to be drawn.
+        request: What is to be drawn.
 
     Raises:
         PlotError: There is no such key or observable, values across are no numbers, several points of a series have the same
             place, or nothing has been computed.
     """
-    rows = _chosen(table, question)
-    across = None if question.against in table.observables else find_key(table, question.against)
-    facets = [] if question.facet is None else [find_key(table, question.facet)]
+    rows = _chosen(table, request)
+    across = None if request.against in table.observables else find_key(table, request.against)
+    facets = [] if request.facet is None else [find_key(table, request.facet)]
     left = [key for key in table.keys if key not in (across, *facets) and len(_values(rows, key)) > 1]
-    if question.by is not None:
-        by = [find_key(table, question.by)]
+    if request.by is not None:
+        by = [find_key(table, request.by)]
     else:
         along = max(left, key=lambda key: len(_values(rows, key)), default=None) if across is None else None
         by = [key for key in left if key != along]
@@ -299,17 +299,17 @@ def make_panels(table: StudyTable, question: Question) -> list[Panel]:
             label = _label(names, by, values)
             if across is not None:
                 _refuse_same_places(names, group, across, label)
-            series.append(_series(label, group, question, across))
+            series.append(_series(label, group, request, across))
         found.append(Panel(_label(names, facets, panel), series))
     return found
 
 
-def _chosen(table: StudyTable, question: Question) -> list[Row]:
+def _chosen(table: StudyTable, request: PlotRequest) -> list[Row]:
     """Rows with the observables that are asked for, and the values."""
-    if question.of not in table.observables:
-        raise PlotError(f"the study observes no {question.of}; it observes {', '.join(table.observables) or 'nothing'}")
-    needed = {question.of, question.against} & {*table.observables}
-    wanted = [(find_key(table, name), text) for name, text in question.where]
+    if request.of not in table.observables:
+        raise PlotError(f"the study observes no {request.of}; it observes {', '.join(table.observables) or 'nothing'}")
+    needed = {request.of, request.against} & {*table.observables}
+    wanted = [(find_key(table, name), text) for name, text in request.where]
     for key, text in wanted:
         known = list(dict.fromkeys(shown(value) for value in _values(table.rows, key)))
         if text not in known:
@@ -342,17 +342,17 @@ def _refuse_same_places(names: dict[str, str], group: Sequence[Row], across: str
             )
 
 
-def _series(label: str, group: Sequence[Row], question: Question, across: str | None) -> Series:
+def _series(label: str, group: Sequence[Row], request: PlotRequest, across: str | None) -> Series:
     points = []
     for row in group:
         if across is None:
-            place, spread = _with_error(row, question.against)
+            place, spread = _with_error(row, request.against)
         else:
             where = row.values[across]
             if isinstance(where, str | bool):
-                raise PlotError(f"{question.against} has values that are no numbers")
+                raise PlotError(f"{request.against} has values that are no numbers")
             place, spread = float(where), math.nan
-        points.append((place, *_with_error(row, question.of), spread))
+        points.append((place, *_with_error(row, request.of), spread))
     return Series(label, *np.array(sorted(points)).T)
 
 

@@ -15,7 +15,7 @@ from pathlib import Path
 from typing import IO, Any, Self
 
 from multicor_cli.store.layout import LOCK
-from multicor_cli.studies.forking import CaseProcess, Nursery
+from multicor_cli.studies.forking import CaseProcess, ForkServer
 
 # ---- A worker, one of Dask or a thread here
 
@@ -24,7 +24,7 @@ BEAT = 15.0
 
 _TAIL = 2000
 _running: dict[str, CaseProcess] = {}
-_nurseries: list[Nursery] = []
+_nurseries: list[ForkServer] = []
 _lock = threading.Lock()
 _stopping: set[str] = set()
 
@@ -70,18 +70,18 @@ def run_case(task: dict[str, Any]) -> dict[str, Any]:
 def _start(threads: int) -> CaseProcess:
     """A process of a case; if the one that starts them has just died, another one starts it."""
     try:
-        return _nursery(threads).start()
+        return _server(threads).start()
     except OSError:
         _nurseries.clear()
-        return _nursery(threads).start()
+        return _server(threads).start()
 
 
-def _nursery(threads: int) -> Nursery:
+def _server(threads: int) -> ForkServer:
     """The one that starts processes here; another one if it has died, or made too little room for threads."""
     while _nurseries and not (_nurseries[-1].is_alive and _nurseries[-1].threads >= threads):
         _nurseries.pop()
     if not _nurseries:
-        _nurseries.append(Nursery(threads))
+        _nurseries.append(ForkServer(threads))
     return _nurseries[-1]
 
 

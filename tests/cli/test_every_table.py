@@ -19,7 +19,7 @@ from multicor_cli.cli.post_commands import COMMANDS
 from multicor_cli.model import State, Thermal
 from multicor_cli.post import MAPPED, PROFILED, Selection
 from multicor_cli.running.outcome import ExitCode
-from multicor_cli.store import Moment, Run, RunDirectory, open_run
+from multicor_cli.store import Run, RunDirectory, Snapshot, open_run
 
 # --- walls of every kind: what the tables hold
 
@@ -334,8 +334,8 @@ def write_by_hand(path: Path, places: list[tuple[float, float]], frames: int) ->
     with RunDirectory.create(path, "", "", {"seed": 1}, stages=("only",)) as run:
         writer = run.writer(model)
         for _ in range(frames):
-            writer.frame(Moment(state, model, None))
-            writer.series_row(Moment(state, model))
+            writer.frame(Snapshot(state, model, None))
+            writer.series_row(Snapshot(state, model))
             state.step, state.time, state.last_dt = state.step + 1, state.time + 0.5, 0.5
         run.checkpoint(state, writer)
         run.finish("finished")

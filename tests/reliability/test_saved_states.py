@@ -17,7 +17,7 @@ from multicor_cli import run as run_scenario
 from multicor_cli.model import State
 from multicor_cli.running.observer import SilentObserver, Status
 from multicor_cli.running.session import Session
-from multicor_cli.store import DamagedRun, Moment, RunDirectory, run_info
+from multicor_cli.store import DamagedRun, RunDirectory, Snapshot, run_info
 
 STOPS = {"small": (SMALL, (45, 90)), "warm": (WARM, (7, 22, 30))}
 """Scenarios that together use all fields, and steps at which they are stopped: after the peak of kinetic energy of a stage that
@@ -107,7 +107,7 @@ def test_states_that_cannot_be_are_refused(tmp_path: Path, what: str) -> None:
         state, writer = start(model), run.writer(model)
         for _ in range(3):
             advance(state, model)
-        writer.series_row(Moment(state, model))
+        writer.series_row(Snapshot(state, model))
         (name, value), *_ = BROKEN[what].items()
         before = getattr(state, name)
         if isinstance(before, np.ndarray):

@@ -11,7 +11,7 @@ from scene_parts import between_planes
 
 from multicor_cli.model import HEAT_BOOK_NAMES, Model, State, Thermal
 from multicor_cli.model.contacts import ContactTable
-from multicor_cli.store import Moment, RunDirectory
+from multicor_cli.store import RunDirectory, Snapshot
 
 GRAINS = 10
 RADIUS = 0.05
@@ -48,8 +48,8 @@ def write_frames(run: RunDirectory, model: Model, advance: Callable[[State], Non
     for frame in range(frames):
         if frame:
             advance(state)
-        writer.frame(Moment(state, model, contact_rows(state) if contacts else None))
-        writer.series_row(Moment(state, model))
+        writer.frame(Snapshot(state, model, contact_rows(state) if contacts else None))
+        writer.series_row(Snapshot(state, model))
     run.checkpoint(state, writer)
 
 

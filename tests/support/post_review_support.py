@@ -17,7 +17,7 @@ from scene_parts import make_model
 
 from multicor_cli.model import Model, ShapeKind, State, Thermal
 from multicor_cli.model.contacts import ContactTable
-from multicor_cli.store import Frame, Moment, Run, RunDirectory, open_run
+from multicor_cli.store import Frame, Run, RunDirectory, Snapshot, open_run
 
 Floats = NDArray[np.float64]
 
@@ -76,7 +76,7 @@ def write_random_run(path: Path, *, is_periodic: bool = True, seed: int = 0, is_
             if frame:
                 advance(state, model, frame, rng, writer)
             contacts = ContactTable.empty() if frame in WITHOUT_CONTACTS else random_contacts(state, model, rng)
-            writer.frame(Moment(state, model, contacts))
+            writer.frame(Snapshot(state, model, contacts))
             if frame % 4 == 0:
                 run.checkpoint(state, writer)
         run.checkpoint(state, writer)
@@ -103,7 +103,7 @@ def advance(state: State, model: Model, frame: int, rng: np.random.Generator, wr
         state.window[0] = 0.5 * lapse
         state.window_wall_impulse[:] = rng.normal([0.3, 0.0, 0.0], 0.1, (4, 3)) * 0.5 * lapse
         state.window_wall_impulse[0, 1], state.window_wall_impulse[1] = -lapse, [-0.3 * lapse, 1.1 * lapse, 0.0]
-        writer.series_row(Moment(state, model))  # type: ignore[attr-defined]
+        writer.series_row(Snapshot(state, model))  # type: ignore[attr-defined]
     state.last_dt = 0.01
     state.position[:, :2] = random_places(model, frame, rng)
     state.position[:, 2] += rng.normal(-0.2, 0.1, GRAINS)

@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from multicor_cli.engine.contact.report import StepReport
 from multicor_cli.engine.contact.solve import Interrupted, Settings
+from multicor_cli.engine.contact.step_report import StepReport
 from multicor_cli.engine.motion.drives import AnyGravity, Constant, DofDrive, WallDrive
 from multicor_cli.model import BOOK_NAMES, Model, State
 from multicor_cli.model.contacts import ContactTable

@@ -25,7 +25,7 @@ from multicor_cli.model import (
     WallShapes,
 )
 from multicor_cli.model.contacts import ContactTable
-from multicor_cli.store import Moment, RunDirectory
+from multicor_cli.store import RunDirectory, Snapshot
 from multicor_cli.store.hdf5 import write_digests, write_text
 
 SOURCE = "# scénario\r\n[scenario]\nname = 'tiny'\n"
@@ -152,16 +152,16 @@ def drive(run: RunDirectory, model: Model, *, steps: int, checkpoint_every: int,
     state = found.state if found else start(model)
     writer = run.writer(model)
     if writer.last_frame_step < 0:
-        writer.frame(Moment(state, model, contact_rows(state)))
-        writer.series_row(Moment(state, model))
+        writer.frame(Snapshot(state, model, contact_rows(state)))
+        writer.series_row(Snapshot(state, model))
     while state.step < steps:
         advance(state, model)
         if state.step % 2 == 0:
-            writer.series_row(Moment(state, model))
+            writer.series_row(Snapshot(state, model))
             state.window[:] = 0.0
             state.window_wall_impulse[:] = 0.0
         if state.step % 5 == 0:
-            writer.frame(Moment(state, model, contact_rows(state)))
+            writer.frame(Snapshot(state, model, contact_rows(state)))
         if state.step % checkpoint_every == 0:
             run.checkpoint(state, writer)
     run.checkpoint(state, writer)

@@ -138,7 +138,7 @@ def test_a_circle_whose_surface_runs_is_a_drum_that_turns(rolling):
 
 @pytest.mark.parametrize("rolling", [0.0, 0.05])
 def test_a_roll_that_is_pressed_down_is_one_that_turns_and_feels_the_reaction(rolling):
-    """A disc driven by a force in y and held in x: the light contacts of the floor, the general ones of the roll. Its surface runs
+    """A disc driven by a force in y and held in x: diagonal contacts of the floor, general ones of the roll. Its surface runs
     clockwise, as Ω = −V/R."""
     shapes = [*FLOOR, (ShapeKind.DISC, 1, (0.0, 0.0, 0.8, 0.0))]
     model, positions = bed(friction=0.4)

@@ -18,7 +18,7 @@ from multicor_cli.model import Model, ShapeKind, State
 from multicor_cli.packing import build
 from multicor_cli.scenario import parse_scenario
 
-FREE = WallDrive(x=DofDrive(force=Constant(0.0)), y=DofDrive(force=Constant(0.0)), spin=DofDrive(force=Constant(0.0)))
+CHANGEABLE = WallDrive(x=DofDrive(force=Constant(0.0)), y=DofDrive(force=Constant(0.0)), spin=DofDrive(force=Constant(0.0)))
 DRIVEN = "loading.0.drives.body={x={force=0.0},y={force=0.0},spin={force=0.0}}"
 
 WEIGHTLESS = "domain.gravity=[0.0,0.0]"
@@ -45,7 +45,7 @@ def test_a_free_body_falls_as_everything_does(name: str) -> None:
     model, state = one_grain(BODIES[name], "min=[0.0,0.0],max=[0.01,0.01]", "domain.gravity=[0.0,-9.81]", rest="gravity = true")
     start = state.wall_position[0].copy()
     engine = Engine(model, state, TIGHT, threads=1)
-    engine.set_drives([FREE])
+    engine.set_drives([CHANGEABLE])
     advance(engine, 1e-3, 50)
     assert state.wall_position[0] - start == pytest.approx([0.0, -0.5 * 9.81 * 0.05**2, 0.0], rel=1e-12, abs=1e-15)
     mass = float(model.walls.mass[0]) + float(model.grains.mass[0])
@@ -65,7 +65,7 @@ def test_a_collision_conserves_momentum_and_without_losses_energy(name: str) -> 
     state.wall_velocity[0] = -0.1, -0.02, 4.0
     before = _invariants(model, state)
     engine = Engine(model, state, TIGHT, threads=1)
-    engine.set_drives([FREE])
+    engine.set_drives([CHANGEABLE])
     advance(engine, 1e-4, 600)
     assert abs(state.velocity[0, 0] - 0.4) > 0.05  # they have met
     assert abs(state.wall_velocity[0, 0] + 0.1) > 1e-3
@@ -79,7 +79,7 @@ def test_friction_keeps_the_momentum_and_takes_energy(name: str) -> None:
     state.velocity[0] = 0.4, 0.05, 300.0
     before = _invariants(model, state)
     engine = Engine(model, state, Settings(), threads=1)
-    engine.set_drives([FREE])
+    engine.set_drives([CHANGEABLE])
     advance(engine, 1e-4, 600)
     after = _invariants(model, state)
     assert after[:2] == pytest.approx(before[:2], abs=1e-9 * _scales(model)[0])

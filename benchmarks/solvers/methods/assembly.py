@@ -15,7 +15,7 @@ from multicor_cli.model.model import Floats
 
 
 class Assembly(NamedTuple):
-    """``u = Hᵀ v`` and ``v = v_free + M⁻¹ H p``, light contacts first.
+    """``u = Hᵀ v`` and ``v = v_free + M⁻¹ H p``, diagonal contacts first.
 
     Attributes:
         normal: Rows of Hᵀ that give u_n, shape ``(c, 3 b)``.
@@ -44,13 +44,15 @@ class Assembly(NamedTuple):
 
 def assemble(s: System) -> Assembly:
     """The matrices of a system."""
-    light, bodies = flatten(s), s.velocity.shape[0]
-    lights, count = len(light.pair), s.contacts
-    pair = np.concatenate([light.pair, s.general_pair]).astype(np.int64)
-    nx, ny, bias, friction = (np.concatenate([light.frame[:, column], s.general_frame[:, column]]) for column in (NX, NY, BIAS, MU))
+    diagonal, bodies = flatten(s), s.velocity.shape[0]
+    diagonals, count = len(diagonal.pair), s.contacts
+    pair = np.concatenate([diagonal.pair, s.general_pair]).astype(np.int64)
+    nx, ny, bias, friction = (
+        np.concatenate([diagonal.frame[:, column], s.general_frame[:, column]]) for column in (NX, NY, BIAS, MU)
+    )
     lever = np.zeros((count, 2, 2))
-    lever[:lights, FIRST, TANGENTIAL], lever[:lights, SECOND, TANGENTIAL] = -1.0, 1.0
-    lever[lights:] = s.general_lever
+    lever[:diagonals, FIRST, TANGENTIAL], lever[:diagonals, SECOND, TANGENTIAL] = -1.0, 1.0
+    lever[diagonals:] = s.general_lever
     matrices = []
     for direction, along_x, along_y in ((NORMAL, nx, ny), (TANGENTIAL, -ny, nx)):
         values = [along_x, along_y, lever[:, FIRST, direction], -along_x, -along_y, -lever[:, SECOND, direction]]
@@ -62,7 +64,7 @@ def assemble(s: System) -> Assembly:
 
 
 def _inverse_masses(s: System) -> Floats:
-    """Per degree of freedom, shape ``(b, 3)``: from the light form for grains, from the general one for walls."""
+    """Per degree of freedom, shape ``(b, 3)``: from the diagonal form for grains, from the general one for walls."""
     inverse = s.velocity[:, 3:4] * np.array([1.0, 1.0, s.spin_factor])
     bodies = s.inverse.shape[0]
     is_wall: NDArray[np.bool_] = (s.velocity[:bodies, 3] == 0.0) & s.inverse.any(axis=1)

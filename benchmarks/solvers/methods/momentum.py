@@ -49,7 +49,7 @@ def _sweep_tiles(s: System, before: Before, spare: Before, factor: float, inner:
 
 @kernel
 def _sweep_some(s: System, before: Before, factor: float, some: Ints) -> float:
-    """As the program's sweep, over the light contacts in some lanes and all general ones."""
+    """As the program's sweep, over the diagonal contacts in some lanes and all general ones."""
     velocity, pair, frame, impulse = s.velocity.reshape(-1), s.pair.reshape(-1), s.frame.reshape(-1), s.impulse.reshape(-1)
     last, way, total = before.impulse.reshape(-1), Relaxation(1.0, 1.0, factor), 0.0
     for lane in some:

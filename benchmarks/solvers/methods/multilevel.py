@@ -79,24 +79,24 @@ def group_grains(s: System, size: int) -> NDArray[np.int64]:
 
 def _correct(s: System, m: Assembly, groups: NDArray[np.int64]) -> None:
     """One correction of the impulses and velocities."""
-    light = flatten(s)
-    lights, impulse, friction = len(light.pair), light.impulse, light.frame[:, MU]
+    diagonal = flatten(s)
+    diagonals, impulse, friction = len(diagonal.pair), diagonal.impulse, diagonal.frame[:, MU]
     loaded = impulse[:, 0] > 0.0
     sliding = loaded & (np.abs(impulse[:, 1]) >= friction * impulse[:, 0] * (1.0 - 1e-9))
     slip = np.where(sliding, np.sign(impulse[:, 1]) * friction, 0.0)
-    along_n, along_t = _stress_columns(light, groups, loaded, sliding)
-    normal, tangent = m.normal[:lights], m.tangent[:lights]
+    along_n, along_t = _stress_columns(diagonal, groups, loaded, sliding)
+    normal, tangent = m.normal[:diagonals], m.tangent[:diagonals]
     forces = normal.T @ along_n + tangent.T @ (along_t + sparse.diags(slip) @ along_n)
     rows = (normal.T @ along_n + tangent.T @ along_t).T
     matrix = (rows @ sparse.diags(m.inverse) @ forces).tocsc()
-    diagonal = np.abs(matrix.diagonal())
-    matrix = matrix + sparse.diags(_SMALL * (diagonal.max(initial=0.0) + diagonal) + 1e-300)
+    scale = np.abs(matrix.diagonal())
+    matrix = matrix + sparse.diags(_SMALL * (scale.max(initial=0.0) + scale) + 1e-300)
     u_n, u_t = m.relative(s.velocity[:, :3])
-    defect = along_n.T @ u_n[:lights] + along_t.T @ u_t[:lights]
+    defect = along_n.T @ u_n[:diagonals] + along_t.T @ u_t[:diagonals]
     stress = spsolve(matrix.tocsc(), -defect)
     change = np.zeros((len(u_n), 2))
-    change[:lights, 0] = along_n @ stress
-    change[:lights, 1] = along_t @ stress + slip * change[:lights, 0]
+    change[:diagonals, 0] = along_n @ stress
+    change[:diagonals, 1] = along_t @ stress + slip * change[:diagonals, 0]
     _apply(s, m, change, u_n, u_t)
 
 
@@ -113,12 +113,12 @@ def _apply(s: System, m: Assembly, change: Floats, u_n: Floats, u_t: Floats) -> 
             return
 
 
-def _stress_columns(light: OneByOne, groups: NDArray[np.int64], loaded: Any, sliding: Any) -> tuple[Any, Any]:
+def _stress_columns(diagonal: OneByOne, groups: NDArray[np.int64], loaded: Any, sliding: Any) -> tuple[Any, Any]:
     """Matrices from the stresses of the groups to p_n of loaded contacts, and to p_t of those that stick."""
-    nx, ny = light.frame[:, NX], light.frame[:, NY]
+    nx, ny = diagonal.frame[:, NX], diagonal.frame[:, NY]
     to_n = np.column_stack([nx * nx, ny * ny, 2.0 * nx * ny]) * loaded[:, None]
     to_t = np.column_stack([-nx * ny, nx * ny, nx * nx - ny * ny]) * (loaded & ~sliding)[:, None]
-    first, second = groups[light.pair[:, 0]], groups[light.pair[:, 1]]
+    first, second = groups[diagonal.pair[:, 0]], groups[diagonal.pair[:, 1]]
     first, second = np.where(first < 0, second, first), np.where(second < 0, first, second)
     rows = np.repeat(np.arange(len(nx)), 3)
     columns = [(3 * group[:, None] + np.arange(3)).ravel() for group in (first, second)]

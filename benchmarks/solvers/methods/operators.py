@@ -4,7 +4,7 @@ A method is a function ``run(system, iterations, parameters, log)``. It changes 
 the number of iterations done. If the log has rows, iteration k leaves its errors and its sweep-equivalents in row k, and the
 method ends once its residual is below ``log.stop``; without rows nothing but the method itself is done, which is what is timed.
 
-Sweeps work on the batches of a system. Where a method has a row for each contact, these are the light ones in the order of the
+Sweeps work on the batches of a system. Where a method has a row for each contact, these are the diagonal ones in the order of the
 sweep, as `multicor_cli.engine.contact.system.flatten` gives them, then the general ones.
 """
 

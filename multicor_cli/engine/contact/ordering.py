@@ -3,7 +3,7 @@
 The order is a pure function of the contacts and positions of the step, hence the same for any number of threads. Within a tile
 the contacts are ordered by key, which keeps the propagation of a serial sweep, cut into `STREAMS` parts from which one contact is
 taken in turn: neighbors by key share a grain, and could not lie in one batch. Tiles also keep the bodies of a thread in its cache.
-Contacts with fixed or prescribed walls do not tie tiles together. Heavy grains (many contacts) come last, serially.
+Contacts with fixed or prescribed walls do not tie tiles together. Crowded grains (many contacts) come last, serially.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.engine.contact.detection import StepContacts
+from multicor_cli.engine.contact.contacts import StepContacts
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.jit.chunks import aligned
 from multicor_cli.engine.jit.compile import kernel, loop_body
@@ -21,9 +21,9 @@ from multicor_cli.engine.jit.vectors import LANES
 from multicor_cli.model.columns import FIRST, GAP, SECOND, X, Y
 from multicor_cli.model.model import Floats, Ints
 
-MANY = 16  # contacts of a grain from which on they are heavy: relaxed serially
+MANY = 16  # contacts of a grain from which on they are crowded: relaxed serially
 
-TILED, HEAVY, GENERAL = 0, 1, 2
+TILED, CROWDED, GENERAL = 0, 1, 2
 """Classes of contacts."""
 
 COLORS = 4
@@ -35,7 +35,7 @@ def classify_contacts(scene: Scene, contacts: StepContacts, wall_is_free: NDArra
     """Say how each contact is relaxed.
 
     Returns:
-        Class of each contact (`TILED`, `HEAVY`, or `GENERAL`: with a wall that has a free degree of freedom), shape ``(c,)``, and
+        Class of each contact (`TILED`, `CROWDED`, or `GENERAL`: with a wall that has a free degree of freedom), shape ``(c,)``, and
         the largest distance in x or y between the grains of a tiled contact [m].
     """
     n = scene.radius.size
@@ -52,9 +52,9 @@ def classify_contacts(scene: Scene, contacts: StepContacts, wall_is_free: NDArra
             if wall_is_free[scene.wall[j - n]]:
                 classes[c] = GENERAL
             elif degree[i] > MANY:
-                classes[c] = HEAVY
+                classes[c] = CROWDED
         elif degree[i] > MANY or degree[j] > MANY:
-            classes[c] = HEAVY
+            classes[c] = CROWDED
         else:
             span = max(span, scene.radius[i] + scene.radius[j] + contacts.frame[c, GAP])
     return classes, span
@@ -95,7 +95,7 @@ def assign_tiles(
     height: float,
     color_start: NDArray[np.int64],
 ) -> Ints:
-    """Tile of each contact, shape ``(c,)``: that of its grain i; one more for all heavy contacts, and -1 for general ones.
+    """Tile of each contact, shape ``(c,)``: that of its grain i; one more for all crowded contacts, and -1 for general ones.
 
     Args:
         scene: Positions at q_m.
@@ -121,7 +121,7 @@ def assign_tiles(
                 last, of_last = i, color_start[tx % 2 + 2 * (ty % 2)] + (ty // 2) * wide + tx // 2
             tile[c] = of_last
         else:
-            tile[c] = color_start[COLORS] if classes[c] == HEAVY else -1
+            tile[c] = color_start[COLORS] if classes[c] == CROWDED else -1
     return tile
 
 
@@ -131,10 +131,10 @@ def order_contacts(tile: Ints, tiles: int) -> tuple[Ints, Ints, NDArray[np.int64
 
     Args:
         tile: From `assign_tiles`.
-        tiles: Number of tiles, that of the heavy contacts included.
+        tiles: Number of tiles, that of the crowded contacts included.
 
     Returns:
-        Light contacts in the order of the sweep, general contacts, and the start of each tile in the order, shape ``(tiles + 1,)``.
+        Diagonal contacts in the order of the sweep, general contacts, and the start of each tile in it, shape ``(tiles + 1,)``.
     """
     start = np.zeros(tiles + 1, np.int64)
     for c in range(tile.size):
@@ -189,14 +189,14 @@ def number_bodies(i: Ints, j: Ints, order: Ints, general: Ints, grains: int, wal
     Args:
         i: Grain of each contact.
         j: Grain, or wall shape (a number beyond those of the grains), of each contact.
-        order: Light contacts in the order of the sweep, shape ``(k,)``.
+        order: Diagonal contacts in the order of the sweep, shape ``(k,)``.
         general: General contacts.
         grains: Number of grains.
         walls: Number of walls.
 
     Returns:
-        Row of each grain, shape ``(n,)``; rows of the bodies of each light contact in the order of the sweep, shape ``(k, 2)``; and
-        the number of rows.
+        Row of each grain, shape ``(n,)``; rows of the bodies of each diagonal contact in the order of the sweep, shape
+        ``(k, 2)``; and the number of rows.
     """
     place = np.full(grains, -1, np.int32)
     pair = np.empty((order.size, 2), np.int32)
@@ -226,7 +226,7 @@ def number_bodies(i: Ints, j: Ints, order: Ints, general: Ints, grains: int, wal
     return place, pair, rows
 
 
-# ---- Puts the light contacts of a step into batches of four that share no body, for the vector loops.
+# ---- Puts the diagonal contacts of a step into batches of four that share no body, for the vector loops.
 #
 # The order of the sweep is kept: a contact goes into the first batch with an empty lane that comes `SPACING` batches or more after
 # the last one with one of its bodies. Contacts that share no body commute, so the iterates are those of a sweep contact by contact

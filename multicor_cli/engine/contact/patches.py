@@ -464,7 +464,7 @@ def solve_patch(s: System, contact: NDArray[np.int64]) -> bool:
 
 @kernel
 def hold(s: System, contact: NDArray[np.int64]) -> Floats:
-    """Let sweeps leave light contacts as they are: a contact without mass changes nothing.
+    """Let sweeps leave diagonal contacts as they are: a contact without mass changes nothing.
 
     Args:
         s: The problem. **Frames modified.**

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from multicor_cli.arithmetic.sums import mean, total
-from multicor_cli.engine.contact.detection import StepContacts
+from multicor_cli.engine.contact.contacts import StepContacts
 from multicor_cli.engine.contact.solve import ResidualScale, Settings, ThreadChoice, solve_system
 from multicor_cli.engine.contact.sweep import System, add_impulses
 from multicor_cli.engine.contact.system import Batches, OneByOne, batch, by_slot
@@ -221,18 +221,18 @@ def _general_system(problem: ContactProblem, impulse: Floats) -> System:
 
 
 def _system(
-    light: Batches, inverse: Floats, pair: Ints, frame: Floats, lever: Floats, impulse: Floats, spin_factor: float
+    diagonal: Batches, inverse: Floats, pair: Ints, frame: Floats, lever: Floats, impulse: Floats, spin_factor: float
 ) -> System:
-    """A system of light contacts in one tile, and general ones."""
-    count = int(np.count_nonzero(light.slot >= 0)) + len(pair)
+    """A system of diagonal contacts in one tile, and general ones."""
+    count = int(np.count_nonzero(diagonal.slot >= 0)) + len(pair)
     return System(
-        light.velocity, inverse, light.slot, light.pair, light.frame, light.impulse, light.tile_start, np.array([0, 1]),
-        pair, frame, lever, impulse, spin_factor, count,
+        diagonal.velocity, inverse, diagonal.slot, diagonal.pair, diagonal.frame, diagonal.impulse, diagonal.tile_start,
+        np.array([0, 1]), pair, frame, lever, impulse, spin_factor, count,
     )  # fmt: skip
 
 
 def _disc_system(problem: ContactProblem, impulse: Floats) -> tuple[System, Floats] | None:
-    """The light form, if every movable body is a disc or sphere of one kind and levers lie along the normals; else None.
+    """The diagonal form, if every movable body is a disc or sphere of one kind and levers lie along the normals; else None.
 
     Also returns the radius of each body (0 for bodies that cannot be moved): the third velocity is a ω.
     """
@@ -275,9 +275,11 @@ def _disc_system(problem: ContactProblem, impulse: Floats) -> tuple[System, Floa
     frame[:, [NX, NY]] = problem.normal
     frame[:, MASS] = 1.0 / (velocity[pair[:, FIRST], INVERSE_MASS] + velocity[pair[:, SECOND], INVERSE_MASS])
     frame[:, BIAS], frame[:, MU] = problem.bias, problem.friction
-    light = batch(OneByOne(pair, frame, impulse), velocity)
+    diagonal = batch(OneByOne(pair, frame, impulse), velocity)
     nothing = np.empty((0, 2), np.int32)
-    system = _system(light, np.zeros((bodies, 3)), nothing, np.empty((0, 8)), np.empty((0, 2, 2)), np.empty((0, 2)), float(beta[0]))
+    system = _system(
+        diagonal, np.zeros((bodies, 3)), nothing, np.empty((0, 8)), np.empty((0, 2, 2)), np.empty((0, 2)), float(beta[0])
+    )
     return system, arm
 
 

@@ -33,7 +33,7 @@ _BATCHES = CHUNK // LANES  # of a chunk
 
 @formula
 def lane_velocity(lane: np.uint64, velocity: Floats, pair: Ints, frame: Floats) -> tuple[float, float]:
-    """u_n + b and u_t of a light contact [m/s]; arrays as in `multicor_cli.engine.contact.sweep.relax_lane`."""
+    """u_n + b and u_t of a diagonal contact [m/s]; arrays as in `multicor_cli.engine.contact.sweep.relax_lane`."""
     q, f = pair_place(lane), frame_place(lane)
     i, j = np.uint64(pair[q]), np.uint64(pair[q + SECOND_])
     nx, ny = frame[f], frame[f + NY_]
@@ -46,7 +46,7 @@ def lane_velocity(lane: np.uint64, velocity: Floats, pair: Ints, frame: Floats) 
 def measure_lane(
     lane: np.uint64, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats, beta: float
 ) -> tuple[float, float, float, bool]:
-    """Square of e_c of a light contact, the powers p_n e_n and p_t e_t [J], and whether it carries an impulse or would.
+    """Square of e_c of a diagonal contact, the powers p_n e_n and p_t e_t [J], and whether it carries an impulse or would.
 
     Arrays as in `multicor_cli.engine.contact.sweep.relax_lane`.
     """
@@ -65,7 +65,7 @@ def measure_lane(
 def measure_scalar(
     first: int, last: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats, beta: float
 ) -> tuple[float, float, float, float, float]:
-    """Residuals of the light contacts of batches ``first … last-1``; arrays as in `measure_lane`.
+    """Residuals of the diagonal contacts of batches ``first … last-1``; arrays as in `measure_lane`.
 
     Returns the sums of the squares of e_c and of both powers, the largest square, and the number of contacts with p_n > 0 or
     e_c > 0. Sums are taken lane by lane, then over the lanes.
@@ -130,8 +130,8 @@ def measure_residual(s: System, parallel: bool) -> tuple[float, float, float, fl
     Returns:
         rms and maximum of e_c, the velocity correction that an exact local solve of contact c would make with the others held
         (natural map in velocity units), over contacts with p_n > 0 or e_c > 0 [m/s], couples counting as further contacts; the
-        energy residual Σ(|Σ p_n e_n| + |Σ p_t e_t|), with the inner sums over `CHUNK` lanes of light contacts in the order of the
-        sweep, or over all general contacts, and |Σ p_r e_r| of all couples [J]; and the number of these contacts and couples.
+        energy residual Σ(|Σ p_n e_n| + |Σ p_t e_t|), with the inner sums over `CHUNK` lanes of diagonal contacts in the order of
+        the sweep, or over all general contacts, and |Σ p_r e_r| of all couples [J]; and the number of these contacts and couples.
     """
     velocity, pair, frame, impulse = s.velocity.reshape(-1), s.pair.reshape(-1), s.frame.reshape(-1), s.impulse.reshape(-1)
     batches = s.slot.shape[0]

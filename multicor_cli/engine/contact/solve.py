@@ -25,7 +25,7 @@ from multicor_cli.engine.contact.acceleration import (
     step_back,
 )
 from multicor_cli.engine.contact.patches import BLOCKS, SIZES, choose_patch, has_clusters, hold, release, solve_patch
-from multicor_cli.engine.contact.report import PhysicsError
+from multicor_cli.engine.contact.step_report import PhysicsError
 from multicor_cli.engine.contact.sweep import BIPOTENTIAL, EXACT, System
 from multicor_cli.model.model import Floats
 

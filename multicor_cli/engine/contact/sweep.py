@@ -2,7 +2,7 @@
 
 Two kinds of contact, and couples of rolling resistance, relaxed after them:
 
-* *light* ones between bodies with one inverse mass (grains, anchors): the Delassus matrix is diagonal,
+* *diagonal* ones between bodies with one inverse mass (grains, anchors): the Delassus matrix is diagonal,
   W_nn = 1/m_i + 1/m_j and W_tt = (1 + β) W_nn with β = m a²/I. They lie in batches of four that share no body
   (`multicor_cli.engine.contact.ordering`) and are relaxed as vectors (`multicor_cli.engine.contact.vector_sweep`); `relax_scalar`
   here says what that computes;
@@ -60,7 +60,7 @@ from multicor_cli.model.model import Floats, Ints
 # In velocity units a couple is friction on the rolling velocity u_r = a* (ω_i − ω_j): |p_r| ≤ μ_r q_n, where p_r is the impulse of
 # the couple over a*. It acts on spins alone and takes its bound from the normal impulse of its contact, so neither the contacts nor
 # their vectors know of it. Couples are relaxed serially, in the order of their contacts; one takes some three times as long as a
-# light contact, which is one of four in a vector (14 and 5 ns in a bed of 18,000 contacts).
+# diagonal contact, which is one of four in a vector (14 and 5 ns in a bed of 18,000 contacts).
 
 
 class Couples(NamedTuple):
@@ -138,7 +138,7 @@ def relax_couples(
 ) -> float:  # fmt: skip
     """Relax all couples; returns the sum of the squares of the velocity corrections [m²/s²].
 
-    Arrays as in `System`, the impulses of light contacts flat, and the last impulses of the couples, ``before``, from which they
+    Arrays as in `System`, the impulses of diagonal contacts flat, and the last impulses of the couples, ``before``, from which they
     are extrapolated first.
     """
     total = 0.0
@@ -270,8 +270,8 @@ class Relaxation(NamedTuple):
     """How contacts are relaxed.
 
     Attributes:
-        normal: Factor on the normal correction of the exact local solve of light contacts: 1 solves the contact, less goes part of
-            the way.
+        normal: Factor on the normal correction of the exact local solve of diagonal contacts: 1 solves the contact, less goes part
+            of the way.
         tangential: The same for the tangential correction.
         extrapolation: ω; impulses of all contacts are moved on by ω times their last change before they are relaxed.
     """
@@ -282,7 +282,7 @@ class Relaxation(NamedTuple):
 
 
 class System(NamedTuple):
-    """A contact problem in the order of the sweep: ``q`` batches of four light contacts, ``g`` general contacts, ``b`` bodies.
+    """A contact problem in the order of the sweep: ``q`` batches of four diagonal contacts, ``g`` general contacts, ``b`` bodies.
 
     A lane of a batch without contact joins two bodies of its tile that nothing moves. Arrays begin at cache lines.
 
@@ -291,9 +291,9 @@ class System(NamedTuple):
             empty lanes. **Modified by sweeps.**
         inverse: Bodies: inverse mass per degree of freedom, for general contacts, shape ``(b, 3)``.
         slot: Contact in each lane, -1 if there is none, shape ``(q, 4)``.
-        pair: Bodies of the light contacts: four times the row of the first, four times the row of the second, shape ``(q, 2, 4)``.
-        frame: Light: n_x, n_y, 1/W_nn [kg], bias b [m/s], μ, shape ``(q, 5, 4)``.
-        impulse: Light: p_n, p_t [N s], shape ``(q, 2, 4)``. **Modified by sweeps.**
+        pair: Bodies of the diagonal contacts: four times the row of the first, and that of the second, shape ``(q, 2, 4)``.
+        frame: Diagonal: n_x, n_y, 1/W_nn [kg], bias b [m/s], μ, shape ``(q, 5, 4)``.
+        impulse: Diagonal: p_n, p_t [N s], shape ``(q, 2, 4)``. **Modified by sweeps.**
         tile_start: First batch of each tile, shape ``(tiles + 1,)``; no tile has a single batch.
         color_start: First tile of each color, shape ``(colors + 1,)``; the last tile may be of no color and is relaxed serially.
         general_pair: Bodies of the general contacts, shape ``(g, 2)``.
@@ -301,7 +301,7 @@ class System(NamedTuple):
         general_lever: What the third velocity of body i adds to u_n and u_t, and what that of j takes from them, shape
             ``(g, 2, 2)``.
         general_impulse: p_n, p_t [N s], shape ``(g, 2)``. **Modified by sweeps.**
-        spin_factor: β = m a²/I of the light contacts.
+        spin_factor: β = m a²/I of the diagonal contacts.
         contacts: Number of contacts of both kinds.
         couples: Couples of rolling resistance.
     """
@@ -324,7 +324,7 @@ class System(NamedTuple):
 
 
 class Before(NamedTuple):
-    """Impulses before the last sweep [N s]: of light contacts, ``(q, 2, 4)``, general ones, ``(g, 2)``, and couples, ``(k,)``."""
+    """Impulses before the last sweep [N s]: diagonal contacts, ``(q, 2, 4)``, general ones, ``(g, 2)``, couples, ``(k,)``."""
 
     impulse: Floats
     general_impulse: Floats
@@ -336,7 +336,7 @@ def relax_lane(
     lane: np.uint64, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats, before: Floats, beta: float, local: int,
     way: Relaxation,
 ) -> float:  # fmt: skip
-    """Relax one light contact; returns the square of the velocity correction [m²/s²].
+    """Relax one diagonal contact; returns the square of the velocity correction [m²/s²].
 
     The arrays are those of `System`, flat; ``lane`` counts the lanes of all batches. Velocities are read once.
     """
@@ -375,7 +375,7 @@ def relax_scalar(
     first: int, last: int, velocity: Floats, pair: Ints, frame: Floats, impulse: Floats, before: Floats, beta: float, local: int,
     way: Relaxation,
 ) -> float:  # fmt: skip
-    """Relax the light contacts of batches ``first … last-1`` one by one; arrays as in `relax_lane`.
+    """Relax the diagonal contacts of batches ``first … last-1`` one by one; arrays as in `relax_lane`.
 
     Returns the sum of the squares of the velocity corrections [m²/s²]: lane by lane, then over the lanes.
     """
@@ -458,7 +458,7 @@ def sweep(s: System, before: Before, local: int, way: Relaxation, parallel: bool
 
 @formula
 def push_lane(lane: np.uint64, d_n: float, d_t: float, velocity: Floats, pair: Ints, frame: Floats, beta: float) -> None:
-    """Change the velocities of the two bodies of a light contact by an impulse; arrays flat."""
+    """Change the velocities of the two bodies of a diagonal contact by an impulse; arrays flat."""
     q, f = pair_place(lane), frame_place(lane)
     i, j = np.uint64(pair[q]), np.uint64(pair[q + SECOND_])
     px = d_n * frame[f] - d_t * frame[f + NY_]

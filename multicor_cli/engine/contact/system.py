@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.engine.contact.detection import StepContacts, contact_after, couples_of_contacts, net_impulses, pack_couples
+from multicor_cli.engine.contact.contacts import StepContacts, contact_after, couples_of_contacts, net_impulses, pack_couples
 from multicor_cli.engine.contact.ordering import Schedule, make_batches
 from multicor_cli.engine.contact.sweep import System, add_impulses
 from multicor_cli.engine.geometry.scene import Scene
@@ -41,11 +41,11 @@ from multicor_cli.model.columns import (
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.model.model import Floats, Ints
 
-# ---- Light contacts in plain rows, one after the other, and in the batches of a `System`
+# ---- Diagonal contacts in plain rows, one after the other, and in the batches of a `System`
 
 
 class OneByOne(NamedTuple):
-    """Light contacts in the order of the sweep, ``k`` rows.
+    """Diagonal contacts in the order of the sweep, ``k`` rows.
 
     Attributes:
         pair: Rows of their bodies, shape ``(k, 2)``.
@@ -59,7 +59,7 @@ class OneByOne(NamedTuple):
 
 
 class Batches(NamedTuple):
-    """The part of a `System` that light contacts take; fields as there."""
+    """The part of a `System` that diagonal contacts take; fields as there."""
 
     velocity: Floats
     slot: Ints
@@ -70,7 +70,7 @@ class Batches(NamedTuple):
 
 
 def flatten(system: System) -> OneByOne:
-    """The light contacts of a system, in an order of which its batches make the same sweep. Copies."""
+    """The diagonal contacts of a system, in an order of which its batches make the same sweep. Copies."""
     has = system.slot.reshape(-1) >= 0
     pair, frame, impulse = (_rows(blocks)[has] for blocks in (system.pair, system.frame, system.impulse))
     return OneByOne(np.ascontiguousarray(pair // 4), np.ascontiguousarray(frame), np.ascontiguousarray(impulse))

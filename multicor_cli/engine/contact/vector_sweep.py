@@ -1,4 +1,4 @@
-"""The loops of the solver over light contacts, four at a time: sweep, residual, extrapolation.
+"""The loops of the solver over diagonal contacts, four at a time: sweep, residual, extrapolation.
 
 What they compute is defined by their scalar twins, `relax_scalar`, `measure_scalar` and `extrapolate_scalar`, to the bit. Arrays
 are those of `multicor_cli.engine.contact.sweep.System`, flat.
@@ -56,7 +56,7 @@ def lane_of_impulse(place: int) -> int:
     return place // (IMPULSE_ROWS * LANES) * LANES + place % LANES
 
 
-# ---- The loops of the solver over light contacts, four at a time: sweep, residual, extrapolation
+# ---- The loops of the solver over diagonal contacts, four at a time: sweep, residual, extrapolation
 
 _Value = Any  # of LLVM
 
@@ -79,8 +79,8 @@ class _Sweep:
         self.velocity, self.pair, self.frame, self.impulse, self.before = arrays
         normal, tangential, extrapolation = way
         one, spin = code.number(1.0), code.spread(beta)
-        self.spin, self.turn = spin, one + spin
-        self.normal, self.tangential = code.spread(normal), code.spread(tangential) * (one / self.turn)
+        self.beta, self.one_plus_beta = spin, one + spin
+        self.normal, self.tangential = code.spread(normal), code.spread(tangential) * (one / self.one_plus_beta)
         self.extrapolation = code.spread(extrapolation)
         self.squares = code.keep([code.number(0.0)])
 
@@ -99,10 +99,10 @@ class _Sweep:
         new_t = (p_t - u_t * (self.tangential * w_inverse)).smaller(bound).larger(-bound)
         self._store(self.impulse, batch, new_n, new_t)
         d_n, d_t = new_n - p_n, new_t - p_t
-        c_n, c_t = w * d_n, w * self.turn * d_t
+        c_n, c_t = w * d_n, w * self.one_plus_beta * d_t
         (squares,) = self.squares.get()
         self.squares.put([squares + (c_n * c_n + c_t * c_t)])
-        return [d_n * nx - d_t * ny, d_n * ny + d_t * nx, -(self.spin * d_t)]
+        return [d_n * nx - d_t * ny, d_n * ny + d_t * nx, -(self.beta * d_t)]
 
     def apply(self, batch: _Value, px: Vector, py: Vector, spin: Vector) -> None:
         """Change the velocities of the bodies, one by one: empty lanes share theirs."""

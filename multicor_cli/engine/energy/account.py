@@ -8,7 +8,7 @@ from typing import NamedTuple
 import numpy as np
 
 from multicor_cli.arithmetic.sums import column_totals, total
-from multicor_cli.engine.contact.detection import (
+from multicor_cli.engine.contact.contacts import (
     StepContacts,
     attraction_of,
     contact_after,
@@ -79,12 +79,12 @@ def _account_chunk(
         i, j = contacts.i[c], contacts.j[c]
         nx, ny = contacts.frame[c, NX], contacts.frame[c, NY]
         u_n, u_t = contact_after(c, scene, contacts, after)
-        hit = -p_n * 0.5 * (contacts.before[c, NORMAL] + u_n)
-        rub = -p_t * 0.5 * (contacts.before[c, TANGENTIAL] + u_t) + rolling_loss(c, scene, contacts, after)
-        friction += rub
-        impact += hit
+        impact_loss = -p_n * 0.5 * (contacts.before[c, NORMAL] + u_n)
+        friction_loss = -p_t * 0.5 * (contacts.before[c, TANGENTIAL] + u_t) + rolling_loss(c, scene, contacts, after)
+        friction += friction_loss
+        impact += impact_loss
         sliding += contacts.frame[c, MU] * abs(u_t) * q_n
-        negative += min(0.0, rub + hit)
+        negative += min(0.0, friction_loss + impact_loss)
         largest = max(largest, p_n)
         loaded += 1.0 if q_n > 0.0 else 0.0
         px, py = p_n * nx - p_t * ny, p_n * ny + p_t * nx

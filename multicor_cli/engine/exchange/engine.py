@@ -8,8 +8,8 @@ from dataclasses import replace
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.engine.contact.report import PhysicsError, StepReport
 from multicor_cli.engine.contact.solve import Interrupted, Outcome, Settings
+from multicor_cli.engine.contact.step_report import PhysicsError, StepReport
 from multicor_cli.engine.coupled import CoupledEngine
 from multicor_cli.engine.energy import account
 from multicor_cli.engine.energy.account import book_step, open_books, switch_wall_kinetic

@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.arithmetic.sums import total
-from multicor_cli.engine.contact.report import PhysicsError
+from multicor_cli.engine.contact.step_report import PhysicsError
 from multicor_cli.engine.energy.account import book_exchange
 from multicor_cli.engine.exchange.rules import ExchangeRules, Outlet, Release
 from multicor_cli.engine.geometry.scene import gap_to_shape, minimum_image, scene_of

@@ -240,7 +240,7 @@ def fit_drift(vectors: Floats, position: Floats, period: float, origin: Floats =
 
 
 @dataclass(frozen=True)
-class Closing:
+class ApproachBound:
     """Bounds on how fast shapes come closer.
 
     Attributes:
@@ -259,9 +259,9 @@ class Closing:
         """Bound for discs whose centers are ``distance`` [m] apart, and for walls."""
         return max(min(self.rest + self.gradient * distance, self.disc), self.wall)
 
-    def or_faster(self, other: Closing) -> Closing:
+    def or_faster(self, other: ApproachBound) -> ApproachBound:
         """Bounds that hold for both."""
-        return Closing(
+        return ApproachBound(
             max(self.rest, other.rest), max(self.gradient, other.gradient), max(self.disc, other.disc), max(self.wall, other.wall)
         )
 
@@ -274,7 +274,7 @@ class Closing:
         return max(reach, dt * self.wall)
 
 
-def bound_closing(kind: Ints, drift: Drift, world: Floats, vectors: Floats, turn: Floats) -> Closing:
+def bound_approach(kind: Ints, drift: Drift, world: Floats, vectors: Floats, turn: Floats) -> ApproachBound:
     """Bounds of grains and wall shapes together.
 
     Args:
@@ -286,4 +286,4 @@ def bound_closing(kind: Ints, drift: Drift, world: Floats, vectors: Floats, turn
     """
     rest, fastest, wall = shape_bounds(kind, world, vectors, turn, drift.center, drift.fit, drift.largest)
     fastest = max(fastest, hypot(*drift.largest.tolist()))
-    return Closing(2.0 * max(drift.rest, rest), drift.gradient, 2.0 * fastest, wall)
+    return ApproachBound(2.0 * max(drift.rest, rest), drift.gradient, 2.0 * fastest, wall)

@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli import arithmetic
-from multicor_cli.engine.geometry.drift import bound_closing, fit_drift
+from multicor_cli.engine.geometry.drift import bound_approach, fit_drift
 from multicor_cli.engine.geometry.scene import is_near_shape, minimum_image
 from multicor_cli.engine.jit.chunks import CHUNK
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
@@ -451,7 +451,7 @@ class NeighborList:
             move = change[self._planes, :2]
             turn[self._planes] *= self._extent + hypot(move[:, X], move[:, Y]) + arithmetic.hypot(*drift.largest.tolist())
         kind = self._model.shapes.kind
-        closing = bound_closing(kind, drift, self._reference_world, np.ascontiguousarray(change[:, :2]), turn)
+        closing = bound_approach(kind, drift, self._reference_world, np.ascontiguousarray(change[:, :2]), turn)
         # Discs that are not listed are at least this far apart; for those farther apart there is more room than they can lose.
         return closing.over(self.largest + self._cutoff)
 

@@ -17,7 +17,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.arithmetic import power
-from multicor_cli.engine.contact.detection import StepContacts, attraction_of, contact_after, rolled_loss, rolling_loss
+from multicor_cli.engine.contact.contacts import StepContacts, attraction_of, contact_after, rolled_loss, rolling_loss
 from multicor_cli.engine.geometry.places import totals_of_places
 from multicor_cli.engine.geometry.radii import hertz_radius
 from multicor_cli.engine.geometry.scene import Scene

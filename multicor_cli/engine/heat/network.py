@@ -9,7 +9,7 @@ from typing import NamedTuple
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.engine.contact.detection import warm_rows
+from multicor_cli.engine.contact.contacts import warm_rows
 from multicor_cli.engine.geometry.places import find_places, largest_of_places
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.heat.conduction import largest_biot

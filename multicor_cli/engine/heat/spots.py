@@ -8,7 +8,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.arithmetic import expm1
-from multicor_cli.engine.contact.detection import StepContacts, warm_rows
+from multicor_cli.engine.contact.contacts import StepContacts, warm_rows
 from multicor_cli.engine.geometry.places import find_places, share_place, totals_of_places
 from multicor_cli.engine.geometry.radii import smaller_radius
 from multicor_cli.engine.geometry.scene import Scene, known_geometry, pair_geometry

@@ -11,8 +11,8 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.arithmetic.sums import column_totals
-from multicor_cli.engine.contact.detection import StepContacts, warm_rows
-from multicor_cli.engine.contact.report import PhysicsError
+from multicor_cli.engine.contact.contacts import StepContacts, warm_rows
+from multicor_cli.engine.contact.step_report import PhysicsError
 from multicor_cli.engine.geometry.neighbors import NeighborList
 from multicor_cli.engine.geometry.places import find_places, met_before
 from multicor_cli.engine.geometry.scene import Scene, scene_of

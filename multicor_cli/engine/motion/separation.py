@@ -19,7 +19,7 @@ from numpy.typing import NDArray
 
 from multicor_cli.arithmetic.sums import total
 from multicor_cli.engine.contact.acceleration import choose_factor, extrapolate, restart, start_loop
-from multicor_cli.engine.contact.report import PhysicsError
+from multicor_cli.engine.contact.step_report import PhysicsError
 from multicor_cli.engine.geometry.neighbors import NeighborList
 from multicor_cli.engine.geometry.scene import Scene, pair_geometry, place_shapes
 from multicor_cli.engine.jit.chunks import CHUNK, chunks_for, copy_into

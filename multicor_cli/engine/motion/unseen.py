@@ -20,7 +20,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.arithmetic import cos, sin
-from multicor_cli.engine.contact.report import PhysicsError
+from multicor_cli.engine.contact.step_report import PhysicsError
 from multicor_cli.engine.geometry.neighbors import NeighborList
 from multicor_cli.engine.geometry.radii import smaller_radius
 from multicor_cli.engine.geometry.scene import Scene, disc_disc, distance_to_whole, nearest_image, placed_shape, scene_of

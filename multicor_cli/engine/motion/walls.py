@@ -6,7 +6,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.arithmetic.sums import total
-from multicor_cli.engine.geometry.drift import Closing, Drift, bound_closing, shape_velocities
+from multicor_cli.engine.geometry.drift import ApproachBound, Drift, bound_approach, shape_velocities
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.motion.drives import DofDrive, Signal, WallDrive
 from multicor_cli.engine.motion.spacing import Spacing
@@ -147,13 +147,13 @@ class WallMotion:
         """Kinetic energy of the driven degrees of freedom [J]."""
         return total(0.5 * self.mass * velocity * velocity)
 
-    def closing(self, drift: Drift, scene: Scene, *velocities: Floats) -> Closing:
+    def closing(self, drift: Drift, scene: Scene, *velocities: Floats) -> ApproachBound:
         """Bounds on how fast shapes come closer [m/s], given velocities of the grains and one or more of the walls ``(w, 3)``."""
         vectors, turn = np.empty((len(scene.world), 2)), np.empty(len(scene.world))
-        closing = Closing(0.0, 0.0, 0.0, 0.0)
+        closing = ApproachBound(0.0, 0.0, 0.0, 0.0)
         for velocity in velocities:
             shape_velocities(scene.kind, scene.wall, scene.world, scene.wall_position, velocity, self.extent, vectors, turn)
-            closing = closing.or_faster(bound_closing(scene.kind, drift, scene.world, vectors, turn))
+            closing = closing.or_faster(bound_approach(scene.kind, drift, scene.world, vectors, turn))
         return closing
 
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from multicor_cli.scenario.checks import grains, laws, stages
-from multicor_cli.scenario.checks.draft import Draft
+from multicor_cli.scenario.checks.partial import PartialScenario
 from multicor_cli.scenario.problems import Finding
 
-__all__ = ["Draft", "check_all"]
+__all__ = ["PartialScenario", "check_all"]
 
 
-def check_all(draft: Draft) -> list[Finding]:
+def check_all(draft: PartialScenario) -> list[Finding]:
     """All findings about how the tables fit together; tables that are invalid on their own are passed over."""
     checks = (
         laws.check,

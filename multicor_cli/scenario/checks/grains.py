@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 
 from multicor_cli.model.model import LEAST_DIAMETERS
-from multicor_cli.scenario.checks.draft import Draft
+from multicor_cli.scenario.checks.partial import PartialScenario
 from multicor_cli.scenario.models import GradientTemperature, RegionsTemperature
 from multicor_cli.scenario.particles import CompactedPacking, DepositedPacking, Outlet, ParticleGroup, StartPacking, TilePacking
 from multicor_cli.scenario.problems import Finding, KeyPath, name_list, show
@@ -23,7 +23,7 @@ MAX_GRAINS = 50_000_000
 _SLACK = 1e-9
 
 
-def check(draft: Draft) -> Iterator[Finding]:
+def check(draft: PartialScenario) -> Iterator[Finding]:
     """Findings about the groups of grains."""
     yield from double_names(draft.group_names, "particles")
     yield from _unlike_shapes(draft)
@@ -42,7 +42,7 @@ def double_names(names: Sequence[str | None], table: str) -> Iterator[Finding]:
             yield Finding((table, k, "name"), f"{show(name)} is also the name of {table}.{first[name]}", "give another name")
 
 
-def _unlike_shapes(draft: Draft) -> Iterator[Finding]:
+def _unlike_shapes(draft: PartialScenario) -> Iterator[Finding]:
     groups = [(k, group) for k, group in enumerate(draft.particles) if group]
     for k, group in groups[1:]:
         first = groups[0][1]
@@ -51,7 +51,7 @@ def _unlike_shapes(draft: Draft) -> Iterator[Finding]:
             yield Finding(("particles", k, "shape"), what, "use the same shape for all groups")
 
 
-def _unlike_starts(draft: Draft) -> Iterator[Finding]:
+def _unlike_starts(draft: PartialScenario) -> Iterator[Finding]:
     """With ``[start]`` all grains come from its run, and without it none do."""
     for k, group in enumerate(draft.particles):
         if group is None or isinstance(group.packing, StartPacking) == draft.has_start:
@@ -124,7 +124,7 @@ def _no_weight(path: KeyPath, domain: Domain) -> Finding:
     return Finding(path, what, "use gravity that points down in [domain], or another packing")
 
 
-def _too_many(draft: Draft) -> Iterator[Finding]:
+def _too_many(draft: PartialScenario) -> Iterator[Finding]:
     """The total number of grains is bounded; counted from below where it follows from an area fraction."""
     total = 0.0
     for k, group in enumerate(draft.particles):
@@ -152,7 +152,7 @@ def _least_count(group: ParticleGroup, domain: Domain) -> float:
 # ---- Grains that come and go find their places: releases and outlets fit into the domain, and to each other
 
 
-def check_exchange(draft: Draft) -> Iterator[Finding]:
+def check_exchange(draft: PartialScenario) -> Iterator[Finding]:
     """Findings about releases and outlets."""
     yield from double_names([outlet.name if outlet else None for outlet in draft.outlets], "outlets")
     for k, group in enumerate(draft.particles):
@@ -179,7 +179,7 @@ def _check_release(path: KeyPath, group: ParticleGroup, domain: Domain) -> Itera
         yield Finding((*path, "temperature"), what, "give one temperature [K], or one for each grain")
 
 
-def _check_outlet(path: KeyPath, outlet: Outlet, draft: Draft) -> Iterator[Finding]:
+def _check_outlet(path: KeyPath, outlet: Outlet, draft: PartialScenario) -> Iterator[Finding]:
     groups = [(k, group) for k, group in enumerate(draft.particles) if group is not None]
     for k, group in groups:
         if group.release is not None and _overlap(outlet.region, group.release.region):
@@ -205,7 +205,7 @@ def _overlap(a: RectangleRegion, b: RectangleRegion) -> bool:
 _MAX_GLUED = 10_000_000
 
 
-def check_walls(draft: Draft) -> Iterator[Finding]:
+def check_walls(draft: PartialScenario) -> Iterator[Finding]:
     """Findings about the walls."""
     yield from double_names(draft.wall_names, "walls")
     for k, wall in enumerate(draft.walls):
@@ -220,7 +220,7 @@ def check_walls(draft: Draft) -> Iterator[Finding]:
                 yield found._replace(path=(*path, *found.path))
 
 
-def _unknown_groups(path: KeyPath, wall: Wall, draft: Draft) -> Iterator[Finding]:
+def _unknown_groups(path: KeyPath, wall: Wall, draft: PartialScenario) -> Iterator[Finding]:
     """Groups that a wall is to meet."""
     if None in draft.group_names or not draft.group_names:
         return  # the group that is meant may be one without a name
@@ -231,7 +231,7 @@ def _unknown_groups(path: KeyPath, wall: Wall, draft: Draft) -> Iterator[Finding
             yield Finding((*path, e), f"there is no group of particles {show(name)}", remedy)
 
 
-def _check_glued(path: KeyPath, glued: Glued, draft: Draft) -> Iterator[Finding]:
+def _check_glued(path: KeyPath, glued: Glued, draft: PartialScenario) -> Iterator[Finding]:
     named = glued.sizes
     if named is not None and not isinstance(named, str):
         yield from _check_room(path, glued, named)
@@ -246,7 +246,7 @@ def _check_glued(path: KeyPath, glued: Glued, draft: Draft) -> Iterator[Finding]
         yield from _check_borrowed(path, glued, group, draft)
 
 
-def _check_borrowed(path: KeyPath, glued: Glued, group: ParticleGroup | None, draft: Draft) -> Iterator[Finding]:
+def _check_borrowed(path: KeyPath, glued: Glued, group: ParticleGroup | None, draft: PartialScenario) -> Iterator[Finding]:
     """Glued grains with the sizes of a group of free grains."""
     if group is None:
         return

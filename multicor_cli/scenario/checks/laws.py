@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import combinations_with_replacement
 
-from multicor_cli.scenario.checks.draft import Draft
+from multicor_cli.scenario.checks.partial import PartialScenario
 from multicor_cli.scenario.loading import AnyCondition, FlowCondition, TemperatureCondition
 from multicor_cli.scenario.materials import MAX_MATERIALS, ContactPair, Heat, Material, Need, PairFriction
 from multicor_cli.scenario.problems import Finding, KeyPath, name_list, show
@@ -18,7 +18,7 @@ _MAX_NAMED_PAIRS = 5
 Entries = Sequence[PairFriction | None]
 
 
-def check(draft: Draft) -> Iterator[Finding]:
+def check(draft: PartialScenario) -> Iterator[Finding]:
     """Findings about materials and contact laws."""
     if len(draft.material_names) > MAX_MATERIALS:
         return
@@ -29,7 +29,7 @@ def check(draft: Draft) -> Iterator[Finding]:
     yield from _uncovered_pairs(draft)
 
 
-def _lists(draft: Draft) -> Iterator[tuple[KeyPath, Entries]]:
+def _lists(draft: PartialScenario) -> Iterator[tuple[KeyPath, Entries]]:
     """``[[contacts]]``, and what stages say of friction."""
     yield ("contacts",), draft.contacts
     for k, stage in enumerate(draft.loading):
@@ -37,7 +37,7 @@ def _lists(draft: Draft) -> Iterator[tuple[KeyPath, Entries]]:
             yield ("loading", k, "contacts"), stage.contacts
 
 
-def _undefined_materials(draft: Draft) -> Iterator[Finding]:
+def _undefined_materials(draft: PartialScenario) -> Iterator[Finding]:
     used: list[tuple[KeyPath, str]] = []
     for path, entries in _lists(draft):
         used += [((*path, k, "pair", e), name) for k, c in _given(entries) for e, name in enumerate(c.pair) if name != "*"]
@@ -79,7 +79,7 @@ def _double_entries(path: KeyPath, entries: Entries) -> Iterator[Finding]:
             yield Finding((*path, k, "pair"), what, "remove one of the two")
 
 
-def touching_pairs(draft: Draft) -> list[tuple[str, str]]:
+def touching_pairs(draft: PartialScenario) -> list[tuple[str, str]]:
     """Pairs of defined materials that can touch: grains with grains and with the walls that they meet."""
     known, groups = set(draft.material_names), [group for group in draft.particles if group]
     grains = sorted({group.material for group in groups} & known)
@@ -99,7 +99,7 @@ def _dotted(path: KeyPath) -> str:
     return ".".join(map(str, path))
 
 
-def _ambiguous_pairs(path: KeyPath, entries: Entries, draft: Draft) -> Iterator[Finding]:
+def _ambiguous_pairs(path: KeyPath, entries: Entries, draft: PartialScenario) -> Iterator[Finding]:
     """Pairs that two entries such as ["a", "*"] and ["b", "*"] cover, without an entry of their own."""
     first = _by_pair(entries)
     told: set[int] = set()
@@ -112,7 +112,7 @@ def _ambiguous_pairs(path: KeyPath, entries: Entries, draft: Draft) -> Iterator[
             yield Finding((*path, rivals[1], "pair"), what, f"add an entry with pair = {_show_pair((a, b))}")
 
 
-def _uncovered_pairs(draft: Draft) -> Iterator[Finding]:
+def _uncovered_pairs(draft: PartialScenario) -> Iterator[Finding]:
     """One finding for all pairs without a law, unless an entry that is wrong may be the one that is meant for them."""
     named = {name for _, entry in _given(draft.contacts) for name in entry.pair if name != "*"}
     if None in draft.contacts or not named <= set(draft.material_names):
@@ -130,7 +130,7 @@ def _uncovered_pairs(draft: Draft) -> Iterator[Finding]:
 # ---- Thermal keys have an effect: `[heat]` is there where it is needed, and stages, walls and gas can do what is asked of them
 
 
-def check_heat(draft: Draft) -> Iterator[Finding]:
+def check_heat(draft: PartialScenario) -> Iterator[Finding]:
     """Findings about heat, but for the properties of materials."""
     if not draft.has_heat:
         yield from _without_heat(draft)
@@ -142,13 +142,13 @@ def check_heat(draft: Draft) -> Iterator[Finding]:
         yield from _check_sizes(draft, draft.heat)
 
 
-def _without_heat(draft: Draft) -> Iterator[Finding]:
+def _without_heat(draft: PartialScenario) -> Iterator[Finding]:
     """Keys that mean nothing without ``[heat]``."""
     for path in _thermal_keys(draft):
         yield Finding(path, f"there is no heat in this scenario, but {path[-1]} needs it", "add a table [heat], or remove the key")
 
 
-def _thermal_keys(draft: Draft) -> Iterator[KeyPath]:
+def _thermal_keys(draft: PartialScenario) -> Iterator[KeyPath]:
     for k, entry in enumerate(draft.contacts):
         for keys in entry.thermal_keys if entry else ():
             yield ("contacts", k, *keys)
@@ -164,13 +164,13 @@ def _thermal_keys(draft: Draft) -> Iterator[KeyPath]:
         yield from (("loading", k, key) for key, is_given in given.items() if is_given)
 
 
-def _never_on(draft: Draft) -> Iterator[Finding]:
+def _never_on(draft: PartialScenario) -> Iterator[Finding]:
     """A table ``[heat]`` that no stage uses."""
     if draft.loading and all(stage is not None and stage.heat is False for stage in draft.loading):
         yield Finding(("heat",), "all stages have heat = false: no temperature ever changes", "remove [heat], or one heat = false")
 
 
-def _check_frozen(draft: Draft, heat: Heat) -> Iterator[Finding]:
+def _check_frozen(draft: PartialScenario, heat: Heat) -> Iterator[Finding]:
     """Contact spots need forces, which only a step of the mechanics finds out, here or in the run of ``[start]``."""
     knows_spots = draft.has_start or not heat.needs_forces
     for k, stage in enumerate(draft.loading):
@@ -183,7 +183,7 @@ def _check_frozen(draft: Draft, heat: Heat) -> Iterator[Finding]:
             return
 
 
-def _check_conditions(draft: Draft, heat: Heat) -> Iterator[Finding]:
+def _check_conditions(draft: PartialScenario, heat: Heat) -> Iterator[Finding]:
     """What is prescribed at a wall reaches the grains somehow."""
     if heat.has_spots:
         return
@@ -197,7 +197,7 @@ def _check_conditions(draft: Draft, heat: Heat) -> Iterator[Finding]:
             yield Finding((*path, "temperature"), what, "let contacts conduct, or remove it")
 
 
-def _conditions(draft: Draft) -> Iterator[tuple[KeyPath, AnyCondition]]:
+def _conditions(draft: PartialScenario) -> Iterator[tuple[KeyPath, AnyCondition]]:
     for k, wall in enumerate(draft.walls):
         if wall and wall.thermal:
             yield ("walls", k, "thermal"), wall.thermal
@@ -206,7 +206,7 @@ def _conditions(draft: Draft) -> Iterator[tuple[KeyPath, AnyCondition]]:
             yield ("loading", k, "thermal", name), condition
 
 
-def _check_sizes(draft: Draft, heat: Heat) -> Iterator[Finding]:
+def _check_sizes(draft: PartialScenario, heat: Heat) -> Iterator[Finding]:
     """The gas model for equal grains; groups that bring their grains are checked when they are made."""
     sizes = [group.sizes for group in draft.particles if group and group.sizes]
     if heat.gas is None or not sizes:
@@ -217,7 +217,7 @@ def _check_sizes(draft: Draft, heat: Heat) -> Iterator[Finding]:
 # ---- Materials have the properties that the chosen heat mechanisms and contact laws need, and are fit for them
 
 
-def check_thermal_materials(draft: Draft) -> Iterator[Finding]:
+def check_thermal_materials(draft: PartialScenario) -> Iterator[Finding]:
     """Findings about thermal properties of materials."""
     if draft.heat is None:
         return
@@ -244,7 +244,7 @@ def _missing(name: str, material: Material, needs: Iterable[Need]) -> Iterator[F
         yield Finding(("materials", name), what, f"add {', '.join(map(Material.with_unit, missing))}")
 
 
-def _laws(draft: Draft) -> dict[tuple[str, str], ContactPair]:
+def _laws(draft: PartialScenario) -> dict[tuple[str, str], ContactPair]:
     """The laws of the pairs of materials that can touch, as far as they are known."""
     entries = [entry for entry in draft.contacts if entry]
     covering = {pair: [entry for entry in entries if entry.covers(*pair)] for pair in touching_pairs(draft)}

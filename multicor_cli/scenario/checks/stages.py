@@ -5,8 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from multicor_cli.scenario.checks.draft import Draft
 from multicor_cli.scenario.checks.grains import double_names
+from multicor_cli.scenario.checks.partial import PartialScenario
 from multicor_cli.scenario.drives import DOF_NAMES, WallDofs, resolve_dofs
 from multicor_cli.scenario.loading import (
     LoadDof,
@@ -30,7 +30,7 @@ from multicor_cli.scenario.walls import Wall, prism_height
 _LEVEL = 1e-9  # distance over the size of the domain that counts as none
 
 
-def check(draft: Draft) -> Iterator[Finding]:
+def check(draft: PartialScenario) -> Iterator[Finding]:
     """Findings about the loading stages."""
     yield from double_names([stage.name if stage else None for stage in draft.loading], "loading")
     yield from _nothing_to_tilt(draft)
@@ -46,11 +46,11 @@ def check(draft: Draft) -> Iterator[Finding]:
                 yield from _check_lengths(wall, draft)
 
 
-def _stages(draft: Draft) -> Iterator[tuple[int, Stage]]:
+def _stages(draft: PartialScenario) -> Iterator[tuple[int, Stage]]:
     return ((k, stage) for k, stage in enumerate(draft.loading) if stage)
 
 
-def _unknown_walls(path: KeyPath, stage: Stage, draft: Draft) -> Iterator[Finding]:
+def _unknown_walls(path: KeyPath, stage: Stage, draft: PartialScenario) -> Iterator[Finding]:
     known = [name for name in draft.wall_names if name]
     used: list[tuple[KeyPath, str]] = [((*path, "drives", name), name) for name in stage.drives]
     used += [((*path, "thermal", name), name) for name in stage.thermal]
@@ -72,7 +72,7 @@ def _loads(stage: Stage) -> Iterator[tuple[str, str, LoadDof]]:
                 yield name, dof, table
 
 
-def _check_lengths(wall: Wall, draft: Draft) -> Iterator[Finding]:
+def _check_lengths(wall: Wall, draft: PartialScenario) -> Iterator[Finding]:
     """A stress acts between two other walls that lie apart across its axis."""
     if draft.domain is None:
         return
@@ -92,7 +92,7 @@ def _check_lengths(wall: Wall, draft: Draft) -> Iterator[Finding]:
                 yield Finding(path, what, f"name two walls apart in {across}, or remove it: the length is then that of '{name}'")
 
 
-def _nothing_to_tilt(draft: Draft) -> Iterator[Finding]:
+def _nothing_to_tilt(draft: PartialScenario) -> Iterator[Finding]:
     """Gravity of the magnitude of the domain's, where there is none."""
     for k, stage in _stages(draft):
         gravity = stage.gravity
@@ -101,7 +101,7 @@ def _nothing_to_tilt(draft: Draft) -> Iterator[Finding]:
             yield Finding(("loading", k, "gravity"), what, "add magnitude [m/s²], as magnitude = 9.81")
 
 
-def _check_turning(wall: Wall, draft: Draft) -> Iterator[Finding]:
+def _check_turning(wall: Wall, draft: PartialScenario) -> Iterator[Finding]:
     """A wall that reaches from one period to the next has no center to turn about."""
     geometry = wall.geometry
     if draft.domain is None or any(geometry.misfits(draft.domain)) or not geometry.spans_period(draft.domain):
@@ -114,7 +114,7 @@ def _check_turning(wall: Wall, draft: Draft) -> Iterator[Finding]:
             yield Finding(("loading", k, "drives", wall.name, "spin"), what, remedy)
 
 
-def _check_inertia(path: KeyPath, wall: Wall, draft: Draft) -> Iterator[Finding]:
+def _check_inertia(path: KeyPath, wall: Wall, draft: PartialScenario) -> Iterator[Finding]:
     """A wall that forces drive has a mass; gravity acts only on such walls."""
     driven: dict[str, int] = {}
     weighs = _weighs(wall, draft)
@@ -135,7 +135,7 @@ def _check_inertia(path: KeyPath, wall: Wall, draft: Draft) -> Iterator[Finding]
         yield Finding((*path, "gravity"), what, "remove gravity = true, or drive x or y by a force (which may be 0)")
 
 
-def _weighs(wall: Wall, draft: Draft) -> bool:
+def _weighs(wall: Wall, draft: PartialScenario) -> bool:
     """Whether mass and inertia of a wall follow from its geometry and material."""
     if wall.geometry.substance == "prism":
         first = draft.particles[0] if draft.particles else None
@@ -146,7 +146,7 @@ def _weighs(wall: Wall, draft: Draft) -> bool:
 # ---- Stages that wait for something of walls wait for what can come
 
 
-def check_ends(draft: Draft) -> Iterator[Finding]:
+def check_ends(draft: PartialScenario) -> Iterator[Finding]:
     """Findings about the conditions that end stages."""
     stages = [stage for stage in draft.loading if stage]
     walls = [wall for wall in draft.walls if wall]
@@ -207,7 +207,7 @@ MAX_ROWS = 1e8
 _SLACK = 1e-9
 
 
-def check_timing(draft: Draft) -> Iterator[Finding]:
+def check_timing(draft: PartialScenario) -> Iterator[Finding]:
     """Findings about times."""
     durations = list(_check_durations(draft))
     yield from durations
@@ -216,7 +216,7 @@ def check_timing(draft: Draft) -> Iterator[Finding]:
         yield from _check_amounts(draft)
 
 
-def _time_steps(draft: Draft) -> list[float]:
+def _time_steps(draft: PartialScenario) -> list[float]:
     """Time steps of the stages in which something moves, as far as they are known.
 
     A frozen stage is left out: its time step is the interval at which temperatures are evaluated, and output waits for it.
@@ -225,7 +225,7 @@ def _time_steps(draft: Draft) -> list[float]:
     return [dt for dt in steps if dt is not None]
 
 
-def _time_step(draft: Draft, stage: Stage) -> float | None:
+def _time_step(draft: PartialScenario, stage: Stage) -> float | None:
     """Time step of a stage; None if it is not known yet: an automatic one suits the output whatever it is."""
     dt = stage.dt
     if dt is None:
@@ -235,7 +235,7 @@ def _time_step(draft: Draft, stage: Stage) -> float | None:
     return None if dt == "auto" else dt
 
 
-def _check_durations(draft: Draft) -> Iterator[Finding]:
+def _check_durations(draft: PartialScenario) -> Iterator[Finding]:
     for k, stage in enumerate(draft.loading):
         dt = _time_step(draft, stage) if stage else None
         if stage is None or stage.duration is None or dt is None:
@@ -248,7 +248,7 @@ def _check_durations(draft: Draft) -> Iterator[Finding]:
             yield Finding(path, what, f"stay below {MAX_STEPS:g} steps; times are in seconds")
 
 
-def _check_intervals(draft: Draft) -> Iterator[Finding]:
+def _check_intervals(draft: PartialScenario) -> Iterator[Finding]:
     output, steps = draft.output, _time_steps(draft)
     if output is None or not steps:
         return
@@ -261,7 +261,7 @@ def _check_intervals(draft: Draft) -> Iterator[Finding]:
         yield Finding(("output", "series_interval"), what, "make it at least dt, or remove it")
 
 
-def _check_amounts(draft: Draft) -> Iterator[Finding]:
+def _check_amounts(draft: PartialScenario) -> Iterator[Finding]:
     """A mistaken interval must not fill the disk."""
     output = draft.output
     if output is None:

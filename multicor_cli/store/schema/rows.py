@@ -32,11 +32,11 @@ from multicor_cli.model.columns import ANGLE, SPIN
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.model.shapes import SHAPES
 from multicor_cli.model.state import FrameFields, State
-from multicor_cli.store.moment import Moment, in_plane
+from multicor_cli.store.snapshot import Snapshot, in_plane
 
 # ---- A row of the tables
 
-Value = Callable[[Moment], Any]
+Value = Callable[[Snapshot], Any]
 """Where a value comes from: an array, or what belongs to one row."""
 
 T = TypeVar("T")
@@ -544,12 +544,12 @@ def _array(
 
 
 def _kept(
-    entries: tuple[Entry, ...], values: Callable[[Moment], dict[str, float]], only_with: Feature | None = None
+    entries: tuple[Entry, ...], values: Callable[[Snapshot], dict[str, float]], only_with: Feature | None = None
 ) -> tuple[Dataset, ...]:
     """Rows of the numbers that the engine keeps, as far as they are in the time series."""
 
     def row(entry: Entry, series: str) -> Dataset:
-        def value(moment: Moment) -> float:
+        def value(moment: Snapshot) -> float:
             return moment.per_step(entry.name) if entry.per_step else values(moment)[entry.name]
 
         return _scalar(series, entry.unit, entry.meaning, value, entry.dtype, only_with=only_with, since=entry.since)

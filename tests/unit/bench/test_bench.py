@@ -27,7 +27,7 @@ from multicor_cli.bench.table import HEADINGS, notes, rows
 from multicor_cli.bench.tiling import repeat_scene
 from multicor_cli.cli.bench_command import bench
 from multicor_cli.engine import Engine
-from multicor_cli.engine.contact.report import PhysicsError
+from multicor_cli.engine.contact.step_report import PhysicsError
 from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
 from multicor_cli.model import BOOK_NAMES, TALLY_NAMES
 from multicor_cli.model.state import VARIABLE

@@ -16,7 +16,7 @@ from heat_run import GRAINS, column, contact_rows, heated_model
 from store_support import make_model, run_whole
 
 from multicor_cli.export import ExportError, ExportRefused, MissingLibrary, export_gsd
-from multicor_cli.store import Moment, Run, RunDirectory, StorageError, open_run
+from multicor_cli.store import Run, RunDirectory, Snapshot, StorageError, open_run
 
 hoomd = pytest.importorskip("gsd.hoomd")
 
@@ -114,8 +114,8 @@ def test_frames_without_contacts_do_not_repeat_those_of_the_first_one(tmp_path: 
         fields = {field.name: getattr(loaded, field.name) for field in dataclasses.fields(loaded)}
         empty = dataclasses.replace(loaded, **{name: None if values is None else values[:0] for name, values in fields.items()})
         for rows in (loaded, empty, None, loaded):
-            writer.frame(Moment(state, model, rows))
-            writer.series_row(Moment(state, model))
+            writer.frame(Snapshot(state, model, rows))
+            writer.series_row(Snapshot(state, model))
             state.step, state.time = state.step + 1, state.time + 0.1
         run.checkpoint(state, writer)
         run.finish("finished")

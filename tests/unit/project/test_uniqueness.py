@@ -98,18 +98,18 @@ def test_the_check_sees_every_violation(recorded):
 
 def test_a_disc_in_a_wedge_by_hand():
     """It may leave or stay: both without rounding. Without friction, or with too little, it leaves."""
-    from wedge import FREE, FRICTION, as_problem, holding, is_solution, velocity_after
+    from wedge import CHANGEABLE, FRICTION, as_problem, holding, is_solution, velocity_after
 
-    assert velocity_after(FREE) == (1, 0, 0)
-    assert is_solution(FREE)
+    assert velocity_after(CHANGEABLE) == (1, 0, 0)
+    assert is_solution(CHANGEABLE)
     for share in (FRICTION, Fraction(2, 5), Fraction(3, 10)):
         assert velocity_after(holding(share)) == (0, 0, 0)
         assert is_solution(holding(share))
         assert not is_solution(holding(share), friction=Fraction(0))
     assert not is_solution(holding(FRICTION), friction=Fraction(1, 4))
-    assert is_solution(FREE, friction=Fraction(0))
+    assert is_solution(CHANGEABLE, friction=Fraction(0))
     problem = as_problem()
-    for impulses, speed in ((FREE, 1.0), (holding(FRICTION), 0.0)):
+    for impulses, speed in ((CHANGEABLE, 1.0), (holding(FRICTION), 0.0)):
         for method in ("gauss-seidel", "accelerated"):
             start = np.array(impulses, np.float64)
             found = solve_contacts(problem, Settings(method=method, tolerance_rms=1e-9), reference_velocity=1.0, start=start)

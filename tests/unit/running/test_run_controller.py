@@ -11,8 +11,8 @@ import pytest
 from run_fakes import FakeEngine, MemoryRecorder, make_plan, shear
 from scene_parts import between_planes
 
-from multicor_cli.engine.contact.report import PhysicsError
 from multicor_cli.engine.contact.solve import Settings
+from multicor_cli.engine.contact.step_report import PhysicsError
 from multicor_cli.engine.motion.spacing import Spacing, wall_places
 from multicor_cli.model import BOOK_NAMES, State
 from multicor_cli.running.conditions import RestReached, ShearGauge, StrainReached, update_peak
@@ -20,7 +20,7 @@ from multicor_cli.running.controller import WARM_UP_STEPS, Controller, Pace
 from multicor_cli.running.observer import SilentObserver, Status
 from multicor_cli.running.outcome import StopReason
 from multicor_cli.running.plan import RunPlan, StagePlan
-from multicor_cli.running.signals import STOP_SIGNALS, Switchboard
+from multicor_cli.running.signals import STOP_SIGNALS, StopSignals
 from multicor_cli.scenario.settings import Output
 
 
@@ -95,21 +95,21 @@ def test_resumed_run_equals_uninterrupted_run(seed: int, reference: tuple[FakeEn
     model = between_planes()
     recorder, state, is_new = MemoryRecorder(), None, True
     for _ in range(200):
-        engine, switchboard = FakeEngine(model, state), Switchboard()
+        engine, stop_signals = FakeEngine(model, state), StopSignals()
         fate, steps = rng.choice(["signal", "crash", "checkpoint"]), rng.randint(1, 9)
         first = engine.state.step
 
-        def act(step: int, fate: str = fate, last: int = first + steps, switchboard: Switchboard = switchboard) -> None:
+        def act(step: int, fate: str = fate, last: int = first + steps, stop_signals: StopSignals = stop_signals) -> None:
             if fate == "checkpoint":
-                switchboard.is_checkpoint_wanted = True
+                stop_signals.is_checkpoint_wanted = True
             elif step == last and fate == "signal":
-                switchboard.stop_signal = signal.SIGINT
+                stop_signals.stop_signal = signal.SIGINT
             elif step == last:
                 raise PhysicsError(step, "crash")
 
         engine.before_step = act
         try:
-            reason = Controller(make_plan(model), engine, recorder, switchboard=switchboard, clock=Clock()).run(is_new=is_new)
+            reason = Controller(make_plan(model), engine, recorder, stop_signals=stop_signals, clock=Clock()).run(is_new=is_new)
         except PhysicsError:
             reason = None
         if reason is StopReason.FINISHED:
@@ -125,14 +125,14 @@ def test_resumed_run_equals_uninterrupted_run(seed: int, reference: tuple[FakeEn
 def test_interrupted_step_leaves_the_state_of_the_step_before(last: int) -> None:
     """Also in the first step of a stage, whose drives have been set by then (steps 11 and 31)."""
     model = between_planes()
-    engine, recorder, switchboard = FakeEngine(model), MemoryRecorder(), Switchboard()
+    engine, recorder, stop_signals = FakeEngine(model), MemoryRecorder(), StopSignals()
 
     def act(step: int) -> None:
         if step == last:
-            switchboard.stop_signal = signal.SIGTERM
+            stop_signals.stop_signal = signal.SIGTERM
 
     engine.before_step = act
-    reason = Controller(make_plan(model), engine, recorder, switchboard=switchboard, clock=Clock()).run(is_new=True)
+    reason = Controller(make_plan(model), engine, recorder, stop_signals=stop_signals, clock=Clock()).run(is_new=True)
     assert reason is StopReason.TERMINATED
     state = recorder.rewind()
     assert state.step == last
@@ -145,9 +145,9 @@ def test_interrupted_step_leaves_the_state_of_the_step_before(last: int) -> None
 
 def test_signal_during_the_first_step_waits_where_the_process_is_not_ours() -> None:
     model = between_planes()
-    engine, recorder, switchboard = FakeEngine(model), MemoryRecorder(), Switchboard()
-    engine.before_step = lambda _step: switchboard._on_stop(signal.SIGINT, None)
-    reason = Controller(make_plan(model), engine, recorder, switchboard=switchboard, clock=Clock()).run(is_new=True)
+    engine, recorder, stop_signals = FakeEngine(model), MemoryRecorder(), StopSignals()
+    engine.before_step = lambda _step: stop_signals._on_stop(signal.SIGINT, None)
+    reason = Controller(make_plan(model), engine, recorder, stop_signals=stop_signals, clock=Clock()).run(is_new=True)
     assert reason is StopReason.INTERRUPTED
     assert engine.state.step == recorder.rewind().step == 0
 
@@ -199,14 +199,14 @@ def test_checkpoints_follow_the_wall_clock() -> None:
 
 def test_checkpoint_on_request_goes_on() -> None:
     model = between_planes()
-    engine, recorder, switchboard = FakeEngine(model), MemoryRecorder(), Switchboard()
+    engine, recorder, stop_signals = FakeEngine(model), MemoryRecorder(), StopSignals()
 
     def act(step: int) -> None:
         if step == 5:
-            switchboard._on_checkpoint(signal.SIGUSR1, None)
+            stop_signals._on_checkpoint(signal.SIGUSR1, None)
 
     engine.before_step = act
-    assert Controller(make_plan(model), engine, recorder, switchboard=switchboard, clock=Clock()).run(is_new=True).is_end
+    assert Controller(make_plan(model), engine, recorder, stop_signals=stop_signals, clock=Clock()).run(is_new=True).is_end
     assert [checkpoint[0].step for checkpoint in recorder.checkpoints] == [0, 6, 38]
 
 
@@ -325,30 +325,30 @@ def test_pace_leaves_out_compilation() -> None:
     assert pace.remaining() == pytest.approx(70.0)
 
 
-def test_switchboard_collects_signals_and_puts_the_handlers_back() -> None:
+def test_stop_signals_are_collected_and_handlers_put_back() -> None:
     before = signal.getsignal(signal.SIGTERM)
-    switchboard = Switchboard()
-    with switchboard.installed():
+    stop_signals = StopSignals()
+    with stop_signals.installed():
         signal.raise_signal(signal.SIGUSR1)
-        assert switchboard.is_checkpoint_wanted
-        assert not switchboard.should_stop()
+        assert stop_signals.is_checkpoint_wanted
+        assert not stop_signals.should_stop()
         signal.raise_signal(signal.SIGTERM)
-        assert switchboard.stop_signal == signal.SIGTERM
+        assert stop_signals.stop_signal == signal.SIGTERM
     assert signal.getsignal(signal.SIGTERM) is before
 
 
 @pytest.mark.parametrize("number", STOP_SIGNALS)
 @pytest.mark.parametrize("when", ["before", "inside"])
-def test_impatient_switchboard_ends_the_process_with_its_farewell(number: signal.Signals, when: str, capfd) -> None:
+def test_a_process_that_exits_at_once_says_why(number: signal.Signals, when: str, capfd) -> None:
     child = os.fork()
     if child == 0:
         signal.signal(number, signal.SIG_DFL)
-        switchboard = Switchboard(may_exit=True)
-        switchboard.farewell = lambda number: os.write(1, b"farewell %d" % number)
-        with switchboard.installed():
+        stop_signals = StopSignals(may_exit=True)
+        stop_signals.on_exit = lambda number: os.write(1, b"farewell %d" % number)
+        with stop_signals.installed():
             if when == "before":
                 signal.raise_signal(number)
-            with switchboard.impatient():
+            with stop_signals.exit_at_once():
                 if when == "inside":
                     signal.raise_signal(number)
         os._exit(0)
@@ -359,14 +359,14 @@ def test_impatient_switchboard_ends_the_process_with_its_farewell(number: signal
 def test_second_signal_ends_the_process_at_once_also_during_its_farewell(capfd) -> None:
     child = os.fork()
     if child == 0:
-        switchboard = Switchboard(may_exit=True)
+        stop_signals = StopSignals(may_exit=True)
 
-        def farewell(_number: int) -> None:
+        def on_exit(_number: int) -> None:
             signal.raise_signal(signal.SIGTERM)
             os.write(1, b"not reached")
 
-        switchboard.farewell = farewell
-        with switchboard.installed(), switchboard.impatient():
+        stop_signals.on_exit = on_exit
+        with stop_signals.installed(), stop_signals.exit_at_once():
             signal.raise_signal(signal.SIGINT)
         os._exit(0)
     assert os.waitstatus_to_exitcode(os.waitpid(child, 0)[1]) == 143
@@ -376,10 +376,10 @@ def test_second_signal_ends_the_process_at_once_also_during_its_farewell(capfd) 
 def test_ignored_hangup_stays_ignored() -> None:
     before = signal.signal(signal.SIGHUP, signal.SIG_IGN)  # as nohup does
     try:
-        switchboard = Switchboard()
-        with switchboard.installed():
+        stop_signals = StopSignals()
+        with stop_signals.installed():
             signal.raise_signal(signal.SIGHUP)
-        assert not switchboard.should_stop()
+        assert not stop_signals.should_stop()
     finally:
         signal.signal(signal.SIGHUP, before)
 

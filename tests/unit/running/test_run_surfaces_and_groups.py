@@ -12,7 +12,7 @@ from cut_runs import BELT, SIEVE, shortened, written
 from run_fakes import StopAt
 from scenes import changed
 
-from multicor_cli import Now, Scenario, open_run, run
+from multicor_cli import LiveRun, Scenario, open_run, run
 from multicor_cli.engine import Engine
 from multicor_cli.export import frame_problem
 from multicor_cli.model.faults import find_misfit
@@ -93,7 +93,7 @@ def test_a_program_lets_a_surface_run(tmp_path: Path) -> None:
     """In a stage that it adds; what it reads, and the scenario with this stage, which gives the same bits."""
     read = []
 
-    def steer(now: Now) -> None:
+    def steer(now: LiveRun) -> None:
         read.append(now.walls["floor"].surface)
         if now.step == 20:
             now.end_stage(then={"duration": 0.02, "drives": {"floor": {"surface": {"velocity": 0.05}}}})

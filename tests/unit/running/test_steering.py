@@ -18,7 +18,7 @@ from places import ROOT
 from run_fakes import StopAt
 from scenes import SMALL, WARM, write_small
 
-from multicor_cli import Now, Scenario, ScenarioError, open_run, run
+from multicor_cli import LiveRun, Scenario, ScenarioError, open_run, run
 from multicor_cli.running.outcome import StopReason
 from multicor_cli.scenario.load import parse_scenario
 from multicor_cli.store import DirectoryRefused, run_info, verify
@@ -54,15 +54,15 @@ def digests(directory: Path) -> tuple[str, str]:
     return info["data_digest"], info["state_digest"]
 
 
-def at(step: int, do: Callable[[Now], None]) -> Callable[[Now], None]:
-    def steer(now: Now) -> None:
+def at(step: int, do: Callable[[LiveRun], None]) -> Callable[[LiveRun], None]:
+    def steer(now: LiveRun) -> None:
         if now.step == step:
             do(now)
 
     return steer
 
 
-def when_pushed(now: Now) -> None:
+def when_pushed(now: LiveRun) -> None:
     """Count calls; slow down once when the top wall has been pushed for a while, then stop when it has gone far enough."""
     now.notes["calls"] = now.notes.get("calls", 0) + 1
     now.notes["work"] = now.notes.get("work", 0.0) + float(now.walls["top"].force[0] * now.walls["top"].velocity[0]) * now.dt
@@ -73,7 +73,7 @@ def when_pushed(now: Now) -> None:
 
 
 def test_ending_a_stage_is_a_shorter_stage(tmp_path: Path) -> None:
-    run(scenario(), tmp_path / "steered", steer=at(35, Now.end_stage))
+    run(scenario(), tmp_path / "steered", steer=at(35, LiveRun.end_stage))
     run(scenario().with_({"loading.1.duration": 15 * DT}), tmp_path / "short")
     assert digests(tmp_path / "steered") == digests(tmp_path / "short")
     assert [(end["name"], end["reason"], end["step"]) for end in run_info(tmp_path / "steered")["stage_ends"]] == [
@@ -89,7 +89,7 @@ def test_a_condition_in_the_program_is_one_in_the_file(tmp_path: Path) -> None:
         'name = "shear"\n', 'name = "shear"\nuntil = { displacement = { wall = "top", axis = "x", above = 1.05e-4 } }\n'
     )
 
-    def steer(now: Now) -> None:
+    def steer(now: LiveRun) -> None:
         if now.stage == "shear" and now.walls["top"].position[0] - MIDDLE >= 1.05e-4:
             now.end_stage()
 
@@ -171,7 +171,7 @@ def test_decisions_after_the_last_checkpoint_are_made_again(tmp_path: Path, monk
 def test_a_program_that_fails_loses_nothing(tmp_path: Path) -> None:
     run(scenario(), tmp_path / "whole", steer=when_pushed)
 
-    def failing(now: Now) -> None:
+    def failing(now: LiveRun) -> None:
         when_pushed(now)
         if now.step == 33:
             raise ZeroDivisionError("no idea")
@@ -207,7 +207,7 @@ def test_what_is_read_is_right_and_cannot_be_changed(tmp_path: Path) -> None:
     )
     seen: dict[int, dict[str, Any]] = {}
 
-    def steer(now: Now) -> None:
+    def steer(now: LiveRun) -> None:
         arrays = {name: getattr(now, name) for name in ("position", "velocity", "spin", "angle", "temperature", "number")}
         walls = [array for wall in now.walls.values() for array in (wall.position, wall.velocity, wall.force)]
         for array in [*arrays.values(), *walls, now.contacts.impulse, now.contacts.gap]:

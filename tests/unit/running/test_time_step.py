@@ -151,7 +151,7 @@ def test_other_words_and_numbers_are_refused(value):
         parse_scenario(SHEAR, "shear.toml", [f"solver.dt={value}"])
 
 
-FREE = """\
+CHANGEABLE = """\
 [scenario]
 name = "free"
 seed = 1
@@ -234,7 +234,7 @@ SPEEDS = {
 
 def free(case, folder, *overrides):
     grains, walls, drives, later, _ = SPEEDS[case]
-    text = FREE.replace("GRAINS", grains).replace("WALLS", walls).replace("DRIVES", drives).replace("LATER", later)
+    text = CHANGEABLE.replace("GRAINS", grains).replace("WALLS", walls).replace("DRIVES", drives).replace("LATER", later)
     (folder / "g.csv").write_text("x,y,radius,vx,vy,spin\n0.4,0.4,0.002,0,0,0\n0.5,0.45,0.002,30.0,0,0\n0.6,0.4,0.002,0,1,0\n")
     if case == "run":
         multicor.run(parse_scenario(text.replace("run", "file").replace("before", "g.csv"), folder / "b.toml", ["solver.dt=1e-3"]),

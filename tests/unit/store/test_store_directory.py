@@ -27,9 +27,9 @@ from multicor_cli.model import State
 from multicor_cli.store import (
     DamagedRun,
     DirectoryRefused,
-    Moment,
     RunDirectory,
     RunLocked,
+    Snapshot,
     StorageError,
     StorageFull,
     collect_provenance,
@@ -192,7 +192,7 @@ def test_stopped_and_failed_runs_can_be_continued(tmp_path: Path) -> None:
         state = drive(run, model, steps=18, checkpoint_every=5, finish=False)
         state.step += 2
         assert run._writer is not None
-        run._writer.frame(Moment(state, run._writer.model))
+        run._writer.frame(Snapshot(state, run._writer.model))
         run.finish("failed", stop_reason="step 19: grain 3 is not finite", exit_code=4)
     with open_run(path) as reader:
         assert reader.status == "failed"
@@ -362,7 +362,7 @@ def test_full_disk_is_noticed_before_a_file_is_begun(tmp_path: Path, monkeypatch
         writer, state = run.writer(model), start(model)
         run.checkpoint(state, writer)
         state.step += 1
-        writer.frame(Moment(state, model))
+        writer.frame(Snapshot(state, model))
         monkeypatch.setattr(os, "statvfs", lambda _: SimpleNamespace(f_bavail=300, f_frsize=4096, f_blocks=1000))
         before = listing(tmp_path / "run")
         with pytest.raises(StorageFull, match="no space left") as caught:
@@ -504,7 +504,7 @@ def test_what_reads_back_differently_is_not_committed(tmp_path: Path, monkeypatc
         assert run._writer is not None
         with pytest.raises(DamagedRun):
             run.checkpoint(state, run._writer)
-        run._writer.frame(Moment(state, run._writer.model))
+        run._writer.frame(Snapshot(state, run._writer.model))
         with pytest.raises(DamagedRun):
             run._writer.flush()
         monkeypatch.undo()
@@ -536,7 +536,7 @@ def test_nothing_is_changed_in_a_directory_that_has_taken_the_place_of_the_run(
     with make_run(path) as run:
         state = drive(run, model, steps=22, checkpoint_every=10, finish=False)
         assert run._writer is not None
-        run._writer.series_row(Moment(dataclasses.replace(state, step=state.step + 1), model))
+        run._writer.series_row(Snapshot(dataclasses.replace(state, step=state.step + 1), model))
         path.rename(tmp_path / "moved")
         if other == "run":
             run_whole(tmp_path / "other", steps=20)

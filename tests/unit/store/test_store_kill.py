@@ -11,7 +11,7 @@ from kill_points import POINTS
 from store_support import continue_run, drive, killed_at, make_model, make_run
 from trials import thinned
 
-from multicor_cli.store import Moment, RunDirectory, open_run, run_info, verify
+from multicor_cli.store import RunDirectory, Snapshot, open_run, run_info, verify
 from multicor_cli.store.segments import read_manifest
 
 
@@ -105,7 +105,7 @@ def test_second_checkpoint_at_the_same_step_does_not_harm_the_first(tmp_path: Pa
         assert run._writer is not None
         run.checkpoint(state, run._writer)  # nothing new: the older one, at step 30, stays
         assert names(tmp_path) == ["step-00000000030", "step-00000000040"]
-        run._writer.series_row(Moment(dataclasses.replace(state, step=41), model))
+        run._writer.series_row(Snapshot(dataclasses.replace(state, step=41), model))
         run.checkpoint(state, run._writer)
         assert names(tmp_path) == ["step-00000000040", "step-00000000040.1"]
     with RunDirectory.resume(tmp_path / "run") as again:

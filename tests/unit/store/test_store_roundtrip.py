@@ -16,7 +16,7 @@ from store_support import RESOLVED, SOURCE, advance, contact_rows, drive, make_m
 
 from multicor_cli.model import BOOK_NAMES, HEAT_BOOK_NAMES, Model, State
 from multicor_cli.model.books import BOOKS, HEAT_BOOKS
-from multicor_cli.store import Contacts, Frame, Moment, RunDirectory, open_run, run_info, schema, summarize, verify
+from multicor_cli.store import Contacts, Frame, RunDirectory, Snapshot, open_run, run_info, schema, summarize, verify
 from multicor_cli.store.checkpoint import _complete
 from multicor_cli.store.model_file import model_digest
 from multicor_cli.store.segments import columns_of
@@ -78,7 +78,7 @@ def check_row(series, row: int, state: State, model: Model) -> None:
         assert series[name][row] == value
     rows = schema.select(schema.SERIES, schema.features_of(model))
     assert list(series) == list(schema.names(rows))
-    for name, column in zip(series, columns_of(rows, Moment(state, model)).values(), strict=True):
+    for name, column in zip(series, columns_of(rows, Snapshot(state, model)).values(), strict=True):
         np.testing.assert_array_equal(series[name][row], column[0])
 
 
@@ -179,7 +179,7 @@ def test_frames_without_recorded_contacts(tmp_path: Path) -> None:
     model = make_model()
     with make_run(tmp_path / "run") as run:
         writer, state = run.writer(model), start(model)
-        writer.frame(Moment(state, model))
+        writer.frame(Snapshot(state, model))
         run.checkpoint(state, writer)
         run.finish("finished")
     with open_run(tmp_path / "run") as reader:
@@ -320,7 +320,7 @@ def test_contacts_of_which_no_heat_was_computed_have_none(tmp_path: Path) -> Non
         writer, state = run.writer(model), start(model)
         advance(state, model)
         rows = dataclasses.replace(contact_rows(state), heat=None, conductance=None)
-        writer.frame(Moment(state, model, rows))
+        writer.frame(Snapshot(state, model, rows))
         writer.flush()
         with open_run(tmp_path / "run") as reader:
             contacts = reader.frames[0].contacts
@@ -426,7 +426,7 @@ def test_writer_refuses_values_that_are_not_finite(tmp_path: Path, field: str, v
         state = start(model)
         getattr(state, field)[3 % len(getattr(state, field)), 0] = value
         with pytest.raises(ValueError, match=message):
-            run.writer(model).frame(Moment(state, model))
+            run.writer(model).frame(Snapshot(state, model))
 
 
 def test_writer_refuses_wrong_shapes_steps_and_contacts(tmp_path: Path) -> None:
@@ -434,23 +434,23 @@ def test_writer_refuses_wrong_shapes_steps_and_contacts(tmp_path: Path) -> None:
     with make_run(tmp_path / "run") as run:
         writer, state = run.writer(model), start(model)
         with pytest.raises(ValueError, match="has shape"):
-            writer.frame(Moment(other, model))
+            writer.frame(Snapshot(other, model))
         advance(state, model)
         rows = contact_rows(state)
         with pytest.raises(ValueError, match="shape that does not exist"):
-            writer.frame(Moment(state, model, dataclasses.replace(rows, j=rows.j + 100)))
+            writer.frame(Snapshot(state, model, dataclasses.replace(rows, j=rows.j + 100)))
         with pytest.raises(ValueError, match="contacts/gap has shape"):
-            writer.frame(Moment(state, model, dataclasses.replace(rows, gap=rows.gap[:-1])))
-        writer.frame(Moment(state, model, rows))
+            writer.frame(Snapshot(state, model, dataclasses.replace(rows, gap=rows.gap[:-1])))
+        writer.frame(Snapshot(state, model, rows))
         with pytest.raises(ValueError, match="after one at step 1"):
-            writer.frame(Moment(state, model, rows))
+            writer.frame(Snapshot(state, model, rows))
 
 
 def test_frames_are_copied(tmp_path: Path) -> None:
     model = make_model()
     with make_run(tmp_path / "run") as run:
         writer, state = run.writer(model), start(model)
-        writer.frame(Moment(state, model))
+        writer.frame(Snapshot(state, model))
         before = state.position[:, :2].copy()
         state.position += 1.0
         state.image += 1

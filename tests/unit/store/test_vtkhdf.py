@@ -14,7 +14,7 @@ from store_support import make_model, make_run, run_whole, start
 
 from multicor_cli.model import State
 from multicor_cli.model.contacts import ContactTable
-from multicor_cli.store import Frame, Moment, open_run, verify
+from multicor_cli.store import Frame, Snapshot, open_run, verify
 from multicor_cli.store.vtkhdf import NO_CONTACT
 
 vtk = pytest.importorskip("vtk")
@@ -128,8 +128,8 @@ def write_contacts(path: Path, sequence: list[list[tuple[int, int]] | None]) -> 
     with make_run(path) as run:
         writer, state = run.writer(model), start(model)
         for pairs in sequence:
-            writer.frame(Moment(state, model, None if pairs is None else rows_of(pairs)))
-            writer.series_row(Moment(state, model))
+            writer.frame(Snapshot(state, model, None if pairs is None else rows_of(pairs)))
+            writer.series_row(Snapshot(state, model))
             state.step += 1
             state.time += 0.1
             state.last_dt = 0.1

@@ -12,7 +12,7 @@ import pytest
 from multicor_cli.plots.style import PlotError
 from multicor_cli.studies.directory import StudyDirectory
 from multicor_cli.studies.figure import draw, draw_letters, fit, formula
-from multicor_cli.studies.table import Question, Row, Series, StudyTable, make_panels, over_seeds, with_error
+from multicor_cli.studies.table import PlotRequest, Row, Series, StudyTable, make_panels, over_seeds, with_error
 
 FRICTION, SPEED, KIND = "contacts.0.friction", "variables.speed", "particles.0.shape"
 
@@ -31,7 +31,7 @@ def grid(*more: tuple[str, Any]) -> list[tuple[dict[str, Any], float]]:
 
 
 def test_series_by_all_other_keys_and_ascending() -> None:
-    (panel,) = make_panels(table(*grid()), Question("mu", "speed"))
+    (panel,) = make_panels(table(*grid()), PlotRequest("mu", "speed"))
     assert [line.label for line in panel.series] == ["friction = 0.2", "friction = 0.4"]
     assert panel.series[0].x.tolist() == [1.0, 2.0, 3.0]
     assert panel.series[0].y == pytest.approx([1.2, 2.2, 3.2])
@@ -40,21 +40,21 @@ def test_series_by_all_other_keys_and_ascending() -> None:
 
 
 def test_panels() -> None:
-    panels = make_panels(table(*grid()), Question("mu", "speed", facet="friction"))
+    panels = make_panels(table(*grid()), PlotRequest("mu", "speed", facet="friction"))
     assert [panel.title for panel in panels] == ["friction = 0.2", "friction = 0.4"]
     assert [[line.label for line in panel.series] for panel in panels] == [[""], [""]]
 
 
 def test_only_some_values() -> None:
-    (panel,) = make_panels(table(*grid()), Question("mu", "speed", where=(("friction", "0.4"),)))
+    (panel,) = make_panels(table(*grid()), PlotRequest("mu", "speed", where=(("friction", "0.4"),)))
     assert [line.label for line in panel.series] == [""]
     with pytest.raises(PlotError, match=r"has no value 0.3; it has 0.2, 0.4"):
-        make_panels(table(*grid()), Question("mu", "speed", where=(("friction", "0.3"),)))
+        make_panels(table(*grid()), PlotRequest("mu", "speed", where=(("friction", "0.3"),)))
 
 
 def test_an_observable_across() -> None:
     """The key with the most values runs along each series."""
-    (panel,) = make_panels(table(*grid()), Question("mu", "I"))
+    (panel,) = make_panels(table(*grid()), PlotRequest("mu", "I"))
     assert [line.label for line in panel.series] == ["friction = 0.2", "friction = 0.4"]
     assert panel.series[1].x == pytest.approx([2.8, 4.8, 6.8])
     assert panel.series[1].x_error.tolist() == [0.02] * 3
@@ -63,31 +63,31 @@ def test_an_observable_across() -> None:
 def test_points_at_the_same_place_are_refused() -> None:
     points = [*grid((KIND, "disc")), *grid((KIND, "polygon"))]
     found = table(*points, keys=(FRICTION, SPEED, KIND))
-    assert len(make_panels(found, Question("mu", "speed"))[0].series) == 4
+    assert len(make_panels(found, PlotRequest("mu", "speed"))[0].series) == 4
     with pytest.raises(
         PlotError, match=r"points of friction = 0.2 differ by shape as well: choose with --by, --facet or --where shape"
     ):
-        make_panels(found, Question("mu", "speed", by="friction"))
-    assert len(make_panels(found, Question("mu", "speed", by="friction", facet="shape"))) == 2
+        make_panels(found, PlotRequest("mu", "speed", by="friction"))
+    assert len(make_panels(found, PlotRequest("mu", "speed", by="friction", facet="shape"))) == 2
     with pytest.raises(PlotError, match="no numbers"):
-        make_panels(found, Question("mu", "shape"))
+        make_panels(found, PlotRequest("mu", "shape"))
 
 
 @pytest.mark.parametrize(
     ("question", "what"),
     [
-        (Question("nu", "speed"), "observes no nu; it observes mu, I"),
-        (Question("mu", "sped"), "varies no sped; it varies friction, speed"),
-        (Question("mu", "speed", by="x"), "varies no x"),
+        (PlotRequest("nu", "speed"), "observes no nu; it observes mu, I"),
+        (PlotRequest("mu", "sped"), "varies no sped; it varies friction, speed"),
+        (PlotRequest("mu", "speed", by="x"), "varies no x"),
     ],
 )
-def test_what_is_not_there(question: Question, what: str) -> None:
+def test_what_is_not_there(question: PlotRequest, what: str) -> None:
     with pytest.raises(PlotError, match=what):
         make_panels(table(*grid()), question)
 
 
 def test_figures_are_drawn(tmp_path: Path) -> None:
-    question = Question("mu", "speed", facet="friction")
+    question = PlotRequest("mu", "speed", facet="friction")
     found = table(*grid())
     panels = make_panels(found, question)
     fits = [[fit("line", line) for line in panel.series] for panel in panels]

@@ -13,13 +13,13 @@ import pytest
 from scenes import SMALL
 
 from multicor_cli.studies import task as task_module
-from multicor_cli.studies.forking import Nursery
+from multicor_cli.studies.forking import ForkServer
 from multicor_cli.studies.task import run_case, stop_cases
 
 
 @pytest.fixture(scope="module")
-def nursery() -> Iterator[Nursery]:
-    found = Nursery(1)
+def server() -> Iterator[ForkServer]:
+    found = ForkServer(1)
     yield found
     os.kill(found._process.pid, signal.SIGKILL)
 
@@ -31,8 +31,8 @@ def task(folder: Path, name: str = "run") -> bytes:
     return json.dumps(given).encode() + b"\n"
 
 
-def test_a_case(nursery: Nursery, tmp_path: Path) -> None:
-    process = nursery.start()
+def test_a_case(server: ForkServer, tmp_path: Path) -> None:
+    process = server.start()
     process.stdin.write(task(tmp_path))
     process.stdin.flush()
     assert json.loads(process.stdout.read())["status"] == "finished"
@@ -40,8 +40,8 @@ def test_a_case(nursery: Nursery, tmp_path: Path) -> None:
     assert json.loads((tmp_path / "run" / "run.json").read_text())["status"] == "finished"
 
 
-def test_several_at_a_time_each_with_streams_of_its_own(nursery: Nursery, tmp_path: Path) -> None:
-    processes = [nursery.start() for _ in range(3)]
+def test_several_at_a_time_each_with_streams_of_its_own(server: ForkServer, tmp_path: Path) -> None:
+    processes = [server.start() for _ in range(3)]
     for number, process in enumerate(processes):
         process.stdin.write(task(tmp_path, f"run-{number}"))
         process.stdin.flush()
@@ -53,16 +53,16 @@ def test_several_at_a_time_each_with_streams_of_its_own(nursery: Nursery, tmp_pa
 
 
 @pytest.mark.parametrize("number", [signal.SIGKILL, signal.SIGTERM])
-def test_how_a_process_ended(number: signal.Signals, nursery: Nursery) -> None:
-    process = nursery.start()
+def test_how_a_process_ended(number: signal.Signals, server: ForkServer) -> None:
+    process = server.start()
     process.send_signal(number)
     assert process.stdout.read() == b""
     assert process.wait() == -number
     process.send_signal(number)  # nobody is there any more
 
 
-def test_whoever_waits_for_a_case_dies(nursery: Nursery, tmp_path: Path) -> None:
-    process = nursery.start()
+def test_whoever_waits_for_a_case_dies(server: ForkServer, tmp_path: Path) -> None:
+    process = server.start()
     process.stdin.write(task(tmp_path).replace(b'"overrides": []', b'"overrides": ["loading.1.until.strain.value=1e3"]'))
     process.stdin.flush()
     while not (tmp_path / "run" / "progress.json").exists():
@@ -72,25 +72,25 @@ def test_whoever_waits_for_a_case_dies(nursery: Nursery, tmp_path: Path) -> None
 
 
 def test_a_nursery_that_dies_leaves_its_cases_alone(tmp_path: Path) -> None:
-    nursery = Nursery(1)
-    process = nursery.start()
-    os.kill(nursery._process.pid, signal.SIGKILL)
+    server = ForkServer(1)
+    process = server.start()
+    os.kill(server._process.pid, signal.SIGKILL)
     process.stdin.write(task(tmp_path))
     process.stdin.flush()
     assert json.loads(process.stdout.read())["status"] == "finished"
     assert process.wait() == -signal.SIGKILL  # nobody knows
-    assert not nursery.is_alive
+    assert not server.is_alive
     with pytest.raises(OSError, match="no process could be started"):
-        nursery.start()
+        server.start()
 
 
 def test_a_worker_starts_another_nursery_if_its_own_has_died(tmp_path: Path) -> None:
     given = {**json.loads(task(tmp_path)), "client": "a", "name": "run"}
     assert run_case(given)["status"] == "finished"
-    (nursery,) = task_module._nurseries
-    os.kill(nursery._process.pid, signal.SIGKILL)
+    (server,) = task_module._nurseries
+    os.kill(server._process.pid, signal.SIGKILL)
     assert run_case({**given, "directory": str(tmp_path / "again")})["status"] == "finished"
-    assert task_module._nurseries != [nursery]
+    assert task_module._nurseries != [server]
 
 
 def test_a_worker_that_was_asked_to_stop_works_for_the_next_client(tmp_path: Path) -> None:

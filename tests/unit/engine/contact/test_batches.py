@@ -44,11 +44,12 @@ def random_contacts(count, bodies, seed, held=0):
 
 
 def system_of(contacts, velocity):
-    light = batch(contacts, velocity)
+    diagonal = batch(contacts, velocity)
     nothing = np.empty((0, 2), np.int32)
     return System(
-        light.velocity, np.zeros((len(velocity), 3)), light.slot, light.pair, light.frame, light.impulse, light.tile_start,
-        np.array([0, 1]), nothing, np.empty((0, 8)), np.empty((0, 2, 2)), np.empty((0, 2)), 2.0, len(contacts.pair),
+        diagonal.velocity, np.zeros((len(velocity), 3)), diagonal.slot, diagonal.pair, diagonal.frame, diagonal.impulse,
+        diagonal.tile_start, np.array([0, 1]), nothing, np.empty((0, 8)),
+        np.empty((0, 2, 2)), np.empty((0, 2)), 2.0, len(contacts.pair),
     )  # fmt: skip
 
 

@@ -397,7 +397,7 @@ def test_threads_do_not_change_bits():
     found = []
     for threads in (1, 2):
         engine = shear_engine(columns=80, rows=60, adhesion=1.0, rolling=0.3, threads=threads)
-        engine._pace.choose = lambda count, threads=threads: threads > 1
+        engine._threading.choose = lambda count, threads=threads: threads > 1
         advance(engine, 0.02, 15)
         assert engine.state.contact_couple.any()
         found.append(engine.state.digest())

@@ -5,7 +5,7 @@ import pytest
 from scene_parts import make_model
 from scipy.spatial import cKDTree
 
-from multicor_cli.engine.geometry.drift import bound_closing, fit_drift
+from multicor_cli.engine.geometry.drift import bound_approach, fit_drift
 from multicor_cli.engine.geometry.neighbors import NeighborList
 from multicor_cli.model.shapes import ShapeKind
 
@@ -48,7 +48,7 @@ def test_no_pair_closes_more_than_the_bound(seed):
     velocity = position @ rng.normal(size=(2, 2)) + rng.normal(size=2) + 0.1 * rng.normal(size=position.shape)
     world = np.column_stack([position[grains:], np.full(discs, 0.01), np.zeros(discs)])
     drift = fit_drift(velocity[:grains], position[:grains], 0.0)
-    closing = bound_closing(np.full(discs, ShapeKind.DISC, np.int32), drift, world, velocity[grains:], np.zeros(discs))
+    closing = bound_approach(np.full(discs, ShapeKind.DISC, np.int32), drift, world, velocity[grains:], np.zeros(discs))
     apart = position[:, None] - position[None]
     distance = np.hypot(apart[..., 0], apart[..., 1])
     np.fill_diagonal(distance, 1.0)
@@ -65,7 +65,7 @@ def test_no_pair_closes_more_than_the_bound(seed):
 def test_planes_are_approached_along_their_normal_only():
     drift = fit_drift(np.array([[50.0, -0.25]]), np.zeros((1, 2)), 0.0)
     kind = np.array([ShapeKind.PLANE], np.int32)
-    closing = bound_closing(kind, drift, np.array([[0.0, 0.0, 0.0, 1.0]]), np.array([[80.0, 0.5]]), np.zeros(1))
+    closing = bound_approach(kind, drift, np.array([[0.0, 0.0, 0.0, 1.0]]), np.array([[80.0, 0.5]]), np.zeros(1))
     assert closing.wall == pytest.approx(0.75)
 
 

@@ -16,7 +16,7 @@ from multicor_cli.model.model import Floats, Thermal
 
 
 @dataclass(frozen=True)
-class Moment:
+class Snapshot:
     """A state between two steps. Arrays are shared, not copied: the writer copies them.
 
     Attributes:

@@ -22,7 +22,7 @@ from multicor_cli.engine.contact.acceleration import (
     start_momentum,
     step_back,
 )
-from multicor_cli.engine.contact.detection import StepContacts, WarmStart, fill_contacts, find_missed, measure_pairs
+from multicor_cli.engine.contact.contacts import StepContacts, WarmStart, fill_contacts, find_missed, measure_pairs
 from multicor_cli.engine.contact.ordering import Schedule, Scheduler
 from multicor_cli.engine.contact.patches import choose_patch, has_clusters, hold, release, solve_patch
 from multicor_cli.engine.contact.sweep import EXACT, System
@@ -44,7 +44,7 @@ _NOBODY = np.empty(0, np.int32)
 _NO_ROWS = np.zeros(2, np.int64)
 
 
-def rehearse() -> None:
+def precompile() -> None:
     """Compile the kernels of a step from its solve on, then those that prepare the solve, then those that hard steps need."""
     numba.set_num_threads(1)
     model = _one_grain()

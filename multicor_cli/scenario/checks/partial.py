@@ -22,7 +22,7 @@ Context = dict[str, Any]
 
 
 @dataclass(frozen=True)
-class Draft:
+class PartialScenario:
     """Tables of a scenario; ``None`` stands for a table that is missing or invalid on its own.
 
     Attributes:
@@ -60,7 +60,7 @@ class Draft:
     output: Output | None
 
     @classmethod
-    def of_model(cls, model: ScenarioModel) -> Draft:
+    def of_model(cls, model: ScenarioModel) -> PartialScenario:
         """The draft of a scenario whose tables are all valid on their own."""
         return cls(
             model.domain,
@@ -81,7 +81,7 @@ class Draft:
         )
 
     @classmethod
-    def of_document(cls, data: dict[str, Any], context: Context) -> Draft:
+    def of_document(cls, data: dict[str, Any], context: Context) -> PartialScenario:
         """The draft of a parsed document of which some tables are wrong; ``context`` is that of the validation."""
         raw = data.get("materials")
         materials = dict(itertools.islice(raw.items(), _MAX_TABLES)) if isinstance(raw, dict) else {}

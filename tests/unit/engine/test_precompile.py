@@ -13,7 +13,7 @@ from multicor_cli.running.compiling import shared_compilation
 HARD = {"has_clusters", "choose_patch", "solve_patch", "begin_again", "is_converged", "hold", "release", "step_back"}
 """Kernels that only some steps need."""
 
-FIRST = {"neighbors", "affine", "scene", "placing", "overlap", "elementwise", "moves", "drift", "compile", "detection"}
+FIRST = {"neighbors", "affine", "scene", "placing", "overlap", "elementwise", "moves", "drift", "compile", "contacts"}
 """Modules whose kernels are needed before the other process comes to them."""
 
 LIST = """
@@ -26,7 +26,7 @@ for one in gc.get_objects():
         found[one.py_func.__module__ + "." + one.py_func.__qualname__] = sorted(map(str, one.stats.cache_hits))
 print(json.dumps(found))
 """
-REHEARSE = "from multicor_cli.engine.rehearsal import rehearse\nrehearse()"
+PRECOMPILE = "from multicor_cli.engine.precompile import precompile\nprecompile()"
 STEP = (
     "from multicor_cli.bench.driving import prepare\nfrom multicor_cli.bench.scenes import START\n"
     "scene = prepare(START, 100, threads=1)\nscene.take(START.steps)\nscene.engine.contacts()"
@@ -40,8 +40,8 @@ def loaded(code: str) -> dict[str, list[str]]:
     return json.loads(done.stdout)
 
 
-def test_the_rehearsal_compiles_what_a_run_asks_for_and_nothing_else():
-    rehearsed, asked = loaded(REHEARSE), loaded(STEP)
+def test_precompilation_compiles_what_a_run_asks_for_and_nothing_else():
+    rehearsed, asked = loaded(PRECOMPILE), loaded(STEP)
     for name, kinds in rehearsed.items():
         if name.rpartition(".")[2] not in HARD | {"pairs_within", "surround", "separate"}:  # the first steps have no overlaps
             assert set(kinds) <= set(asked[name]), name
