@@ -16,8 +16,6 @@ from dataclasses import dataclass, field
 from functools import partial
 from typing import Any, NamedTuple
 
-from simpleeval import SimpleEval
-
 from multicor_cli.scenario.functions import CONSTANTS, FUNCTIONS, Value, raised
 from multicor_cli.scenario.models import ScenarioModel
 from multicor_cli.scenario.problems import Finding, KeyPath, name_list, show
@@ -157,6 +155,8 @@ class Expression:
         Raises:
             ExpressionError: It has none, or not the right number of arguments.
         """
+        from simpleeval import SimpleEval  # few scenarios have expressions
+
         names = {**variables, **CONSTANTS}
         evaluator = SimpleEval(operators=_OPERATORS, functions={name: f.compute for name, f in FUNCTIONS.items()}, names=names)
         evaluator.nodes = {kind: partial(self._evaluated, evaluator.nodes[kind]) for kind in _NODES}
