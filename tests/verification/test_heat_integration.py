@@ -111,6 +111,12 @@ def test_a_grain_that_is_fed_stays_above_absolute_zero(way):
 def test_what_cannot_be_integrated_says_so(way):
     """Radiation at 10⁸⁰ K is more than numbers hold: sub-steps end to be tried, and the reason names the grain."""
     net = network(2, [(0, 1)], outside=300.0, area=1.0)
-    with pytest.raises(CannotIntegrate, match="no sub-step of its heat is short enough") as caught, np.errstate(all="ignore"):
+    with pytest.raises(CannotIntegrate, match="so fast") as caught, np.errstate(all="ignore"):
         advance(net, [300.0, 1e80], 1.0, way=way)
     assert caught.value.node == 1
+
+
+def test_explicit_sub_steps_without_end_are_refused():
+    """A second of C/ΣH, and thirty thousand years to go."""
+    with pytest.raises(CannotIntegrate, match=r"2e\+12 explicit sub-steps"):
+        advance(network(2, [(0, 1)]), [300.0, 400.0], 1e12, way=("explicit", True))

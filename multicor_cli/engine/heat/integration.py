@@ -67,6 +67,9 @@ BELOW_ZERO = -1e-9
 TRIALS, NEWTON_LIMIT = 100, 50
 """Most attempts at one sub-step, each shorter than the one before, and most iterations of a stage."""
 
+SUB_STEPS = 1e8
+"""Most explicit sub-steps of a step; more would take hours."""
+
 DRAINED = "would fall below absolute zero: a wall draws more heat than there is"
 
 
@@ -180,7 +183,7 @@ def _march(
     while done < dt:
         stop_if_asked(should_stop)
         if done == 0.0 or problem.net.radiates:
-            bound = scheme.bound(problem, temperature, done)
+            bound = scheme.bound(problem, temperature, done, dt)
         step = min(step, bound)
         is_last = done + step >= dt * (1.0 - 1e-12)
         step = dt - done if is_last else step
@@ -221,8 +224,8 @@ class _SubStep:
         self._end = self._solve()
 
     @staticmethod
-    def bound(problem: _Problem, temperature: Floats, t: float) -> float:
-        """Longest sub-step, whatever its error [s]."""
+    def bound(problem: _Problem, temperature: Floats, t: float, end: float) -> float:
+        """Longest sub-step between ``t`` and ``end``, whatever its error [s]; `CannotIntegrate` if too many would be needed."""
         return math.inf
 
     def _solve(self) -> Floats:
@@ -289,12 +292,16 @@ class _Explicit(_SubStep):
     defects = (-1.0 / 3.0, -1.0 / 3.0, 2.0 / 3.0)
 
     @staticmethod
-    def bound(problem: _Problem, temperature: Floats, t: float) -> float:
+    def bound(problem: _Problem, temperature: Floats, t: float, end: float) -> float:
         """The longest that lets no mode overshoot: rates of decay are at most twice the largest ΣH/C (Gershgorin) [s]."""
         total = np.empty(problem.capacity.size)
         total_conductance(problem.net, temperature, problem.walls(t), total)
-        fastest = float((total / problem.capacity).max())
-        return 0.5 * problem.choices.sub_step / fastest if fastest > 0.0 else math.inf
+        rates = 2.0 * total / problem.capacity
+        node = int(np.argmax(rates))
+        count = (end - t) * float(rates[node]) / problem.choices.sub_step
+        if not count <= SUB_STEPS:
+            raise CannotIntegrate(node, f'exchanges heat so fast that it takes {count:.2g} explicit sub-steps; use "implicit"')
+        return (end - t) / count if count > 0.0 else math.inf
 
     def _solve(self) -> Floats:
         self._add_stage(self._start)
