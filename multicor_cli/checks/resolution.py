@@ -306,9 +306,9 @@ def _melting(scenario: Scenario, model: Model) -> Floats:
 
 
 def _of_grains(scenario: Scenario, model: Model, temperature: Floats) -> Iterator[Measured]:
-    """The hottest grain of each material over what it bears; T [K] of shape ``(n,)``, nan of grains that are not there."""
+    """The hottest grain of each material over what it bears; T of the grains of the model [K], shape ``(n,)``."""
     for k, limit in enumerate(_melting(scenario, model)):
-        of_it = temperature[(model.grains.material == k) & np.isfinite(temperature)]
+        of_it = temperature[model.grains.material == k]
         if of_it.size:
             yield Measured(float(of_it.max() / limit), f"{of_it.max():.5g} K, a grain of {model.materials[k]}")
 
@@ -338,8 +338,8 @@ def _temperature_reached(run: Recorded) -> Iterator[Measured]:
     bears = float(_melting(scenario, model)[model.grains.material].max(initial=0.0))
     if bears > 0.0:
         yield Measured(hottest / bears, f"{hottest:.5g} K, the hottest grain so far")
-    frame = run.run.frames[-1]
-    yield from _of_grains(scenario, model, np.asarray(frame.temperature, np.float64))
+    for frame in run.run.frames[-1:]:
+        yield from _of_grains(scenario, frame.model, np.asarray(frame.temperature, np.float64))  # of the grains that are there
 
 
 def _upward_gravity(run: Prepared) -> Iterator[Measured]:
