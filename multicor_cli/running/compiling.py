@@ -44,7 +44,7 @@ def end_with_parent() -> None:
     """End this process when the other end of its standard input is closed; returns at once."""
 
     def wait() -> None:
-        while sys.stdin.buffer.read(4096):
+        while os.read(sys.stdin.fileno(), 4096):  # a buffered read would hold a lock that the end of the interpreter needs
             pass
         os._exit(0)
 
