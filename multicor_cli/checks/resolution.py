@@ -147,8 +147,8 @@ OF_RUN: tuple[Rule[Recorded], ...] = (
     Rule(
         "error of temperatures", _heat_error,
         "Largest estimated error of temperatures in a sub-step of the heat flow so far, over their spread; where a step is short "
-        "against the time constants C/ΣH and Euler's rule does, half of their ratio, by which differences decay too fast or too "
-        "slowly. Sub-steps are as short as tolerance in [heat] asks for.",
+        "against the time constants C/ΣH and Euler's rule does, half of their ratio, by which the temperature of a grain "
+        "decays too fast (a difference of two equal ones: twice that). Sub-steps are as short as tolerance in [heat] asks for.",
         "Lower tolerance in [heat].", unit="of the spread", warning=2e-3, bad=0.05,
     ),
 )  # fmt: skip

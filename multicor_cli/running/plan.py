@@ -1,4 +1,4 @@
-"""What the controller carries out: loading stages in whole steps, with their gravity, heat and exchange of grains."""
+"""What the controller carries out: loading stages counted in steps, with their gravity, heat and exchange of grains."""
 
 from __future__ import annotations
 
@@ -246,7 +246,7 @@ def _release(scenario: Scenario, number: int, group: ParticleGroup) -> Release |
     )
 
 
-# ---- Loading stages with everything counted in whole steps
+# ---- Loading stages with everything counted in steps
 
 
 @dataclass(frozen=True)

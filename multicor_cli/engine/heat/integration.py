@@ -2,8 +2,8 @@
 
 Three schemes, each for what it does best. With τ = C/ΣH the shortest time constant of a grain:
 
-- **Euler's forward rule**, one step, where Δt is short against τ, as in most flows. It lets differences decay at a rate that is off
-  by at most ½ Δt/τ, relatively.
+- **Euler's forward rule**, one step, where Δt is short against τ, as in most flows. It lets a difference decay at a rate that is
+  off by ½ Δt/τ, relatively, where one grain changes alone, and by Δt/τ at most (two equal grains): no mode is faster than 2/τ.
 - **SSPRK(3,3)**, explicit, where Δt is longer (C.-W. Shu & S. Osher, J. Comput. Phys. 77, 1988, 439): third order, made of Euler
   steps none of which lets a mode overshoot. The second of its three solutions, of second order, gives the error::
 

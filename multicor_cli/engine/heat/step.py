@@ -129,7 +129,7 @@ class HeatEngine:
             t: Time since the start of the stage at the beginning of the step [s].
 
         Raises:
-            PhysicsError: If a temperature is not finite.
+            PhysicsError: If a temperature is not finite, or cannot be integrated.
         """
         with self._timed():
             self._frozen = None
