@@ -69,12 +69,12 @@ geometry = { kind = "plane", point = [0.0, 0.0], normal = [0.0, 1.0] }
 
 def shear_scene(inertial: float, begin: float, friction: float = FRICTION, sizes: str = "even") -> BenchScene:
     """Plane shear at an inertial number, measured after a strain ``begin`` from the lattice; ``sizes`` is a key of `SIZES`."""
-    return BenchScene("shear", "plane shear", lambda count, seed, _: _shear(inertial, begin, friction, sizes, count, seed), 0, 0)
+    return BenchScene("shear", lambda count, seed, _: _shear(inertial, begin, friction, sizes, count, seed), 0, 0)
 
 
 def bed_scene(dt: float) -> BenchScene:
     """Grains on a loose lattice that begin to fall onto a floor, with a time step [s]."""
-    return BenchScene("bed", "bed under gravity", lambda count, seed, _: _bed(dt, count, seed), 0, 0)
+    return BenchScene("bed", lambda count, seed, _: _bed(dt, count, seed), 0, 0)
 
 
 def columns_of(count: int) -> int:

@@ -1,46 +1,34 @@
-"""Carries a scene, in memory, to where it is measured, and measures it there."""
+"""Carries a scene, in memory, to where it is measured, and takes its steps there."""
 
 from __future__ import annotations
 
+import math
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+from numpy.typing import NDArray
 
-from multicor_cli.bench.rest import Rest, Settling
+from multicor_cli.arithmetic import hypot
+from multicor_cli.arithmetic.sums import total
 from multicor_cli.bench.scenes import BenchScene
-from multicor_cli.bench.tiling import repeat_scene
 from multicor_cli.engine.contact.step_report import StepReport
 from multicor_cli.engine.coupled import CoupledEngine
-from multicor_cli.model import Model, State
+from multicor_cli.model import Grains, Model, ShapeKind, State, Thermal, WallShapes
+from multicor_cli.model.model import Floats, Ints
+from multicor_cli.model.shapes import TAIL, Tail
 from multicor_cli.packing import build
+from multicor_cli.running.conditions import KINETIC
 from multicor_cli.running.controller import Controller
-from multicor_cli.running.plan import RunPlan, StagePlan, begin_stage
+from multicor_cli.running.plan import StagePlan, begin_stage
 from multicor_cli.running.planning import make_plan
 from multicor_cli.running.session import make_engine
 from multicor_cli.scenario import Scenario, parse_scenario
 
-
-class _NoRecorder:
-    """Writes nothing."""
-
-    def frame(self, state: State, contacts: Any) -> None:
-        """Ignored."""
-
-    def series(self, state: State) -> None:
-        """Ignored."""
-
-    def checkpoint(self, state: State) -> None:
-        """Ignored."""
-
-    def stage_ended(self, end: Any) -> None:
-        """Ignored."""
-
-    def heartbeat(self, data: dict[str, Any]) -> None:
-        """Ignored."""
+# ---- A scene that is ready, and its steps
 
 
 @dataclass(frozen=True)
@@ -64,14 +52,7 @@ class Round:
 
 @dataclass
 class PreparedScene:
-    """A prepared scene, ready to be timed.
-
-    Attributes:
-        scene: The scene.
-        model: Its grains and walls.
-        engine: Advances it.
-        stage: The stage that is measured.
-    """
+    """A prepared scene, ready to be timed in its last stage."""
 
     scene: BenchScene
     model: Model
@@ -121,41 +102,41 @@ def prepare(scene: BenchScene, grains: int, *, seed: int = 1, threads: int = 1) 
         PhysicsError: From a step.
     """
     count, copies = (scene.tile, max(1, round(grains / scene.tile))) if scene.tile else (grains, 1)
-    model, state, plan = _begin(scene, count, seed, copies)
+    narrow, wide = (parse_scenario(scene.text(count, seed, k), Path(f"{scene.name}.toml")) for k in (1, copies))
+    model, state = build(narrow)
+    plan = make_plan(wide, model)
     starts = [0.0]
     if len(plan.stages) > 1:
-        starts = _run_to_last(scene, count, seed, model, state)
+        starts = _run_to_last(scene, narrow, model, state)
+    # the books begin with the part that is measured
     if copies > 1 or len(plan.stages) > 1:
         model, state = repeat_scene(model, state, copies) if scene.tile else (model, _fresh(model, state))
-    stage = plan.stages[-1]
-    engine = make_engine(_scenario(scene, count, seed, copies), model, state, threads)
-    begin_stage(engine, stage, starts)
-    return PreparedScene(scene, model, engine, stage)
+    engine = make_engine(wide, model, state, threads)
+    begin_stage(engine, plan.stages[-1], starts)
+    return PreparedScene(scene, model, engine, plan.stages[-1])
 
 
-def _scenario(scene: BenchScene, count: int, seed: int, copies: int) -> Scenario:
-    return parse_scenario(scene.text(count, seed, copies), Path(f"{scene.name}.toml"))
-
-
-def _begin(scene: BenchScene, count: int, seed: int, copies: int) -> tuple[Model, State, RunPlan]:
-    """The narrow scene, and the plan of the wide one."""
-    model, state = build(_scenario(scene, count, seed, 1))
-    return model, state, make_plan(_scenario(scene, count, seed, copies), model)
-
-
-def _run_to_last(scene: BenchScene, count: int, seed: int, model: Model, state: State) -> list[float]:
+def _run_to_last(scene: BenchScene, narrow: Scenario, model: Model, state: State) -> list[float]:
     """Carry out all stages but the last; returns the times at which the stages began [s]."""
-    scenario = _scenario(scene, count, seed, 1)
-    own = make_plan(scenario, model)
-    engine = make_engine(scenario, model, state, threads=0)
-    first, *others = own.stages[:-1]
+    plan = make_plan(narrow, model)
+    first, *others = plan.stages[:-1]
     rest = Rest.of(model, first.dt) if scene.rests else None
     if rest is not None:
-        first = Settling(**vars(first), rest=rest)
-    Controller(replace(own, stages=[first, *others]), engine, _NoRecorder()).run(is_new=True)
+        first = _Settling(**vars(first), rest=rest)
+    engine = make_engine(narrow, model, state, threads=0)
+    Controller(replace(plan, stages=[first, *others]), engine, _NoRecorder()).run(is_new=True)
     if rest is not None:
         rest.check(scene.name, state)
-    return [0.0] * (len(own.stages) - 1) + [state.time]
+    return [0.0] * (len(plan.stages) - 1) + [state.time]
+
+
+class _NoRecorder:
+    """Writes nothing."""
+
+    def _ignore(self, *_: Any) -> None:
+        pass
+
+    frame = series = checkpoint = stage_ended = heartbeat = _ignore
 
 
 def _fresh(model: Model, state: State) -> State:
@@ -165,3 +146,146 @@ def _fresh(model: Model, state: State) -> State:
         setattr(result, name, np.array(getattr(state, name)))
     result.last_dt = state.last_dt
     return result
+
+
+# ---- Rest: when the kinetic energy says so, and for long enough. A number of steps would say nothing
+
+QUIET = 1e-7
+"""Kinetic energy at rest over Σ m g d: what would lift every grain by 10⁻⁷ diameters. The tolerance of the solver leaves 10⁻⁸."""
+
+REST_FOR = 4.0
+"""For how long it must stay so, over √(d/g): a grain without support would fall eight diameters in this time."""
+
+
+class NoRestError(Exception):
+    """A scene did not come to rest; the message says how far it is from it."""
+
+
+@dataclass
+class Rest:
+    """Kinetic energy no larger than `allowed` in so many steps, one after the other.
+
+    Attributes:
+        allowed: Largest kinetic energy of grains at rest [J].
+        steps: Number of steps in which it must not be exceeded.
+        quiet: Number of steps since it was exceeded last.
+    """
+
+    allowed: float
+    steps: int
+    quiet: int = 0
+
+    @classmethod
+    def of(cls, model: Model, dt: float) -> Rest:
+        """Rest of the grains of a model under its gravity, in steps of ``dt`` [s]."""
+        diameter, gravity = model.mean_diameter, hypot(*model.gravity.tolist())
+        weight = total(model.grains.mass) * gravity
+        return cls(QUIET * weight * diameter, math.ceil(REST_FOR * math.sqrt(diameter / gravity) / dt))
+
+    @property
+    def is_reached(self) -> bool:
+        """Whether it has been quiet for long enough."""
+        return self.quiet >= self.steps
+
+    def note(self, state: State) -> None:
+        """Look at the state after a step."""
+        self.quiet = self.quiet + 1 if state.books[KINETIC] <= self.allowed else 0
+
+    def check(self, name: str, state: State) -> None:
+        """Raise `NoRestError`, with the name of the scene and its kinetic energy, if rest was not reached."""
+        if self.is_reached:
+            return
+        raise NoRestError(
+            f"the {name} did not come to rest within {state.time:.3g} s: kinetic energy {state.books[KINETIC]:.2e} J, "
+            f"allowed {self.allowed:.2e} J for {self.steps} steps"
+        )
+
+
+@dataclass(frozen=True)
+class _Settling(StagePlan):
+    """A stage that ends when the grains have come to rest, or when its time is over."""
+
+    rest: Rest = field(kw_only=True)
+
+    def has_ended(self, state: State) -> bool:
+        """Whether the stage is over after the step that led to ``state``; asked once after each step."""
+        self.rest.note(state)
+        return self.rest.is_reached or super().has_ended(state)
+
+
+# ---- A periodic scene side by side, with everything that moves in it: the copies go on as the original would
+
+
+def repeat_scene(model: Model, state: State, copies: int) -> tuple[Model, State]:
+    """A model and a state of ``copies`` periods, at step 0 with the warm start of the last step.
+
+    Loads on walls, and their masses where a wall has one, are not repeated: the caller's scenario knows them.
+
+    Args:
+        model: A periodic model, whose walls are level planes and rough walls.
+        state: A state of it.
+        copies: Number of copies, at least 1.
+
+    Raises:
+        ValueError: If the model is not periodic.
+    """
+    if not model.period > 0.0:
+        raise ValueError("only a periodic scene can be repeated")
+    shape_copies = np.where(model.shapes.kind == ShapeKind.PLANE, 1, copies)
+    grains, thermal = model.grains, model.thermal
+    wide = replace(
+        model,
+        grains=Grains(*(np.tile(getattr(grains, each.name), copies) for each in fields(grains))),
+        shapes=_repeat_shapes(model, shape_copies),
+        walls=replace(model.walls, mass=model.walls.mass * copies, length=model.walls.length * copies),
+        period=model.period * copies,
+        thermal=None if thermal is None else Thermal(*(np.tile(getattr(thermal, each.name), copies) for each in fields(thermal))),
+    )
+    return wide, _repeat_state(model, wide, state, shape_copies, copies)
+
+
+def _repeat_shapes(model: Model, shape_copies: NDArray[np.int64]) -> WallShapes:
+    """Shapes of the walls, the copies of each side by side in the list."""
+    shapes = model.shapes
+    geometry = np.repeat(shapes.geometry, shape_copies, axis=0)
+    shift = np.concatenate([np.arange(k) for k in shape_copies] or [np.zeros(0)]) * model.period
+    geometry[:, 0] += shift
+    has_end = np.repeat(TAIL[shapes.kind] == Tail.POINT, shape_copies)
+    geometry[has_end, 2] += shift[has_end]
+    kind, wall, material = (np.repeat(values, shape_copies) for values in (shapes.kind, shapes.wall, shapes.material))
+    return WallShapes(kind, wall, geometry, material)
+
+
+def _repeat_state(model: Model, wide: Model, state: State, shape_copies: NDArray[np.int64], copies: int) -> State:
+    position = np.tile(state.position, (copies, 1))
+    position[:, 0] += np.repeat(np.arange(copies), model.grain_count) * model.period
+    result = State.at_rest(wide, position)
+    result.velocity[:] = np.tile(state.velocity, (copies, 1))
+    result.wall_position, result.wall_velocity = state.wall_position.copy(), state.wall_velocity.copy()
+    result.contact_i, result.contact_j, result.contact_impulse = _repeat_contacts(model, state, shape_copies, copies)
+    result.last_dt = state.last_dt
+    if wide.thermal is not None:
+        result.heat = np.tile(state.heat, copies)
+        result.wall_temperature = state.wall_temperature.copy()
+    return result
+
+
+def _repeat_contacts(model: Model, state: State, shape_copies: NDArray[np.int64], copies: int) -> tuple[Ints, Ints, Floats]:
+    """Contacts of all copies, sorted; those across the ends of the period join neighboring copies."""
+    n, period = model.grain_count, model.period
+    i, j = state.contact_i.astype(np.int64), state.contact_j.astype(np.int64)
+    is_wall = j >= n
+    shape = np.where(is_wall, j - n, 0)
+    x = np.concatenate([state.position[:, 0], model.shapes.geometry[:, 0] + state.wall_position[model.shapes.wall, 0]])
+    across = np.rint((x[i] - x[j]) / period).astype(np.int64)
+    first_copy = np.concatenate([[0], np.cumsum(shape_copies)])[:-1]
+    rows = []
+    for copy in range(copies):
+        other = (copy + across) % copies
+        wall_shape = n * copies + first_copy[shape] + np.where(shape_copies[shape] > 1, other, 0) if shape_copies.size else j
+        a, b = i + copy * n, np.where(is_wall, wall_shape, j + other * n)
+        rows.append(np.column_stack([np.minimum(a, b), np.maximum(a, b)]))  # exchanging the two keeps p_n and p_t
+    pairs = np.concatenate(rows)
+    order = np.lexsort((pairs[:, 1], pairs[:, 0]))
+    impulse = np.tile(state.contact_impulse, (copies, 1))[order]
+    return pairs[order, 0].astype(np.int32), pairs[order, 1].astype(np.int32), impulse

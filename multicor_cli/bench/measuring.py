@@ -9,13 +9,11 @@ from typing import Any
 
 import numpy as np
 
-from multicor_cli.bench.calibration import SweepTimes, time_sweep
-from multicor_cli.bench.checks import find_faults
-from multicor_cli.bench.driving import PreparedScene, Round, prepare
-from multicor_cli.bench.reference import ReferenceStep
-from multicor_cli.bench.rest import NoRestError
+from multicor_cli.bench.driving import NoRestError, PreparedScene, Round, prepare
 from multicor_cli.bench.scenes import SCENES
+from multicor_cli.bench.yardsticks import ReferenceStep, SweepTimes, time_sweep
 from multicor_cli.engine.contact.step_report import PhysicsError
+from multicor_cli.model import BOOK_NAMES, HEAT_BOOK_NAMES, TALLY_NAMES
 
 BUDGET_SWEEPS = 30
 """Sweeps of the step of which everything else may take a quarter (benchmarks/README.md)."""
@@ -25,15 +23,7 @@ _COLD = 2  # steps without a warm start after each round, where the grains rest
 
 @dataclass(frozen=True)
 class Task:
-    """What is to be measured.
-
-    Attributes:
-        scene: Name of the scene.
-        grains: Wanted number of grains.
-        threads: Number of threads.
-        rounds: How often the measured steps are repeated.
-        seed: Seed of the scene.
-    """
+    """What is to be measured: a scene of about so many grains, its steps in so many rounds."""
 
     scene: str
     grains: int
@@ -114,71 +104,50 @@ class Result:
         return {**data, "other": self.other, "other_share": self.other_share}
 
 
-@dataclass(frozen=True)
-class _Measured:
-    """Rounds, times of the yardstick among their steps [s], and the steps without a warm start."""
-
-    rounds: list[Round]
-    references: list[float]
-    cold: list[Round]
-
-
 def measure(task: Task) -> Result:
     """Prepare a scene and measure it. If its physics fails on the way, that is the only fault of the result."""
     idle = _peak_memory()
     scene = SCENES[task.scene]
+    references: list[float] = []  # times of the yardstick among the steps of the rounds [s]
     try:
         prepared = prepare(scene, task.grains, seed=task.seed, threads=task.threads)
         warm = prepared.take(scene.warm_steps)
         memory = (_peak_memory() - idle) / prepared.model.grain_count
-        measured = _take_rounds(prepared, task)
+        yardstick = ReferenceStep(prepared.model.grain_count)
+        rounds = [prepared.take(scene.steps, lambda: references.append(yardstick.seconds())) for _ in range(task.rounds)]
+        is_cold = scene.rests and not scene.is_frozen
+        cold_rounds = [prepared.take_cold() for _ in range(_COLD * task.rounds if is_cold else 0)]
     except (NoRestError, PhysicsError) as error:
         return Result(task.scene, task.grains, task.threads, scene.steps, task.rounds, faults=[str(error)])
-    faults = find_faults(prepared, [warm, *measured.rounds, *measured.cold])
-    sweep = None if scene.is_frozen else _measure_sweep(prepared, task.threads)
-    return _summarize(prepared, task, measured, sweep, memory, faults)
+    faults = find_faults(prepared, [warm, *rounds, *cold_rounds])
+    sweep = None
+    if not scene.is_frozen:
+        stage, state = prepared.stage, prepared.state
+        ordered = prepared.engine.mechanics.next_system(stage.dt, state.stage_step * stage.dt)
+        sweep = time_sweep(ordered.system, (1, task.threads) if task.threads > 1 else (1,))
 
-
-def _take_rounds(prepared: PreparedScene, task: Task) -> _Measured:
-    scene, yardstick = prepared.scene, ReferenceStep(prepared.model.grain_count)
-    references: list[float] = []
-    rounds = [prepared.take(scene.steps, lambda: references.append(yardstick.seconds())) for _ in range(task.rounds)]
-    is_cold = scene.rests and not scene.is_frozen
-    return _Measured(rounds, references, [prepared.take_cold() for _ in range(_COLD * task.rounds if is_cold else 0)])
-
-
-def _measure_sweep(prepared: PreparedScene, threads: int) -> SweepTimes:
-    stage, state = prepared.stage, prepared.state
-    ordered = prepared.engine.mechanics.next_system(stage.dt, state.stage_step * stage.dt)
-    return time_sweep(ordered.system, (1, threads) if threads > 1 else (1,))
-
-
-def _summarize(
-    prepared: PreparedScene, task: Task, measured: _Measured, sweep: SweepTimes | None, memory: float, faults: list[str]
-) -> Result:
-    rounds, steps = measured.rounds, prepared.scene.steps
     reports = [report for round_ in rounds for report in round_.reports]
-    cold = [report.sweeps for round_ in measured.cold for report in round_.reports]
+    cold_sweeps = [report.sweeps for round_ in cold_rounds for report in round_.reports]
     step = statistics.median(seconds for round_ in rounds for seconds in round_.seconds)
     return Result(
         scene=task.scene,
         grains=prepared.model.grain_count,
         threads=task.threads,
-        steps=steps,
+        steps=scene.steps,
         rounds=task.rounds,
         candidates=float(np.mean([report.candidates for report in reports])),
         loaded=float(np.mean([report.contacts for report in reports])),
         sweeps=float(np.mean([report.sweeps for report in reports])),
         median_sweeps=statistics.median(report.sweeps for report in reports),
-        cold_sweeps=statistics.median(cold) if cold else None,
+        cold_sweeps=statistics.median(cold_sweeps) if cold_sweeps else None,
         missed=sum(not report.converged for report in reports),
         residual=max(report.rms for report in reports),
         step=step,
-        phases={name: statistics.median(round_.phases[name] for round_ in rounds) / steps for name in rounds[0].phases},
+        phases={name: statistics.median(round_.phases[name] for round_ in rounds) / scene.steps for name in rounds[0].phases},
         grain_steps=prepared.model.grain_count / step,
-        per_contact=None if prepared.scene.is_frozen else _per_contact(measured.cold or rounds),
-        reference=_quartile(measured.references),
-        other_ratio=other_time(rounds) / _quartile(measured.references),
+        per_contact=None if scene.is_frozen else _per_contact(cold_rounds or rounds),
+        reference=_quartile(references),
+        other_ratio=other_time(rounds) / _quartile(references),
         sweep=sweep,
         memory=memory,
         faults=faults,
@@ -218,3 +187,44 @@ def _quartile(seconds: list[float]) -> float:
 def _peak_memory() -> float:
     """Peak resident memory of this process so far [B]."""
     return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024.0
+
+
+# ---- Physics that must hold in a scene before any time of it is reported
+
+CLOSURE, OVERLAP, WEIGHT, MISSED = 1e-10, 1e-3, 0.01, 0.01
+
+
+def find_faults(prepared: PreparedScene, rounds: list[Round]) -> list[str]:
+    """What is wrong after the measured steps; empty if nothing is.
+
+    Energy books closed to `CLOSURE`, heat books too; overlaps below `OVERLAP` of the smaller radius; at most `MISSED` of the steps
+    not converged (one in a thousand is not in the fast shear flow: whether it is among those measured is chance); the floor of a
+    bed carries its weight to `WEIGHT`; temperatures between those that walls and grains had at the start.
+    """
+    state, model, faults = prepared.state, prepared.model, []
+    closure = state.books[BOOK_NAMES.index("closure")]
+    if not closure <= CLOSURE:
+        faults.append(f"the energy books are open by {closure:.1e}")
+    overlap = state.tallies[TALLY_NAMES.index("max_overlap")]
+    if not overlap <= OVERLAP:
+        faults.append(f"grains overlap by {overlap:.1e} of their radius")
+    missed = sum(not report.converged for round_ in rounds for report in round_.reports)
+    if missed > MISSED * sum(len(round_.reports) for round_ in rounds):
+        faults.append(f"{missed} steps did not converge")
+    if prepared.scene.is_weighed:
+        # the window sums the impulse on the floor since the scene began
+        weight = float(model.grains.mass.sum()) * float(np.hypot(*model.gravity))
+        force = -float(state.window_wall_impulse[0, 1]) / (state.stage_step * prepared.stage.dt)
+        if not abs(force / weight - 1.0) <= WEIGHT:
+            faults.append(f"the floor carries {force / weight:.4f} of the weight")
+    if model.thermal is not None:
+        closure = state.heat_books[HEAT_BOOK_NAMES.index("closure")]
+        if not closure <= CLOSURE:
+            faults.append(f"the heat books are open by {closure:.1e}")
+        temperature = state.temperature(model.thermal)
+        known = np.concatenate([model.thermal.start, state.wall_temperature[np.isfinite(state.wall_temperature)]])
+        if not known.min() - 1e-6 <= temperature.min() <= temperature.max() <= known.max() + 1e-6:
+            faults.append(f"temperatures from {temperature.min():g} to {temperature.max():g} K")
+        if not state.heat_books[HEAT_BOOK_NAMES.index("stored")] > 0.0:
+            faults.append("no heat has come in")
+    return faults

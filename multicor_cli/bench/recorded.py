@@ -39,21 +39,20 @@ def ratios(result: Result) -> dict[str, float]:
     Median ``sweeps`` of a step, and ``cold_sweeps`` without a warm start; a sweep over that in C; the solve per contact and
     sweep-equivalent over the sweep in C; everything but the solve over its yardstick.
     """
-    found = {"other_over_reference": result.other_ratio}
+    measured = {"other_over_reference": result.other_ratio}
     sweep, each, cold = result.sweep, result.per_contact, result.cold_sweeps
     if each is not None:
-        found["sweeps"] = result.median_sweeps
+        measured["sweeps"] = result.median_sweeps
     if cold is not None:
-        found["cold_sweeps"] = cold
+        measured["cold_sweeps"] = cold
     if sweep is not None and math.isfinite(sweep.in_c):
-        found["sweep_over_c"] = sweep.ratio
+        measured["sweep_over_c"] = sweep.ratio
         if each is not None and (cold or result.median_sweeps) >= _ENOUGH:
-            found["solve_over_c"] = each / sweep.in_c
-    return found
+            measured["solve_over_c"] = each / sweep.in_c
+    return measured
 
 
-def name_of(result: Result) -> str:
-    """Name of a result in the file."""
+def _name_of(result: Result) -> str:
     return f"{result.scene}-{result.grains}-threads-{result.threads}"
 
 
@@ -65,11 +64,11 @@ def write_record(path: Path, results: Iterable[Result]) -> None:
         StorageError: If it cannot be written.
     """
     known = read_record(path) if path.exists() else {}
-    found: dict[str, list[dict[str, float]]] = {}
+    by_seed: dict[str, list[dict[str, float]]] = {}
     for result in results:
         if not result.faults:
-            found.setdefault(name_of(result), []).append(ratios(result))
-    for name, several in found.items():
+            by_seed.setdefault(_name_of(result), []).append(ratios(result))
+    for name, several in by_seed.items():
         known[name] = {key: statistics.median(each[key] for each in several if key in each) for key in several[0]}
     commit_result(path, "record", (json.dumps(dict(sorted(known.items())), indent=2) + "\n").encode())
 
@@ -78,7 +77,7 @@ def read_record(path: Path) -> dict[str, dict[str, float]]:
     """Recorded ratios by name of the result; raises `RecordError` if the file is not a record, `OSError` if it cannot be read."""
     try:
         data: Any = json.loads(read_regular(path, RECORD_LIMIT))
-        return {str(name): {str(key): float(value) for key, value in found.items()} for name, found in data.items()}
+        return {str(name): {str(key): float(value) for key, value in known.items()} for name, known in data.items()}
     except (ValueError, AttributeError, TypeError) as error:
         raise RecordError(f"{path} is not a record of a benchmark ({error}); write one with --record") from error
 
@@ -90,19 +89,14 @@ def find_slower(results: Iterable[Result], record: dict[str, dict[str, float]]) 
 
 def slower_twice(results: Iterable[Result], again: Iterable[Result], record: dict[str, dict[str, float]]) -> list[str]:
     """What exceeds the recorded ratios in both of two measurements of the same scene; the second one says by how much."""
-    first = {name_of(result): _exceeding(result, record) for result in results}
-    return [line for result in again for key, line in _exceeding(result, record).items() if key in first.get(name_of(result), {})]
+    first = {_name_of(result): _exceeding(result, record) for result in results}
+    return [line for result in again for key, line in _exceeding(result, record).items() if key in first.get(_name_of(result), {})]
 
 
 def _exceeding(result: Result, record: dict[str, dict[str, float]]) -> dict[str, str]:
-    name, before = name_of(result), record.get(name_of(result), {})
+    name, before = _name_of(result), record.get(_name_of(result), {})
     return {
         key: f"{name}: {key.replace('_', ' ')} {value:.3g}, recorded {before[key]:.3g}"
         for key, value in ratios(result).items()
-        if key in before and value > _limit(key, before[key])
+        if key in before and value > max(MARGINS[key] * before[key], before[key] + (LOOK if key.endswith("sweeps") else 0.0))
     }
-
-
-def _limit(key: str, before: float) -> float:
-    limit = MARGINS[key] * before
-    return max(limit, before + LOOK) if key.endswith("sweeps") else limit

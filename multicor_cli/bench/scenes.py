@@ -1,10 +1,11 @@
 """Named scenes of any size. They are scenarios, so what is measured is what users run.
 
 Periodic scenes are prepared as one narrow tile of about a thousand grains, which is then repeated with its velocities, contacts and
-impulses (`multicor_cli.bench.tiling`): a bed of 10⁶ grains at rest, or in steady flow, costs no more preparation than one of 10³.
+impulses (`multicor_cli.bench.driving`): a bed of 10⁶ grains at rest, or in steady flow, costs no more preparation than one of 10³.
 
 Where a scene is measured is a criterion, not a number of steps: a bed when its kinetic energy says that it rests
-(`multicor_cli.bench.rest`), plane shear after a strain, a drum after an angle. Only the collapse has a time, that of its fall.
+(`multicor_cli.bench.driving.Rest`), plane shear after a strain, a drum after an angle. Only the
+collapse has a time, that of its fall.
 """
 
 from __future__ import annotations
@@ -17,6 +18,10 @@ _HEAD = """\
 [scenario]
 name = "{name}"
 seed = {seed}
+[solver]
+dt = {dt!r}
+[output]
+frame_interval = 1.0
 [domain]
 size = [{width!r}, {height!r}]
 periodic = {periodic}
@@ -61,7 +66,6 @@ class BenchScene:
 
     Attributes:
         name: Name on the command line.
-        about: What it shows.
         text: Makes the scenario of a number of grains (of one tile if it is tiled) and a seed.
         warm_steps: Steps of the last stage before the clock starts.
         steps: Steps that are measured in each round.
@@ -72,7 +76,6 @@ class BenchScene:
     """
 
     name: str
-    about: str
     text: Callable[[int, int, int], str]
     warm_steps: int
     steps: int
@@ -85,7 +88,7 @@ class BenchScene:
 def _head(name: str, seed: int, count: int, size: tuple[float, float], **other: object) -> str:
     width, height = size
     values = {
-        "gravity": -9.81, "periodic": "true", "left": 0.0, "bottom": 0.0, "right": width, "top": height,
+        "dt": 2e-4, "gravity": -9.81, "periodic": "true", "left": 0.0, "bottom": 0.0, "right": width, "top": height,
         "packing": '{ kind = "random" }', **other,
     }  # fmt: skip
     return _HEAD.format(name=name, seed=seed, count=count, width=width, height=height, **values)
@@ -99,8 +102,7 @@ def _lattice(bottom: float = 0.0) -> dict[str, object]:
 def _bed(name: str, count: int, seed: int, copies: int, heat: str, stages: str) -> str:
     """Grains laid down one by one, each on two others: forces are nearly unique, a solve costs the same in all such beds."""
     size = (_COLUMNS * _PITCH * copies, 1.5 * _ROWS * _PITCH)
-    solver = "[solver]\ndt = 2e-4\n[output]\nframe_interval = 1.0\n"
-    return _head(name, seed, count * copies, size, packing='{ kind = "deposited" }') + _FLOOR + heat + stages + solver
+    return _head(name, seed, count * copies, size, packing='{ kind = "deposited" }') + _FLOOR + heat + stages
 
 
 def _settled(count: int, seed: int, copies: int) -> str:
@@ -133,9 +135,8 @@ def _shear(name: str, speed: float, dt: float, strain: float, count: int, seed: 
     drives = f"drives.top = {{ x = {{ velocity = {speed!r} }}, y = {{ force = {load!r}, damping = {0.5 * copies!r} }} }}\n"
     until = f'until = {{ strain = {{ walls = ["bottom", "top"], value = {strain!r} }} }}\n'
     stages = f'[[loading]]\nname = "begin"\n{until}{drives}[[loading]]\nname = "flow"\nduration = 1e3\n{drives}'
-    solver = f"[solver]\ndt = {dt!r}\n[output]\nframe_interval = 1.0\n"
-    start = {"gravity": 0.0, "top": layer + 1.5 * _DIAMETER, **_lattice(1.2 * _DIAMETER)}
-    return _head(name, seed, count * copies, size, **start) + walls + stages + solver
+    start = {"dt": dt, "gravity": 0.0, "top": layer + 1.5 * _DIAMETER, **_lattice(1.2 * _DIAMETER)}
+    return _head(name, seed, count * copies, size, **start) + walls + stages
 
 
 _LOAD = 10.0  # P: force per length on the upper wall [N/m]; √(m/P) is 1.0 ms
@@ -157,7 +158,6 @@ def _collapse(count: int, seed: int, _copies: int) -> str:
         + '[[walls]]\nname = "left"\nmaterial = "stuff"\ngeometry = { kind = "plane", point = [0.0, 0.0], normal = [1.0, 0.0] }\n'
         + f'[[loading]]\nname = "fall"\nduration = {math.sqrt(0.5 * height / 9.81)!r}\n'
         + '[[loading]]\nname = "spread"\nduration = 99.0\n'
-        + "[solver]\ndt = 2e-4\n[output]\nframe_interval = 1.0\n"
     )
 
 
@@ -176,28 +176,32 @@ def _drum(count: int, seed: int, _copies: int) -> str:
         _head("drum", seed, count, (2.0 * radius, 2.0 * radius), periodic="false", **place)
         + f'[[walls]]\nname = "drum"\nmaterial = "stuff"\ngeometry = {geometry}\n'
         + f'[[loading]]\nname = "begin"\nduration = {_ANGLE / spin!r}\n{drive}[[loading]]\nname = "turn"\nduration = 99.0\n{drive}'
-        + "[solver]\ndt = 2e-4\n[output]\nframe_interval = 1.0\n"
     )
 
 
-START = BenchScene("start", "first steps of a bed with heat", _start, 0, 2)
-"""What a fresh installation is timed with."""
+START = BenchScene("start", _start, 0, 2)
+"""What a fresh installation is timed with: the first steps of a bed with heat."""
+
+
+def _slow_shear(count: int, seed: int, copies: int) -> str:
+    """Quasi-static: I = 0.01."""
+    return _shear("shear", 0.55, 2e-4, 0.5, count, seed, copies)
+
+
+def _fast_shear(count: int, seed: int, copies: int) -> str:
+    """Dynamic: I = 0.1."""
+    return _shear("shear-dynamic", 5.5, 1e-4, 4.0, count, seed, copies)
+
 
 SCENES = {
     scene.name: scene
     for scene in (
-        BenchScene("bed", "settled bed under gravity", _settled, 20, 20, tile=_TILE, is_weighed=True, rests=True),
-        BenchScene(
-            "shear", "plane shear, quasi-static: I = 0.01",
-            lambda n, s, c: _shear("shear", 0.55, 2e-4, 0.5, n, s, c), 10, 60, tile=_TILE,
-        ),
-        BenchScene(
-            "shear-dynamic", "plane shear, dynamic: I = 0.1",
-            lambda n, s, c: _shear("shear-dynamic", 5.5, 1e-4, 4.0, n, s, c), 10, 60, tile=_TILE,
-        ),
-        BenchScene("collapse", "collapse of a column", _collapse, 10, 20),
-        BenchScene("heated-bed", "conduction through a bed at rest", _heated, 2, 20, tile=_TILE, is_frozen=True, rests=True),
-        BenchScene("drum", "rotating rough drum", _drum, 100, 20),
+        BenchScene("bed", _settled, 20, 20, tile=_TILE, is_weighed=True, rests=True),
+        BenchScene("shear", _slow_shear, 10, 60, tile=_TILE),
+        BenchScene("shear-dynamic", _fast_shear, 10, 60, tile=_TILE),
+        BenchScene("collapse", _collapse, 10, 20),
+        BenchScene("heated-bed", _heated, 2, 20, tile=_TILE, is_frozen=True, rests=True),
+        BenchScene("drum", _drum, 100, 20),
     )
-}  # fmt: skip
+}
 """All scenes by name."""

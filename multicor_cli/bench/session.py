@@ -1,4 +1,7 @@
-"""A whole benchmark: calibration, scenes one after the other, each in a process of its own: this module as a program."""
+"""A whole benchmark, and its table: yardsticks, then scenes one after the other.
+
+Each is measured in a process of its own, which is this module as a program.
+"""
 
 from __future__ import annotations
 
@@ -7,28 +10,35 @@ import pickle
 import platform
 import subprocess
 import sys
+import tempfile
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
-from typing import Any, TypeVar
+from dataclasses import dataclass
+from typing import Any, NamedTuple, TypeVar
 
-from multicor_cli.bench.calibration import copy_bandwidth
-from multicor_cli.bench.compilation import CompileTimes, time_compilation
 from multicor_cli.bench.measuring import Result, Task, measure
+from multicor_cli.bench.yardsticks import copy_bandwidth
 from multicor_cli.running.compiling import end_with_parent, python_child
 
 T = TypeVar("T")
 
 
-@dataclass(frozen=True)
-class Benchmark:
-    """What was measured.
+class CompileTimes(NamedTuple):
+    """Times from a scenario of 100 grains on, in a process of its own and, where there is a second core, a second one.
 
     Attributes:
-        machine: Processor and operating system.
-        bandwidth: Copy bandwidth by number of threads [B/s].
-        results: One for each scene and size.
-        compilation: Compile times, if asked for.
+        cold: To the end of its first steps, with an empty cache: everything is compiled [s].
+        hard: To the last kernel of those that only steps need in which the sweeps are stuck, with an empty cache [s].
+        cached: As ``cold``, with the cache that this has left: everything is loaded [s].
     """
+
+    cold: float
+    hard: float
+    cached: float
+
+
+@dataclass(frozen=True)
+class Benchmark:
+    """What was measured: on which machine, its copy bandwidth by number of threads [B/s], a result for each scene and size."""
 
     machine: str
     bandwidth: dict[int, float]
@@ -40,31 +50,53 @@ class Benchmark:
         return {
             "machine": self.machine,
             "copy_bandwidth": {str(threads): value for threads, value in self.bandwidth.items()},
-            "compilation": None if self.compilation is None else asdict(self.compilation),
+            "compilation": None if self.compilation is None else self.compilation._asdict(),
             "scenes": [result.as_dict() for result in self.results],
         }
 
 
 def run_benchmark(tasks: Sequence[Task], *, has_compilation: bool, say: Callable[[str], None]) -> Benchmark:
-    """Measure tasks one after the other.
-
-    Args:
-        tasks: What to measure; at least one.
-        has_compilation: Whether to measure compilation too.
-        say: Is told what is being done.
-    """
+    """Measure tasks, at least one, one after the other, and compilation if asked for; ``say`` is told what is being done."""
     say("calibrating: copy bandwidth")
     counts = sorted({1, *(task.threads for task in tasks)})
     bandwidth = {count: _apart(copy_bandwidth, count) for count in counts}
-    compilation = None
+    compilation, results = None, []
     if has_compilation:
         say("compiling all kernels anew")
-        compilation = time_compilation()
-    results = []
+        with tempfile.TemporaryDirectory() as folder:
+            cold, hard = _first_steps(folder)
+            compilation = CompileTimes(cold, hard, _first_steps(folder)[0])
     for task in tasks:
         say(f"{task.scene}, about {task.grains} grains, {task.threads} threads")
         results.append(_apart(measure, task))
     return Benchmark(f"{platform.machine()}, {platform.platform()}", bandwidth, results, compilation)
+
+
+_CODE = """
+import os, time
+from multicor_cli.bench.driving import prepare
+from multicor_cli.bench.scenes import START
+from multicor_cli.engine.precompile import precompile
+from multicor_cli.running.compiling import shared_compilation
+start = time.perf_counter()
+with shared_compilation(os.cpu_count() or 1) as other:
+    prepare(START, 100, threads=1).take(START.steps)
+    print(time.perf_counter() - start)
+    if other is not None:
+        other.wait()
+    precompile()
+    print(time.perf_counter() - start)
+"""
+
+
+def _first_steps(folder: str) -> tuple[float, float]:
+    """Times `_CODE` with a folder as the cache [s]; raises `RuntimeError` if the scene does not run."""
+    command, environment = python_child("-c", _CODE, NUMBA_CACHE_DIR=folder)
+    done = subprocess.run(command, env=environment, capture_output=True, text=True, check=False)
+    if done.returncode:
+        raise RuntimeError(done.stderr.strip().splitlines()[-1])
+    first, last = done.stdout.split()
+    return float(first), float(last)
 
 
 def _apart(function: Callable[..., T], *arguments: Any) -> T:
@@ -89,8 +121,7 @@ def _apart(function: Callable[..., T], *arguments: Any) -> T:
     result, error = pickle.loads(answer)
     if error is not None:
         raise error
-    found: T = result
-    return found
+    return result  # type: ignore[no-any-return]
 
 
 def main() -> None:
@@ -103,6 +134,50 @@ def main() -> None:
             pickle.dump((function(*arguments), None), said)
         except Exception as error:
             pickle.dump((None, error), said)
+
+
+# ---- The table for people
+
+HEADINGS = (
+    "scene", "grains", "threads", "contacts", "sweeps", "step [ms]", "solve", "other at 30 sweeps", "ns/contact/sweep", "sweep : C",
+    "threads gain", "grain-steps/s", "B/grain",
+)  # fmt: skip
+
+_MANY = 50_000  # grains whose memory can be told from that of the kernels
+
+
+def row(result: Result) -> list[str]:
+    """The row of a scene; one with wrong physics has no times."""
+    head = [result.scene, f"{result.grains}", f"{result.threads}", f"{result.candidates:.0f}", f"{result.sweeps:.0f}"]
+    if result.faults:
+        return [*head, "refused", *[""] * (len(HEADINGS) - len(head) - 1)]
+    solve = result.phases.get("solve", 0.0) / max(sum(result.phases.values()), 1e-300)
+    sweep, share, each = result.sweep, result.other_share, result.per_contact
+    gain = "" if sweep is None or len(sweep.ours) < 2 else f"{sweep.ours[1] / sweep.ours[result.threads]:.2f}"
+    return [
+        *head, f"{1e3 * result.step:.3g}", f"{100.0 * solve:.0f} %", "" if share is None else f"{100.0 * share:.0f} %",
+        "" if each is None else f"{1e9 * each:.1f}", "" if sweep is None or sweep.ratio != sweep.ratio else f"{sweep.ratio:.2f}",
+        gain, f"{result.grain_steps:.3g}", f"{result.memory:.0f}" if result.grains >= _MANY else "",
+    ]  # fmt: skip
+
+
+def notes(benchmark: Benchmark) -> list[str]:
+    """What the table rests on."""
+    lines = [f"copying memory: {bandwidth / 1e9:.1f} GB/s with {n} threads" for n, bandwidth in benchmark.bandwidth.items()]
+    named = [(f"{result.scene}, {result.grains} grains", result) for result in benchmark.results]
+    for name, result in named:
+        if result.sweep is not None and not result.faults:
+            used = ", ".join(f"{100.0 * v / benchmark.bandwidth[n]:.0f} % with {n}" for n, v in result.sweep.bandwidth.items())
+            lines.append(f"{name}: a sweep moves {result.sweep.bytes_moved / 1e6:.1f} MB; of copying: {used}")
+    if benchmark.compilation is not None:
+        cold, hard, cached = benchmark.compilation
+        lines.append(f"first steps: {cold:.1f} s cold, {cached:.2f} s cached; kernels of hard steps after {hard:.1f} s")
+    lines += [
+        f"{name}: {result.missed} of {result.steps * result.rounds} steps did not converge"
+        for name, result in named
+        if result.missed and not result.faults
+    ]
+    return lines + [f"{name}: {fault}" for name, result in named for fault in result.faults]
 
 
 if __name__ == "__main__":

@@ -15,7 +15,6 @@ from multicor_cli.running.outcome import ExitCode
 
 if TYPE_CHECKING:
     from multicor_cli.bench.measuring import Result, Task
-    from multicor_cli.bench.session import Benchmark
 
 SceneNames = Annotated[
     Optional[list[str]],  # noqa: UP045  (evaluated by typer)
@@ -66,7 +65,7 @@ def bench(
     from multicor_cli.bench.measuring import Task
     from multicor_cli.bench.recorded import read_record, write_record
     from multicor_cli.bench.scenes import SCENES
-    from multicor_cli.bench.session import run_benchmark
+    from multicor_cli.bench.session import HEADINGS, notes, row, run_benchmark
     from multicor_cli.running.compiling import available_cores
 
     unknown = [name for name in scenes or [] if name not in SCENES]
@@ -80,28 +79,22 @@ def bench(
     seeds = range(seed, seed + (1 if record is None else _SEEDS))
     tasks = [Task(name, n, count, rounds, each) for name, n in pairs for each in seeds]
     started = time.monotonic()
-    found = run_benchmark(tasks, has_compilation=has_compilation, say=say)
+    benchmark = run_benchmark(tasks, has_compilation=has_compilation, say=say)
     if is_json:
-        emit_json(found.as_dict())
+        emit_json(benchmark.as_dict())
     else:
-        _print(found)
+        emit_table(HEADINGS, [row(result) for result in benchmark.results])
+        for line in notes(benchmark):
+            say(line)
     if record is not None:
-        write_record(record, found.results)
+        write_record(record, benchmark.results)
         say(f"wrote {record}")
-    faults = [fault for result in found.results for fault in result.faults]
-    slower = [] if known is None else _slower(tasks, found.results, known, time.monotonic() - started)
+    faults = [fault for result in benchmark.results for fault in result.faults]
+    slower = [] if known is None else _slower(tasks, benchmark.results, known, time.monotonic() - started)
     for line in slower:
         say(f"slower: {line}")
     if faults or slower:
         raise typer.Exit(ExitCode.PHYSICS if faults else ExitCode.BUG)
-
-
-def _print(found: Benchmark) -> None:
-    from multicor_cli.bench.table import HEADINGS, notes, rows
-
-    emit_table(HEADINGS, rows(found))
-    for line in notes(found):
-        say(line)
 
 
 def _slower(tasks: list[Task], results: list[Result], known: dict[str, dict[str, float]], took: float) -> list[str]:

@@ -41,7 +41,7 @@ with shared_compilation(2) as other:
 assert any(cache.rglob("*.nbi")), "the second process has compiled nothing"
 """
 APART = """\
-from multicor_cli.bench.calibration import copy_bandwidth
+from multicor_cli.bench.yardsticks import copy_bandwidth
 from multicor_cli.bench.session import _apart
 assert _apart(copy_bandwidth, 1) > 0.0
 """

@@ -14,17 +14,13 @@ import pytest
 import typer
 from scene_parts import advance, shear_engine
 
-from multicor_cli.bench import calibration, measuring, scenes, session
-from multicor_cli.bench.calibration import SweepTimes, compile_sweep, time_sweep
-from multicor_cli.bench.checks import find_faults
-from multicor_cli.bench.driving import prepare
-from multicor_cli.bench.measuring import Result, Task, measure
+from multicor_cli.bench import measuring, scenes, session, yardsticks
+from multicor_cli.bench.driving import QUIET, Rest, prepare, repeat_scene
+from multicor_cli.bench.measuring import Result, Task, find_faults, measure
 from multicor_cli.bench.recorded import MARGINS, RecordError, find_slower, ratios, read_record, slower_twice, write_record
-from multicor_cli.bench.reference import ReferenceStep
-from multicor_cli.bench.rest import QUIET, Rest
 from multicor_cli.bench.scenes import SCENES
-from multicor_cli.bench.table import HEADINGS, notes, rows
-from multicor_cli.bench.tiling import repeat_scene
+from multicor_cli.bench.session import HEADINGS, Benchmark, notes, row
+from multicor_cli.bench.yardsticks import ReferenceStep, SweepTimes, compile_sweep, time_sweep
 from multicor_cli.cli.bench_command import bench
 from multicor_cli.engine import Engine
 from multicor_cli.engine.contact.step_report import PhysicsError
@@ -103,7 +99,7 @@ def test_c_sweep_is_ours_and_a_wrong_one_is_refused(monkeypatch: pytest.MonkeyPa
     assert times.contacts == np.count_nonzero(system.slot >= 0)
     assert times.ratio > 0.0
     assert system.impulse.tolist() == before.tolist()  # the problem itself is left alone
-    monkeypatch.setattr(calibration, "compile_sweep", lambda: lambda rows, velocity, beta, repeats: 0.0)
+    monkeypatch.setattr(yardsticks, "compile_sweep", lambda: lambda rows, velocity, beta, repeats: 0.0)
     with pytest.raises(RuntimeError, match="differs"):
         time_sweep(system, (1,))
 
@@ -225,18 +221,12 @@ def test_a_bed_that_does_not_come_to_rest_is_a_fault_with_a_name(monkeypatch: py
     (fault,) = found.faults
     assert fault.startswith("the bed did not come to rest within 0.002 s: kinetic energy ")
     assert "allowed" in fault
-
-    class Found:
-        results = (found,)
-        bandwidth: dict[int, float] = {}  # noqa: RUF012
-        compilation = None
-
-    assert rows(Found())[0][5] == "refused"  # type: ignore[arg-type]
-    assert notes(Found()) == [f"bed, 60 grains: {fault}"]  # type: ignore[arg-type]
+    assert row(found)[5] == "refused"
+    assert notes(Benchmark("some", {}, [found], None)) == [f"bed, 60 grains: {fault}"]
 
 
 def test_the_command_ends_with_the_code_of_physics(monkeypatch: pytest.MonkeyPatch) -> None:
-    found = session.Benchmark("some", {1: 1e9}, [result(faults=["the bed did not come to rest"])], None)
+    found = Benchmark("some", {1: 1e9}, [result(faults=["the bed did not come to rest"])], None)
     asked: list[Task] = []
     monkeypatch.setattr(session, "run_benchmark", lambda tasks, **_: asked.extend(tasks) or found)
     with pytest.raises(typer.Exit) as ended:
@@ -255,7 +245,7 @@ def test_what_looks_slower_is_measured_again_with_another_seed(monkeypatch: pyte
             result(scene=task.scene, other_ratio=2.0 * (factor ** (task.seed - 1) * 3.0 if task.scene == "bed" else 1.0))
             for task in tasks
         ]
-        return session.Benchmark("some", {1: 1e9}, slow, None)
+        return Benchmark("some", {1: 1e9}, slow, None)
 
     for factor, ends in ((0.1, False), (1.0, True)):
         asked.clear()
@@ -311,10 +301,7 @@ def test_stages_that_take_longer_show_in_the_ratio() -> None:
 
 
 def test_table_gives_no_times_of_wrong_physics() -> None:
-    class Found:
-        results = (result(), result(faults=["grains overlap"]))
-
-    right, wrong = rows(Found())  # type: ignore[arg-type]
+    right, wrong = row(result()), row(result(faults=["grains overlap"]))
     assert len(right) == len(wrong) == len(HEADINGS)
     assert "1" in right[5]
     assert wrong[5:] == ["refused", *[""] * (len(HEADINGS) - 6)]
