@@ -15,6 +15,9 @@ from pathlib import Path
 
 from multicor_cli.text import format_bytes
 
+LARGEST_RECORD = 64 << 20
+"""Longer scenarios of runs are not read [bytes]: none that was accepted is nearly as long when it is resolved."""
+
 _KINDS = (
     (stat.S_ISDIR, "a directory"),
     (stat.S_ISFIFO, "a pipe"),

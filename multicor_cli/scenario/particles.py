@@ -8,7 +8,7 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Discriminator, Field, Strict, Tag, model_validator
 
-from multicor_cli.files import read_regular
+from multicor_cli.files import LARGEST_RECORD, read_regular
 from multicor_cli.scenario.base import (
     Friction,
     GrainCount,
@@ -255,9 +255,6 @@ RECORD = "scenario.resolved.toml"
 
 KIND = "start"
 """Kind of packing of the groups whose grains come from the run of ``[start]``."""
-
-LARGEST_RECORD = 64 << 20
-"""Longer records are not read [bytes]: no scenario that was accepted is nearly as long when it is resolved."""
 
 _KEPT = ("name", "material", "shape", "thickness", "sizes")
 """What a group is; the other keys said how its grains were placed."""

@@ -15,9 +15,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from multicor_cli.files import Unfit, read_regular
+from multicor_cli.files import LARGEST_RECORD, Unfit, read_regular
 from multicor_cli.model import Model
-from multicor_cli.scenario.particles import LARGEST_RECORD
 from multicor_cli.store import layout, schema
 from multicor_cli.store.atomic import (
     commit_bytes,
