@@ -14,14 +14,15 @@ from multicor_cli.model.model import LEAST_DIAMETERS, LEAST_THROAT, SHAPE_FACTOR
 from multicor_cli.model.state import nudge, nudge_seed
 from multicor_cli.packing.going_on import carried_over, carry_presence, grains_of, known_bodies, misfits, origin_of, placed_walls
 from multicor_cli.packing.groups import make_group
-from multicor_cli.packing.initial_grains import InitialGrains, PackingError, Shape, inertias, masses
+from multicor_cli.packing.initial_grains import InitialGrains, Shape, inertias, masses
 from multicor_cli.packing.laws import contact_laws, touching_pairs
 from multicor_cli.packing.overlap import behind_problem, overlap_problems, solid_problem, wrap
 from multicor_cli.packing.source import Source, read_source
 from multicor_cli.packing.start_speed import start_speed
 from multicor_cli.packing.thermal import group_thermal, joined, sizes_problems
 from multicor_cli.packing.walls import BuiltWalls, build_walls
-from multicor_cli.scenario import Scenario, ScenarioError
+from multicor_cli.scenario import Scenario
+from multicor_cli.scenario.problems import Refused
 from multicor_cli.store.stage_ends import Origin
 
 
@@ -60,8 +61,8 @@ def place(scenario: Scenario) -> Placed:
         return _go_on(scenario)
     try:
         walls = build_walls(scenario)
-    except PackingError as error:
-        raise _refusal(scenario, [error]) from error
+    except Refused as error:
+        raise scenario.refuse(error) from error
     groups = _make_groups(scenario, walls)
     model = replace(_model(scenario, walls, groups), thermal=_thermal(scenario, groups))
     _refuse_throats(scenario, model)
@@ -79,10 +80,10 @@ def _go_on(scenario: Scenario) -> Placed:
         source = read_source(scenario)
         problems = misfits(scenario, source)
         if problems:
-            raise _refusal(scenario, problems)
+            raise scenario.refuse(*problems)
         walls = placed_walls(build_walls(scenario, known_bodies(scenario, source)), source)
-    except PackingError as error:
-        raise _refusal(scenario, [error]) from error
+    except Refused as error:
+        raise scenario.refuse(error) from error
     groups = grains_of(scenario, source)
     model = replace(_model(scenario, walls, groups), thermal=_thermal(scenario, groups))
     _refuse_throats(scenario, model)
@@ -104,11 +105,7 @@ def _refuse_unknown_forces(scenario: Scenario, source: Source, state: State) -> 
         return
     text = f"the forces of the contacts are not known, and conduction needs them: the run '{source.path}' holds none here"
     remedy = "go on from its end, or from a frame with contacts that carry something; or add a stage of at least one step before it"
-    raise _refusal(scenario, [PackingError(text, remedy, ("loading", 0, "frozen"))])
-
-
-def _refusal(scenario: Scenario, errors: list[PackingError]) -> ScenarioError:
-    return ScenarioError([scenario.problem(error.key, error.message, error.remedy) for error in errors])
+    raise scenario.refuse(Refused(("loading", 0, "frozen"), text, remedy))
 
 
 def _make_groups(scenario: Scenario, walls: BuiltWalls) -> list[InitialGrains]:
@@ -119,14 +116,14 @@ def _make_groups(scenario: Scenario, walls: BuiltWalls) -> list[InitialGrains]:
         try:
             group = make_group(scenario, k, walls.obstacles(k).with_discs(placed))
             _check_period(scenario, k, float(group.radius.max(initial=0.0)))
-        except PackingError as error:
-            errors.append(PackingError(error.message, error.remedy, ("particles", k, *error.key)))
+        except Refused as error:
+            errors.append(error.within("particles", k))
             continue
         groups.append(group)
         if scenario.particles[k].packing is not None:
             placed = np.concatenate([placed, np.column_stack([_wrapped(scenario, group.position), group.radius])])
     if errors:
-        raise _refusal(scenario, errors)
+        raise scenario.refuse(*errors)
     return groups
 
 
@@ -143,7 +140,11 @@ def _check_period(scenario: Scenario, index: int, largest: float) -> None:
     sizes, domain = scenario.particles[index].sizes, scenario.domain
     if domain.periodic and domain.size[0] < 2.0 * LEAST_DIAMETERS * largest:
         text = f"the period {domain.size[0]:g} m is less than four of the largest diameters, {2.0 * largest:g} m"
-        raise PackingError(text, "widen the domain or use smaller grains", ("sizes",) if sizes is not None else ("packing",))
+        raise Refused(
+            ("sizes",) if sizes is not None else ("packing",),
+            text,
+            "widen the domain or use smaller grains",
+        )
 
 
 def _refuse_throats(scenario: Scenario, model: Model) -> None:
@@ -163,9 +164,9 @@ def _refuse_throats(scenario: Scenario, model: Model) -> None:
                 f"less than {diameters:g} times the largest diameter of {diameter:g} m"
             )
             remedy = "make the disc or the grains smaller, or the domain twice as wide with two such discs: the same throat"
-            problems.append(PackingError(text, remedy, ("walls", w, "geometry")))
+            problems.append(Refused(("walls", w, "geometry"), text, remedy))
     if problems:
-        raise _refusal(scenario, problems)
+        raise scenario.refuse(*problems)
 
 
 def _model(scenario: Scenario, walls: BuiltWalls, groups: list[InitialGrains]) -> Model:
@@ -196,10 +197,10 @@ def _thermal(scenario: Scenario, groups: list[InitialGrains]) -> Thermal | None:
     for k, group in enumerate(groups):
         try:
             parts.append(group_thermal(scenario, k, group, _wrapped(scenario, group.position)))
-        except PackingError as error:
-            errors.append(PackingError(error.message, error.remedy, ("particles", k, *error.key)))
+        except Refused as error:
+            errors.append(error.within("particles", k))
     if errors:
-        raise _refusal(scenario, errors)
+        raise scenario.refuse(*errors)
     return joined(parts)
 
 
@@ -245,18 +246,18 @@ def _refuse_overlaps(scenario: Scenario, model: Model, state: State, walls: Buil
     meeting = [here[_meets(model, w, here)] for w in range(model.wall_count)]
     within = [solid_problem(state.position, meeting[w], room, names[w], w) for w, room in enumerate(walls.rooms)]
     problems = [problem for problem in within if problem is not None]
-    told = {problem.key for problem in problems}
+    told = {problem.where for problem in problems}
     solid = walls.obstacles()
     cut = overlap_problems(
         state.position, grains.radius, grains.group, solid, model.shapes.wall, names, model.period, here, model.is_met
     )
-    problems += [problem for problem in cut if problem.key not in told]
+    problems += [problem for problem in cut if problem.where not in told]
     for w, front in enumerate(walls.fronts):
         if front is not None:
             found = behind_problem(state.position, meeting[w], front, names[w], w, model.period)
             problems += [found] if found else []
     if problems:
-        raise _refusal(scenario, problems)
+        raise scenario.refuse(*problems)
 
 
 def _meets(model: Model, wall: int, grains: NDArray[np.int64]) -> NDArray[np.bool_]:

@@ -21,8 +21,9 @@ from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
 from multicor_cli.model import ContactLaws, Grains, Model, ShapeKind, State, WallBody
 from multicor_cli.model.columns import NORMAL, SPIN, X, Y
 from multicor_cli.model.model import SHAPE_FACTOR, Floats
-from multicor_cli.packing.initial_grains import PackingError, PackingRegion, Shape, inertias, masses
+from multicor_cli.packing.initial_grains import PackingRegion, Shape, inertias, masses
 from multicor_cli.packing.walls import join_shapes, join_walls
+from multicor_cli.scenario.problems import Refused
 
 _STEP = 0.1  # of √(m/P), the time in which the load moves a grain by its size
 _APPROACH = 0.03  # speed of the unhindered lid over H/√(m/P)
@@ -61,7 +62,7 @@ def compact(
         kinetic_energy_ratio: The packing is at rest when its kinetic energy has fallen to this share of its largest value.
 
     Raises:
-        PackingError: The packing does not come to rest, or the engine fails.
+        Refused: The packing does not come to rest, or the engine fails.
     """
     from multicor_cli.engine import PhysicsError
 
@@ -80,11 +81,15 @@ def compact(
         if press.wait(kinetic_energy_ratio, _MOST_STEPS):
             return state.position[:, :2].copy()
     except PhysicsError as error:
-        raise PackingError(f"the compaction failed: {error}", "start from a lower fill or a larger region", ("packing",)) from error
-    raise PackingError(
+        raise Refused(
+            ("packing",),
+            f"the compaction failed: {error}",
+            "start from a lower fill or a larger region",
+        ) from error
+    raise Refused(
+        ("packing", "kinetic_energy_ratio"),
         f"the packing has not come to rest within {press.steps} steps of compaction",
         "raise kinetic_energy_ratio",
-        ("packing", "kinetic_energy_ratio"),
     )
 
 

@@ -23,10 +23,11 @@ import numpy as np
 from multicor_cli.arithmetic.sums import mean, total
 from multicor_cli.model.columns import RADIUS
 from multicor_cli.model.model import Floats
-from multicor_cli.packing.initial_grains import PackingError, PackingRegion
+from multicor_cli.packing.initial_grains import PackingRegion
 from multicor_cli.packing.placing import drop_and_roll, make_field
 from multicor_cli.packing.sizes import Stream
 from multicor_cli.packing.walls import Obstacles
+from multicor_cli.scenario.problems import Refused
 
 _ATTEMPTS = 200
 _SPARE = 2.0  # room for dummies, over the number of mean grains that cover the region
@@ -44,11 +45,11 @@ def deposit(radius: Floats, region: PackingRegion, obstacles: Obstacles, rng: St
         rng: Source of the places from which grains fall.
 
     Raises:
-        PackingError: The region is full before all grains are placed; says how many fit.
+        Refused: The region is full before all grains are placed; says how many fit.
     """
     if not region.is_periodic and 2.0 * radius.max() > region.width:
         text = f"the largest diameter, {2.0 * radius.max():g} m, exceeds the width of the region, {region.width:g} m"
-        raise PackingError(text, "widen the region")
+        raise Refused((), text, "widen the region")
     left = 0.0 if region.is_periodic else region.left
     top = min([region.top, *(height for height in obstacles.lids if height > region.bottom)])
     sides = np.array([left, region.bottom, left + region.width, top])
@@ -85,7 +86,7 @@ def _deposit_in_room(radius: Floats, region: PackingRegion, obstacles: Obstacles
     raise _refusal(radius, len(kept), "", region, float(sides[-1]))
 
 
-def _refusal(radius: Floats, done: int, more: str, region: PackingRegion, top: float) -> PackingError:
+def _refusal(radius: Floats, done: int, more: str, region: PackingRegion, top: float) -> Refused:
     under = f" up to the rough wall above them at y = {top:g} m" if top < region.top else ""
     text = f"{radius.size} grains do not fit: the region is full{under} with {done} of them{more}"
-    return PackingError(text, "raise the wall, or ask for fewer grains" if under else "enlarge the region or ask for fewer grains")
+    return Refused((), text, "raise the wall, or ask for fewer grains" if under else "enlarge the region or ask for fewer grains")

@@ -22,7 +22,6 @@ from multicor_cli.packing.initial_grains import (
     LINE_LIMIT,
     NAMED,
     InitialGrains,
-    PackingError,
     describe_faults,
     faulty_rows,
     find_fault,
@@ -30,6 +29,7 @@ from multicor_cli.packing.initial_grains import (
     text_lines,
 )
 from multicor_cli.scenario.checks.grains import MAX_GRAINS
+from multicor_cli.scenario.problems import Refused
 
 # ---- Grains from a CSV or HDF5 file: columns (datasets) x, y, radius and, if wanted, angle, vx, vy, spin
 
@@ -52,7 +52,7 @@ def read_grains(path: Path, shift: tuple[float, float]) -> InitialGrains:
         shift: Added to all x and y [m].
 
     Raises:
-        PackingError: The file is missing, unreadable, too large, or holds something else; rows are named.
+        Refused: The file is missing, unreadable, too large, or holds something else; rows are named.
     """
     kind = path.suffix.lower()
     if kind == ".csv":
@@ -60,7 +60,7 @@ def read_grains(path: Path, shift: tuple[float, float]) -> InitialGrains:
     elif kind in (".h5", ".hdf5"):
         columns = _read_hdf5(path)
     else:
-        raise PackingError(f"cannot tell what kind of file '{path.name}' is", "its name must end in .csv, .h5 or .hdf5", _KEY)
+        raise Refused(_KEY, f"cannot tell what kind of file '{path.name}' is", "its name must end in .csv, .h5 or .hdf5")
     n = columns["x"].size
     values = [columns.get(name, np.zeros(n)) for name in (*REQUIRED, *OPTIONAL)]
     x, y, radius, angle, vx, vy, spin = values
@@ -71,25 +71,25 @@ def _check_names(names: list[str], path: Path, what: str) -> None:
     """All required names once, and no others."""
     missing = [name for name in REQUIRED if name not in names]
     if missing:
-        raise PackingError(f"'{path}' has no {what} {', '.join(missing)}", f"it must have {', '.join(REQUIRED)}", _KEY)
+        raise Refused(_KEY, f"'{path}' has no {what} {', '.join(missing)}", f"it must have {', '.join(REQUIRED)}")
     for k, name in enumerate(names):
         if name in names[:k]:
-            raise PackingError(f"'{path}' has the {what} '{name}' twice", "remove one", _KEY)
+            raise Refused(_KEY, f"'{path}' has the {what} '{name}' twice", "remove one")
         if name not in (*REQUIRED, *OPTIONAL):
             near = difflib.get_close_matches(name, OPTIONAL, 1)
             hint = f"did you mean '{near[0]}'?" if near else f"remove it; known are {', '.join((*REQUIRED, *OPTIONAL))}"
-            raise PackingError(f"'{path}' has an unknown {what} {name[:40]!r}", hint, _KEY)
+            raise Refused(_KEY, f"'{path}' has an unknown {what} {name[:40]!r}", hint)
 
 
 def _refuse_count(path: Path, n: int) -> None:
     if n == 0:
-        raise PackingError(f"'{path}' holds no grains", "add one row per grain", _KEY)
+        raise Refused(_KEY, f"'{path}' holds no grains", "add one row per grain")
     if n > MAX_GRAINS:
-        raise PackingError(f"'{path}' holds {n} grains", f"the limit is {MAX_GRAINS}", _KEY)
+        raise Refused(_KEY, f"'{path}' holds {n} grains", f"the limit is {MAX_GRAINS}")
 
 
-def _refuse_rows(path: Path, faults: list[str], total: str) -> PackingError:
-    return PackingError(f"'{path}': {'; '.join(faults)}{total}", "correct the file", _KEY)
+def _refuse_rows(path: Path, faults: list[str], total: str) -> Refused:
+    return Refused(_KEY, f"'{path}': {'; '.join(faults)}{total}", "correct the file")
 
 
 def _read_csv(path: Path) -> dict[str, Floats]:
@@ -122,10 +122,10 @@ def _read_header(path: Path) -> tuple[list[str], int]:
         if line.strip() and not line.startswith("#"):
             cells = next(csv.reader([line]))
             return [cell.strip() for cell in cells], number
-    raise PackingError(f"'{path}' is empty", f"its first line must name the columns, as {','.join(REQUIRED)}", _KEY)
+    raise Refused(_KEY, f"'{path}' is empty", f"its first line must name the columns, as {','.join(REQUIRED)}")
 
 
-def _explain_csv(path: Path, names: list[str], header_line: int) -> PackingError:
+def _explain_csv(path: Path, names: list[str], header_line: int) -> Refused:
     """Read a faulty file again, slowly, and name the first faulty lines."""
     faults: list[str] = []
     for number, line in enumerate(text_lines(path, MAX_BYTES), 1):
@@ -165,19 +165,19 @@ def _read_hdf5(path: Path) -> dict[str, Floats]:
         ):
             names = list(file)
             if "particles" in names and "model" in names:
-                raise PackingError(f"'{path}' is the result of a run", 'use packing kind = "run" with the run directory', _KEY)
+                raise Refused(_KEY, f"'{path}' is the result of a run", 'use packing kind = "run" with the run directory')
             _check_names(names, path, "dataset")
             sizes = {name: _dataset_size(file, name, path) for name in names}
             _refuse_count(path, sizes["x"])
             for name, size in sizes.items():
                 if size != sizes["x"]:
-                    raise PackingError(f"'{path}': {name} has {size} values and x has {sizes['x']}", "give one per grain", _KEY)
+                    raise Refused(_KEY, f"'{path}': {name} has {size} values and x has {sizes['x']}", "give one per grain")
             with np.errstate(over="ignore"):  # long doubles become infinite, which is refused below
                 columns = {name: np.asarray(file[name][()], float) for name in names}
-    except PackingError:
+    except Refused:
         raise
     except (OSError, RuntimeError, KeyError, TypeError, ValueError) as error:  # the last two: types that NumPy does not have
-        raise PackingError(f"cannot read '{path}' as HDF5: {error}", "check the file, it may be damaged", _KEY) from None
+        raise Refused(_KEY, f"cannot read '{path}' as HDF5: {error}", "check the file, it may be damaged") from None
     faults = describe_faults(columns)
     if faults:
         raise _refuse_rows(path, [faults], "")
@@ -191,13 +191,13 @@ def _dataset_size(file: Any, name: str, path: Path) -> int:
     link = file.get(name, getlink=True)
     item = file[name] if isinstance(link, h5py.HardLink) else None
     if not isinstance(item, h5py.Dataset) or item.is_virtual or item.external:
-        raise PackingError(f"'{path}': {name} is not a dataset stored in this file", "store the numbers themselves", _KEY)
+        raise Refused(_KEY, f"'{path}': {name} is not a dataset stored in this file", "store the numbers themselves")
     if item.dtype.kind not in _NUMBERS or len(item.shape or ()) != 1:
-        raise PackingError(f"'{path}': {name} is not a one-dimensional array of numbers", "store one number per grain", _KEY)
+        raise Refused(_KEY, f"'{path}': {name} is not a one-dimensional array of numbers", "store one number per grain")
     if item.size * item.dtype.itemsize > _MOST_COMPRESSED * max(1, item.id.get_storage_size()):
-        raise PackingError(f"'{path}': {name} has more values than are stored in the file", "store every value", _KEY)
+        raise Refused(_KEY, f"'{path}': {name} has more values than are stored in the file", "store every value")
     if math.prod(item.chunks or (0,)) > max(item.size, _LARGEST_CHUNK):  # one chunk is unpacked whole
-        raise PackingError(f"'{path}': {name} is stored in chunks of {item.chunks[0]} values", "use smaller chunks", _KEY)
+        raise Refused(_KEY, f"'{path}': {name} is stored in chunks of {item.chunks[0]} values", "use smaller chunks")
     return int(item.shape[0])
 
 
@@ -219,7 +219,7 @@ def read_temperatures(path: Path) -> Floats:
         path: The file, text in UTF-8.
 
     Raises:
-        PackingError: The file is missing, unreadable, too large, or holds something else; lines are named.
+        Refused: The file is missing, unreadable, too large, or holds something else; lines are named.
     """
     values: list[float] = []
     faults: list[str] = []
@@ -233,11 +233,9 @@ def read_temperatures(path: Path) -> Floats:
                 break
     if faults:
         more = "; and more" if len(faults) > NAMED else ""
-        raise PackingError(
-            f"'{path}': {'; '.join(faults[:NAMED])}{more}", "give one temperature in kelvin per line", _TEMPERATURE_KEY
-        )
+        raise Refused(_TEMPERATURE_KEY, f"'{path}': {'; '.join(faults[:NAMED])}{more}", "give one temperature in kelvin per line")
     if len(values) > MAX_GRAINS:
-        raise PackingError(f"'{path}' holds more than {MAX_GRAINS} temperatures", "give one per grain", _TEMPERATURE_KEY)
+        raise Refused(_TEMPERATURE_KEY, f"'{path}' holds more than {MAX_GRAINS} temperatures", "give one per grain")
     return np.array(values, float)
 
 

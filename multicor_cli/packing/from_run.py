@@ -6,7 +6,8 @@ from pathlib import Path
 
 import numpy as np
 
-from multicor_cli.packing.initial_grains import InitialGrains, PackingError, describe_faults
+from multicor_cli.packing.initial_grains import InitialGrains, describe_faults
+from multicor_cli.scenario.problems import Refused
 
 _KEY = ("packing", "path")
 
@@ -21,7 +22,7 @@ def read_frame(path: Path, frame: int) -> InitialGrains:
         frame: Index of the frame; negative counts from the last one.
 
     Raises:
-        PackingError: There is no readable run, or no such frame, or it holds what no grain can have.
+        Refused: There is no readable run, or no such frame, or it holds what no grain can have.
     """
     from multicor_cli.store import StoreError, open_run
     from multicor_cli.store.errors import NoFrame
@@ -35,17 +36,15 @@ def read_frame(path: Path, frame: int) -> InitialGrains:
             temperature = None if warmth is None else np.array(warmth, float)
             radius = np.array(chosen.model.grains.radius, float)
     except NoFrame as error:
-        raise PackingError(
-            f"cannot take grains from the run '{path}': {error}", "choose another frame", ("packing", "frame")
-        ) from None
+        raise Refused(("packing", "frame"), f"cannot take grains from the run '{path}': {error}", "choose another frame") from None
     except StoreError as error:
-        raise PackingError(f"the run '{path}' cannot be read: {error}", "give the directory of a run", _KEY) from None
+        raise Refused(_KEY, f"the run '{path}' cannot be read: {error}", "give the directory of a run") from None
     sizes = {len(radius), len(position), len(velocity), len(radius if temperature is None else temperature)}
     if len(sizes) > 1:
         what = f"the run '{path}' is damaged: the number of grains in frame {frame} differs from that of the run"
-        raise PackingError(what, "check it with multicor verify", _KEY)
+        raise Refused(_KEY, what, "check it with multicor verify")
     columns = dict(zip(("x", "y", "angle", "vx", "vy", "spin"), [*position.T, *velocity.T], strict=True)) | {"radius": radius}
     faults = describe_faults(columns | ({} if temperature is None else {"temperature": temperature}))
     if faults:
-        raise PackingError(f"frame {frame} of the run '{path}': {faults}", "check the run with multicor verify", _KEY)
+        raise Refused(_KEY, f"frame {frame} of the run '{path}': {faults}", "check the run with multicor verify")
     return InitialGrains(radius, position, velocity, temperature)

@@ -21,42 +21,45 @@ from multicor_cli.model.columns import NORMAL, Y
 from multicor_cli.model.model import SHAPE_FACTOR, Floats, Ints
 from multicor_cli.model.shapes import TAIL, Room, Tail
 from multicor_cli.packing.groups import with_motion
-from multicor_cli.packing.initial_grains import InitialGrains, PackingError
+from multicor_cli.packing.initial_grains import InitialGrains
 from multicor_cli.packing.source import Source
 from multicor_cli.packing.walls import BuiltWalls
 from multicor_cli.scenario import Scenario
+from multicor_cli.scenario.problems import Refused
 from multicor_cli.store.stage_ends import Origin
 
 _RUN = ("start", "run")
 
 
-def misfits(scenario: Scenario, source: Source) -> list[PackingError]:
+def misfits(scenario: Scenario, source: Source) -> list[Refused]:
     """What of a scenario does not fit to the run that it goes on from."""
     what = f"the run '{source.path}'"
     if not scenario.particles:
-        return [PackingError(f"the scenario of {what} cannot be read", "check the run with multicor verify", _RUN)]
+        return [Refused(_RUN, f"the scenario of {what} cannot be read", "check the run with multicor verify")]
     found, domain = [], scenario.domain
     groups = tuple(group.name for group in scenario.particles)
     if groups != source.model.groups:
         text = f"{what} has the groups {', '.join(source.model.groups)}, the scenario {', '.join(groups)}"
-        found.append(PackingError(text, "remove [[particles]], or name the groups of the run in their order", ("particles",)))
+        found.append(
+            Refused(
+                ("particles",),
+                text,
+                "remove [[particles]], or name the groups of the run in their order",
+            )
+        )
     shape = scenario.particles[0].shape
     if SHAPE_FACTOR[shape] != source.model.shape_factor:
         text = f"{what} has other grains than {shape}s"
-        found.append(
-            PackingError(text, "remove [[particles]], or use the shape that they have in the run", ("particles", 0, "shape"))
-        )
+        found.append(Refused(("particles", 0, "shape"), text, "remove [[particles]], or use the shape that they have in the run"))
     if (np.diff(source.model.grains.group) < 0).any():
-        found.append(
-            PackingError(f"{what} has grains that are not in the order of its groups", "check it with multicor verify", _RUN)
-        )
+        found.append(Refused(_RUN, f"{what} has grains that are not in the order of its groups", "check it with multicor verify"))
     if domain.period != source.model.period:
         text = f"the period is {domain.period:g} m, that of {what} {source.model.period:g} m (0: none)"
-        found.append(PackingError(text, "use the size and periodic of that run", ("domain", "size")))
+        found.append(Refused(("domain", "size"), text, "use the size and periodic of that run"))
     return found + _outside(scenario, source)
 
 
-def _outside(scenario: Scenario, source: Source) -> list[PackingError]:
+def _outside(scenario: Scenario, source: Source) -> list[Refused]:
     """Grains beyond a domain that is not that of the run; what has left the domain in which it began may stay outside."""
     size, before = scenario.domain.size, source.size
     if before is None or before == size:
@@ -70,7 +73,7 @@ def _outside(scenario: Scenario, source: Source) -> list[PackingError]:
         return []
     room = f"{size[0]:g} × {size[1]:g} m (there: {before[0]:g} × {before[1]:g} m)"
     text = f"{count} grains of the run '{source.path}' lie outside {room}"
-    return [PackingError(text, "enlarge the domain, or use that of the run", ("domain", "size"))]
+    return [Refused(("domain", "size"), text, "enlarge the domain, or use that of the run")]
 
 
 def grains_of(scenario: Scenario, source: Source) -> list[InitialGrains]:

@@ -15,7 +15,7 @@ from multicor_cli.packing.compacted import compact
 from multicor_cli.packing.deposited import deposit
 from multicor_cli.packing.file import read_grains
 from multicor_cli.packing.from_run import read_frame
-from multicor_cli.packing.initial_grains import InitialGrains, PackingError, PackingRegion, Shape
+from multicor_cli.packing.initial_grains import InitialGrains, PackingRegion, Shape
 from multicor_cli.packing.lattice import lattice, lattice_capacity, repeat_tile
 from multicor_cli.packing.random import DEFAULT_ATTEMPTS, random_packing
 from multicor_cli.packing.sizes import Purpose, SizeDistribution, Stream, TableKind, disc_area, draw_to_total, sizes_of, stream
@@ -34,6 +34,7 @@ from multicor_cli.scenario.models import (
     TilePacking,
 )
 from multicor_cli.scenario.particles import MAX_FILL
+from multicor_cli.scenario.problems import Refused
 from multicor_cli.text import count_noun
 
 _MOST_FILLED = 1.5
@@ -80,7 +81,7 @@ class _Task:
             grains = count_noun(radii.size, "grain")
             what = f"a fill of {self.fill:g} is too small for grains of these sizes: {grains} fill {reached:.3g}"
             larger = f"give a fill of {reached:.2g} or more, " if reached < MAX_FILL else ""
-            raise PackingError(what, f"{larger}enlarge the region, or use smaller grains")
+            raise Refused((), what, f"{larger}enlarge the region, or use smaller grains")
         return radii
 
 
@@ -93,7 +94,7 @@ def make_group(scenario: Scenario, index: int, obstacles: Obstacles) -> InitialG
         obstacles: Walls, and the grains of earlier groups.
 
     Raises:
-        PackingError: The packing cannot be made; its key is relative to the group.
+        Refused: The packing cannot be made; its key is relative to the group.
     """
     group = scenario.particles[index]
     if group.packing is None:
@@ -172,16 +173,16 @@ def _tile(
     source = packing.source
     if packing.repeat[1] > 1 and isinstance(source, DepositedPacking | CompactedPacking):
         text = f"a {source.kind} tile lies between a floor and a free surface or lid: it cannot be repeated in y"
-        raise PackingError(text, f"use repeat = [{packing.repeat[0]}, 1] and a higher tile", ("packing", "repeat"))
+        raise Refused(("packing", "repeat"), text, f"use repeat = [{packing.repeat[0]}, 1] and a higher tile")
     width, height = packing.tile
     if width < 8.0 * sizes.largest:
         text = f"a tile of width {width:g} m is too narrow for grains of diameter {2.0 * sizes.largest:g} m"
-        raise PackingError(text, "make it at least four of the largest diameters wide", ("packing", "tile"))
+        raise Refused(("packing", "tile"), text, "make it at least four of the largest diameters wide")
     one = PackingRegion(0.0, 0.0, width, height, True)
     is_random = isinstance(source, RandomPacking)
     if is_random and height < 8.0 * sizes.largest and packing.repeat[1] > 1:
         text = f"a tile of height {height:g} m is too low for grains of diameter {2.0 * sizes.largest:g} m"
-        raise PackingError(text, "make it at least four of the largest diameters high", ("packing", "tile"))
+        raise Refused(("packing", "tile"), text, "make it at least four of the largest diameters high")
     task = _Task(sizes, packing.tile_count, packing.tile_fill, one, Obstacles.none(), random, is_random and packing.repeat[1] > 1)
     return repeat_tile(_make(scenario, group, source, task), packing.tile, packing.repeat, region)
 

@@ -18,10 +18,9 @@ from multicor_cli.files import open_regular
 from multicor_cli.model.model import SHAPE_FACTOR, Floats
 from multicor_cli.model.shapes import Polygon
 from multicor_cli.scenario.base import COORDINATE_BOUNDS, KELVIN_BOUNDS, NUMBER_BOUNDS, RADIUS_BOUNDS
+from multicor_cli.scenario.problems import KeyPath, Refused
 
 # ---- What goes wrong while the initial bodies are made, before it is tied to a place in the scenario file
-
-Key = tuple[str | int, ...]
 
 NAMED = 5
 """So many faulty lines, rows or grains are named."""
@@ -30,25 +29,9 @@ LINE_LIMIT = 10_000
 """So much of a line is read at a time [characters]: a file may be one line as long as itself."""
 
 
-class PackingError(ValueError):
-    """A packing or a wall cannot be made as asked.
-
-    Attributes:
-        message: What is wrong, with the value.
-        remedy: What to do about it.
-        key: Path of the key at fault, relative to the table that is being built; empty: the table itself.
-    """
-
-    def __init__(self, message: str, remedy: str, key: Key = ()) -> None:
-        super().__init__(f"{message}; {remedy}")
-        self.message = message
-        self.remedy = remedy
-        self.key = key
-
-
 @contextlib.contextmanager
-def reading_input(path: Path, what: str, key: Key) -> Iterator[None]:
-    """Tell what goes wrong while a file from elsewhere is opened and read as `PackingError`.
+def reading_input(path: Path, what: str, key: KeyPath) -> Iterator[None]:
+    """Tell what goes wrong while a file from elsewhere is opened and read as `Refused`.
 
     Args:
         path: The file.
@@ -58,10 +41,10 @@ def reading_input(path: Path, what: str, key: Key) -> Iterator[None]:
     try:
         yield
     except FileNotFoundError:
-        raise PackingError(f"there is no file '{path}'", "give its path relative to the scenario file", key) from None
+        raise Refused(key, f"there is no file '{path}'", "give its path relative to the scenario file") from None
     except (OSError, UnicodeDecodeError, csv.Error) as error:
         reason = getattr(error, "strerror", None) or str(error)
-        raise PackingError(f"'{path}' cannot be read: {reason}", f"it must be {what}", key) from None
+        raise Refused(key, f"'{path}' cannot be read: {reason}", f"it must be {what}") from None
 
 
 def text_lines(path: Path, most: int) -> Iterator[str]:

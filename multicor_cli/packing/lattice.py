@@ -17,9 +17,10 @@ from multicor_cli.engine.jit import elementwise
 from multicor_cli.model.columns import X, Y
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import Room
-from multicor_cli.packing.initial_grains import InitialGrains, PackingError, PackingRegion
+from multicor_cli.packing.initial_grains import InitialGrains, PackingRegion
 from multicor_cli.packing.sizes import Stream
 from multicor_cli.packing.walls import OPEN
+from multicor_cli.scenario.problems import Refused
 
 LatticeKind = Literal["triangular", "square"]
 
@@ -49,13 +50,13 @@ def lattice(
         room: What solid bodies and regions that are no rectangles leave; other sites are left out.
 
     Raises:
-        PackingError: The region holds fewer sites, or jittered neighbors could overlap.
+        Refused: The region holds fewer sites, or jittered neighbors could overlap.
     """
     layout = _lay_out(largest, region, kind, spacing, jitter)
     capacity = layout.capacity if room.is_open else len(_free_sites(layout, region, room))
     if count > capacity:
         text = f"{count} grains on a {kind} lattice of spacing {layout.step:g} m do not fit into the region of {_extent(region)}"
-        raise PackingError(f"{text}: it holds {capacity}", "enlarge the region or ask for fewer grains")
+        raise Refused((), f"{text}: it holds {capacity}", "enlarge the region or ask for fewer grains")
     sites = _sites(count, layout, region) if room.is_open else _free_sites(layout, region, room)[:count]
     if jitter > 0.0:
         sites += _jitter(count, jitter * layout.step, rng)
@@ -68,13 +69,13 @@ def lattice_capacity(
     """Number of sites that the region holds; arguments as `lattice`.
 
     Raises:
-        PackingError: It holds none, or jittered neighbors could overlap.
+        Refused: It holds none, or jittered neighbors could overlap.
     """
     layout = _lay_out(largest, region, kind, spacing, jitter)
     capacity = layout.capacity if room.is_open else len(_free_sites(layout, region, room))
     if capacity == 0:
         text = f"the region of {_extent(region)} holds no site of a {kind} lattice for grains of radius {largest:g} m"
-        raise PackingError(text, "enlarge the region")
+        raise Refused((), text, "enlarge the region")
     return capacity
 
 
@@ -123,12 +124,12 @@ def _check_room(step: float, largest: float, jitter: float) -> None:
     diameter = 2.0 * largest
     if step < diameter * (1.0 - _SLACK):
         text = f"{step:g} m is less than the largest diameter, {diameter:g} m: grains would overlap"
-        raise PackingError(text, "leave it out or make it at least the diameter", ("packing", "spacing"))
+        raise Refused(("packing", "spacing"), text, "leave it out or make it at least the diameter")
     if jitter > 0.0 and step * (1.0 - 2.0 * jitter) < diameter * (1.0 - _SLACK):
         text = f"{jitter:g} lets neighbors overlap, their spacing is {step:g} m and the largest diameter {diameter:g} m"
         most = max(0.0, 0.5 * (1.0 - diameter / step))
         wider = f" or make the spacing at least {diameter / (1.0 - 2.0 * jitter):.4g} m" if jitter < 0.5 else ""
-        raise PackingError(text, f"make it at most {most:.3g}{wider}", ("packing", "jitter"))
+        raise Refused(("packing", "jitter"), text, f"make it at most {most:.3g}{wider}")
 
 
 def _extent(region: PackingRegion) -> str:
@@ -206,12 +207,12 @@ def repeat_tile(tile: InitialGrains, size: tuple[float, float], repeat: tuple[in
         region: Where they go.
 
     Raises:
-        PackingError: The copies do not fit into the region.
+        Refused: The copies do not fit into the region.
     """
     width, height = repeat[0] * size[0], repeat[1] * size[1]
     if width > region.width * (1.0 + _SLACK) or height > region.height * (1.0 + _SLACK):
         text = f"{repeat[0]} x {repeat[1]} tiles cover {width:g} m x {height:g} m, more than the region"
-        raise PackingError(text, "use fewer tiles or enlarge the region", ("packing", "repeat"))
+        raise Refused(("packing", "repeat"), text, "use fewer tiles or enlarge the region")
     row, column = np.divmod(np.arange(repeat[0] * repeat[1]), repeat[0])
     shift = np.column_stack([region.left + column * size[0], region.bottom + row * size[1], np.zeros(row.size)])
     position = (tile.position[None, :, :] + shift[:, None, :]).reshape(-1, 3)

@@ -16,8 +16,9 @@ from multicor_cli.engine.jit.threads import threads_for
 from multicor_cli.model.columns import RADIUS, X, Y
 from multicor_cli.model.model import Floats, Ints
 from multicor_cli.model.shapes import Room, ShapeKind
-from multicor_cli.packing.initial_grains import NAMED, PackingError
+from multicor_cli.packing.initial_grains import NAMED
 from multicor_cli.packing.walls import Front, Obstacles
+from multicor_cli.scenario.problems import Refused
 
 # ---- Pairs of grains, and of grains and obstacles, that are close: the engine's neighbor list on an initial configuration
 
@@ -157,7 +158,7 @@ def overlap_problems(
     period: float,
     here: NDArray[np.int64] | None = None,
     is_met: Callable[[Ints, Ints], NDArray[np.bool_]] | None = None,
-) -> list[PackingError]:
+) -> list[Refused]:
     """One problem for all grains that overlap each other and one for each wall that cuts grains.
 
     Args:
@@ -184,7 +185,7 @@ def overlap_problems(
         items = [f"grains {a[k]} and {b[k]} by {_amount(size[k], smaller[k])}" for k in range(min(NAMED, a.size))]
         text = f"grains overlap at the start: {_listing(items, a.size, 'pairs' if kept.size == here.size else 'pairs at least')}"
         key = ("particles", int(max(group[a[0]], group[b[0]])))
-        problems.append(PackingError(text, "move them apart: a larger spacing or region, or fewer grains", key))
+        problems.append(Refused(key, text, "move them apart: a larger spacing or region, or fewer grains"))
     cut_shape, cut_grain, cut_size = j[~among] - count, i[~among], overlap[~among]
     if is_met is not None:
         met = is_met(cut_grain, cut_shape)
@@ -197,15 +198,13 @@ def overlap_problems(
     return problems
 
 
-def _wall_problem(name: str, w: int, grain: Ints, overlap: Floats, radius: Floats) -> PackingError:
+def _wall_problem(name: str, w: int, grain: Ints, overlap: Floats, radius: Floats) -> Refused:
     items = [f"grain {grain[k]} by {_amount(overlap[k], radius[grain[k]])}" for k in range(min(NAMED, grain.size))]
     text = f"the wall '{name}' cuts grains at the start: {_listing(items, grain.size, 'grains')}"
-    return PackingError(text, "move the wall, or give the grains a region that keeps clear of it", ("walls", w))
+    return Refused(("walls", w), text, "move the wall, or give the grains a region that keeps clear of it")
 
 
-def behind_problem(
-    position: Floats, here: NDArray[np.int64], front: Front, name: str, w: int, period: float
-) -> PackingError | None:
+def behind_problem(position: Floats, here: NDArray[np.int64], front: Front, name: str, w: int, period: float) -> Refused | None:
     """The problem of grains that lie behind a row of glued grains, where there is no flow; None if there are none.
 
     Args:
@@ -230,10 +229,10 @@ def behind_problem(
     found = found[np.lexsort((found, across[found]))]
     items = [f"grain {here[g]} by {-across[g]:.3g} m" for g in found[:NAMED]]
     text = f"grains lie behind the rough wall '{name}', whose flow side is the other: {_listing(items, found.size, 'grains')}"
-    return PackingError(text, "choose the other side, or keep the grains' region clear of the wall", ("walls", w))
+    return Refused(("walls", w), text, "choose the other side, or keep the grains' region clear of the wall")
 
 
-def solid_problem(position: Floats, here: NDArray[np.int64], room: Room, name: str, w: int) -> PackingError | None:
+def solid_problem(position: Floats, here: NDArray[np.int64], room: Room, name: str, w: int) -> Refused | None:
     """The problem of grains whose center is in solid matter, even if they do not touch its outline; None if there are none.
 
     Args:
@@ -249,7 +248,7 @@ def solid_problem(position: Floats, here: NDArray[np.int64], room: Room, name: s
     items = [f"grain {g} at ({position[g, X]:g}, {position[g, Y]:g}) m" for g in found[:NAMED]]
     text = f"grains lie in the solid matter of the wall '{name}': {_listing(items, found.size, 'grains')}"
     remedy = "move the wall, or give the grains a packing or a region that keeps clear of it"
-    return PackingError(text, remedy, ("walls", w))
+    return Refused(("walls", w), text, remedy)
 
 
 def _along(offset: Floats, direction: Floats) -> Floats:

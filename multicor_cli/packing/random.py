@@ -16,12 +16,13 @@ from multicor_cli.arithmetic.sums import mean, total
 from multicor_cli.model.columns import X, Y
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import IS_THIN, Room
-from multicor_cli.packing.initial_grains import PackingError, PackingRegion
+from multicor_cli.packing.initial_grains import PackingRegion
 from multicor_cli.packing.overlap import find_pairs
 from multicor_cli.packing.placing import insert_at_random, make_field
 from multicor_cli.packing.relaxation import relax
 from multicor_cli.packing.sizes import Stream
 from multicor_cli.packing.walls import Obstacles
+from multicor_cli.scenario.problems import Refused
 
 DEFAULT_ATTEMPTS = 1000
 
@@ -56,7 +57,7 @@ def random_packing(
         is_periodic_in_y: Whether the lower and the upper side of the region are one and the same.
 
     Raises:
-        PackingError: No arrangement without overlaps was found; says how many grains would fit.
+        Refused: No arrangement without overlaps was found; says how many grains would fit.
     """
     enlarged = radius + separation * mean(radius)
     solid = obstacles.with_sides(region, bottom=not is_periodic_in_y, top=not is_periodic_in_y)
@@ -102,14 +103,14 @@ def _insert(radius: Floats, region: PackingRegion, obstacles: Obstacles, attempt
     return position, not blocked.any()
 
 
-def _refusal(count: int, fraction: float, why: str) -> PackingError:
+def _refusal(count: int, fraction: float, why: str) -> Refused:
     text = f"{count} grains do not fit: they would fill {fraction:.3f} of the free area of the region, {why}"
     if fraction > _USUAL_FRACTION:
         fits = int(count * _USUAL_FRACTION / fraction)
         remedy = f"about {fits} would fit (fraction {_USUAL_FRACTION:.2f}): enlarge the region or ask for fewer grains"
     else:  # what usually fits does not where sides and corners are near
         remedy = f"enlarge the region, in which sides and corners leave less room, or ask for fewer grains, {int(0.9 * count)} say"
-    return PackingError(text, remedy)
+    return Refused((), text, remedy)
 
 
 def _is_inside(position: Floats, region: PackingRegion, is_periodic_in_y: bool) -> bool:

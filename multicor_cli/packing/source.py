@@ -16,8 +16,8 @@ from multicor_cli.model import Model, State
 from multicor_cli.model.columns import NORMAL
 from multicor_cli.model.faults import find_misfit
 from multicor_cli.model.model import Floats
-from multicor_cli.packing.initial_grains import PackingError
 from multicor_cli.scenario import Scenario
+from multicor_cli.scenario.problems import Refused
 from multicor_cli.store import Run, StoreError, layout, open_run
 from multicor_cli.store.atomic import is_regular
 from multicor_cli.store.errors import NoFrame
@@ -60,7 +60,7 @@ def read_source(scenario: Scenario) -> Source:
     """The moment that ``[start]`` names; the run may be going on, and is not changed.
 
     Raises:
-        PackingError: There is no such run or moment, or it is damaged; its key begins at the top of the scenario.
+        Refused: There is no such run or moment, or it is damaged; its key begins at the top of the scenario.
     """
     start = scenario.start
     assert start is not None  # only then it is asked for
@@ -68,7 +68,7 @@ def read_source(scenario: Scenario) -> Source:
     try:
         if not is_regular(path / layout.RUN):
             what = f"'{path}' is not a run directory"
-            raise PackingError(what, "give the directory of a run, relative to the scenario file", _RUN)
+            raise Refused(_RUN, what, "give the directory of a run, relative to the scenario file")
         with open_run(path) as run:
             model, told = run.model, _told(run.scenario_resolved)
             if start.frame is None:
@@ -77,16 +77,16 @@ def read_source(scenario: Scenario) -> Source:
             model, state, digest = _of_frame(frame, model)
             source = Source(path, run.run_id, frame.index, model, state, digest, *told)
     except NoFrame as error:
-        raise PackingError(f"cannot go on from the run '{path}': {error}", "choose another frame", _FRAME) from None
-    except PackingError:
+        raise Refused(_FRAME, f"cannot go on from the run '{path}': {error}", "choose another frame") from None
+    except Refused:
         raise
     except (StoreError, ValueError, RecursionError) as error:
         remedy = "check it with multicor verify, and whether it ever began"
-        raise PackingError(f"cannot go on from the run '{path}': {error}", remedy, _RUN) from None
+        raise Refused(_RUN, f"cannot go on from the run '{path}': {error}", remedy) from None
     misfit = find_misfit(source.state, source.model)
     if misfit is not None:
         what = f"frame {source.frame} of the run '{path}': {misfit}"
-        raise PackingError(what, "check the run with multicor verify, or go on from another frame", _FRAME)
+        raise Refused(_FRAME, what, "check the run with multicor verify, or go on from another frame")
     return source
 
 
@@ -106,7 +106,7 @@ def _end(run: Run, path: Path) -> tuple[State, str]:
     state = run.state()
     if state is None:
         what = f"the run '{path}' has no checkpoint: it stopped before its grains were placed, or its checkpoints were removed"
-        raise PackingError(what, "let it run first, or go on from a frame", _RUN)
+        raise Refused(_RUN, what, "let it run first, or go on from a frame")
     return state, state.digest()
 
 

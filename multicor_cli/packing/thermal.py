@@ -11,7 +11,7 @@ from multicor_cli.model import Thermal
 from multicor_cli.model.columns import X, Y
 from multicor_cli.model.model import Floats
 from multicor_cli.packing.file import read_temperatures
-from multicor_cli.packing.initial_grains import InitialGrains, PackingError, masses
+from multicor_cli.packing.initial_grains import InitialGrains, masses
 from multicor_cli.scenario import Scenario
 from multicor_cli.scenario.base import KELVIN_BOUNDS
 from multicor_cli.scenario.models import (
@@ -22,6 +22,7 @@ from multicor_cli.scenario.models import (
     RegionsTemperature,
     ValuesTemperature,
 )
+from multicor_cli.scenario.problems import Refused
 
 _KEY = ("temperature",)
 
@@ -36,7 +37,7 @@ def group_thermal(scenario: Scenario, index: int, grains: InitialGrains, center:
         center: Their centers, wrapped into the period [m], shape ``(n, 2)``.
 
     Raises:
-        PackingError: The temperatures cannot be read, are not one per grain, or are none; its key is relative to the group.
+        Refused: The temperatures cannot be read, are not one per grain, or are none; its key is relative to the group.
     """
     group = scenario.particles[index]
     material, radius = scenario.materials[group.material], grains.radius
@@ -96,7 +97,7 @@ def _gradient(table: GradientTemperature, center: Floats) -> Floats:
         k = int(wrong[0])
         place = f"the grain {k} of the group at ({center[k, X]:g}, {center[k, Y]:g}) m"
         text = f"the gradient gives {place} a temperature of {temperature[k]:g} K, outside {low:g} to {high:g} K"
-        raise PackingError(text, "lower the gradient, or set at to a point among the grains", (*_KEY, "gradient"))
+        raise Refused((*_KEY, "gradient"), text, "lower the gradient, or set at to a point among the grains")
     return temperature
 
 
@@ -110,15 +111,15 @@ def _regions(table: RegionsTemperature, center: Floats) -> Floats:
 def _one_per_grain(temperature: Floats, n: int, key: str, where: str) -> Floats:
     if temperature.size != n:
         text = f"{temperature.size} temperatures {where} for {n} grains"
-        raise PackingError(text, "give one per grain of the group, in their order", (*_KEY, key))
+        raise Refused((*_KEY, key), text, "give one per grain of the group, in their order")
     return temperature
 
 
-def sizes_problems(scenario: Scenario, groups: Sequence[InitialGrains]) -> list[PackingError]:
+def sizes_problems(scenario: Scenario, groups: Sequence[InitialGrains]) -> list[Refused]:
     """What is wrong with the grains' sizes for the choices in ``[heat]``: the gas model for equal grains needs such."""
     gas = scenario.heat.gas if scenario.heat is not None else None
     if gas is None:
         return []
     smallest = min(float(group.radius.min()) for group in groups)
     largest = max(float(group.radius.max()) for group in groups)
-    return [PackingError(found.message, found.remedy, found.path) for found in gas.misfits(smallest, largest)]
+    return gas.misfits(smallest, largest)

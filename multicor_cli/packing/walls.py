@@ -19,10 +19,11 @@ from multicor_cli.model import WallBody
 from multicor_cli.model.columns import RADIUS, TAIL_X, X, Y
 from multicor_cli.model.model import Floats, Ints, Walls, WallShapes
 from multicor_cli.model.shapes import TAIL, Annulus, Area, Polygon, Room, ShapeKind, Tail, outlines
-from multicor_cli.packing.initial_grains import PackingError, PackingRegion, Shape, inertias, masses, prism_inertia
+from multicor_cli.packing.initial_grains import PackingRegion, Shape, inertias, masses, prism_inertia
 from multicor_cli.packing.sizes import Purpose, SizeDistribution, Stream, TableKind, diameter, draw_to_total, sizes_of, stream
 from multicor_cli.scenario import Scenario
 from multicor_cli.scenario.models import ParticleGroup, Wall
+from multicor_cli.scenario.problems import Refused
 from multicor_cli.scenario.walls import ClusterGeometry, Glued, PolygonGeometry, Ring, Row, Sides, prism_height
 
 # ---- Rows of touching glued grains: along a line, and inside or around a circle
@@ -45,7 +46,7 @@ def chain_on_line(start: Floats, end: Floats, sizes: SizeDistribution, restart: 
         restart: Gives the random stream at its beginning.
 
     Raises:
-        PackingError: The line is shorter than one grain.
+        Refused: The line is shorter than one grain.
     """
     length = hypot(*(end - start).tolist())
     _check_length(length, 2.0 * sizes.largest, "line")
@@ -67,7 +68,7 @@ def chain_on_circle(radius: float, sizes: SizeDistribution, restart: Callable[[]
         is_outside: Whether they touch it from outside.
 
     Raises:
-        PackingError: The circle is not at least four times as large as the grains, or twice from outside.
+        Refused: The circle is not at least four times as large as the grains, or twice from outside.
     """
     side = 1.0 if is_outside else -1.0
     _check_length(radius, (2.0 if is_outside else 4.0) * sizes.largest, "radius of the circle")
@@ -115,7 +116,8 @@ def _closing_factor(radii: Floats, radius: float, side: float) -> float:
 
 def _check_length(length: float, needed: float, what: str) -> None:
     if length < needed:
-        raise PackingError(
+        raise Refused(
+            (),
             f"the {what}, {length:g} m, is too short for glued grains: at least {needed:g} m",
             "make it longer or the grains smaller",
         )
@@ -371,7 +373,7 @@ def build_walls(scenario: Scenario, known: Mapping[str, WallBody] | None = None)
         known: Walls that are there already, by their names; no front is known of them.
 
     Raises:
-        PackingError: Glued grains cannot be made; its key begins at the wall.
+        Refused: Glued grains cannot be made; its key begins at the wall.
     """
     materials = list(scenario.materials)
     there = known or {}
@@ -417,8 +419,8 @@ def _make(scenario: Scenario, index: int, wall: Wall) -> tuple[WallBody, Front |
         return body, None
     try:
         return _glue(scenario, index, wall, body, glued)
-    except PackingError as error:
-        raise PackingError(error.message, error.remedy, ("walls", index, "geometry", *error.key)) from error
+    except Refused as error:
+        raise error.within("walls", index, "geometry") from error
 
 
 def _glue(scenario: Scenario, index: int, wall: Wall, body: WallBody, glued: Glued) -> tuple[WallBody, Front | None]:

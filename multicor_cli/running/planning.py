@@ -40,7 +40,7 @@ from multicor_cli.scenario.loading import (
     UntilStrain,
     UntilStress,
 )
-from multicor_cli.scenario.problems import ScenarioError
+from multicor_cli.scenario.problems import Refused
 from multicor_cli.scenario.scenario import Scenario
 
 # ---- From the key `until` of a stage to the condition that ends it
@@ -190,13 +190,13 @@ def _automatic_step(scenario: Scenario, model: Model, number: int, acting: Actin
     dt = automatic_step(scales, scenario.output)
     if dt is None:
         what = f"cannot choose a time step for stage {number}: there is no gravity and no load, and nothing moves"
-        raise ScenarioError([scenario.problem(path, what, "give the time step [s]")])
+        raise scenario.refuse(Refused(path, what, "give the time step [s]"))
     if stage.duration is None:
         return dt
     if stage.duration > MAX_STEPS * dt:
         what = f"{stage.duration:g} s are {stage.duration / dt:.2g} steps of the automatic time step {dt:g} s"
         what += f", which is set by {scales.set_by}"
-        raise ScenarioError([scenario.problem(("loading", number, "duration"), what, f"stay below {MAX_STEPS:g} steps")])
+        raise scenario.refuse(Refused(("loading", number, "duration"), what, f"stay below {MAX_STEPS:g} steps"))
     return min(dt, stage.duration)
 
 
@@ -230,7 +230,7 @@ def _refuse_fast_heat(scenario: Scenario, model: Model, number: int, heat: Stage
             times = f"{dt / signal.period:.3g} times within one step of {dt:g} s"
             what = f"the {quantity} of the wall '{name}' oscillates {times}"
             remedy = "use a shorter dt in this stage, or give the mean of the signal"
-            raise ScenarioError([scenario.problem(("loading", number), what, remedy)])
+            raise scenario.refuse(Refused(("loading", number), what, remedy))
 
 
 def stage_name(stage: Stage, number: int) -> str:

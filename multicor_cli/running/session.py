@@ -33,7 +33,7 @@ from multicor_cli.running.planning import make_plan, stage_name
 from multicor_cli.running.signals import StopSignals
 from multicor_cli.running.steering import Steer, Steering
 from multicor_cli.scenario.load import apply_overrides, parse_scenario
-from multicor_cli.scenario.problems import ScenarioError
+from multicor_cli.scenario.problems import Refused, ScenarioError
 from multicor_cli.scenario.scenario import Scenario
 from multicor_cli.store import DirectoryRefused, RunDirectory, StoreError, collect_provenance, open_run
 from multicor_cli.store.extension import Extension, check_usable, read_scenario
@@ -190,7 +190,7 @@ class Session:
         if not self._extend:
             what = f"{stages} more than when the run in {self._path} began"
             remedy = "give --extend to add them to that run, choose another directory with -o, or start anew with --overwrite"
-            raise ScenarioError([scenario.problem(("loading", len(scenario.loading) - added), what, remedy)])
+            raise scenario.refuse(Refused(("loading", len(scenario.loading) - added), what, remedy))
         with open_run(self._path) as run:  # what cannot be carried out is refused before it becomes the run's own scenario
             if run.info["summary"] is not None:
                 make_plan(scenario, run.model)
@@ -296,7 +296,7 @@ def make_engine(scenario: Scenario, model: Model, state: State, threads: int) ->
     try:
         mechanics = Engine(model, state, threads=threads)
     except ValueError as error:
-        raise ScenarioError([scenario.problem(("domain", "size"), str(error), "widen the domain")]) from error
+        raise scenario.refuse(Refused(("domain", "size"), str(error), "widen the domain")) from error
     settings = heat_settings(scenario, model)
     return CoupledEngine(mechanics, None if settings is None else HeatEngine(model, state, settings))
 
@@ -371,7 +371,7 @@ def _refuse_own_start(scenario: Scenario, path: Path) -> None:
     if scenario.start is not None and os.path.realpath(scenario.resolve_path(scenario.start.run)) == os.path.realpath(path):
         what = f"the run '{path}' is the one that this run would replace"
         remedy = "choose another directory with -o; to add stages to that run itself, use its own scenario and --extend"
-        raise ScenarioError([scenario.problem(("start", "run"), what, remedy)])
+        raise scenario.refuse(Refused(("start", "run"), what, remedy))
 
 
 def _refuse_other_origin(scenario: Scenario, before: Origin | None, now: Origin | None) -> None:
@@ -379,7 +379,7 @@ def _refuse_other_origin(scenario: Scenario, before: Origin | None, now: Origin 
     if before is not None and now is not None and before.digest != now.digest:
         what = f"this run began from digest {before.digest} (step {before.step}), the other run has digest {now.digest} there now"
         remedy = f"start anew with --overwrite, or go on from a frame at step {before.step}"
-        raise ScenarioError([scenario.problem(("start", "run"), what, remedy)])
+        raise scenario.refuse(Refused(("start", "run"), what, remedy))
 
 
 def _given(scenario: Scenario) -> dict[str, Any]:
@@ -394,12 +394,9 @@ def _refuse_changes(scenario: Scenario, before: str, path: Path) -> None:
     changes = find_differences(before, scenario.resolved_toml())
     remedy = "undo the change to continue the run, choose another directory with -o, or start anew with --overwrite"
     if changes:
-        raise ScenarioError(
-            [
-                scenario.problem(change.path, f"was {change.before} when the run in {path} began, is {change.after} now", remedy)
-                for change in changes
-            ]
-        )
+        began = f"when the run in {path} began"
+        changed = [Refused(each.path, f"was {each.before} {began}, is {each.after} now", remedy) for each in changes]
+        raise scenario.refuse(*changed)
 
 
 # ---- One step of a run, to see whether it would start

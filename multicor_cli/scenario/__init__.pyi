@@ -3,6 +3,7 @@ from .drives import stage_drives as stage_drives
 from .load import load_scenario as load_scenario
 from .load import parse_scenario as parse_scenario
 from .problems import Problem as Problem
+from .problems import Refused as Refused
 from .problems import ScenarioError as ScenarioError
 from .scenario import Scenario as Scenario
 from .schema import scenario_schema as scenario_schema

@@ -8,7 +8,8 @@ from types import MappingProxyType
 from typing import TYPE_CHECKING, Annotated, Any, TypeVar
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Discriminator, Field, Strict, WithJsonSchema
-from pydantic_core import PydanticCustomError
+
+from multicor_cli.scenario.problems import Refused
 
 if TYPE_CHECKING:
     from _typeshed import DataclassInstance
@@ -71,23 +72,12 @@ LengthPair = Annotated[tuple[Length, Length], Strict(False)]
 TwoWalls = Annotated[tuple[Name, Name], Strict(False)]
 
 
-def refuse(what: str, remedy: str, key: str | int | None = None) -> PydanticCustomError:
-    """The error that a validator raises to refuse a value.
-
-    Args:
-        what: What is wrong, with the value.
-        remedy: What the user can do about it.
-        key: Key inside the table being validated at which to point; default: the table itself.
-    """
-    return PydanticCustomError("refused", "{what}", {"what": what, "remedy": remedy, "key": key})
-
-
 def true_only(key: str, remedy: str) -> AfterValidator:
     """Validator of a key that can only be true; the remedy says what to give instead of false."""
 
     def check(value: bool) -> bool:
         if not value:
-            raise refuse(f"{key} = false has no effect", remedy)
+            raise Refused((), f"{key} = false has no effect", remedy)
         return value
 
     return AfterValidator(check)
@@ -100,14 +90,14 @@ def check_kelvin(value: float) -> float:
     """The value if it can be a temperature in kelvin.
 
     Raises:
-        PydanticCustomError: It cannot; if it looks like degrees Celsius, the remedy says so.
+        Refused: It cannot; if it looks like degrees Celsius, the remedy says so.
     """
     low, high = KELVIN_BOUNDS
     if value <= 0.0:
         hint = f"did you mean {value + 273.15:g} (from degrees Celsius)?" if value > -273.0 else "give it in kelvin"
-        raise refuse(f"{value:g} K is not above absolute zero: temperatures are in kelvin", hint)
+        raise Refused((), f"{value:g} K is not above absolute zero: temperatures are in kelvin", hint)
     if not low <= value <= high:
-        raise refuse(f"{value:g} K is outside {low:g} to {high:g} K", "give it in kelvin")
+        raise Refused((), f"{value:g} K is outside {low:g} to {high:g} K", "give it in kelvin")
     return value
 
 
@@ -123,7 +113,9 @@ def require_ascending(values: Sequence[float], what: str) -> None:
     """Raise unless ``values`` ascend strictly; ``what`` names them."""
     for k in range(1, len(values)):
         if not values[k] > values[k - 1]:
-            raise refuse(f"{what} must ascend, {values[k]!r} follows {values[k - 1]!r}", "sort the rows and remove duplicates", k)
+            raise Refused(
+                (k,), f"{what} must ascend, {values[k]!r} follows {values[k - 1]!r}", "sort the rows and remove duplicates"
+            )
 
 
 def one_of(what: str, *keys: str, more: str = "", tags: Mapping[str, str] = MappingProxyType({})) -> Discriminator:

@@ -9,10 +9,9 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 from pydantic import ValidationInfo
-from pydantic_core import PydanticCustomError
 
 from multicor_cli.files import open_regular
-from multicor_cli.scenario.base import refuse
+from multicor_cli.scenario.problems import Refused
 
 DIRECTORY = "directory"
 """Key of the validation context: the directory of the scenario file, to which paths are relative."""
@@ -37,7 +36,7 @@ def refuse_both(data: dict[str, Any], *arrays: str) -> None:
     """Refuse a table that names a file and also gives one of the ``arrays`` that come from it."""
     for key in arrays:
         if key in data:
-            raise refuse(f"both file and {key} are given", "give one of them", key)
+            raise Refused((key,), f"both file and {key} are given", "give one of them")
 
 
 def read_columns(name: str, info: ValidationInfo, *columns: Column) -> list[list[float]]:
@@ -49,19 +48,19 @@ def read_columns(name: str, info: ValidationInfo, *columns: Column) -> list[list
         columns: What is wanted.
 
     Raises:
-        PydanticCustomError: The file is missing or unreadable, a column is missing, or a value is not a number within bounds.
+        Refused: The file is missing or unreadable, a column is missing, or a value is not a number within bounds.
     """
     path = Path((info.context or {}).get(DIRECTORY, ".")) / name
     rows = _rows(path, name)
     if not rows:
-        raise refuse(f"'{name}' is empty", _remedy(columns), "file")
+        raise Refused(("file",), f"'{name}' is empty", _remedy(columns))
     header = [title.strip().lower() for title in rows[0][1]]
     values: list[list[float]] = []
     for names, bounds in columns:
         found = [title for title in names if title in header]
         if len(found) != 1:
             what = "no column" if not found else "several columns"
-            raise refuse(f"'{name}' has {what} {' or '.join(names)}", _remedy(columns), "file")
+            raise Refused(("file",), f"'{name}' has {what} {' or '.join(names)}", _remedy(columns))
         title, factor = found[0], names[found[0]]
         place, least, most = header.index(title), bounds[0] / factor, bounds[1] / factor
         numbers: list[float] = []
@@ -69,7 +68,7 @@ def read_columns(name: str, info: ValidationInfo, *columns: Column) -> list[list
             text = row[place].strip() if place < len(row) else ""
             fault = _fault(text, least, most)
             if fault:
-                raise refuse(f"line {line} of '{name}': {title} = {text[:40]!r} {fault}", "correct it", "file")
+                raise Refused(("file",), f"line {line} of '{name}': {title} = {text[:40]!r} {fault}", "correct it")
             numbers.append(factor * float(text))
         values.append(numbers)
     return values
@@ -87,17 +86,17 @@ def _rows(path: Path, name: str) -> list[tuple[int, list[str]]]:
             reader = csv.reader("\n" if line.lstrip().startswith("#") else line for line in file)
             rows = [(reader.line_num, row) for row in reader if row]
     except FileNotFoundError:
-        raise refuse(f"there is no file '{name}'", "give its path relative to the scenario file", "file") from None
+        raise Refused(("file",), f"there is no file '{name}'", "give its path relative to the scenario file") from None
     except (OSError, ValueError, csv.Error) as error:
         raise _unreadable(name, error) from None
     if len(rows) > MAX_ROWS + 1:
-        raise refuse(f"'{name}' has more than {MAX_ROWS} rows", "give fewer", "file")
+        raise Refused(("file",), f"'{name}' has more than {MAX_ROWS} rows", "give fewer")
     return rows
 
 
-def _unreadable(name: str, error: Exception) -> PydanticCustomError:
+def _unreadable(name: str, error: Exception) -> Refused:
     reason = getattr(error, "strerror", None) or str(error)
-    return refuse(f"'{name}' cannot be read: {reason}", "it must be a CSV file in UTF-8", "file")
+    return Refused(("file",), f"'{name}' cannot be read: {reason}", "it must be a CSV file in UTF-8")
 
 
 def _fault(text: str, least: float, most: float) -> str:

@@ -18,7 +18,7 @@ from typing import Any, NamedTuple
 
 from multicor_cli.scenario.functions import CONSTANTS, FUNCTIONS, Value, raised
 from multicor_cli.scenario.models import ScenarioModel
-from multicor_cli.scenario.problems import Finding, KeyPath, name_list, show
+from multicor_cli.scenario.problems import KeyPath, Refused, name_list, show
 from multicor_cli.scenario.translate import did_you_mean, types_inside
 
 MAX_LENGTH = 200
@@ -38,20 +38,6 @@ _CLEAR = re.compile(r"'.' was never closed|unmatched '.'|invalid \w+ literal|clo
 _EXAMPLE = "write arithmetic, as = 2 * d or = g * sin(radians(24)) or = d**2 / 4"
 
 
-class ExpressionError(Exception):
-    """An expression is wrong.
-
-    Attributes:
-        message: What is wrong.
-        remedy: What to do about it.
-        offset: Where in the text, which begins with ``=``.
-    """
-
-    def __init__(self, message: str, remedy: str, offset: int) -> None:
-        super().__init__(message)
-        self.message, self.remedy, self.offset = message, remedy, offset
-
-
 class Expression:
     """An expression that has been read.
 
@@ -64,7 +50,7 @@ class Expression:
         """Read an expression.
 
         Raises:
-            ExpressionError: It is too long, or is not arithmetic.
+            Refused: It is too long, or is not arithmetic.
         """
         self.text = text
         self._source = text[1:].strip(" ")
@@ -78,22 +64,22 @@ class Expression:
         self._names = [node for node in self._nodes if isinstance(node, ast.Name) and id(node) not in called]
         self.names = {node.id for node in self._names} - CONSTANTS.keys()
 
-    def _error(self, message: str, remedy: str, at: int) -> ExpressionError:
-        return ExpressionError(f"{message} in {show(self.text)}", remedy, self._start + at)
+    def _error(self, what: str, remedy: str, at: int) -> Refused:
+        return Refused((), f"{what} in {show(self.text)}", remedy, (self.text, self._start + at))
 
-    def _wrong(self, node: ast.AST, what: str, remedy: str) -> ExpressionError:
+    def _wrong(self, node: ast.AST, what: str, remedy: str) -> Refused:
         """The error at a node; ``what`` follows its text."""
         part = ast.get_source_segment(self._source, node) or self._source
         return self._error(f"{show(part)} {what}", remedy, getattr(node, "col_offset", 0))
 
     def _check_characters(self) -> None:
         if len(self.text) > MAX_LENGTH:
-            message = f"an expression of {len(self.text)} characters (at most {MAX_LENGTH})"
-            raise ExpressionError(message, "split it into several variables", 0)
+            what = f"an expression of {len(self.text)} characters (at most {MAX_LENGTH})"
+            raise Refused((), what, "split it into several variables", (self.text, 0))
         if match := _STRANGE.search(self._source):
             raise self._error(f"the character {show(match[0])} cannot stand", _EXAMPLE, match.start())
         if not self._source:
-            raise ExpressionError(f"nothing follows the = of {show(self.text)}", _EXAMPLE, 0)
+            raise Refused((), f"nothing follows the = of {show(self.text)}", _EXAMPLE, (self.text, 0))
 
     def _parsed(self) -> ast.expr:
         try:
@@ -108,7 +94,7 @@ class Expression:
         except (RecursionError, MemoryError):
             raise self._too_deep() from None
 
-    def _too_deep(self) -> ExpressionError:
+    def _too_deep(self) -> Refused:
         return self._error("too many parentheses or terms in a row", "split it into several variables", 0)
 
     def _check_nodes(self) -> None:
@@ -134,7 +120,7 @@ class Expression:
         """Check that all variables and functions exist.
 
         Raises:
-            ExpressionError: One does not.
+            Refused: One does not.
         """
         for node in self._names:
             if node.id in FUNCTIONS:
@@ -153,7 +139,7 @@ class Expression:
         """The value with these values of the variables; an int if only whole numbers are added, multiplied and raised.
 
         Raises:
-            ExpressionError: It has none, or not the right number of arguments.
+            Refused: It has none, or not the right number of arguments.
         """
         from simpleeval import SimpleEval  # few scenarios have expressions
 
@@ -218,7 +204,7 @@ class Evaluated:
 
     shown: dict[KeyPath, tuple[str, str]] = field(default_factory=dict)
     used: set[str] = field(default_factory=set)
-    findings: list[Finding] = field(default_factory=list)
+    findings: list[Refused] = field(default_factory=list)
     failed: set[KeyPath] = field(default_factory=set)
 
 
@@ -234,7 +220,7 @@ def evaluate_expressions(data: dict[str, Any]) -> Evaluated:
     return _Document(data).evaluate(places) if places else Evaluated()
 
 
-def unused_overrides(data: dict[str, Any], set_paths: Iterable[KeyPath], used: set[str]) -> list[Finding]:
+def unused_overrides(data: dict[str, Any], set_paths: Iterable[KeyPath], used: set[str]) -> list[Refused]:
     """Findings about variables from the command line that no expression refers to: a slip, since nothing would change."""
     findings = []
     for path in set_paths:
@@ -242,7 +228,7 @@ def unused_overrides(data: dict[str, Any], set_paths: Iterable[KeyPath], used: s
             for name in path[1:2] or data[_TABLE]:
                 if name not in used:
                     remedy = did_you_mean(str(name), used) or f"expressions refer to {name_list(sorted(used)) or 'no variable'}"
-                    findings.append(Finding((_TABLE, name), "no expression refers to this variable", remedy))
+                    findings.append(Refused((_TABLE, name), "no expression refers to this variable", remedy))
     return findings
 
 
@@ -296,24 +282,24 @@ class _Document:
             self._read(place)
         if more := [place.path for place in places[MAX_EXPRESSIONS:]]:
             remedy = "write numbers, or put tables of grains into a file"
-            self.result.findings.append(Finding(more[0], f"more than {MAX_EXPRESSIONS} expressions", remedy))
+            self.result.findings.append(Refused(more[0], f"more than {MAX_EXPRESSIONS} expressions", remedy))
             self.result.failed.update(more)
         variables = [(_TABLE, name) for name in self._order_of_variables()]
         for path in dict.fromkeys([*variables, *self.expressions]):
             self._evaluate(path)
         return self.result
 
-    def _fail(self, path: KeyPath, message: str, remedy: str, inside: tuple[str, int] | None = None) -> None:
-        self.result.failed.add(path)
-        self.result.findings.append(Finding(path, message, remedy, inside))
+    def _fail(self, refused: Refused) -> None:
+        self.result.failed.add(refused.where)
+        self.result.findings.append(refused)
 
     def _read(self, place: _Place) -> None:
         try:
             expression = Expression(place.text)
             if self.is_table:
                 expression.check_names(self.variables)
-        except ExpressionError as error:
-            self._fail(place.path, error.message, error.remedy, (place.text, error.offset))
+        except Refused as error:
+            self._fail(error.within(*place.path))
             return
         self.expressions[place.path] = expression
         self.result.used |= expression.names
@@ -339,7 +325,7 @@ class _Document:
         first = circle.index(min(circle, key=names.index))
         chain = [*circle[first:], *circle[:first]]
         shown = [*chain, chain[0]] if len(chain) <= 10 else [*chain[:10], "...", chain[0]]
-        self._fail((_TABLE, chain[0]), f"refers to itself: {' -> '.join(shown)}", "give one of them a number")
+        self._fail(Refused((_TABLE, chain[0]), f"refers to itself: {' -> '.join(shown)}", "give one of them a number"))
 
     def _evaluate(self, path: KeyPath) -> None:
         """Put the value of the expression at a place into the document."""
@@ -349,12 +335,12 @@ class _Document:
             return
         try:
             value = expression.value(self.values)
-        except ExpressionError as error:
-            self._fail(path, error.message, error.remedy, (expression.text, error.offset))
+        except Refused as error:
+            self._fail(error.within(*path))
             return
         if path in self.whole and value != int(value):
             what = f"must be a whole number, is {show(value)} ({show(expression.text)})"
-            self._fail(path, what, "use round(...), floor(...) or ceil(...)")
+            self._fail(Refused(path, what, "use round(...), floor(...) or ceil(...)"))
             return
         self._put(path, int(value) if path in self.whole else value)
         self.result.shown[path] = (expression.text, show(value))

@@ -13,7 +13,7 @@ from typing import Annotated, NamedTuple
 from pydantic import AfterValidator, Field
 
 from multicor_cli.arithmetic import acos, asin, atan2, cbrt, cos, exp, log, power, sin
-from multicor_cli.scenario.base import refuse
+from multicor_cli.scenario.problems import Refused
 
 Value = int | float
 
@@ -109,9 +109,9 @@ CONSTANTS = {"pi": math.pi}
 
 def _not_reserved(name: str) -> str:
     if name in FUNCTIONS or name in CONSTANTS:
-        raise refuse(f"'{name}' is a {'function' if name in FUNCTIONS else 'constant'} of expressions", "choose another name")
+        raise Refused((), f"'{name}' is a {'function' if name in FUNCTIONS else 'constant'} of expressions", "choose another name")
     if keyword.iskeyword(name):
-        raise refuse(f"'{name}' cannot stand in an expression", f"choose another name, as {name}_")
+        raise Refused((), f"'{name}' cannot stand in an expression", f"choose another name, as {name}_")
     return name
 
 

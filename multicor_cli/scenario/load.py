@@ -20,7 +20,7 @@ from multicor_cli.scenario.csv_columns import DIRECTORY
 from multicor_cli.scenario.expressions import evaluate_expressions, unused_overrides
 from multicor_cli.scenario.models import ScenarioModel
 from multicor_cli.scenario.particles import take_groups
-from multicor_cli.scenario.problems import OVERRIDE, Finding, KeyPath, Problem, ScenarioError, format_key, name_list, show
+from multicor_cli.scenario.problems import OVERRIDE, KeyPath, Problem, Refused, ScenarioError, format_key, name_list, show
 from multicor_cli.scenario.scenario import Scenario
 from multicor_cli.scenario.sources import MAX_NESTING, Lines, Sources, find_deep_nesting, parse_key
 from multicor_cli.scenario.translate import translate
@@ -50,32 +50,26 @@ def apply_overrides(data: dict[str, Any], overrides: Sequence[str]) -> tuple[dic
         try:
             key, value = _parse(argument)
             path = _assign(data, key, value)
-        except _BadOverrideError as error:
-            problems.append(Problem(OVERRIDE, 0, 0, error.key, error.message, error.remedy, argument))
+        except Refused as error:
+            problems.append(Problem(OVERRIDE, 0, 0, format_key(error.where), error.what, error.remedy, argument))
             continue
         applied.pop(path, None)  # what is set again is set last: overrides are kept in the order in which they hold
         applied[path] = argument
     return applied, problems
 
 
-class _BadOverrideError(Exception):
-    def __init__(self, key: str, message: str, remedy: str) -> None:
-        super().__init__(message)
-        self.key, self.message, self.remedy = key, message, remedy
-
-
 def _parse(argument: str) -> tuple[KeyPath, Any]:
     remedy = "write key=value, as loading.1.duration=2.0"
     if find_deep_nesting(argument) is not None:
-        raise _BadOverrideError("", f"nested more than {MAX_NESTING} deep", remedy)
+        raise Refused((), f"nested more than {MAX_NESTING} deep", remedy)
     try:
         key, end = parse_key(argument)
     except ValueError:
-        raise _BadOverrideError("", f"{show(argument)} has no key", remedy) from None
-    return key, _parse_value(format_key(key), argument[end + 1 :].strip())
+        raise Refused((), f"{show(argument)} has no key", remedy) from None
+    return key, _parse_value(key, argument[end + 1 :].strip())
 
 
-def _parse_value(key: str, text: str) -> Any:
+def _parse_value(key: KeyPath, text: str) -> Any:
     try:
         table = tomllib.loads(f"value = {text}")
     except ValueError:
@@ -84,9 +78,7 @@ def _parse_value(key: str, text: str) -> Any:
         return table["value"]
     if _WORD.fullmatch(text) or text.startswith("="):
         return text
-    raise _BadOverrideError(
-        key, f"{show(text)} is not a valid TOML value", 'write it as in the file, strings in quotes: name="a b"'
-    )
+    raise Refused(key, f"{show(text)} is not a valid TOML value", 'write it as in the file, strings in quotes: name="a b"')
 
 
 def _assign(data: dict[str, Any], key: KeyPath, value: Any) -> KeyPath:
@@ -109,7 +101,7 @@ def _nested(key: KeyPath, depth: int, value: Any, remedy: str) -> Any:
     """New tables for the parts of ``key`` that follow part number ``depth``, with ``value`` in the innermost."""
     rest = key[depth + 1 :]
     if any(str(part).isdecimal() for part in rest):
-        raise _BadOverrideError(format_key(key), f"there is no {format_key(key[: depth + 1])}", remedy)
+        raise Refused(key, f"there is no {format_key(key[: depth + 1])}", remedy)
     for part in reversed(rest):
         value = {part: value}
     return value
@@ -126,14 +118,14 @@ def _place(node: Any, part: str | int, key: KeyPath, path: KeyPath) -> str | int
     if isinstance(node, dict):
         if str(part).isdecimal() and part not in node:
             known = name_list(node) or "nothing"
-            raise _BadOverrideError(format_key(key), f"{name} is not an array: it has no index {part}", f"it has {known}")
+            raise Refused(key, f"{name} is not an array: it has no index {part}", f"it has {known}")
         return part
     if not isinstance(node, list):
-        raise _BadOverrideError(format_key(key), f"{name} is {show(node)}: it has no key {show(part)}", "shorten the key")
+        raise Refused(key, f"{name} is {show(node)}: it has no key {show(part)}", "shorten the key")
     text = str(part)
     if not (text.isdecimal() and text.isascii()) or len(text) > 9 or int(text) >= len(node):
         limits = f"use 0 to {len(node) - 1}" if node else "it is empty"
-        raise _BadOverrideError(format_key(key), f"{name} is an array of {len(node)}: it has no index {show(part)}", limits)
+        raise Refused(key, f"{name} is an array of {len(node)}: it has no index {show(part)}", limits)
     return int(text)
 
 
@@ -185,21 +177,21 @@ def parse_scenario(text: str, path: str | Path, overrides: Sequence[str] = (), *
     model, invalid = check_document(data, path.parent)
     if has_taken:
         invalid = [_about_start(finding) for finding in invalid]
-    findings = [*evaluated.findings, *(finding for finding in invalid if not _is_within(finding.path, evaluated.failed))]
+    findings = [*evaluated.findings, *(finding for finding in invalid if not _is_within(finding.where, evaluated.failed))]
     findings = _add_new(findings, unused_overrides(data, applied, evaluated.used))
     if model is None or problems or findings:
         raise ScenarioError([*problems, *sources.problems(findings)])
     return Scenario(model, path, sources)
 
 
-def _about_start(finding: Finding) -> Finding:
+def _about_start(finding: Refused) -> Refused:
     """A problem of a group that the file does not name, where the file names the run that has it."""
-    if finding.path[0] != "particles":
+    if finding.where[0] != "particles":
         return finding
-    return Finding(("start", "run"), f"{format_key(finding.path)} of this run: {finding.message}", finding.remedy)
+    return Refused(("start", "run"), f"{format_key(finding.where)} of this run: {finding.what}", finding.remedy)
 
 
-def check_document(data: dict[str, Any], directory: Path) -> tuple[ScenarioModel | None, list[Finding]]:
+def check_document(data: dict[str, Any], directory: Path) -> tuple[ScenarioModel | None, list[Refused]]:
     """Everything that is wrong with a parsed document, and its model if each table is valid on its own.
 
     Args:
@@ -216,13 +208,13 @@ def check_document(data: dict[str, Any], directory: Path) -> tuple[ScenarioModel
     return model, _add_new([], check_all(PartialScenario.of_model(model)))
 
 
-def _add_new(findings: list[Finding], further: list[Finding]) -> list[Finding]:
+def _add_new(findings: list[Refused], further: list[Refused]) -> list[Refused]:
     """``findings`` with those of ``further`` that are about other keys."""
-    known = {finding.path for finding in findings}
+    known = {finding.where for finding in findings}
     for finding in further:
-        if not _is_within(finding.path, known):
+        if not _is_within(finding.where, known):
             findings.append(finding)
-            known.add(finding.path)
+            known.add(finding.where)
     return findings
 
 

@@ -19,11 +19,11 @@ from multicor_cli.scenario.base import (
     TwoWalls,
     check_kelvin,
     one_of,
-    refuse,
     tag_table,
     true_only,
 )
 from multicor_cli.scenario.materials import PairFriction
+from multicor_cli.scenario.problems import Refused
 from multicor_cli.scenario.settings import Output, StageSolver, TimeStep
 from multicor_cli.scenario.signals import AnySignal, RampSignal, Signal, SineSignal, TableSignal, first_level, levels
 
@@ -53,7 +53,9 @@ class BoundEnd(Table):
     def _one_bound(self) -> Self:
         if (self.above is None) == (self.below is None):
             has = "neither" if self.above is None else "both"
-            raise refuse(f"has {has} above and below" if has == "both" else "has neither above nor below", "give one of the two")
+            raise Refused(
+                (), f"has {has} above and below" if has == "both" else "has neither above nor below", "give one of the two"
+            )
         return self
 
     @property
@@ -123,11 +125,11 @@ class SteadyEnd(Table):
         given = {"wall": self.wall is not None, "axis": self.axis is not None}
         for key, is_given in given.items():
             if self.of == "kinetic_energy" and is_given:
-                raise refuse(f"{key} has no meaning for the kinetic energy, which is that of all grains", "remove it", key)
+                raise Refused((key,), f"{key} has no meaning for the kinetic energy, which is that of all grains", "remove it")
             if self.of != "kinetic_energy" and not is_given:
-                raise refuse(f'{key} is missing, which of = "{self.of}" needs', f"add {key}")
+                raise Refused((), f'{key} is missing, which of = "{self.of}" needs', f"add {key}")
         if self.axis == "spin" and self.of != "force":
-            raise refuse(f'of = "{self.of}" has no component "spin"', 'use "x" or "y", or of = "force"', "axis")
+            raise Refused(("axis",), f'of = "{self.of}" has no component "spin"', 'use "x" or "y", or of = "force"')
         return self
 
 
@@ -243,7 +245,7 @@ class PositionDof(Table):
             remedy = f"add mean = {signal.sine.mean - first:g} to the sine, or use phase = 0"
         else:
             remedy = f"begin with 0: subtract {first:g} from all values, or use a ramp from 0"
-        raise refuse(f"displacements count from the start of the stage, but this one begins with {first:g}", remedy, "position")
+        raise Refused(("position",), f"displacements count from the start of the stage, but this one begins with {first:g}", remedy)
 
 
 class Spring(Table):
@@ -275,11 +277,11 @@ class LoadDof(Table):
     @model_validator(mode="after")
     def _fit_together(self) -> Self:
         if self.force is not None and self.stress is not None:
-            raise refuse("both force and stress are given", "give one of them", "stress")
+            raise Refused(("stress",), "both force and stress are given", "give one of them")
         if self.between is not None and self.stress is None:
-            raise refuse("between has no meaning without stress", "add stress [N/m], or remove it", "between")
+            raise Refused(("between",), "between has no meaning without stress", "add stress [N/m], or remove it")
         if self.between is not None and self.between[0] == self.between[1]:
-            raise refuse(f"'{self.between[0]}' is named twice", "name two different walls", "between")
+            raise Refused(("between",), f"'{self.between[0]}' is named twice", "name two different walls")
         return self
 
 
@@ -328,13 +330,13 @@ class WallDrives(Table):
     def _not_empty(self) -> Self:
         if self.x is None and self.y is None and self.spin is None and self.surface is None:
             remedy = "name x, y, spin or surface, or remove it: a wall that is not named keeps its drive"
-            raise refuse("the table is empty", remedy)
+            raise Refused((), "the table is empty", remedy)
         return self
 
     @model_validator(mode="after")
     def _no_stress_turns(self) -> Self:
         if isinstance(self.spin, LoadDof) and self.spin.stress is not None:
-            raise refuse("a stress acts along x or y, not on the spin", "give the torque [N m] as force", "spin")
+            raise Refused(("spin",), "a stress acts along x or y, not on the spin", "give the torque [N m] as force")
         return self
 
 
@@ -540,20 +542,20 @@ class Stage(Table):
     @model_validator(mode="after")
     def _ends(self) -> Self:
         if self.duration is None and self.until is None:
-            raise refuse("the stage has no end", "give duration [s] or until")
+            raise Refused((), "the stage has no end", "give duration [s] or until")
         if self.duration is None and not isinstance(self.until, UntilStrain):
-            raise refuse("a stage that waits for this may never end", "give duration [s] too, as its upper bound", "until")
+            raise Refused(("until",), "a stage that waits for this may never end", "give duration [s] too, as its upper bound")
         window = window_of(self.until)
         if window is not None and self.duration is not None and window > self.duration:
             what = f"no window of {window:g} s ends within the duration of {self.duration:g} s"
-            raise refuse(what, "use shorter windows, or a longer duration", "until")
+            raise Refused(("until",), what, "use shorter windows, or a longer duration")
         return self
 
     @model_validator(mode="after")
     def _may_time_out(self) -> Self:
         if self.on_timeout == "stop" and (self.until is None or self.duration is None):
             missing = "until: its duration is no upper bound" if self.until is None else "duration: it cannot run out of time"
-            raise refuse(f'on_timeout = "stop" has no effect without {missing}', "add it, or remove on_timeout", "on_timeout")
+            raise Refused(("on_timeout",), f'on_timeout = "stop" has no effect without {missing}', "add it, or remove on_timeout")
         return self
 
     @model_validator(mode="after")
@@ -561,16 +563,16 @@ class Stage(Table):
         if not self.frozen:
             return self
         if self.dt == "auto":
-            raise refuse(
+            raise Refused(
+                ("dt",),
                 "there is no automatic time step with frozen = true",
                 "give the interval at which temperatures are evaluated [s], or remove dt",
-                "dt",
             )
         if self.heat is False:
-            raise refuse("nothing happens in a stage with frozen = true and heat = false", "remove one of the two", "heat")
+            raise Refused(("heat",), "nothing happens in a stage with frozen = true and heat = false", "remove one of the two")
         for key in ("until", "drives", "contacts", "gravity", "solver"):
             if getattr(self, key):
-                raise refuse(f"{key} has no meaning with frozen = true: nothing moves", f"remove {key} or frozen", key)
+                raise Refused((key,), f"{key} has no meaning with frozen = true: nothing moves", f"remove {key} or frozen")
         return self
 
 

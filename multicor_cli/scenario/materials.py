@@ -22,8 +22,8 @@ from pydantic.json_schema import JsonSchemaValue
 from pydantic_core import CoreSchema
 from pydantic_core.core_schema import no_info_after_validator_function
 
-from multicor_cli.scenario.base import Fraction, Friction, Kelvin, Table, Time, Vector, one_of, refuse, require_ascending
-from multicor_cli.scenario.problems import Finding
+from multicor_cli.scenario.base import Fraction, Friction, Kelvin, Table, Time, Vector, one_of, require_ascending
+from multicor_cli.scenario.problems import Refused
 
 # ---- `[heat]`: which mechanisms carry heat, and how temperatures are integrated
 
@@ -60,7 +60,7 @@ class MechanismTable(Table):
         """Properties that it needs of a material of grains, or of walls alone."""
         return ()
 
-    def check_material(self, name: str, material: Material) -> Iterator[Finding]:
+    def check_material(self, name: str, material: Material) -> Iterator[Refused]:
         """Findings about a material of grains or walls, but for what it lacks."""
         yield from ()
 
@@ -98,20 +98,20 @@ class GasTable(MechanismTable):
         """As `MechanismTable.needs`."""
         return _SPOT
 
-    def check_material(self, name: str, material: Material) -> Iterator[Finding]:
+    def check_material(self, name: str, material: Material) -> Iterator[Refused]:
         """The formula of Batchelor & O'Brien holds for solids that conduct much better than the gas."""
         solid = material.conductivity
         if self.model == "batchelor" and solid is not None and solid < LEAST_CONTRAST * self.conductivity:
             least = f'"batchelor" needs solids at least {LEAST_CONTRAST:g} times as conductive as the gas'
             what = f"{least}, '{name}' is {solid / self.conductivity:.3g} times"
-            yield Finding(("heat", "gas", "model"), what, 'use "parallel"')
+            yield Refused(("heat", "gas", "model"), what, 'use "parallel"')
 
-    def misfits(self, smallest: float, largest: float) -> list[Finding]:
+    def misfits(self, smallest: float, largest: float) -> list[Refused]:
         """What is wrong with it for grains of these smallest and largest radii [m]."""
         if self.model != "vargas" or largest <= EQUAL * smallest:
             return []
         what = f'"vargas" is for grains of equal size, but the radii are {smallest:g} to {largest:g} m'
-        return [Finding(("heat", "gas", "model"), what, 'use "parallel" or "batchelor"')]
+        return [Refused(("heat", "gas", "model"), what, 'use "parallel" or "batchelor"')]
 
 
 class AmbientCoefficient(MechanismTable):
@@ -142,13 +142,13 @@ class AmbientCorrelation(MechanismTable):
     def _check_porosity(self) -> Self:
         name = f'correlation = "{self.correlation}"'
         if self.correlation in NEEDS_POROSITY and self.porosity is None:
-            raise refuse(f"{name} needs the porosity", "add porosity, the volume fraction of the fluid, as 0.4")
+            raise Refused((), f"{name} needs the porosity", "add porosity, the volume fraction of the fluid, as 0.4")
         if self.correlation not in NEEDS_POROSITY and self.porosity is not None:
-            raise refuse(f"porosity has no meaning for {name}", 'remove it, or use "gunn" or "li-mason"', "porosity")
+            raise Refused(("porosity",), f"porosity has no meaning for {name}", 'remove it, or use "gunn" or "li-mason"')
         low, high = GUNN_POROSITY
         if self.correlation == "gunn" and self.porosity is not None and not low <= self.porosity <= high:
             what = f"{name} holds for a porosity of {low:g} to {high:g}, is {self.porosity:g}"
-            raise refuse(what, 'use "li-mason" for denser beds', "porosity")
+            raise Refused(("porosity",), what, 'use "li-mason" for denser beds')
         return self
 
 
@@ -175,9 +175,9 @@ class RadiationTable(MechanismTable):
     @model_validator(mode="after")
     def _radiates(self) -> Self:
         if self.surroundings is None and not self.neighbors:
-            raise refuse("there is nothing to exchange radiation with", "give surroundings [K], or neighbors = true")
+            raise Refused((), "there is nothing to exchange radiation with", "give surroundings [K], or neighbors = true")
         if self.reach is not None and not self.neighbors:
-            raise refuse("reach has no meaning without neighbors = true", "remove it, or add neighbors = true", "reach")
+            raise Refused(("reach",), "reach has no meaning without neighbors = true", "remove it, or add neighbors = true")
         return self
 
     def needs(self, *, is_of_grains: bool) -> tuple[str, ...]:
@@ -267,9 +267,9 @@ class Heat(Table):
     @model_validator(mode="after")
     def _consistent(self) -> Self:
         if self.force is not None and not self.has_spots:
-            raise refuse('force has no meaning with conduction = "none" and without gas', "remove force", "force")
+            raise Refused(("force",), 'force has no meaning with conduction = "none" and without gas', "remove force")
         if self.collisional and self.conduction == "none":
-            raise refuse('collisional = true has no meaning with conduction = "none"', "remove one of the two", "collisional")
+            raise Refused(("collisional",), 'collisional = true has no meaning with conduction = "none"', "remove one of the two")
         return self
 
 
@@ -305,11 +305,11 @@ class _OfSolids:
         """The value itself, if it is within the bounds."""
         right = f"give it in {self.unit}, {self.example}"
         if value <= 0.0:
-            raise refuse(f"the {self.name} must be positive, is {value:g} {self.unit}", right)
+            raise Refused((), f"the {self.name} must be positive, is {value:g} {self.unit}", right)
         if not self.low <= value <= self.high:
             meant = f"{1000.0 * value:g}" if self.power == 3 else f"{value:g}e{self.power}"
             hint = f"did you mean {meant} (from {self.origin})?" if value < self.low else right
-            raise refuse(f"{value:g} {self.unit} is not the {self.name} of a solid ({self.low:g} to {self.high:g})", hint)
+            raise Refused((), f"{value:g} {self.unit} is not the {self.name} of a solid ({self.low:g} to {self.high:g})", hint)
         return value
 
     def __get_pydantic_core_schema__(self, source: Any, handler: GetCoreSchemaHandler) -> CoreSchema:
@@ -362,7 +362,7 @@ class Material(Table):
     def _both_or_none(self) -> Self:
         if (self.young is None) != (self.poisson is None):
             given, other = ("young", "poisson") if self.poisson is None else ("poisson", "young")
-            raise refuse(f"{given} is given without {other}", f"give {other} too, or neither", given)
+            raise Refused((given,), f"{given} is given without {other}", f"give {other} too, or neither")
         return self
 
 
@@ -393,9 +393,9 @@ class Softening(Table):
         if self.softening is None:
             for key in ("reference", "min", "max"):
                 if getattr(self, key) is not None:
-                    raise refuse(f"{key} has no meaning without softening", "add softening [1/K], or remove it", key)
+                    raise Refused((key,), f"{key} has no meaning without softening", "add softening [1/K], or remove it")
         elif self.min is not None and self.max is not None and self.max < self.min:
-            raise refuse(f"max = {self.max:g} is below min = {self.min:g}", "swap the two", "max")
+            raise Refused(("max",), f"max = {self.max:g} is below min = {self.min:g}", "swap the two")
         return self
 
 
@@ -407,7 +407,9 @@ class SofteningFriction(Softening):
     @model_validator(mode="after")
     def _is_softening(self) -> Self:
         if self.softening is None:
-            raise refuse("the softening of the friction is missing", "add softening [1/K], or give the coefficient as a number")
+            raise Refused(
+                (), "the softening of the friction is missing", "add softening [1/K], or give the coefficient as a number"
+            )
         return self
 
 
@@ -425,10 +427,10 @@ class FrictionTable(Softening):
     @classmethod
     def _no_temperatures(cls, data: Any) -> Any:
         if isinstance(data, dict) and "temperature" in data:
-            raise refuse(
+            raise Refused(
+                ("temperature",),
                 "friction is not a table of temperatures",
                 "use { value = 0.5, softening = 1e-3, reference = 293.15 }: it falls by softening per kelvin",
-                "temperature",
             )
         return data
 
@@ -441,10 +443,10 @@ class FrictionTable(Softening):
     @model_validator(mode="after")
     def _same_length(self) -> Self:
         if len(self.speed) != len(self.values):
-            raise refuse(
+            raise Refused(
+                ("values",),
                 f"{len(self.values)} values for {len(self.speed)} speeds",
                 "give one coefficient of friction per speed",
-                "values",
             )
         return self
 

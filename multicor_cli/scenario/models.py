@@ -9,7 +9,7 @@ from typing import Annotated
 
 from pydantic import Field, Strict, ValidationInfo, field_validator
 
-from multicor_cli.scenario.base import CHANGEABLE, Name, Table, refuse
+from multicor_cli.scenario.base import CHANGEABLE, Name, Table
 from multicor_cli.scenario.functions import Variable, VariableName
 from multicor_cli.scenario.loading import (
     AxialStrainEnd,
@@ -66,6 +66,7 @@ from multicor_cli.scenario.particles import (
     TilePacking,
     ValuesTemperature,
 )
+from multicor_cli.scenario.problems import Refused
 from multicor_cli.scenario.region import RectangleRegion, Region
 from multicor_cli.scenario.settings import Domain, Header, Output, Solver, StageSolver
 from multicor_cli.scenario.signals import RampSignal, SineSignal, SineWave, TableSignal
@@ -106,7 +107,7 @@ class ScenarioModel(Table):
     def _has_grains(cls, groups: tuple[ParticleGroup, ...], info: ValidationInfo) -> tuple[ParticleGroup, ...]:
         """Only a run that cannot be read (yet) leaves a scenario without groups."""
         if not groups and info.data.get("start") is None:
-            raise refuse("must have at least 1 elements, has 0", "expected: groups of grains")
+            raise Refused((), "must have at least 1 elements, has 0", "expected: groups of grains")
         return groups
 
 

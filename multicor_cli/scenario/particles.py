@@ -22,8 +22,8 @@ from multicor_cli.scenario.base import (
     Table,
     Vector,
     one_of,
-    refuse,
 )
+from multicor_cli.scenario.problems import Refused
 from multicor_cli.scenario.region import AnnulusRegion, AnyRegion, CircleRegion, PolygonRegion, RectangleRegion, tag_kind
 from multicor_cli.scenario.sizes import Sizes
 
@@ -98,9 +98,9 @@ class TilePacking(Table):
     def _one_count(self) -> Self:
         given = (self.tile_count is not None) + (self.tile_fill is not None)
         if given == 2:
-            raise refuse("both tile_count and tile_fill are given", "give one of them", "tile_fill")
+            raise Refused(("tile_fill",), "both tile_count and tile_fill are given", "give one of them")
         if given == 0 and not isinstance(self.source, LatticePacking):
-            raise refuse("neither tile_count nor tile_fill is given", "give one of them")
+            raise Refused((), "neither tile_count nor tile_fill is given", "give one of them")
         return self
 
 
@@ -232,7 +232,7 @@ class Release(Table):
         given = [key for key in ("rate", "mass_rate") if getattr(self, key) is not None]
         if len(given) != 1:
             what = "both rate and mass_rate are given" if given else "neither rate nor mass_rate is given"
-            raise refuse(what, "give one of them: grains per second, or kilograms per second")
+            raise Refused((), what, "give one of them: grains per second, or kilograms per second")
         return self
 
 
@@ -274,7 +274,7 @@ class Start(Table):
     @model_validator(mode="after")
     def _one_moment(self) -> Self:
         if self.at is not None and self.frame is not None:
-            raise refuse('both at = "end" and frame are given', "give one of them", "frame")
+            raise Refused(("frame",), 'both at = "end" and frame are given', "give one of them")
         return self
 
 
@@ -359,41 +359,43 @@ class ParticleGroup(Table):
     @model_validator(mode="after")
     def _check_release(self) -> Self:
         if self.packing is None and self.release is None:
-            raise refuse("the group has no packing", 'add packing = { kind = "random" }, or a release', "packing")
+            raise Refused(("packing",), "the group has no packing", 'add packing = { kind = "random" }, or a release')
         if self.release is not None and self.shear_rate:
             what = "grains are released with one velocity, but shear_rate gives each height its own"
-            raise refuse(what, "remove shear_rate, or release", "shear_rate")
+            raise Refused(("shear_rate",), what, "remove shear_rate, or release")
         for key in ("region", "fill"):
             if self.packing is None and getattr(self, key) is not None:
                 remedy = "give release.region" if key == "region" else "give count"
-                raise refuse(f"{key} has no meaning for grains that wait for their release", remedy, key)
+                raise Refused((key,), f"{key} has no meaning for grains that wait for their release", remedy)
         return self
 
     @model_validator(mode="after")
     def _check_thickness(self) -> Self:
         if self.shape == "disc" and self.thickness is None:
-            raise refuse("discs need a thickness", "add thickness [m]")
+            raise Refused((), "discs need a thickness", "add thickness [m]")
         if self.shape == "sphere" and self.thickness is not None:
-            raise refuse("spheres have no thickness", 'remove it, or use shape = "disc"', "thickness")
+            raise Refused(("thickness",), "spheres have no thickness", 'remove it, or use shape = "disc"')
         return self
 
     @model_validator(mode="after")
     def _check_sizes(self) -> Self:
         if not self.brings_grains and self.sizes is None:
-            raise refuse("the sizes of the grains are missing", 'add sizes, as { kind = "uniform", min = 0.4e-3, max = 0.6e-3 }')
+            raise Refused(
+                (), "the sizes of the grains are missing", 'add sizes, as { kind = "uniform", min = 0.4e-3, max = 0.6e-3 }'
+            )
         for key in ("region",) if isinstance(self.packing, StartPacking) else ("sizes", "region"):
             if self.packing is not None and self.brings_grains and getattr(self, key) is not None:
-                raise refuse(f'{key} has no meaning for packing kind = "{self.packing.kind}"', f"remove {key}", key)
+                raise Refused((key,), f'{key} has no meaning for packing kind = "{self.packing.kind}"', f"remove {key}")
         return self
 
     @model_validator(mode="after")
     def _check_count(self) -> Self:
         given = [key for key in ("count", "fill") if getattr(self, key) is not None]
         if len(given) == 2:
-            raise refuse("both count and fill are given", "give one of them", "fill")
+            raise Refused(("fill",), "both count and fill are given", "give one of them")
         if given and self.packing is not None and (self.brings_grains or isinstance(self.packing, TilePacking)):
             remedy = "use tile_count or tile_fill of the packing" if isinstance(self.packing, TilePacking) else "remove it"
-            raise refuse(f'{given[0]} has no meaning for packing kind = "{self.packing.kind}"', remedy, given[0])
+            raise Refused((given[0],), f'{given[0]} has no meaning for packing kind = "{self.packing.kind}"', remedy)
         if not given and not (self.brings_grains or isinstance(self.packing, TilePacking | LatticePacking)):
-            raise refuse("neither count nor fill is given", "give the number of grains or the area fraction of the region")
+            raise Refused((), "neither count nor fill is given", "give the number of grains or the area fraction of the region")
         return self

@@ -7,7 +7,7 @@ import json
 import re
 from collections.abc import Iterable
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any
 
 from multicor_cli.text import brief, one_line, shortened
 
@@ -23,20 +23,28 @@ _MAX_NAME = 80  # more than a name of a scenario may have
 _MAX_LINE = 120
 
 
-class Finding(NamedTuple):
-    """Something wrong at a key, before its position is known.
+class Refused(ValueError):
+    """Something is wrong at a key, whose position in a file is not known yet.
+
+    It is raised where nothing can go on (validators of tables, packings), and collected where all that is wrong is told at once.
 
     Attributes:
-        path: Path of the key.
-        message: What is wrong, with the value.
+        where: Path of the key, beginning at the table that is looked at; empty: that table itself.
+        what: What is wrong, with the value.
         remedy: What to do about it; may be empty.
         inside: Where it is in the string at the key: the string, and an offset in it.
     """
 
-    path: KeyPath
-    message: str
-    remedy: str = ""
-    inside: tuple[str, int] | None = None
+    def __init__(self, where: KeyPath, what: str, remedy: str = "", inside: tuple[str, int] | None = None) -> None:
+        super().__init__(where, what, remedy, inside)
+        self.where, self.what, self.remedy, self.inside = where, what, remedy, inside
+
+    def __str__(self) -> str:
+        return f"{self.what}; {self.remedy}" if self.remedy else self.what
+
+    def within(self, *path: str | int) -> Refused:
+        """The same of a table that is itself at a path."""
+        return Refused((*path, *self.where), self.what, self.remedy, self.inside)
 
 
 @dataclass(frozen=True)

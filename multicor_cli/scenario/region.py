@@ -9,7 +9,8 @@ import numpy as np
 from pydantic import BaseModel, Discriminator, Field, Strict, Tag, ValidationInfo, field_validator
 
 from multicor_cli.model.shapes import Annulus, Area, Polygon, Rectangle, fault_of_polygon
-from multicor_cli.scenario.base import Length, Point, Table, refuse
+from multicor_cli.scenario.base import Length, Point, Table
+from multicor_cli.scenario.problems import Refused
 
 MAX_CORNERS = 2000
 """Most corners of a polygon."""
@@ -19,7 +20,7 @@ def above_min(corner: tuple[float, float], info: ValidationInfo) -> tuple[float,
     """The corner ``max`` of a rectangle if it is above and to the right of ``min``."""
     low = info.data.get("min")
     if low is not None and not (corner[0] > low[0] and corner[1] > low[1]):
-        raise refuse(f"max = {list(corner)} is not above and to the right of min = {list(low)}", "swap the corners")
+        raise Refused((), f"max = {list(corner)} is not above and to the right of min = {list(low)}", "swap the corners")
     return corner
 
 
@@ -28,7 +29,7 @@ def simple_polygon(points: tuple[tuple[float, float], ...]) -> tuple[tuple[float
     fault = fault_of_polygon(np.array(points))
     if fault is not None:
         remedy = "give each corner once, in their order along the outline; the last is joined to the first by itself"
-        raise refuse(fault[1], remedy, fault[0])
+        raise Refused((fault[0],), fault[1], remedy)
     return points
 
 
@@ -116,7 +117,7 @@ class AnnulusRegion(Region):
     def _above_inner(cls, outer: float, info: ValidationInfo) -> float:
         inner = info.data.get("inner")
         if inner is not None and outer <= inner:
-            raise refuse(f"outer = {outer:g} is not larger than inner = {inner:g}", "swap the two radii")
+            raise Refused((), f"outer = {outer:g} is not larger than inner = {inner:g}", "swap the two radii")
         return outer
 
     def area(self) -> Annulus:

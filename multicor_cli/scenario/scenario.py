@@ -14,7 +14,7 @@ from multicor_cli.scenario.loading import KeptCondition, Stage, frozen_dt, resol
 from multicor_cli.scenario.materials import ContactPair, Heat, Material
 from multicor_cli.scenario.models import ScenarioModel
 from multicor_cli.scenario.particles import Outlet, ParticleGroup, Start
-from multicor_cli.scenario.problems import Finding, KeyPath, Problem
+from multicor_cli.scenario.problems import Refused, ScenarioError
 from multicor_cli.scenario.region import Region
 from multicor_cli.scenario.settings import Domain, Output, Solver
 from multicor_cli.scenario.sizes import AnySizes
@@ -236,9 +236,9 @@ class Scenario:
         """A path of the scenario, which is relative to the directory of its file."""
         return self.path.parent / path
 
-    def problem(self, path: KeyPath, message: str, remedy: str = "") -> Problem:
-        """A problem found later, positioned at a key, as ``("walls", 1, "geometry")``; key and position are found from it."""
-        return self.sources.problem(Finding(path, message, remedy))
+    def refuse(self, *refused: Refused) -> ScenarioError:
+        """The error that tells what has been found wrong later, with the positions of the keys, as ``("walls", 1, "geometry")``."""
+        return ScenarioError([self.sources.problem(each) for each in refused])
 
     def as_dict(self) -> dict[str, Any]:
         """All tables with defaults and changes filled in and expressions evaluated; `from_dict` makes an equal scenario of them."""

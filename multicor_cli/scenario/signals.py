@@ -7,8 +7,9 @@ from typing import Annotated, Any, Self
 from pydantic import Field, Strict, Tag, ValidationInfo, field_validator, model_validator
 
 from multicor_cli.arithmetic import sin
-from multicor_cli.scenario.base import NUMBER_BOUNDS, TIME_BOUNDS, Number, Table, Time, Vector, one_of, refuse, require_ascending
+from multicor_cli.scenario.base import NUMBER_BOUNDS, TIME_BOUNDS, Number, Table, Time, Vector, one_of, require_ascending
 from multicor_cli.scenario.csv_columns import Column, read_columns, refuse_both
+from multicor_cli.scenario.problems import Refused
 
 
 class RampSignal(Table):
@@ -31,7 +32,7 @@ class SineWave(Table):
     def _one_rate(self) -> Self:
         if (self.period is None) == (self.frequency is None):
             both = "both period and frequency are given" if self.period is not None else "neither period nor frequency is given"
-            raise refuse(both, "give one of them: period [s] or frequency [1/s]")
+            raise Refused((), both, "give one of them: period [s] or frequency [1/s]")
         return self
 
     @property
@@ -73,9 +74,9 @@ class TableSignal(Table):
     @model_validator(mode="after")
     def _same_length(self) -> Self:
         if not self.times:
-            raise refuse("a table needs one row at least", "give times and values, or file")
+            raise Refused((), "a table needs one row at least", "give times and values, or file")
         if len(self.times) != len(self.values):
-            raise refuse(f"{len(self.values)} values for {len(self.times)} times", "give one value per time", "values")
+            raise Refused(("values",), f"{len(self.values)} values for {len(self.times)} times", "give one value per time")
         return self
 
 

@@ -7,8 +7,9 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import Field, Strict, ValidationInfo, field_validator, model_validator
 
-from multicor_cli.scenario.base import FRACTION_BOUNDS, RADIUS_BOUNDS, Fraction, Radius, Table, refuse, require_ascending
+from multicor_cli.scenario.base import FRACTION_BOUNDS, RADIUS_BOUNDS, Fraction, Radius, Table, require_ascending
 from multicor_cli.scenario.csv_columns import Column, read_columns, refuse_both
+from multicor_cli.scenario.problems import Refused
 
 MAX_SIZE_RATIO = 1000.0
 
@@ -33,10 +34,10 @@ class ListSizes(_Sizes):
         if self.fractions is None:
             return self
         if len(self.fractions) != len(self.radii):
-            raise refuse(f"{len(self.fractions)} fractions for {len(self.radii)} radii", "give one per radius", "fractions")
+            raise Refused(("fractions",), f"{len(self.fractions)} fractions for {len(self.radii)} radii", "give one per radius")
         total = math.fsum(self.fractions)
         if abs(total - 1.0) > 1e-6:
-            raise refuse(f"the fractions add up to {total:g}", "make them add up to 1", "fractions")
+            raise Refused(("fractions",), f"the fractions add up to {total:g}", "make them add up to 1")
         return self
 
     @property
@@ -59,9 +60,10 @@ class _Range(_Sizes):
     def _above_min(cls, largest: float, info: ValidationInfo) -> float:
         smallest = info.data.get("min", largest)
         if largest < smallest:
-            raise refuse(f"max = {largest:g} is below min = {smallest:g}", "swap the two")
+            raise Refused((), f"max = {largest:g} is below min = {smallest:g}", "swap the two")
         if largest > MAX_SIZE_RATIO * smallest:
-            raise refuse(
+            raise Refused(
+                (),
                 f"max = {largest:g} is more than {MAX_SIZE_RATIO:g} times min = {smallest:g}",
                 "narrow the range; radii are in meters",
             )
@@ -96,7 +98,7 @@ class LognormalSizes(_Range):
     def _inside(cls, median: float, info: ValidationInfo) -> float:
         low, high = info.data.get("min", median), info.data.get("max", median)
         if not low <= median <= high:
-            raise refuse(f"the median {median:g} is outside min = {low:g} to max = {high:g}", "put it between the two")
+            raise Refused((), f"the median {median:g} is outside min = {low:g} to max = {high:g}", "put it between the two")
         return median
 
 
@@ -112,7 +114,7 @@ class NormalSizes(_Range):
     def _inside(cls, mean: float, info: ValidationInfo) -> float:
         low, high = info.data.get("min", mean), info.data.get("max", mean)
         if not low <= mean <= high:
-            raise refuse(f"the mean {mean:g} is outside min = {low:g} to max = {high:g}", "put it between the two")
+            raise Refused((), f"the mean {mean:g} is outside min = {low:g} to max = {high:g}", "put it between the two")
         return mean
 
 
@@ -154,22 +156,22 @@ class TableSizes(Table):
         require_ascending(radii, "radii")
         if radii and radii[-1] > MAX_SIZE_RATIO * radii[0]:
             wide = f"the last radius is more than {MAX_SIZE_RATIO:g} times the first"
-            raise refuse(wide, "narrow the range; radii are in meters")
+            raise Refused((), wide, "narrow the range; radii are in meters")
         return radii
 
     @model_validator(mode="after")
     def _check_passing(self) -> Self:
         if len(self.radii) < 2:
-            raise refuse("a table of sizes needs two rows at least", "give radii and passing, or file")
+            raise Refused((), "a table of sizes needs two rows at least", "give radii and passing, or file")
         if len(self.passing) != len(self.radii):
-            raise refuse(f"{len(self.passing)} shares for {len(self.radii)} radii", "give one per radius", "passing")
+            raise Refused(("passing",), f"{len(self.passing)} shares for {len(self.radii)} radii", "give one per radius")
         if self.passing[0] != 0.0 or self.passing[-1] != 1.0:
             ends = f"passing goes from {self.passing[0]:g} to {self.passing[-1]:g}"
-            raise refuse(ends, "begin with the radius that nothing passes, 0, and end with the one that all pass, 1", "passing")
+            raise Refused(("passing",), ends, "begin with the radius that nothing passes, 0, and end with the one that all pass, 1")
         for k in range(1, len(self.passing)):
             if self.passing[k] < self.passing[k - 1]:
                 falls = f"passing falls from {self.passing[k - 1]:g} to {self.passing[k]:g}"
-                raise refuse(falls, "give the cumulated share that is smaller than each radius", "passing")
+                raise Refused(("passing",), falls, "give the cumulated share that is smaller than each radius")
         return self
 
     @property

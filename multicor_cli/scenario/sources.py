@@ -10,7 +10,7 @@ from functools import cached_property
 from itertools import accumulate
 from typing import NamedTuple
 
-from multicor_cli.scenario.problems import OVERRIDE, Finding, KeyPath, Problem, format_key, show
+from multicor_cli.scenario.problems import OVERRIDE, KeyPath, Problem, Refused, format_key, show
 
 # ---- Where the keys of a TOML document are: path of a key → line and column.
 #
@@ -301,23 +301,23 @@ class Sources:
                 return _Place(self.file, line, column, self._lines.line(line))
         return _Place(self.file, 1, 1, "")
 
-    def problem(self, finding: Finding) -> Problem:
+    def problem(self, finding: Refused) -> Problem:
         """The finding with its position."""
-        place = self._place(finding.path)
+        place = self._place(finding.where)
         column = place.column if finding.inside is None else _column_inside(place, *finding.inside)
-        message = f"{finding.message}{self._expressions_of(finding)}"
-        return Problem(place.file, place.line, column, format_key(finding.path), message, finding.remedy, place.source_line)
+        message = f"{finding.what}{self._expressions_of(finding)}"
+        return Problem(place.file, place.line, column, format_key(finding.where), message, finding.remedy, place.source_line)
 
-    def _expressions_of(self, finding: Finding) -> str:
+    def _expressions_of(self, finding: Refused) -> str:
         """The expressions at the key of a finding, or in the array there, with their values unless the message says them."""
         shown = [
-            show(text) if value in finding.message else f"{show(text)} = {value}"
+            show(text) if value in finding.what else f"{show(text)} = {value}"
             for path, (text, value) in self.expressions.items()
-            if path == finding.path or (path[:-1] == finding.path and isinstance(path[-1], int))
+            if path == finding.where or (path[:-1] == finding.where and isinstance(path[-1], int))
         ]
         return f" ({', '.join(shown[:4])})" if shown else ""
 
-    def problems(self, findings: list[Finding]) -> list[Problem]:
+    def problems(self, findings: list[Refused]) -> list[Problem]:
         """The findings with their positions, in the order of the file; the first `MAX_PROBLEMS` of very many."""
         found = sorted((self.problem(f) for f in findings[: 2 * MAX_PROBLEMS]), key=lambda p: (p.line, p.column))
         if len(findings) <= MAX_PROBLEMS:

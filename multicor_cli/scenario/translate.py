@@ -14,7 +14,7 @@ from pydantic import BaseModel, Tag
 from pydantic.fields import FieldInfo
 from pydantic_core import ErrorDetails
 
-from multicor_cli.scenario.problems import Finding, KeyPath, name_list, show
+from multicor_cli.scenario.problems import KeyPath, Refused, name_list, show
 from multicor_cli.text import count_noun
 
 # ---- What the models say about a place in a scenario: its description, and the keys that its table knows
@@ -177,16 +177,16 @@ _OTHER_WORDS = {
 """Keys by what other programs and papers call them."""
 
 
-def translate(model: type[BaseModel], errors: Iterable[ErrorDetails]) -> list[Finding]:
+def translate(model: type[BaseModel], errors: Iterable[ErrorDetails]) -> list[Refused]:
     """Findings for validation errors of ``model``: one per mistake, however many errors it causes."""
     placed = [(find_location(model, error["loc"]), error) for error in errors if not _is_consequence(error)]
     missing_gone = _explained_tables(placed)
-    found: dict[KeyPath, Finding] = {}
+    found: dict[KeyPath, Refused] = {}
     for place, error in placed:
         if error["type"] == "missing" and _is_explained(place, missing_gone):
             continue
         finding = _translate_one(place, error)
-        found.setdefault(finding.path, finding)
+        found.setdefault(finding.where, finding)
     return list(found.values())
 
 
@@ -257,7 +257,7 @@ def _intended(key: str, known: list[str]) -> str | None:
     return _closest(key, known)
 
 
-def _translate_one(place: Location, error: ErrorDetails) -> Finding:
+def _translate_one(place: Location, error: ErrorDetails) -> Refused:
     kind = error["type"]
     if kind in _TYPES:
         return _wrong_type(place, error)
@@ -266,101 +266,100 @@ def _translate_one(place: Location, error: ErrorDetails) -> Finding:
     handler = _HANDLERS.get(kind)
     if handler is not None:
         return handler(place, error)
-    return Finding(place.path, f"{error['msg']}, is {show(error['input'])}", _expected(place))
+    return Refused(place.path, f"{error['msg']}, is {show(error['input'])}", _expected(place))
 
 
 def _expected(place: Location) -> str:
     return f"expected: {place.description}" if place.description else ""
 
 
-def _wrong_type(place: Location, error: ErrorDetails) -> Finding:
+def _wrong_type(place: Location, error: ErrorDetails) -> Refused:
     what = _TYPES[error["type"]]
     if error["type"] == "tuple_type" and len(place.path) == 1:
-        return Finding(place.path, f"must be an array of tables, is {show(error['input'])}", f"write [[{place.path[0]}]]")
-    return Finding(place.path, f"{what}, is {show(error['input'])}", _expected(place))
+        return Refused(place.path, f"must be an array of tables, is {show(error['input'])}", f"write [[{place.path[0]}]]")
+    return Refused(place.path, f"{what}, is {show(error['input'])}", _expected(place))
 
 
-def _out_of_bounds(place: Location, error: ErrorDetails) -> Finding:
+def _out_of_bounds(place: Location, error: ErrorDetails) -> Refused:
     key, what = _BOUNDS[error["type"]]
     bound, value = error["ctx"][key], error["input"]
     if 0.0 < bound < _TINY and value <= 0.0:
-        return Finding(place.path, f"must be positive, is {show(value)}", _expected(place))
-    return Finding(place.path, f"{what} {bound:g}, is {show(value)}", _expected(place))
+        return Refused(place.path, f"must be positive, is {show(value)}", _expected(place))
+    return Refused(place.path, f"{what} {bound:g}, is {show(value)}", _expected(place))
 
 
-def _missing(place: Location, error: ErrorDetails) -> Finding:
+def _missing(place: Location, error: ErrorDetails) -> Refused:
     key = place.path[-1]
     if isinstance(key, int):
-        return Finding(place.path[:-1], f"has too few elements: {show(error['input'])}", _expected(place))
+        return Refused(place.path[:-1], f"has too few elements: {show(error['input'])}", _expected(place))
     if len(place.path) == 1:
         header = f"[[{key}]]" if key in ("particles", "loading") else f"[{key}]"
-        return Finding(place.path, "is missing", f"add {header}: {place.description}")
-    return Finding(place.path, "is missing", f"add {key}: {place.description}")
+        return Refused(place.path, "is missing", f"add {header}: {place.description}")
+    return Refused(place.path, "is missing", f"add {key}: {place.description}")
 
 
-def _unknown_key(place: Location, _error: ErrorDetails) -> Finding:
+def _unknown_key(place: Location, _error: ErrorDetails) -> Refused:
     key = str(place.path[-1])
     known = place.known_keys
     if (match := _UNIT_SUFFIX.fullmatch(key)) and match[1] in known:
-        return Finding(place.path, "unknown key: keys carry no unit, all numbers are in SI units", f"did you mean '{match[1]}'?")
-    return Finding(place.path, "unknown key", did_you_mean(key, known) or f"known here: {name_list(known)}")
+        return Refused(place.path, "unknown key: keys carry no unit, all numbers are in SI units", f"did you mean '{match[1]}'?")
+    return Refused(place.path, "unknown key", did_you_mean(key, known) or f"known here: {name_list(known)}")
 
 
-def _wrong_literal(place: Location, error: ErrorDetails) -> Finding:
+def _wrong_literal(place: Location, error: ErrorDetails) -> Refused:
     return _not_one_of(place.path, error["input"], re.findall(r"'([^']*)'", error["ctx"]["expected"]))
 
 
-def _wrong_tag(place: Location, error: ErrorDetails) -> Finding:
+def _wrong_tag(place: Location, error: ErrorDetails) -> Refused:
     choices = re.findall(r"'([^']*)'", error["ctx"]["expected_tags"])
     return _not_one_of((*place.path, "kind"), error["input"].get("kind"), choices)
 
 
-def _not_one_of(path: KeyPath, value: Any, choices: list[str]) -> Finding:
+def _not_one_of(path: KeyPath, value: Any, choices: list[str]) -> Refused:
     what = f"{show(value)} is not {'one of ' if len(choices) > 1 else ''}{name_list(choices)}"
     remedy = did_you_mean(value, choices) if isinstance(value, str) else ""
-    return Finding(path, what, remedy or f"use {'one of them' if len(choices) > 1 else 'it'}")
+    return Refused(path, what, remedy or f"use {'one of them' if len(choices) > 1 else 'it'}")
 
 
-def _no_tag(place: Location, error: ErrorDetails) -> Finding:
+def _no_tag(place: Location, error: ErrorDetails) -> Refused:
     if isinstance(error["input"], dict):
-        return Finding((*place.path, "kind"), "is missing", f"add kind: {place.description}")
-    return Finding(place.path, f"must be a table, is {show(error['input'])}", _expected(place))
+        return Refused((*place.path, "kind"), "is missing", f"add kind: {place.description}")
+    return Refused(place.path, f"must be a table, is {show(error['input'])}", _expected(place))
 
 
-def _not_exactly_one(place: Location, error: ErrorDetails) -> Finding:
+def _not_exactly_one(place: Location, error: ErrorDetails) -> Refused:
     value = error["input"]
     has = f"has {name_list(map(str, value)) or 'none'}" if isinstance(value, dict) else f"is {show(value)}"
-    return Finding(place.path, f"{has}", error["msg"])
+    return Refused(place.path, f"{has}", error["msg"])
 
 
-def _wrong_length(place: Location, error: ErrorDetails) -> Finding:
+def _wrong_length(place: Location, error: ErrorDetails) -> Refused:
     context, value = error["ctx"], error["input"]
     side, key = ("at most", "max_length") if "max_length" in context else ("at least", "min_length")
     bound = f"{side} {count_noun(context[key], 'element')}"
-    return Finding(place.path, f"must have {bound}, has {len(value)}", _expected(place))
+    return Refused(place.path, f"must have {bound}, has {len(value)}", _expected(place))
 
 
-def _wrong_text_length(place: Location, error: ErrorDetails) -> Finding:
+def _wrong_text_length(place: Location, error: ErrorDetails) -> Refused:
     context, value = error["ctx"], error["input"]
     bound = f"at most {context['max_length']}" if "max_length" in context else f"at least {context['min_length']}"
-    return Finding(place.path, f"must have {bound} characters, has {len(value)}", _expected(place))
+    return Refused(place.path, f"must have {bound} characters, has {len(value)}", _expected(place))
 
 
-def _wrong_characters(place: Location, error: ErrorDetails) -> Finding:
+def _wrong_characters(place: Location, error: ErrorDetails) -> Refused:
     what = f"{show(error['input'])} is empty or has characters that are not allowed here"
     pattern = error["ctx"]["pattern"]
     signs = " . _ -" if "._-" in pattern else " _ -" if "_-" in pattern else " _"
     rule = f"use letters, digits and{signs} only; " if "A-Za-z" in pattern else ""
-    return Finding(place.path, what, f"{rule}{_expected(place)}")
+    return Refused(place.path, what, f"{rule}{_expected(place)}")
 
 
-def _refused(place: Location, error: ErrorDetails) -> Finding:
-    context = error["ctx"]
-    path = place.path if context["key"] is None else (*place.path, context["key"])
-    return Finding(path, context["what"], context["remedy"])
+def _refused(place: Location, error: ErrorDetails) -> Refused:
+    refused: Refused = error["ctx"]["error"]
+    return refused.within(*place.path)
 
 
-_HANDLERS: dict[str, Callable[[Location, ErrorDetails], Finding]] = {
+_HANDLERS: dict[str, Callable[[Location, ErrorDetails], Refused]] = {
     "missing": _missing,
     "extra_forbidden": _unknown_key,
     "literal_error": _wrong_literal,
@@ -372,5 +371,5 @@ _HANDLERS: dict[str, Callable[[Location, ErrorDetails], Finding]] = {
     "string_too_long": _wrong_text_length,
     "string_too_short": _wrong_text_length,
     "string_pattern_mismatch": _wrong_characters,
-    "refused": _refused,
+    "value_error": _refused,
 }

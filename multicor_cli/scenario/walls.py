@@ -20,10 +20,10 @@ from multicor_cli.arithmetic.sums import column_totals, total
 from multicor_cli.model import ShapeKind, WallBody
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import Discs, Polygon, Room, outlines
-from multicor_cli.scenario.base import Coordinate, Length, Name, Point, Radius, Table, Vector, refuse, tag_table
+from multicor_cli.scenario.base import Coordinate, Length, Name, Point, Radius, Table, Vector, tag_table
 from multicor_cli.scenario.loading import WallCondition
 from multicor_cli.scenario.particles import ParticleGroup
-from multicor_cli.scenario.problems import Finding
+from multicor_cli.scenario.problems import Refused
 from multicor_cli.scenario.region import MAX_CORNERS, Corners, above_min, simple_polygon
 from multicor_cli.scenario.settings import Domain
 from multicor_cli.scenario.sizes import Sizes
@@ -148,7 +148,7 @@ class WallGeometry(Table):
         """Its glued grains; None if it has none. Without a domain, nothing is fitted to the period."""
         return None
 
-    def misfits(self, domain: Domain) -> Iterator[Finding]:
+    def misfits(self, domain: Domain) -> Iterator[Refused]:
         """What does not fit to the domain; keys count from the table of the geometry."""
         yield from ()
 
@@ -212,11 +212,11 @@ class DiscGeometry(WallGeometry):
         """A ring of them, if it is rough."""
         return None if self.rough is None else Glued(Ring(self.center, self.radius, is_outside=True), self.rough, "rough")
 
-    def misfits(self, domain: Domain) -> Iterator[Finding]:
+    def misfits(self, domain: Domain) -> Iterator[Refused]:
         """It fits into the period."""
         if domain.periodic and 2.0 * self.radius > domain.size[0]:
             what = f"the disc of radius {self.radius:g} m is wider than the period of {domain.size[0]:g} m"
-            yield Finding(("radius",), what, _ELSEWHERE)
+            yield Refused(("radius",), what, _ELSEWHERE)
 
     def room(self, discs: Floats) -> Room:
         """All that lies outside."""
@@ -242,7 +242,7 @@ class ClusterGeometry(WallGeometry):
         seen: set[tuple[float, float]] = set()
         for k, (x, y, _) in enumerate(discs):
             if (x, y) in seen:
-                raise refuse(f"two grains have their centers at {[x, y]}", "remove one of them", k)
+                raise Refused((k,), f"two grains have their centers at {[x, y]}", "remove one of them")
             seen.add((x, y))
         return discs
 
@@ -254,12 +254,12 @@ class ClusterGeometry(WallGeometry):
         local = np.column_stack([discs[:, :2] - center, discs[:, 2], np.zeros(len(discs))])
         return WallBody.empty(center.tolist(), 2.0 * math.pi * total(discs[:, 2])).with_shapes(ShapeKind.DISC, local)
 
-    def misfits(self, domain: Domain) -> Iterator[Finding]:
+    def misfits(self, domain: Domain) -> Iterator[Refused]:
         """It fits into the period."""
         low, high = Discs(np.array(self.discs)).corners()[:, 0].tolist()
         if domain.periodic and high - low > domain.size[0]:
             what = f"the cluster is {high - low:g} m wide, more than the period of {domain.size[0]:g} m"
-            yield Finding(("discs",), what, _ELSEWHERE)
+            yield Refused(("discs",), what, _ELSEWHERE)
 
     def room(self, discs: Floats) -> Room:
         """All that lies outside."""
@@ -312,13 +312,13 @@ class PolygonGeometry(WallGeometry):
         """A row along each side, if it is rough."""
         return None if self.rough is None else Glued(Sides(self.area()), self.rough, "rough")
 
-    def misfits(self, domain: Domain) -> Iterator[Finding]:
+    def misfits(self, domain: Domain) -> Iterator[Refused]:
         """It fits into the period however it is turned."""
         polygon = self.area()
         width = 2.0 * max(hypot(*away) for away in (polygon.points - polygon.centroid).tolist())
         if domain.periodic and width > domain.size[0]:
             what = f"the polygon is {width:g} m wide when it is turned, more than the period of {domain.size[0]:g} m"
-            yield Finding(("points",), what, _ELSEWHERE)
+            yield Refused(("points",), what, _ELSEWHERE)
 
     def room(self, discs: Floats) -> Room:
         """All that lies outside, or inside."""
@@ -358,7 +358,7 @@ class PlaneGeometry(WallGeometry):
     @classmethod
     def _not_zero(cls, normal: tuple[float, float]) -> tuple[float, float]:
         if hypot(*normal) < 1e-9:
-            raise refuse(f"the normal {list(normal)} has no direction", "give a direction towards the grains, as [0, 1]")
+            raise Refused((), f"the normal {list(normal)} has no direction", "give a direction towards the grains, as [0, 1]")
         return normal
 
     def body(self, domain: Domain) -> WallBody:
@@ -367,11 +367,11 @@ class PlaneGeometry(WallGeometry):
         length = abs(ny) * domain.size[0] + abs(nx) * domain.size[1]
         return WallBody.empty(self.point, length).with_shapes(ShapeKind.PLANE, [(0.0, 0.0, nx, ny)])
 
-    def misfits(self, domain: Domain) -> Iterator[Finding]:
+    def misfits(self, domain: Domain) -> Iterator[Refused]:
         """In a periodic domain planes are level."""
         if domain.periodic and abs(self.normal[0]) > _LEVEL * abs(self.normal[1]):
             what = f"a plane with normal {list(self.normal)} crosses the periodic domain"
-            yield Finding(("normal",), what, "use [0, 1] or [0, -1], or periodic = false")
+            yield Refused(("normal",), what, "use [0, 1] or [0, -1], or periodic = false")
 
     def spans_period(self, domain: Domain) -> bool:
         """In a periodic domain it does."""
@@ -398,7 +398,7 @@ class RoughGeometry(WallGeometry):
     @classmethod
     def _has_length(cls, end: tuple[float, float], info: ValidationInfo) -> tuple[float, float]:
         if end == info.data.get("start"):
-            raise refuse(f"the line begins and ends at {list(end)}", "give two different points")
+            raise Refused((), f"the line begins and ends at {list(end)}", "give two different points")
         return end
 
     def body(self, domain: Domain) -> WallBody:
@@ -446,9 +446,9 @@ class BoxGeometry(WallGeometry):
     @classmethod
     def _some_side(cls, sides: tuple[Side, ...]) -> tuple[Side, ...]:
         if len(set(sides)) != len(sides):
-            raise refuse(f"a side is named twice in {list(sides)}", "name each open side once")
+            raise Refused((), f"a side is named twice in {list(sides)}", "name each open side once")
         if len(sides) == 4:
-            raise refuse("all four sides are open: nothing is left of the box", "remove the wall or close a side")
+            raise Refused((), "all four sides are open: nothing is left of the box", "remove the wall or close a side")
         return sides
 
     def body(self, domain: Domain) -> WallBody:
@@ -468,11 +468,11 @@ class BoxGeometry(WallGeometry):
                 body = body.with_line(corners[[(first + k) % 4 for k in range(count + 1)]], domain.period)
         return body
 
-    def misfits(self, domain: Domain) -> Iterator[Finding]:
+    def misfits(self, domain: Domain) -> Iterator[Refused]:
         """In a periodic domain a box has no sides at left and right."""
         if domain.periodic and not {"left", "right"} <= set(self.open):
             what = f"the box has sides at left or right of a periodic domain: open = {list(self.open)}"
-            yield Finding(("open",), what, 'add "left" and "right", or use periodic = false')
+            yield Refused(("open",), what, 'add "left" and "right", or use periodic = false')
 
 
 class CircleGeometry(WallGeometry):
@@ -494,11 +494,11 @@ class CircleGeometry(WallGeometry):
         """A ring of them, if it is rough."""
         return None if self.rough is None else Glued(Ring(self.center, self.radius), self.rough, "rough")
 
-    def misfits(self, domain: Domain) -> Iterator[Finding]:
+    def misfits(self, domain: Domain) -> Iterator[Refused]:
         """It fits into the period."""
         if domain.periodic and 2.0 * self.radius > domain.size[0]:
             what = f"the circle of radius {self.radius:g} m is wider than the period of {domain.size[0]:g} m"
-            yield Finding(("radius",), what, "use periodic = false")
+            yield Refused(("radius",), what, "use periodic = false")
 
 
 class PolylineGeometry(WallGeometry):
@@ -515,16 +515,16 @@ class PolylineGeometry(WallGeometry):
     def _distinct(cls, points: tuple[tuple[float, float], ...]) -> tuple[tuple[float, float], ...]:
         for k in range(1, len(points)):
             if points[k] == points[k - 1]:
-                raise refuse(f"the point {list(points[k])} follows itself", "remove one of the two", k)
+                raise Refused((k,), f"the point {list(points[k])} follows itself", "remove one of the two")
         return points
 
     @model_validator(mode="after")
     def _closable(self) -> Self:
         if self.closed and (len(self.points) < 3 or self.points[0] == self.points[-1]):
-            raise refuse(
+            raise Refused(
+                ("points",),
                 "a closed line needs three corners, and the first is not repeated at the end",
                 "remove the last point or closed = true",
-                "points",
             )
         return self
 
@@ -585,5 +585,5 @@ class Wall(Table):
     def _named_once(cls, names: tuple[str, ...] | None) -> tuple[str, ...] | None:
         for k, name in enumerate(names or ()):
             if name in (names or ())[:k]:
-                raise refuse(f"the group '{name}' is named twice", "name each group once", k)
+                raise Refused((k,), f"the group '{name}' is named twice", "name each group once")
         return names

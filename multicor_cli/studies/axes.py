@@ -17,7 +17,7 @@ from multicor_cli.files import read_regular
 from multicor_cli.optional import library
 from multicor_cli.scenario.csv_columns import MAX_BYTES
 from multicor_cli.scenario.load import load_scenario
-from multicor_cli.scenario.problems import Finding, ScenarioError
+from multicor_cli.scenario.problems import Refused, ScenarioError
 from multicor_cli.scenario.scenario import Scenario
 from multicor_cli.studies.load import Study, arguments
 from multicor_cli.studies.schema import MAX_CASES, OPTIONS, Range, Sampled, Vary
@@ -32,14 +32,6 @@ _DIGITS = 12
 """Significant digits of numbers in ranges: the same on every machine."""
 
 
-class BadAxes(Exception):
-    """Something is wrong with the values of a study."""
-
-    def __init__(self, finding: Finding) -> None:
-        super().__init__(finding.message)
-        self.finding = finding
-
-
 def combine(vary: Vary, directory: Path) -> list[Values]:
     """All combinations, in the order of the file, the last key changing fastest.
 
@@ -48,7 +40,7 @@ def combine(vary: Vary, directory: Path) -> list[Values]:
         directory: That of the study file, to which paths are relative.
 
     Raises:
-        BadAxes: Keys in ``zip`` have no values or not as many, the CSV file cannot be used, or there are too many combinations.
+        Refused: Keys in ``zip`` have no values or not as many, the CSV file cannot be used, or there are too many combinations.
         MissingLibrary: Points are to be drawn, and scipy is not installed.
     """
     axes: list[Sequence[Values]] = []
@@ -59,12 +51,12 @@ def combine(vary: Vary, directory: Path) -> list[Values]:
         axes.append([dict(zip(group, row, strict=True)) for row in zip(*columns, strict=True)])
     if vary.sample is not None:
         if not ranges:
-            raise BadAxes(Finding(("vary", "sample"), "there is no range to draw points from", "give a key { from = …, to = … }"))
+            raise Refused(("vary", "sample"), "there is no range to draw points from", "give a key { from = …, to = … }")
         axes.append(_drawn(vary.sample, ranges))
     if vary.file is not None:
         axes.append(_rows(directory / vary.file, vary.file, set(vary.keys)))
     if (count := math.prod(len(axis) for axis in axes)) > MAX_CASES:
-        raise BadAxes(Finding(("vary",), f"{count:.6g} combinations are more than {MAX_CASES}", "vary less"))
+        raise Refused(("vary",), f"{count:.6g} combinations are more than {MAX_CASES}", "vary less")
     return [dict(itertools.chain.from_iterable(part.items() for part in parts)) for parts in itertools.product(*axes)]
 
 
@@ -95,14 +87,12 @@ def _groups(vary: Vary, left_out: set[str]) -> list[tuple[str, ...]]:
         for key in group:
             if key not in vary.keys or key in partner or key in left_out:
                 why = "is in two groups" if key in partner else "is drawn" if key in left_out else "has no values"
-                raise BadAxes(Finding(("vary", "zip", number), f"{key} {why}", "name keys of [vary], each once"))
+                raise Refused(("vary", "zip", number), f"{key} {why}", "name keys of [vary], each once")
             partner[key] = group
             lengths.add(len(numbers(vary.keys[key])))
         if len(lengths) > 1:
             counts = ", ".join(f"{key}: {len(numbers(vary.keys[key]))}" for key in group)
-            raise BadAxes(
-                Finding(("vary", "zip", number), f"values that go together are not as many ({counts})", "give as many of each")
-            )
+            raise Refused(("vary", "zip", number), f"values that go together are not as many ({counts})", "give as many of each")
     groups: list[tuple[str, ...]] = []
     for key in vary.keys:
         group = partner.get(key, (key,))
@@ -130,8 +120,8 @@ def _between(axis: Range, share: float) -> float:
 def _rows(path: Path, name: str, taken: set[str]) -> list[Values]:
     """Rows of a CSV file whose header names keys; values are written as in TOML, words as they are."""
 
-    def bad(message: str, remedy: str) -> BadAxes:
-        return BadAxes(Finding(("vary", "file"), message, remedy))
+    def bad(message: str, remedy: str) -> Refused:
+        return Refused(("vary", "file"), message, remedy)
 
     try:
         text = read_regular(path, MAX_BYTES).decode("utf-8-sig")
@@ -205,14 +195,14 @@ def expand(study: Study) -> list[Case]:
     base = load_scenario(study.scenario, study.fixed)
     try:
         combinations = combine(study.model.vary, study.path.parent)
-    except BadAxes as error:
-        raise study.refuse(error.finding) from None
+    except Refused as error:
+        raise study.refuse(error) from None
     seeds = _seeds(study, base)
     if SEED in study.model.vary.keys and study.model.study.seeds is not None:
-        raise study.refuse(Finding(("study", "seeds"), f"{SEED} is varied as well", "leave one of them out"))
+        raise study.refuse(Refused(("study", "seeds"), f"{SEED} is varied as well", "leave one of them out"))
     if len(combinations) * len(seeds) > MAX_CASES:
         message = f"{len(combinations)} combinations with {len(seeds)} seeds each are more than {MAX_CASES} cases"
-        raise study.refuse(Finding(("study", "seeds"), message, "vary less"))
+        raise study.refuse(Refused(("study", "seeds"), message, "vary less"))
     rows = [{**values, **({SEED: seed} if seed is not None else {})} for values in combinations for seed in seeds]
     return _named(study, rows)
 
@@ -239,7 +229,7 @@ def _seeds(study: Study, base: Scenario) -> list[int | None]:
 def _named(study: Study, rows: Sequence[Values]) -> list[Case]:
     """Cases with the shortest numbers that tell them apart."""
     if len({json.dumps(row) for row in rows}) < len(rows):
-        raise study.refuse(Finding(("vary",), "a combination of values comes twice", "give each value once"))
+        raise study.refuse(Refused(("vary",), "a combination of values comes twice", "give each value once"))
     short = short_names(differing(rows))
     names: list[str] = []
     for digits in _DIGITS_OF_NAMES:
@@ -286,5 +276,5 @@ def _about(study: Study, case: Case, error: ScenarioError) -> ScenarioError:
         if key is None or key == SEED:
             others.append(problem)
         else:
-            findings.append(Finding(("vary", "keys", key), f"{problem.message} (case {case.name})", problem.remedy))
+            findings.append(Refused(("vary", "keys", key), f"{problem.message} (case {case.name})", problem.remedy))
     return ScenarioError([*(study.refuse(*findings).problems if findings else []), *others])

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 from multicor_cli.optional import library
 from multicor_cli.running.compiling import available_memory, python_child
-from multicor_cli.scenario.problems import Finding
+from multicor_cli.scenario.problems import Refused
 from multicor_cli.store.errors import StoreError
 from multicor_cli.studies.forecast import Needs
 from multicor_cli.studies.schema import Compute, Queue, parse_memory
@@ -63,18 +63,6 @@ class Cluster(NamedTuple):
     doubt: str = ""
 
 
-class DoesNotFit(Exception):
-    """A case needs more memory than there is.
-
-    Attributes:
-        finding: What to say about the study file.
-    """
-
-    def __init__(self, finding: Finding) -> None:
-        super().__init__(finding.message)
-        self.finding = finding
-
-
 def require_libraries(compute: Compute) -> None:
     """Raise `MissingLibrary` if something is not installed that is needed elsewhere than here."""
     queue = _queue_of(compute)
@@ -99,7 +87,7 @@ def connected(compute: Compute, logs: Path, needs: Needs, *, most: int) -> Itera
         most: Number of cases: more workers are not started.
 
     Raises:
-        DoesNotFit: A case needs more memory than the machine, a job or the workers have.
+        Refused: A case needs more memory than the machine, a job or the workers have.
         StoreError: The scheduler cannot be reached.
     """
     queue = _queue_of(compute)
@@ -125,13 +113,13 @@ def existing(client: Any, compute: Compute, needs: Needs) -> Cluster:
     """The workers of a client that somebody else has made.
 
     Raises:
-        DoesNotFit: They say how much memory they have, and it is not enough.
+        Refused: They say how much memory they have, and it is not enough.
     """
     workers = client.scheduler_info(n_workers=-1)["workers"].values()
     offered = [worker.get("resources", {}).get(MEMORY, 0.0) for worker in workers]
     if any(offered) and max(offered) < needs.memory:
         message = f"a case takes about {format_bytes(needs.memory)}, workers offer {format_bytes(max(offered))} at most"
-        raise DoesNotFit(Finding(("study", "scenario"), message, "use larger workers, or fewer grains"))
+        raise Refused(("study", "scenario"), message, "use larger workers, or fewer grains")
     asked = {MEMORY: needs.memory} if offered and all(offered) and needs.memory > 0.0 else {}
     slots = sum(int(worker.get("nthreads", 1)) for worker in workers)
     return Cluster(client, compute.threads or 1, slots, asked, "a Dask client", _doubt(client.scheduler.address))
@@ -173,7 +161,7 @@ def _here(compute: Compute, needs: Needs, most: int) -> Iterator[Cluster]:
         fitting = int(_SHARE * free / needs.memory)
         if fitting < 1:
             message = f"a case takes about {format_bytes(needs.memory)} of memory, {format_bytes(free)} are free here"
-            raise DoesNotFit(Finding(("study", "scenario"), message, "use fewer grains, or a machine with more memory"))
+            raise Refused(("study", "scenario"), message, "use fewer grains, or a machine with more memory")
         workers = min(workers, fitting)
     threads = compute.threads or min(needs.threads, max(1, there // workers))
     with LocalClient(workers) as client:
@@ -198,7 +186,7 @@ def _queued(
     memory = parse_memory(table.memory)
     if needs.memory > memory:
         message = f"a case takes about {format_bytes(needs.memory)}, a job has {format_bytes(memory)}"
-        raise DoesNotFit(Finding(("compute", name, "memory"), message, "give jobs more memory"))
+        raise Refused(("compute", name, "memory"), message, "give jobs more memory")
     threads = threads or min(needs.threads, table.cores)
     asked = {CORES: float(threads), MEMORY: needs.memory}
     fitting = min(table.cores // threads, int(memory / needs.memory) if needs.memory > 0.0 else table.cores)

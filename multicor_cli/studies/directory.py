@@ -17,7 +17,7 @@ from typing import Any
 
 from multicor_cli.files import read_regular
 from multicor_cli.running.differences import Difference, find_differences
-from multicor_cli.scenario.problems import Finding
+from multicor_cli.scenario.problems import Refused
 from multicor_cli.store import layout
 from multicor_cli.store.atomic import commit_bytes, make_directory, storage_errors
 from multicor_cli.store.documents import SIZE_LIMIT
@@ -160,7 +160,7 @@ class StudyDirectory:
             if before is not None and before != dict(case.values):
                 changed = next(key for key in {**before, **case.values} if before.get(key) != case.values.get(key))
                 message = f"case {case.name} had {changed} = {before.get(changed)!r}, now {case.values.get(changed)!r}"
-                findings.append(Finding(("vary",), message, "choose another directory with -o"))
+                findings.append(Refused(("vary",), message, "choose another directory with -o"))
         if findings:
             raise study.refuse(*findings[:10])
 
@@ -204,10 +204,10 @@ class StudyDirectory:
         commit_bytes(self.failure(name), "failure of a case", json.dumps(data, indent=1, ensure_ascii=False).encode())
 
 
-def _about_scenario(difference: Difference) -> Finding:
+def _about_scenario(difference: Difference) -> Refused:
     key = ".".join(map(str, difference.path))
     message = f"the scenario has {key} = {difference.after}, it had {difference.before} when the study began"
-    return Finding(("study", "scenario"), message, "choose another directory with -o")
+    return Refused(("study", "scenario"), message, "choose another directory with -o")
 
 
 def _read_json(file: Path) -> dict[str, Any]:

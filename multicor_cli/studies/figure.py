@@ -13,7 +13,8 @@ import numpy as np
 from multicor_cli.model.model import Floats
 from multicor_cli.optional import library
 from multicor_cli.plots.style import COLORS, COLUMN, PAGE, PlotError, TextLine, draw_text, figure_file
-from multicor_cli.scenario.expressions import Expression, ExpressionError
+from multicor_cli.scenario.expressions import Expression
+from multicor_cli.scenario.problems import Refused
 from multicor_cli.studies.axes import short_names
 from multicor_cli.studies.table import Panel, PlotRequest, Series, StudyTable, find_key
 
@@ -84,15 +85,15 @@ def formula(text: str) -> Curve:
     try:
         found = Expression(f"= {body.strip()}")
         found.check_names({"x": 1.0})
-    except ExpressionError as error:
-        raise PlotError(f"--curve {text!r}: {error.message}; write it as 'da Cruz 2005: 0.25 + 1.1*x'") from None
+    except Refused as error:
+        raise PlotError(f"--curve {text!r}: {error.what}; write it as 'da Cruz 2005: 0.25 + 1.1*x'") from None
 
     def value(x: Floats) -> Floats:
         heights = []
         for where in x.tolist():
             try:
                 heights.append(float(found.value({"x": where})))
-            except ExpressionError:
+            except Refused:
                 heights.append(math.nan)
         return np.array(heights)
 

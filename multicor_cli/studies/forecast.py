@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from multicor_cli.scenario.problems import Finding, Problem, ScenarioError
+from multicor_cli.scenario.problems import Problem, Refused, ScenarioError
 from multicor_cli.studies.axes import SEED, Case, check_case
 from multicor_cli.studies.load import Study
 from multicor_cli.studies.observing import missing
@@ -79,7 +79,9 @@ def check_cases(study: Study, cases: Sequence[Case]) -> None:
         try:
             scenario = check_case(study, case)
             if findings := list(missing(study.model.observe, scenario)):
-                raise study.refuse(*(finding._replace(message=f"{finding.message} (case {case.name})") for finding in findings))
+                raise study.refuse(
+                    *(Refused(finding.where, f"{finding.what} (case {case.name})", finding.remedy) for finding in findings)
+                )
         except ScenarioError as error:
             for problem in error.problems:
                 problems.setdefault((problem.key, problem.message.split(" (case ")[0]), problem)
@@ -162,4 +164,4 @@ def _refuse_without_space(study: Study, found: Forecast, directory: Path) -> Non
         runs = f"{found.cases} runs" if found.cases != 1 else "one run"
         message = f"{runs} will take about {format_bytes(found.disk)}, {format_bytes(free)} are free in {place}"
         remedy = 'choose another disk with -o, write fewer frames (output.frame_interval), or use precision = "single"'
-        raise study.refuse(Finding(("study", "scenario"), message, remedy))
+        raise study.refuse(Refused(("study", "scenario"), message, remedy))

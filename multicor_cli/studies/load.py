@@ -11,7 +11,7 @@ from typing import Any
 from pydantic import ValidationError
 
 from multicor_cli.scenario.load import parse_toml, read_text
-from multicor_cli.scenario.problems import Finding, KeyPath, ScenarioError
+from multicor_cli.scenario.problems import KeyPath, Refused, ScenarioError
 from multicor_cli.scenario.sources import Sources
 from multicor_cli.scenario.translate import translate
 from multicor_cli.studies.schema import StudyModel
@@ -48,7 +48,7 @@ class Study:
         """Arguments of ``--set`` for all cases."""
         return arguments(self.model.set)
 
-    def refuse(self, *findings: Finding) -> ScenarioError:
+    def refuse(self, *findings: Refused) -> ScenarioError:
         """The error that tells these findings, with their positions in the file."""
         return ScenarioError(self.sources.problems([place(self.document, finding) for finding in findings]))
 
@@ -76,9 +76,9 @@ def load_study(path: str | Path) -> Study:
     return Study(model, path, sources, document)
 
 
-def place(document: dict[str, Any], finding: Finding) -> Finding:
+def place(document: dict[str, Any], finding: Refused) -> Refused:
     """The finding at its place in the document: ``vary.keys.KEY`` stands there as ``vary."KEY"`` or, without quotes, as tables."""
-    path = finding.path
+    path = finding.where
     if path[:2] == ("vary", "keys") and len(path) > 2:
         table, key, rest = "vary", str(path[2]), path[3:]
     elif path[:1] == ("set",) and len(path) > 1:
@@ -86,4 +86,4 @@ def place(document: dict[str, Any], finding: Finding) -> Finding:
     else:
         return finding
     written: KeyPath = (key,) if key in document.get(table, {}) else tuple(key.split("."))
-    return finding._replace(path=(table, *written, *rest))
+    return Refused((table, *written, *rest), finding.what, finding.remedy)

@@ -7,7 +7,8 @@ from typing import Annotated, Any, Literal, Self
 
 from pydantic import AfterValidator, Discriminator, Field, Strict, Tag, ValidationInfo, field_validator, model_validator
 
-from multicor_cli.scenario.base import Name, Table, refuse
+from multicor_cli.scenario.base import Name, Table
+from multicor_cli.scenario.problems import Refused
 from multicor_cli.scenario.region import AnyRegion
 
 MAX_CASES = 100_000
@@ -30,9 +31,11 @@ class Range(Table):
     @model_validator(mode="after")
     def _is_a_range(self) -> Self:
         if self.from_ == self.to and self.count != 1:
-            raise refuse(f"the range from {self.from_:g} to {self.to:g} has no length", "give two different ends, or a list", "to")
+            raise Refused(
+                ("to",), f"the range from {self.from_:g} to {self.to:g} has no length", "give two different ends, or a list"
+            )
         if self.spacing == "log" and min(self.from_, self.to) <= 0.0:
-            raise refuse("a range with spacing 'log' needs positive ends", 'use spacing = "linear"', "from")
+            raise Refused(("from",), "a range with spacing 'log' needs positive ends", 'use spacing = "linear"')
         return self
 
 
@@ -55,7 +58,7 @@ def _check_count(axis: Any, info: ValidationInfo) -> Any:
     """The values of a key of `Vary`, whose ranges say how many these are unless they are drawn."""
     is_drawn = info.data.get("sample", "wrong") is not None  # of a wrong table it is not known
     if isinstance(axis, Range) and axis.count is None and not is_drawn:
-        raise refuse("is missing", "add count: how many values, or draw them with sample", "count")
+        raise Refused(("count",), "is missing", "add count: how many values, or draw them with sample")
     return axis
 
 
@@ -109,7 +112,7 @@ class After(Table):
     @model_validator(mode="after")
     def _one(self) -> Self:
         if (self.time is None) == (self.strain is None):
-            raise refuse("either time or strain says from when on", "give one of them")
+            raise Refused((), "either time or strain says from when on", "give one of them")
         return self
 
 
@@ -134,11 +137,11 @@ class Observable(Table):
     def _one_source(self) -> Self:
         given = [name for name in ("post", "info", "series") if getattr(self, name) is not None]
         if len(given) != 1:
-            raise refuse("post, info or series says where an observable comes from", "give one of them")
+            raise Refused((), "post, info or series says where an observable comes from", "give one of them")
         if (self.post is None) != (self.value is None):
-            raise refuse("post and value belong together", 'give both: post = "rheology", value = "friction_walls"')
+            raise Refused((), "post and value belong together", 'give both: post = "rheology", value = "friction_walls"')
         if self.info is not None and self.after is not None:
-            raise refuse("a field of info is no mean", "leave after out", "after")
+            raise Refused(("after",), "a field of info is no mean", "leave after out")
         return self
 
     @model_validator(mode="after")
@@ -147,9 +150,9 @@ class Observable(Table):
             is_given = getattr(self, key) is not None
             if is_given and self.post not in (*needing, *allowing):
                 known = " or ".join(f'post = "{name}"' for name in (*needing, *allowing))
-                raise refuse(f"{key} belongs to {known}", f"leave {key} out", key)
+                raise Refused((key,), f"{key} belongs to {known}", f"leave {key} out")
             if not is_given and self.post in needing:
-                raise refuse(f'post = "{self.post}" needs {key}', _EXAMPLES[key])
+                raise Refused((), f'post = "{self.post}" needs {key}', _EXAMPLES[key])
         return self
 
 
@@ -213,7 +216,7 @@ class Compute(Table):
     def _one(self) -> Self:
         given = [name for name, value in self if name != "threads" and value is not None]
         if len(given) > 1:
-            raise refuse(f"{' and '.join(given)} cannot be had together", "give one of them", given[1])
+            raise Refused((given[1],), f"{' and '.join(given)} cannot be had together", "give one of them")
         return self
 
 
@@ -230,9 +233,9 @@ class About(Table):
     @model_validator(mode="after")
     def _different_seeds(self) -> Self:
         if isinstance(self.seeds, int) and not 1 <= self.seeds <= MAX_CASES:
-            raise refuse(f"there cannot be {self.seeds} seeds", f"give 1 to {MAX_CASES}, or a list of seeds", "seeds")
+            raise Refused(("seeds",), f"there cannot be {self.seeds} seeds", f"give 1 to {MAX_CASES}, or a list of seeds")
         if isinstance(self.seeds, tuple) and len(set(self.seeds)) < len(self.seeds):
-            raise refuse("a seed comes twice", "give each seed once", "seeds")
+            raise Refused(("seeds",), "a seed comes twice", "give each seed once")
         return self
 
 
@@ -256,12 +259,12 @@ class StudyModel(Table):
     def _different_keys(self) -> Self:
         for key in self.set:
             if key in self.vary.keys:
-                raise refuse(f"{key} is set and varied", "leave one of them out", "set")
+                raise Refused(("set",), f"{key} is set and varied", "leave one of them out")
         return self
 
     @model_validator(mode="after")
     def _different_names(self) -> Self:
         names = [observable.name for observable in self.observe]
         if len(set(names)) < len(names):
-            raise refuse("two observables have the same name", "give each its own", "observe")
+            raise Refused(("observe",), "two observables have the same name", "give each its own")
         return self

@@ -13,8 +13,9 @@ from typing import Any
 
 from multicor_cli.running.outcome import StopReason
 from multicor_cli.scenario.load import load_scenario
+from multicor_cli.scenario.problems import Refused
 from multicor_cli.studies.axes import Case, expand
-from multicor_cli.studies.clusters import Cluster, DoesNotFit, connected, existing, require_libraries
+from multicor_cli.studies.clusters import Cluster, connected, existing, require_libraries
 from multicor_cli.studies.computing import Computation, Progress, Watcher
 from multicor_cli.studies.directory import LOGS, CaseState, CaseStatus, StudyDirectory
 from multicor_cli.studies.forecast import Forecast, Needs, check_cases, forecast
@@ -138,8 +139,8 @@ class StudySession:
                 return
             with connected(compute, self.directory.path / LOGS, needs, most=most) as site:
                 yield site
-        except DoesNotFit as error:
-            raise self.study.refuse(error.finding) from None
+        except Refused as error:
+            raise self.study.refuse(error) from None
 
     def table(self) -> StudyTable:
         """A row for each case, finished or not."""

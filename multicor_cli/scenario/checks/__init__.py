@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from multicor_cli.scenario.checks import grains, laws, stages
 from multicor_cli.scenario.checks.partial import PartialScenario
-from multicor_cli.scenario.problems import Finding
+from multicor_cli.scenario.problems import Refused
 
 __all__ = ["PartialScenario", "check_all"]
 
 
-def check_all(draft: PartialScenario) -> list[Finding]:
+def check_all(draft: PartialScenario) -> list[Refused]:
     """All findings about how the tables fit together; tables that are invalid on their own are passed over."""
     checks = (
         laws.check,

@@ -9,7 +9,7 @@ from multicor_cli.model.model import LEAST_DIAMETERS
 from multicor_cli.scenario.checks.partial import PartialScenario
 from multicor_cli.scenario.models import GradientTemperature, RegionsTemperature
 from multicor_cli.scenario.particles import CompactedPacking, DepositedPacking, Outlet, ParticleGroup, StartPacking, TilePacking
-from multicor_cli.scenario.problems import Finding, KeyPath, name_list, show
+from multicor_cli.scenario.problems import KeyPath, Refused, name_list, show
 from multicor_cli.scenario.region import RectangleRegion, Region
 from multicor_cli.scenario.settings import Domain
 from multicor_cli.scenario.sizes import AnySizes
@@ -23,7 +23,7 @@ MAX_GRAINS = 50_000_000
 _SLACK = 1e-9
 
 
-def check(draft: PartialScenario) -> Iterator[Finding]:
+def check(draft: PartialScenario) -> Iterator[Refused]:
     """Findings about the groups of grains."""
     yield from double_names(draft.group_names, "particles")
     yield from _unlike_shapes(draft)
@@ -34,24 +34,24 @@ def check(draft: PartialScenario) -> Iterator[Finding]:
             yield from _check_group(("particles", k), group, draft.domain)
 
 
-def double_names(names: Sequence[str | None], table: str) -> Iterator[Finding]:
+def double_names(names: Sequence[str | None], table: str) -> Iterator[Refused]:
     """Findings about names that are given twice in an array of tables."""
     first: dict[str, int] = {}
     for k, name in enumerate(names):
         if name is not None and first.setdefault(name, k) != k:
-            yield Finding((table, k, "name"), f"{show(name)} is also the name of {table}.{first[name]}", "give another name")
+            yield Refused((table, k, "name"), f"{show(name)} is also the name of {table}.{first[name]}", "give another name")
 
 
-def _unlike_shapes(draft: PartialScenario) -> Iterator[Finding]:
+def _unlike_shapes(draft: PartialScenario) -> Iterator[Refused]:
     groups = [(k, group) for k, group in enumerate(draft.particles) if group]
     for k, group in groups[1:]:
         first = groups[0][1]
         if group.shape != first.shape:
             what = f"{show(group.shape)}, but the group '{first.name}' has {show(first.shape)}"
-            yield Finding(("particles", k, "shape"), what, "use the same shape for all groups")
+            yield Refused(("particles", k, "shape"), what, "use the same shape for all groups")
 
 
-def _unlike_starts(draft: PartialScenario) -> Iterator[Finding]:
+def _unlike_starts(draft: PartialScenario) -> Iterator[Refused]:
     """With ``[start]`` all grains come from its run, and without it none do."""
     for k, group in enumerate(draft.particles):
         if group is None or isinstance(group.packing, StartPacking) == draft.has_start:
@@ -62,7 +62,7 @@ def _unlike_starts(draft: PartialScenario) -> Iterator[Finding]:
             remedy = 'remove [[particles]], or [start]; packing = { kind = "start" } names a group of the run'
         else:
             what, remedy = 'kind = "start" without a table [start]', 'add [start] with run = "...", or use another packing'
-        yield Finding(("particles", k, "packing"), what, remedy)
+        yield Refused(("particles", k, "packing"), what, remedy)
 
 
 def region_of(group: ParticleGroup, domain: Domain) -> Region:
@@ -70,14 +70,14 @@ def region_of(group: ParticleGroup, domain: Domain) -> Region:
     return group.region or RectangleRegion(min=(0.0, 0.0), max=domain.size)
 
 
-def _check_group(path: KeyPath, group: ParticleGroup, domain: Domain) -> Iterator[Finding]:
+def _check_group(path: KeyPath, group: ParticleGroup, domain: Domain) -> Iterator[Refused]:
     region = region_of(group, domain)
     if domain.periodic and not (region.left >= 0.0 and region.right <= domain.size[0]):
         what = f"reaches from x = {region.left:g} to {region.right:g}, beyond the period from 0 to {domain.size[0]:g}"
-        yield Finding((*path, "region"), what, "keep it inside [domain] size")
+        yield Refused((*path, "region"), what, "keep it inside [domain] size")
     if isinstance(group.packing, CompactedPacking | TilePacking) and not isinstance(region, RectangleRegion):
         what = f'packing kind = "{group.packing.kind}" fills rectangles only, not the {region}'
-        yield Finding((*path, "region"), what, 'use region = { min, max }, or packing kind = "lattice", "random" or "deposited"')
+        yield Refused((*path, "region"), what, 'use region = { min, max }, or packing kind = "lattice", "random" or "deposited"')
     if isinstance(group.packing, DepositedPacking) and domain.gravity[1] >= 0.0:
         yield _no_weight((*path, "packing"), domain)
     if group.sizes is not None:
@@ -86,7 +86,7 @@ def _check_group(path: KeyPath, group: ParticleGroup, domain: Domain) -> Iterato
         yield from _check_tile(path, group.packing, region, domain)
 
 
-def _check_sizes(path: KeyPath, group: ParticleGroup, region: Region, domain: Domain) -> Iterator[Finding]:
+def _check_sizes(path: KeyPath, group: ParticleGroup, region: Region, domain: Domain) -> Iterator[Refused]:
     assert group.sizes is not None
     diameter = 2.0 * group.sizes.largest
     tile = group.packing.tile if isinstance(group.packing, TilePacking) else (math.inf, math.inf)
@@ -95,13 +95,13 @@ def _check_sizes(path: KeyPath, group: ParticleGroup, region: Region, domain: Do
         is_plain = isinstance(region, RectangleRegion)
         place = f"{min(region.width, tile[0]):g} × {min(region.height, tile[1]):g} m" if is_plain else f"the {region}"
         what = f"grains of diameter {diameter:g} m do not fit into {place}"
-        yield Finding((*path, "sizes"), what, "give radii and lengths in meters")
+        yield Refused((*path, "sizes"), what, "give radii and lengths in meters")
     elif domain.periodic and domain.size[0] < LEAST_DIAMETERS * diameter:
         what = f"the period {domain.size[0]:g} m is less than four of the largest diameters, {diameter:g} m"
-        yield Finding((*path, "sizes"), what, "widen the domain or use smaller grains")
+        yield Refused((*path, "sizes"), what, "widen the domain or use smaller grains")
     elif group.count is not None and _least_area(group, group.count) > region.area().size:
         what = f"{group.count} grains cover more than the {region}"
-        yield Finding((*path, "count"), what, "lower count, or enlarge region")
+        yield Refused((*path, "count"), what, "lower count, or enlarge region")
 
 
 def _least_area(group: ParticleGroup, count: int) -> float:
@@ -109,22 +109,22 @@ def _least_area(group: ParticleGroup, count: int) -> float:
     return count * math.pi * group.sizes.smallest * group.sizes.smallest
 
 
-def _check_tile(path: KeyPath, packing: TilePacking, region: Region, domain: Domain) -> Iterator[Finding]:
+def _check_tile(path: KeyPath, packing: TilePacking, region: Region, domain: Domain) -> Iterator[Refused]:
     width, height = (packing.tile[axis] * packing.repeat[axis] for axis in (0, 1))
     if width > region.width * (1.0 + _SLACK) or height > region.height * (1.0 + _SLACK):
         covered = f"{packing.repeat[0]} × {packing.repeat[1]} tiles cover {width:g} × {height:g} m"
         what = f"{covered}, more than the {region}"
-        yield Finding((*path, "packing", "repeat"), what, "use fewer tiles")
+        yield Refused((*path, "packing", "repeat"), what, "use fewer tiles")
     if isinstance(packing.source, DepositedPacking) and domain.gravity[1] >= 0.0:
         yield _no_weight((*path, "packing", "source"), domain)
 
 
-def _no_weight(path: KeyPath, domain: Domain) -> Finding:
+def _no_weight(path: KeyPath, domain: Domain) -> Refused:
     what = f"grains cannot be deposited with gravity = {list(domain.gravity)}"
-    return Finding(path, what, "use gravity that points down in [domain], or another packing")
+    return Refused(path, what, "use gravity that points down in [domain], or another packing")
 
 
-def _too_many(draft: PartialScenario) -> Iterator[Finding]:
+def _too_many(draft: PartialScenario) -> Iterator[Refused]:
     """The total number of grains is bounded; counted from below where it follows from an area fraction."""
     total = 0.0
     for k, group in enumerate(draft.particles):
@@ -133,7 +133,7 @@ def _too_many(draft: PartialScenario) -> Iterator[Finding]:
         total += _least_count(group, draft.domain)
         if total > MAX_GRAINS:
             what = f"there would be at least {total:.3g} grains, more than {MAX_GRAINS:.3g}"
-            yield Finding(("particles", k), what, "use fewer or larger grains; radii and lengths are in meters")
+            yield Refused(("particles", k), what, "use fewer or larger grains; radii and lengths are in meters")
             return
 
 
@@ -152,7 +152,7 @@ def _least_count(group: ParticleGroup, domain: Domain) -> float:
 # ---- Grains that come and go find their places: releases and outlets fit into the domain, and to each other
 
 
-def check_exchange(draft: PartialScenario) -> Iterator[Finding]:
+def check_exchange(draft: PartialScenario) -> Iterator[Refused]:
     """Findings about releases and outlets."""
     yield from double_names([outlet.name if outlet else None for outlet in draft.outlets], "outlets")
     for k, group in enumerate(draft.particles):
@@ -163,37 +163,37 @@ def check_exchange(draft: PartialScenario) -> Iterator[Finding]:
             yield from _check_outlet(("outlets", k), outlet, draft)
 
 
-def _check_release(path: KeyPath, group: ParticleGroup, domain: Domain) -> Iterator[Finding]:
+def _check_release(path: KeyPath, group: ParticleGroup, domain: Domain) -> Iterator[Refused]:
     assert group.release is not None
     region, (width, height) = group.release.region, domain.size
     if not (region.min[0] >= 0.0 and region.max[0] <= width and region.min[1] >= 0.0 and region.max[1] <= height):
         what = f"reaches from {list(region.min)} to {list(region.max)} m, beyond the domain of {width:g} × {height:g} m"
-        yield Finding((*path, "release", "region"), what, "keep it inside [domain] size, or enlarge that")
+        yield Refused((*path, "release", "region"), what, "keep it inside [domain] size, or enlarge that")
     if group.sizes is not None:
         diameter = 2.0 * group.sizes.largest
         if diameter > min(region.width, region.height) * (1.0 + _SLACK):
             what = f"grains of diameter {diameter:g} m never fit into the region of {region.width:g} × {region.height:g} m"
-            yield Finding((*path, "release", "region"), what, "enlarge it: grains are released wholly inside")
+            yield Refused((*path, "release", "region"), what, "enlarge it: grains are released wholly inside")
     if group.packing is None and isinstance(group.temperature, GradientTemperature | RegionsTemperature):
         what = "the temperature depends on the place, but grains that wait have none"
-        yield Finding((*path, "temperature"), what, "give one temperature [K], or one for each grain")
+        yield Refused((*path, "temperature"), what, "give one temperature [K], or one for each grain")
 
 
-def _check_outlet(path: KeyPath, outlet: Outlet, draft: PartialScenario) -> Iterator[Finding]:
+def _check_outlet(path: KeyPath, outlet: Outlet, draft: PartialScenario) -> Iterator[Refused]:
     groups = [(k, group) for k, group in enumerate(draft.particles) if group is not None]
     for k, group in groups:
         if group.release is not None and _overlap(outlet.region, group.release.region):
             what = f"overlaps the release region of particles.{k}: grains would leave where they come"
-            yield Finding((*path, "region"), what, "move one of the two")
+            yield Refused((*path, "region"), what, "move one of the two")
     if outlet.then == "release" and len(groups) == len(draft.particles) and not any(group.release for _, group in groups):
         what = "grains are to be released again, but no group has a release"
-        yield Finding((*path, "then"), what, 'give a group release = { rate = ..., region = ... }, or use then = "remove"')
+        yield Refused((*path, "then"), what, 'give a group release = { rate = ..., region = ... }, or use then = "remove"')
     domain = draft.domain
     if domain is not None and domain.periodic and not (outlet.region.min[0] >= 0.0 and outlet.region.max[0] <= domain.size[0]):
         what = (
             f"reaches from x = {outlet.region.min[0]:g} to {outlet.region.max[0]:g}, beyond the period from 0 to {domain.size[0]:g}"
         )
-        yield Finding((*path, "region"), what, "keep it within the period: x is counted there")
+        yield Refused((*path, "region"), what, "keep it within the period: x is counted there")
 
 
 def _overlap(a: RectangleRegion, b: RectangleRegion) -> bool:
@@ -205,7 +205,7 @@ def _overlap(a: RectangleRegion, b: RectangleRegion) -> bool:
 _MAX_GLUED = 10_000_000
 
 
-def check_walls(draft: PartialScenario) -> Iterator[Finding]:
+def check_walls(draft: PartialScenario) -> Iterator[Refused]:
     """Findings about the walls."""
     yield from double_names(draft.wall_names, "walls")
     for k, wall in enumerate(draft.walls):
@@ -217,10 +217,10 @@ def check_walls(draft: PartialScenario) -> Iterator[Finding]:
             yield from _check_glued((*path, glued.key), glued, draft)
         if draft.domain:
             for found in wall.geometry.misfits(draft.domain):
-                yield found._replace(path=(*path, *found.path))
+                yield found.within(*path)
 
 
-def _unknown_groups(path: KeyPath, wall: Wall, draft: PartialScenario) -> Iterator[Finding]:
+def _unknown_groups(path: KeyPath, wall: Wall, draft: PartialScenario) -> Iterator[Refused]:
     """Groups that a wall is to meet."""
     if None in draft.group_names or not draft.group_names:
         return  # the group that is meant may be one without a name
@@ -228,10 +228,10 @@ def _unknown_groups(path: KeyPath, wall: Wall, draft: PartialScenario) -> Iterat
     for e, name in enumerate(wall.groups or ()):
         if name not in known:
             remedy = did_you_mean(name, known) or f"the groups are {name_list(known)}"
-            yield Finding((*path, e), f"there is no group of particles {show(name)}", remedy)
+            yield Refused((*path, e), f"there is no group of particles {show(name)}", remedy)
 
 
-def _check_glued(path: KeyPath, glued: Glued, draft: PartialScenario) -> Iterator[Finding]:
+def _check_glued(path: KeyPath, glued: Glued, draft: PartialScenario) -> Iterator[Refused]:
     named = glued.sizes
     if named is not None and not isinstance(named, str):
         yield from _check_room(path, glued, named)
@@ -240,28 +240,28 @@ def _check_glued(path: KeyPath, glued: Glued, draft: PartialScenario) -> Iterato
         if not known or len(known) < len(draft.group_names):  # the group that is meant may be one without a name
             return
         remedy = did_you_mean(named, known) or f"use one of {name_list(known)}, or a table of sizes"
-        yield Finding(path, f"there is no group of particles {show(named)}", remedy)
+        yield Refused(path, f"there is no group of particles {show(named)}", remedy)
     elif draft.particles:
         group = draft.particles[0 if named is None else draft.group_names.index(named)]
         yield from _check_borrowed(path, glued, group, draft)
 
 
-def _check_borrowed(path: KeyPath, glued: Glued, group: ParticleGroup | None, draft: PartialScenario) -> Iterator[Finding]:
+def _check_borrowed(path: KeyPath, glued: Glued, group: ParticleGroup | None, draft: PartialScenario) -> Iterator[Refused]:
     """Glued grains with the sizes of a group of free grains."""
     if group is None:
         return
     if group.sizes is None:
         what = f"the group '{group.name}' has no sizes that the glued grains could have"
-        yield Finding(path, what, 'give them here, as { kind = "uniform", min = 0.4e-3, max = 0.6e-3 }')
+        yield Refused(path, what, 'give them here, as { kind = "uniform", min = 0.4e-3, max = 0.6e-3 }')
     elif draft.domain and 2.0 * group.sizes.largest <= min(draft.domain.size):  # if larger, the group itself is told
         yield from _check_room(path, glued, group.sizes)
 
 
-def _check_room(path: KeyPath, glued: Glued, sizes: AnySizes) -> Iterator[Finding]:
+def _check_room(path: KeyPath, glued: Glued, sizes: AnySizes) -> Iterator[Refused]:
     """Glued grains fit on the wall, in a number that makes sense."""
     place, diameter = glued.place, 2.0 * sizes.largest
     remedy = "give radii and points in meters"
     if place.length < place.least * diameter:
-        yield Finding(path, f"{place}, too little for grains of diameter {diameter:g} m", remedy)
+        yield Refused(path, f"{place}, too little for grains of diameter {diameter:g} m", remedy)
     elif place.length > diameter * _MAX_GLUED:
-        yield Finding(path, f"{place}: more than {_MAX_GLUED:.3g} glued grains", remedy)
+        yield Refused(path, f"{place}: more than {_MAX_GLUED:.3g} glued grains", remedy)

@@ -8,7 +8,7 @@ from itertools import combinations_with_replacement
 from multicor_cli.scenario.checks.partial import PartialScenario
 from multicor_cli.scenario.loading import AnyCondition, FlowCondition, TemperatureCondition
 from multicor_cli.scenario.materials import MAX_MATERIALS, ContactPair, Heat, Material, Need, PairFriction
-from multicor_cli.scenario.problems import Finding, KeyPath, name_list, show
+from multicor_cli.scenario.problems import KeyPath, Refused, name_list, show
 from multicor_cli.scenario.translate import did_you_mean
 
 # ---- Materials and contact laws
@@ -18,7 +18,7 @@ _MAX_NAMED_PAIRS = 5
 Entries = Sequence[PairFriction | None]
 
 
-def check(draft: PartialScenario) -> Iterator[Finding]:
+def check(draft: PartialScenario) -> Iterator[Refused]:
     """Findings about materials and contact laws."""
     if len(draft.material_names) > MAX_MATERIALS:
         return
@@ -37,7 +37,7 @@ def _lists(draft: PartialScenario) -> Iterator[tuple[KeyPath, Entries]]:
             yield ("loading", k, "contacts"), stage.contacts
 
 
-def _undefined_materials(draft: PartialScenario) -> Iterator[Finding]:
+def _undefined_materials(draft: PartialScenario) -> Iterator[Refused]:
     used: list[tuple[KeyPath, str]] = []
     for path, entries in _lists(draft):
         used += [((*path, k, "pair", e), name) for k, c in _given(entries) for e, name in enumerate(c.pair) if name != "*"]
@@ -47,7 +47,7 @@ def _undefined_materials(draft: PartialScenario) -> Iterator[Finding]:
     for path, name in used:
         if known and name not in known:
             remedy = did_you_mean(name, known) or f"add [materials.{name}], or use one of {name_list(known)}"
-            yield Finding(path, f"there is no material {show(name)}", remedy)
+            yield Refused(path, f"there is no material {show(name)}", remedy)
 
 
 def _given(entries: Entries) -> Iterator[tuple[int, PairFriction]]:
@@ -71,12 +71,12 @@ def _by_pair(entries: Entries) -> dict[tuple[str, str], int]:
     return first
 
 
-def _double_entries(path: KeyPath, entries: Entries) -> Iterator[Finding]:
+def _double_entries(path: KeyPath, entries: Entries) -> Iterator[Refused]:
     first = _by_pair(entries)
     for k, entry in _given(entries):
         if (before := first[_key(*entry.pair)]) != k:
             what = f"the pair {_show_pair(entry.pair)} is given twice, first in {_dotted(path)}.{before}"
-            yield Finding((*path, k, "pair"), what, "remove one of the two")
+            yield Refused((*path, k, "pair"), what, "remove one of the two")
 
 
 def touching_pairs(draft: PartialScenario) -> list[tuple[str, str]]:
@@ -99,7 +99,7 @@ def _dotted(path: KeyPath) -> str:
     return ".".join(map(str, path))
 
 
-def _ambiguous_pairs(path: KeyPath, entries: Entries, draft: PartialScenario) -> Iterator[Finding]:
+def _ambiguous_pairs(path: KeyPath, entries: Entries, draft: PartialScenario) -> Iterator[Refused]:
     """Pairs that two entries such as ["a", "*"] and ["b", "*"] cover, without an entry of their own."""
     first = _by_pair(entries)
     told: set[int] = set()
@@ -109,10 +109,10 @@ def _ambiguous_pairs(path: KeyPath, entries: Entries, draft: PartialScenario) ->
             told.add(rivals[1])
             one, other = (f"{_dotted(path)}.{rival}" for rival in rivals)
             what = f"{one} and {other} both apply to the pair {_show_pair((a, b))}"
-            yield Finding((*path, rivals[1], "pair"), what, f"add an entry with pair = {_show_pair((a, b))}")
+            yield Refused((*path, rivals[1], "pair"), what, f"add an entry with pair = {_show_pair((a, b))}")
 
 
-def _uncovered_pairs(draft: PartialScenario) -> Iterator[Finding]:
+def _uncovered_pairs(draft: PartialScenario) -> Iterator[Refused]:
     """One finding for all pairs without a law, unless an entry that is wrong may be the one that is meant for them."""
     named = {name for _, entry in _given(draft.contacts) for name in entry.pair if name != "*"}
     if None in draft.contacts or not named <= set(draft.material_names):
@@ -124,13 +124,13 @@ def _uncovered_pairs(draft: PartialScenario) -> Iterator[Finding]:
     pairs = ", ".join(_show_pair(pair) for pair in uncovered[:_MAX_NAMED_PAIRS])
     more = f" and {len(uncovered) - _MAX_NAMED_PAIRS} more" if len(uncovered) > _MAX_NAMED_PAIRS else ""
     remedy = f'add [[contacts]] with pair = {_show_pair(uncovered[0])}, or ["*", "*"] for all others'
-    yield Finding(("contacts",), f"no contact law for {pairs}{more}", remedy)
+    yield Refused(("contacts",), f"no contact law for {pairs}{more}", remedy)
 
 
 # ---- Thermal keys have an effect: `[heat]` is there where it is needed, and stages, walls and gas can do what is asked of them
 
 
-def check_heat(draft: PartialScenario) -> Iterator[Finding]:
+def check_heat(draft: PartialScenario) -> Iterator[Refused]:
     """Findings about heat, but for the properties of materials."""
     if not draft.has_heat:
         yield from _without_heat(draft)
@@ -142,10 +142,10 @@ def check_heat(draft: PartialScenario) -> Iterator[Finding]:
         yield from _check_sizes(draft, draft.heat)
 
 
-def _without_heat(draft: PartialScenario) -> Iterator[Finding]:
+def _without_heat(draft: PartialScenario) -> Iterator[Refused]:
     """Keys that mean nothing without ``[heat]``."""
     for path in _thermal_keys(draft):
-        yield Finding(path, f"there is no heat in this scenario, but {path[-1]} needs it", "add a table [heat], or remove the key")
+        yield Refused(path, f"there is no heat in this scenario, but {path[-1]} needs it", "add a table [heat], or remove the key")
 
 
 def _thermal_keys(draft: PartialScenario) -> Iterator[KeyPath]:
@@ -164,13 +164,13 @@ def _thermal_keys(draft: PartialScenario) -> Iterator[KeyPath]:
         yield from (("loading", k, key) for key, is_given in given.items() if is_given)
 
 
-def _never_on(draft: PartialScenario) -> Iterator[Finding]:
+def _never_on(draft: PartialScenario) -> Iterator[Refused]:
     """A table ``[heat]`` that no stage uses."""
     if draft.loading and all(stage is not None and stage.heat is False for stage in draft.loading):
-        yield Finding(("heat",), "all stages have heat = false: no temperature ever changes", "remove [heat], or one heat = false")
+        yield Refused(("heat",), "all stages have heat = false: no temperature ever changes", "remove [heat], or one heat = false")
 
 
-def _check_frozen(draft: PartialScenario, heat: Heat) -> Iterator[Finding]:
+def _check_frozen(draft: PartialScenario, heat: Heat) -> Iterator[Refused]:
     """Contact spots need forces, which only a step of the mechanics finds out, here or in the run of ``[start]``."""
     knows_spots = draft.has_start or not heat.needs_forces
     for k, stage in enumerate(draft.loading):
@@ -179,11 +179,11 @@ def _check_frozen(draft: PartialScenario, heat: Heat) -> Iterator[Finding]:
         if not knows_spots:
             what = "the forces of the contacts are not known before the first step, and conduction needs them"
             remedy = "add a stage of at least one step before it, or give [heat] force = { prescribed = ... }"
-            yield Finding(("loading", k, "frozen"), what, remedy)
+            yield Refused(("loading", k, "frozen"), what, remedy)
             return
 
 
-def _check_conditions(draft: PartialScenario, heat: Heat) -> Iterator[Finding]:
+def _check_conditions(draft: PartialScenario, heat: Heat) -> Iterator[Refused]:
     """What is prescribed at a wall reaches the grains somehow."""
     if heat.has_spots:
         return
@@ -191,10 +191,10 @@ def _check_conditions(draft: PartialScenario, heat: Heat) -> Iterator[Finding]:
     for path, condition in _conditions(draft):
         if isinstance(condition, FlowCondition):
             what = 'no heat can flow from the wall into grains with conduction = "none" and without gas'
-            yield Finding((*path, "flow"), what, "let contacts conduct, or prescribe the temperature of the wall")
+            yield Refused((*path, "flow"), what, "let contacts conduct, or prescribe the temperature of the wall")
         elif isinstance(condition, TemperatureCondition) and not has_effect:
             what = 'the wall cannot heat grains with conduction = "none" and without gas, friction or radiation of neighbors'
-            yield Finding((*path, "temperature"), what, "let contacts conduct, or remove it")
+            yield Refused((*path, "temperature"), what, "let contacts conduct, or remove it")
 
 
 def _conditions(draft: PartialScenario) -> Iterator[tuple[KeyPath, AnyCondition]]:
@@ -206,7 +206,7 @@ def _conditions(draft: PartialScenario) -> Iterator[tuple[KeyPath, AnyCondition]
             yield ("loading", k, "thermal", name), condition
 
 
-def _check_sizes(draft: PartialScenario, heat: Heat) -> Iterator[Finding]:
+def _check_sizes(draft: PartialScenario, heat: Heat) -> Iterator[Refused]:
     """The gas model for equal grains; groups that bring their grains are checked when they are made."""
     sizes = [group.sizes for group in draft.particles if group and group.sizes]
     if heat.gas is None or not sizes:
@@ -217,7 +217,7 @@ def _check_sizes(draft: PartialScenario, heat: Heat) -> Iterator[Finding]:
 # ---- Materials have the properties that the chosen heat mechanisms and contact laws need, and are fit for them
 
 
-def check_thermal_materials(draft: PartialScenario) -> Iterator[Finding]:
+def check_thermal_materials(draft: PartialScenario) -> Iterator[Refused]:
     """Findings about thermal properties of materials."""
     if draft.heat is None:
         return
@@ -234,14 +234,14 @@ def check_thermal_materials(draft: PartialScenario) -> Iterator[Finding]:
             yield from mechanism.check_material(name, material)
 
 
-def _missing(name: str, material: Material, needs: Iterable[Need]) -> Iterator[Finding]:
+def _missing(name: str, material: Material, needs: Iterable[Need]) -> Iterator[Refused]:
     """One finding for all that a material lacks."""
     lacking = {key: {why for why, keys in needs if key in keys} for key, value in material if value is None}
     missing = [key for key, reasons in lacking.items() if reasons]
     if missing:
         reasons = sorted(set().union(*lacking.values()))
         what = f"'{name}' has no {', '.join(missing)}; needed by {', '.join(reasons)}"
-        yield Finding(("materials", name), what, f"add {', '.join(map(Material.with_unit, missing))}")
+        yield Refused(("materials", name), what, f"add {', '.join(map(Material.with_unit, missing))}")
 
 
 def _laws(draft: PartialScenario) -> dict[tuple[str, str], ContactPair]:

@@ -21,7 +21,7 @@ from multicor_cli.scenario.loading import (
     moves,
     walls_of,
 )
-from multicor_cli.scenario.problems import Finding, KeyPath, name_list, show
+from multicor_cli.scenario.problems import KeyPath, Refused, name_list, show
 from multicor_cli.scenario.translate import did_you_mean
 from multicor_cli.scenario.walls import Wall, prism_height
 
@@ -30,7 +30,7 @@ from multicor_cli.scenario.walls import Wall, prism_height
 _LEVEL = 1e-9  # distance over the size of the domain that counts as none
 
 
-def check(draft: PartialScenario) -> Iterator[Finding]:
+def check(draft: PartialScenario) -> Iterator[Refused]:
     """Findings about the loading stages."""
     yield from double_names([stage.name if stage else None for stage in draft.loading], "loading")
     yield from _nothing_to_tilt(draft)
@@ -50,7 +50,7 @@ def _stages(draft: PartialScenario) -> Iterator[tuple[int, Stage]]:
     return ((k, stage) for k, stage in enumerate(draft.loading) if stage)
 
 
-def _unknown_walls(path: KeyPath, stage: Stage, draft: PartialScenario) -> Iterator[Finding]:
+def _unknown_walls(path: KeyPath, stage: Stage, draft: PartialScenario) -> Iterator[Refused]:
     known = [name for name in draft.wall_names if name]
     used: list[tuple[KeyPath, str]] = [((*path, "drives", name), name) for name in stage.drives]
     used += [((*path, "thermal", name), name) for name in stage.thermal]
@@ -60,7 +60,7 @@ def _unknown_walls(path: KeyPath, stage: Stage, draft: PartialScenario) -> Itera
     for place, name in used:
         if name not in known:
             remedy = did_you_mean(name, known) or f"the walls are {name_list(known) or 'none'}"
-            yield Finding(place, f"there is no wall {show(name)}", remedy)
+            yield Refused(place, f"there is no wall {show(name)}", remedy)
 
 
 def _loads(stage: Stage) -> Iterator[tuple[str, str, LoadDof]]:
@@ -72,7 +72,7 @@ def _loads(stage: Stage) -> Iterator[tuple[str, str, LoadDof]]:
                 yield name, dof, table
 
 
-def _check_lengths(wall: Wall, draft: PartialScenario) -> Iterator[Finding]:
+def _check_lengths(wall: Wall, draft: PartialScenario) -> Iterator[Refused]:
     """A stress acts between two other walls that lie apart across its axis."""
     if draft.domain is None:
         return
@@ -84,24 +84,24 @@ def _check_lengths(wall: Wall, draft: PartialScenario) -> Iterator[Finding]:
             path, across = ("loading", k, "drives", name, dof, "between"), "y" if dof == "x" else "x"
             first, second = (float(origins[other]["xy".index(across)]) for other in load.between)
             if name in load.between:
-                yield Finding(
+                yield Refused(
                     path, f"the stress on '{name}' cannot act between '{name}' and another wall", "name its two neighbors"
                 )
             elif abs(first - second) <= _LEVEL * max(draft.domain.size):
                 what = f"there is no length between '{load.between[0]}' and '{load.between[1]}': both lie at {across} = {first:g}"
-                yield Finding(path, what, f"name two walls apart in {across}, or remove it: the length is then that of '{name}'")
+                yield Refused(path, what, f"name two walls apart in {across}, or remove it: the length is then that of '{name}'")
 
 
-def _nothing_to_tilt(draft: PartialScenario) -> Iterator[Finding]:
+def _nothing_to_tilt(draft: PartialScenario) -> Iterator[Refused]:
     """Gravity of the magnitude of the domain's, where there is none."""
     for k, stage in _stages(draft):
         gravity = stage.gravity
         if isinstance(gravity, TiltedGravityTable) and gravity.magnitude is None and draft.domain and not any(draft.domain.gravity):
             what = "[domain] has gravity = [0, 0], which no angle turns"
-            yield Finding(("loading", k, "gravity"), what, "add magnitude [m/s²], as magnitude = 9.81")
+            yield Refused(("loading", k, "gravity"), what, "add magnitude [m/s²], as magnitude = 9.81")
 
 
-def _check_turning(wall: Wall, draft: PartialScenario) -> Iterator[Finding]:
+def _check_turning(wall: Wall, draft: PartialScenario) -> Iterator[Refused]:
     """A wall that reaches from one period to the next has no center to turn about."""
     geometry = wall.geometry
     if draft.domain is None or any(geometry.misfits(draft.domain)) or not geometry.spans_period(draft.domain):
@@ -111,10 +111,10 @@ def _check_turning(wall: Wall, draft: PartialScenario) -> Iterator[Finding]:
         if drives is not None and drives.spin is not None and moves(drives.spin):
             what = f"the wall '{wall.name}' cannot turn: it reaches from one period to the next"
             remedy = "remove spin, make it narrower than the period in all directions, or use periodic = false"
-            yield Finding(("loading", k, "drives", wall.name, "spin"), what, remedy)
+            yield Refused(("loading", k, "drives", wall.name, "spin"), what, remedy)
 
 
-def _check_inertia(path: KeyPath, wall: Wall, draft: PartialScenario) -> Iterator[Finding]:
+def _check_inertia(path: KeyPath, wall: Wall, draft: PartialScenario) -> Iterator[Refused]:
     """A wall that forces drive has a mass; gravity acts only on such walls."""
     driven: dict[str, int] = {}
     weighs = _weighs(wall, draft)
@@ -126,13 +126,13 @@ def _check_inertia(path: KeyPath, wall: Wall, draft: PartialScenario) -> Iterato
     moved = [dof for dof in ("x", "y") if dof in driven]
     if moved and wall.mass is None and not weighs:
         what = f"the wall '{wall.name}' has no mass, but a force drives its {moved[0]} in loading.{driven[moved[0]]}"
-        yield Finding((*path, "mass"), what, "add mass [kg]")
+        yield Refused((*path, "mass"), what, "add mass [kg]")
     if "spin" in driven and wall.inertia is None and not weighs:
         what = f"the wall '{wall.name}' has no moment of inertia, but a torque drives its spin in loading.{driven['spin']}"
-        yield Finding((*path, "inertia"), what, "add inertia [kg m²]")
+        yield Refused((*path, "inertia"), what, "add inertia [kg m²]")
     if wall.gravity and not moved and None not in draft.loading:
         what = f"no force drives the wall '{wall.name}' in any stage, so that gravity cannot act on it"
-        yield Finding((*path, "gravity"), what, "remove gravity = true, or drive x or y by a force (which may be 0)")
+        yield Refused((*path, "gravity"), what, "remove gravity = true, or drive x or y by a force (which may be 0)")
 
 
 def _weighs(wall: Wall, draft: PartialScenario) -> bool:
@@ -146,7 +146,7 @@ def _weighs(wall: Wall, draft: PartialScenario) -> bool:
 # ---- Stages that wait for something of walls wait for what can come
 
 
-def check_ends(draft: PartialScenario) -> Iterator[Finding]:
+def check_ends(draft: PartialScenario) -> Iterator[Refused]:
     """Findings about the conditions that end stages."""
     stages = [stage for stage in draft.loading if stage]
     walls = [wall for wall in draft.walls if wall]
@@ -161,7 +161,7 @@ def check_ends(draft: PartialScenario) -> Iterator[Finding]:
             yield from _check_stage(("loading", k, "until"), stage, by_name, dict(zip(names, dofs, strict=True)))
 
 
-def _check_stage(path: KeyPath, stage: Stage, walls: dict[str, Wall], dofs: dict[str, WallDofs]) -> Iterator[Finding]:
+def _check_stage(path: KeyPath, stage: Stage, walls: dict[str, Wall], dofs: dict[str, WallDofs]) -> Iterator[Refused]:
     until = stage.until
     if isinstance(until, UntilStrain):
         yield from _check_pair((*path, "strain"), until.strain.walls, "x", "y", walls, dofs)
@@ -169,7 +169,7 @@ def _check_stage(path: KeyPath, stage: Stage, walls: dict[str, Wall], dofs: dict
         if stage.duration is None and any(map(moves, drives)) and not any(map(keeps_moving, drives)):
             lower, upper = until.strain.walls
             what = f"'{lower}' and '{upper}' come to a stop, so that the stage may never end"
-            yield Finding((*path, "strain"), what, "give duration [s] too, as its upper bound")
+            yield Refused((*path, "strain"), what, "give duration [s] too, as its upper bound")
     elif isinstance(until, UntilAxialStrain):
         axis = until.axial_strain.axis
         yield from _check_pair((*path, "axial_strain"), until.axial_strain.walls, axis, axis, walls, dofs)
@@ -178,25 +178,25 @@ def _check_stage(path: KeyPath, stage: Stage, walls: dict[str, Wall], dofs: dict
         if not moves(dofs[end.wall][DOF_NAMES.index(end.axis)].dof):
             doing = "turn" if end.axis == "spin" else f"move in {end.axis}"
             remedy = f"drive it, as drives.{end.wall}.{end.axis} = {{ velocity = 0.1 }}"
-            yield Finding((*path, "displacement"), f"'{end.wall}' does not {doing} in this stage", remedy)
+            yield Refused((*path, "displacement"), f"'{end.wall}' does not {doing} in this stage", remedy)
 
 
 def _check_pair(
     path: KeyPath, pair: tuple[str, str], moved: str, apart: str, walls: dict[str, Wall], dofs: dict[str, WallDofs]
-) -> Iterator[Finding]:
+) -> Iterator[Refused]:
     """Two walls that move relative to each other along one axis and lie apart along another."""
     lower, upper = pair
     if lower == upper:
-        yield Finding((*path, "walls"), f"'{lower}' is named twice", "name two different walls")
+        yield Refused((*path, "walls"), f"'{lower}' is named twice", "name two different walls")
         return
     heights = [walls[name].geometry.height for name in pair]
     if apart == "y" and heights[0] is not None and heights[0] == heights[1]:
         what = f"'{lower}' and '{upper}' both lie at y = {heights[0]:g}: there is no strain between them"
-        yield Finding((*path, "walls"), what, "name two walls at different heights")
+        yield Refused((*path, "walls"), what, "name two walls at different heights")
     drives = [dofs[name][DOF_NAMES.index(moved)].dof for name in pair]
     if not any(map(moves, drives)) or (drives[0] == drives[1] and is_prescribed(drives[0])):
         what = f"neither '{lower}' nor '{upper}' moves in {moved} relative to the other in this stage"
-        yield Finding(path, what, f"drive one of them, as drives.{upper}.{moved} = {{ velocity = 0.1 }}")
+        yield Refused(path, what, f"drive one of them, as drives.{upper}.{moved} = {{ velocity = 0.1 }}")
 
 
 # ---- Time steps, durations and intervals of output go together
@@ -207,7 +207,7 @@ MAX_ROWS = 1e8
 _SLACK = 1e-9
 
 
-def check_timing(draft: PartialScenario) -> Iterator[Finding]:
+def check_timing(draft: PartialScenario) -> Iterator[Refused]:
     """Findings about times."""
     durations = list(_check_durations(draft))
     yield from durations
@@ -235,33 +235,33 @@ def _time_step(draft: PartialScenario, stage: Stage) -> float | None:
     return None if dt == "auto" else dt
 
 
-def _check_durations(draft: PartialScenario) -> Iterator[Finding]:
+def _check_durations(draft: PartialScenario) -> Iterator[Refused]:
     for k, stage in enumerate(draft.loading):
         dt = _time_step(draft, stage) if stage else None
         if stage is None or stage.duration is None or dt is None:
             continue
         path = ("loading", k, "duration")
         if stage.duration < dt * (1.0 - _SLACK):
-            yield Finding(path, f"{stage.duration:g} s is shorter than the time step dt = {dt:g} s", "lower dt")
+            yield Refused(path, f"{stage.duration:g} s is shorter than the time step dt = {dt:g} s", "lower dt")
         elif stage.duration > MAX_STEPS * dt:
             what = f"{stage.duration:g} s are {stage.duration / dt:.2g} steps of dt = {dt:g} s"
-            yield Finding(path, what, f"stay below {MAX_STEPS:g} steps; times are in seconds")
+            yield Refused(path, what, f"stay below {MAX_STEPS:g} steps; times are in seconds")
 
 
-def _check_intervals(draft: PartialScenario) -> Iterator[Finding]:
+def _check_intervals(draft: PartialScenario) -> Iterator[Refused]:
     output, steps = draft.output, _time_steps(draft)
     if output is None or not steps:
         return
     longest = max(steps)
     if output.frame_interval < longest * (1.0 - _SLACK):
         what = f"{output.frame_interval:g} s is less than the time step dt = {longest:g} s"
-        yield Finding(("output", "frame_interval"), what, "make it at least dt")
+        yield Refused(("output", "frame_interval"), what, "make it at least dt")
     elif output.series_interval < longest * (1.0 - _SLACK) and not output.has_default_series:  # else there is one row per step
         what = f"{output.series_interval:g} s is less than the time step dt = {longest:g} s"
-        yield Finding(("output", "series_interval"), what, "make it at least dt, or remove it")
+        yield Refused(("output", "series_interval"), what, "make it at least dt, or remove it")
 
 
-def _check_amounts(draft: PartialScenario) -> Iterator[Finding]:
+def _check_amounts(draft: PartialScenario) -> Iterator[Refused]:
     """A mistaken interval must not fill the disk."""
     output = draft.output
     if output is None:
@@ -273,7 +273,7 @@ def _check_amounts(draft: PartialScenario) -> Iterator[Finding]:
         if times > most:
             total = math.fsum(stage.duration or 0.0 for stage in stages)
             what = f"{total:g} s of loading at intervals of {interval:g} s are written {times:.2g} times"
-            yield Finding(("output", key), what, f"stay below {most:g}; times are in seconds")
+            yield Refused(("output", key), what, f"stay below {most:g}; times are in seconds")
             return
 
 

@@ -6,10 +6,10 @@ from packing_support import generator, pair_gaps, scenario, smallest_gap, wall
 
 from multicor_cli.packing import build
 from multicor_cli.packing.deposited import deposit
-from multicor_cli.packing.initial_grains import PackingError, PackingRegion
+from multicor_cli.packing.initial_grains import PackingRegion
 from multicor_cli.packing.sizes import uniform_sizes
 from multicor_cli.packing.walls import Obstacles
-from multicor_cli.scenario import ScenarioError
+from multicor_cli.scenario import Refused, ScenarioError
 
 WIDTH = 0.06
 
@@ -75,16 +75,16 @@ def test_same_seed_same_bits_other_seed_other_heap():
 
 def test_full_region_is_refused_with_the_number_that_fits():
     radius = np.full(2000, 1e-3)
-    with pytest.raises(PackingError, match="full with") as caught:
+    with pytest.raises(Refused, match="full with") as caught:
         drop(radius, height=0.06)
-    fits = int(caught.value.message.split("full with ")[1].split()[0])
+    fits = int(caught.value.what.split("full with ")[1].split()[0])
     assert 0.75 < fits * np.pi * 1e-6 / (WIDTH * 0.06) < 0.85
     position = drop(radius[:fits], height=0.06)
     assert (position[:, 1] + 1e-3).max() <= 0.06 * (1 + 1e-9)
 
 
 def test_grain_wider_than_the_region_is_refused():
-    with pytest.raises(PackingError, match="width of the region"):
+    with pytest.raises(Refused, match="width of the region"):
         drop(np.array([0.04]))
 
 

@@ -8,9 +8,9 @@ from store_support import make_model, run_whole
 from multicor_cli.packing import file
 from multicor_cli.packing.file import read_grains
 from multicor_cli.packing.from_run import read_frame
-from multicor_cli.packing.initial_grains import PackingError
 from multicor_cli.packing.overlap import CROWD, overlap_problems, thin_crowds
 from multicor_cli.packing.walls import Obstacles
+from multicor_cli.scenario import Refused
 
 
 def csv(tmp_path, text, name="grains.csv"):
@@ -73,15 +73,15 @@ BAD_CSV = {
 @pytest.mark.parametrize("case", BAD_CSV)
 def test_bad_csv_is_refused_with_its_line(tmp_path, case):
     text, words = BAD_CSV[case]
-    with pytest.raises(PackingError, match=words) as caught:
+    with pytest.raises(Refused, match=words) as caught:
         read_grains(csv(tmp_path, text), (0.0, 0.0))
-    assert caught.value.key == ("packing", "path")
+    assert caught.value.where == ("packing", "path")
 
 
 def test_bytes_that_are_no_text(tmp_path):
     path = tmp_path / "grains.csv"
     path.write_bytes(b"x,y,radius\n1,2,\xff\xfe\n")
-    with pytest.raises(PackingError, match="UTF-8"):
+    with pytest.raises(Refused, match="UTF-8"):
         read_grains(path, (0.0, 0.0))
 
 
@@ -90,21 +90,21 @@ def test_missing_foreign_and_huge_files(tmp_path, monkeypatch):
     cases = {"none.csv": "no file", "folder.csv": "it is a directory", "a.xls": "kind of file"}
     csv(tmp_path, "", "a.xls")
     for path, words in ((tmp_path / name, words) for name, words in cases.items()):
-        with pytest.raises(PackingError, match=words):
+        with pytest.raises(Refused, match=words):
             read_grains(path, (0.0, 0.0))
     monkeypatch.setattr(file, "MAX_BYTES", 10)
-    with pytest.raises(PackingError, match=r"larger than 10 B \(\d+ B\)"):
+    with pytest.raises(Refused, match=r"larger than 10 B \(\d+ B\)"):
         read_grains(csv(tmp_path, "x,y,radius\n1,2,3\n"), (0.0, 0.0))
 
 
 def test_too_many_grains_are_refused_before_they_are_read(tmp_path, monkeypatch):
     monkeypatch.setattr(file, "MAX_GRAINS", 3)
-    with pytest.raises(PackingError, match="holds 4 grains"):
+    with pytest.raises(Refused, match="holds 4 grains"):
         read_grains(csv(tmp_path, "x,y,radius\n" + "1,2,3\n" * 9), (0.0, 0.0))
     with h5py.File(tmp_path / "big.h5", "w") as out:
         for name in ("x", "y", "radius"):
             out.create_dataset(name, shape=(10**13,), chunks=(1000,), dtype="f8")
-    with pytest.raises(PackingError, match="more values than are stored"):
+    with pytest.raises(Refused, match="more values than are stored"):
         read_grains(tmp_path / "big.h5", (0.0, 0.0))
 
 
@@ -114,7 +114,7 @@ def test_chunks_that_would_fill_the_memory_are_refused(tmp_path):
         for name in ("x", "y"):
             out[name] = np.arange(3.0)
         out.create_dataset("radius", shape=(3,), maxshape=(None,), chunks=(2**22,), dtype="f8", compression="gzip", data=np.ones(3))
-    with pytest.raises(PackingError, match="radius is stored in chunks of 4194304 values"):
+    with pytest.raises(Refused, match="radius is stored in chunks of 4194304 values"):
         read_grains(tmp_path / "bomb.h5", (0.0, 0.0))
 
 
@@ -131,7 +131,7 @@ BAD_HDF5 = {
 @pytest.mark.parametrize("case", BAD_HDF5)
 def test_bad_hdf5_is_refused(tmp_path, case):
     columns, words = BAD_HDF5[case]
-    with pytest.raises(PackingError, match=words):
+    with pytest.raises(Refused, match=words):
         read_grains(hdf5(tmp_path, **columns), (0.0, 0.0))
 
 
@@ -140,12 +140,12 @@ def test_hdf5_links_to_other_files_are_not_followed(tmp_path):
     with h5py.File(tmp_path / "grains.h5", "w") as out:
         out["x"] = out["y"] = [1.0]
         out["radius"] = h5py.ExternalLink("other.h5", "radius")
-    with pytest.raises(PackingError, match="not a dataset stored in this file"):
+    with pytest.raises(Refused, match="not a dataset stored in this file"):
         read_grains(tmp_path / "grains.h5", (0.0, 0.0))
 
 
 def test_damaged_hdf5(tmp_path):
-    with pytest.raises(PackingError, match="cannot be read"):
+    with pytest.raises(Refused, match="cannot be read"):
         read_grains(csv(tmp_path, "this is no HDF5 file", "grains.h5"), (0.0, 0.0))
 
 
@@ -170,10 +170,10 @@ def test_temperatures_of_a_frame(tmp_path):
 
 def test_missing_run_or_frame(tmp_path):
     run_whole(tmp_path / "run", steps=20)
-    with pytest.raises(PackingError, match=r"no frame 5.*the run has 5, from 0 to 4") as caught:
+    with pytest.raises(Refused, match=r"no frame 5.*the run has 5, from 0 to 4") as caught:
         read_frame(tmp_path / "run", 5)
-    assert caught.value.key == ("packing", "frame")
-    with pytest.raises(PackingError, match="cannot be read"):
+    assert caught.value.where == ("packing", "frame")
+    with pytest.raises(Refused, match="cannot be read"):
         read_frame(tmp_path / "nothing", -1)
 
 
@@ -196,7 +196,7 @@ def test_frames_hold_no_absurd_values(tmp_path, path, value, message):
             data[-1, 1] = value
         else:
             data[-1] = value
-    with pytest.raises(PackingError, match=message):
+    with pytest.raises(Refused, match=message):
         read_frame(results, -1)
 
 
@@ -215,7 +215,7 @@ def test_hdf5_with_types_that_numpy_lacks(tmp_path, kind):
             wide.set_fields(255, 224, 31, 0, 224)
             number = h5py.h5t.UNIX_D32LE if kind == "a time" else wide
             h5py.h5d.create(out.id, b"x", number, h5py.h5s.create_simple((5,)))
-    with pytest.raises(PackingError, match=r"cannot read|more values than are stored"):
+    with pytest.raises(Refused, match=r"cannot read|more values than are stored"):
         read_grains(path, (0.0, 0.0))
 
 

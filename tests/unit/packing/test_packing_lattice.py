@@ -4,8 +4,9 @@ import numpy as np
 import pytest
 from packing_support import generator, pair_gaps, smallest_gap
 
-from multicor_cli.packing.initial_grains import PackingError, PackingRegion
+from multicor_cli.packing.initial_grains import PackingRegion
 from multicor_cli.packing.lattice import lattice, lattice_capacity
+from multicor_cli.scenario import Refused
 
 R = 1e-3
 BOX = PackingRegion(0.0, 0.0, 0.02, 0.02)
@@ -60,12 +61,12 @@ def test_capacity_is_what_fits_and_one_more_is_refused(kind):
     position = sites(capacity, kind=kind)
     assert position[:, 1].max() <= 0.02 - R + 1e-12
     assert position[:, 1].max() > 0.02 - R - 2 * R  # one more row would not fit
-    with pytest.raises(PackingError, match=f"it holds {capacity}"):
+    with pytest.raises(Refused, match=f"it holds {capacity}"):
         sites(capacity + 1, kind=kind)
 
 
 def test_region_too_low_for_a_grain_holds_none():
-    with pytest.raises(PackingError, match="holds no site"):
+    with pytest.raises(Refused, match="holds no site"):
         lattice_capacity(R, PackingRegion(0.0, 0.0, 0.02, 1.9e-3), "square", None, 0.0)
 
 
@@ -83,6 +84,6 @@ def test_jitter_moves_grains_but_never_into_each_other_or_out_of_the_region():
 
 @pytest.mark.parametrize(("spacing", "jitter", "key"), [(1.9e-3, 0.0, "spacing"), (2.2e-3, 0.1, "jitter"), (None, 0.01, "jitter")])
 def test_overlapping_lattices_are_refused_at_their_key(spacing, jitter, key):
-    with pytest.raises(PackingError) as caught:
+    with pytest.raises(Refused) as caught:
         sites(10, spacing=spacing, jitter=jitter)
-    assert caught.value.key == ("packing", key)
+    assert caught.value.where == ("packing", key)

@@ -8,10 +8,11 @@ from packing_support import generator, smallest_gap
 
 from multicor_cli.model import ShapeKind
 from multicor_cli.packing import random
-from multicor_cli.packing.initial_grains import PackingError, PackingRegion
+from multicor_cli.packing.initial_grains import PackingRegion
 from multicor_cli.packing.random import random_packing
 from multicor_cli.packing.sizes import disc_area, draw_to_total, uniform_sizes
 from multicor_cli.packing.walls import Obstacles
+from multicor_cli.scenario import Refused
 
 WIDTH = 0.05
 
@@ -87,7 +88,7 @@ def test_periodic_in_both_directions():
 @pytest.mark.parametrize(("fill", "words"), [(0.95, "more than any packing"), (0.88, "overlap")])
 def test_impossible_fill_is_refused_with_the_number_that_fits(fill, words):
     radius = radii(fill)
-    with pytest.raises(PackingError, match=words) as caught:
+    with pytest.raises(Refused, match=words) as caught:
         pack(radius, True)
     fits = int(caught.value.remedy.split()[1])
     assert fits == pytest.approx(0.8 / fill * radius.size, rel=0.02)

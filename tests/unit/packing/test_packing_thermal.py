@@ -9,8 +9,8 @@ from scenes import PACKED, changed
 
 from multicor_cli.packing import build
 from multicor_cli.packing.file import read_temperatures
-from multicor_cli.packing.initial_grains import InitialGrains, PackingError
-from multicor_cli.scenario import ScenarioError
+from multicor_cli.packing.initial_grains import InitialGrains
+from multicor_cli.scenario import Refused, ScenarioError
 
 HOT = ('heat={conduction="none", friction="none"}', "materials.glass.heat_capacity=800.0", "particles.0.count=50")
 
@@ -133,19 +133,19 @@ BAD_FILES = {
 def test_bad_files_are_refused_with_their_lines(tmp_path, case):
     text, words = BAD_FILES[case]
     (tmp_path / "T.csv").write_text(text)
-    with pytest.raises(PackingError) as caught:
+    with pytest.raises(Refused) as caught:
         read_temperatures(tmp_path / "T.csv")
-    assert words in caught.value.message
-    assert caught.value.key == ("temperature", "file")
+    assert words in caught.value.what
+    assert caught.value.where == ("temperature", "file")
 
 
 def test_unreadable_files(tmp_path):
-    with pytest.raises(PackingError, match="there is no file"):
+    with pytest.raises(Refused, match="there is no file"):
         read_temperatures(tmp_path / "T.csv")
-    with pytest.raises(PackingError, match="it is a directory"):
+    with pytest.raises(Refused, match="it is a directory"):
         read_temperatures(tmp_path)
     (tmp_path / "T.csv").write_bytes(b"300\n\xff\xfe")
-    with pytest.raises(PackingError, match="cannot be read"):
+    with pytest.raises(Refused, match="cannot be read"):
         read_temperatures(tmp_path / "T.csv")
 
 

@@ -7,9 +7,9 @@ import pytest
 from packing_support import generator, scenario, wall
 
 from multicor_cli.model import ShapeKind, WallBody
-from multicor_cli.packing.initial_grains import PackingError
 from multicor_cli.packing.sizes import list_sizes, uniform_sizes
 from multicor_cli.packing.walls import build_walls, chain_on_circle, chain_on_line, join_shapes
+from multicor_cli.scenario import Refused
 from multicor_cli.scenario.settings import Domain
 from multicor_cli.scenario.walls import BoxGeometry, CircleGeometry, PlaneGeometry, PolylineGeometry, WallGeometry
 
@@ -55,7 +55,7 @@ def test_chain_in_a_circle_touches_the_circle_and_closes(sizes):
 
 
 def test_line_shorter_than_a_grain_is_refused():
-    with pytest.raises(PackingError, match="too short"):
+    with pytest.raises(Refused, match="too short"):
         chain_on_line(np.zeros(2), np.array([1e-3, 0.0]), SIZES["equal"], generator)
 
 

@@ -9,7 +9,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from multicor_cli import arithmetic
-from multicor_cli.scenario.expressions import MAX_LENGTH, Expression, ExpressionError
+from multicor_cli.scenario import Refused
+from multicor_cli.scenario.expressions import MAX_LENGTH, Expression
 from multicor_cli.scenario.functions import CONSTANTS, FUNCTIONS, raised
 
 VALUES = {"d": 1.5e-3, "n": 7, "g": 9.81}
@@ -114,8 +115,8 @@ def test_expressions_mean_what_they_mean_in_python(text):
     functions = {name: function.compute for name, function in FUNCTIONS.items()}
     try:
         found = value(f"= {text}")
-    except ExpressionError as error:
-        message = error.message
+    except Refused as error:
+        message = error.what
     else:
         assert found == eval(text, {"__builtins__": {}}, functions | VALUES | CONSTANTS)
         return
@@ -144,12 +145,12 @@ def test_any_text_is_a_number_or_refused_at_a_place_in_it(text):
         expression = Expression(text)
         expression.check_names(VALUES)
         found = expression.value(VALUES)
-    except ExpressionError as error:
+    except Refused as error:
         wrong = error
     if wrong is None:
         assert type(found) in (int, float)
         assert math.isfinite(found)
     else:
-        assert wrong.message
+        assert wrong.what
         assert wrong.remedy
-        assert 0 <= wrong.offset <= len(text)
+        assert 0 <= wrong.inside[1] <= len(text)

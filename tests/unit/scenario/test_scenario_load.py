@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scenario_problems import problems_of
 from scenes import HEATED, SHEAR, changed
 
-from multicor_cli.scenario import ScenarioError, load_scenario, parse_scenario
+from multicor_cli.scenario import Refused, ScenarioError, load_scenario, parse_scenario
 
 # ---- Files
 
@@ -61,7 +61,7 @@ def test_what_other_packages_ask(write):
 
 def test_a_problem_found_later_has_its_position(write):
     path = write(SHEAR)
-    problem = load_scenario(path).problem(("walls", 2, "geometry", "points"), "it cuts a grain", "move it")
+    (problem,) = load_scenario(path).refuse(Refused(("walls", 2, "geometry", "points"), "it cuts a grain", "move it")).problems
     assert str(problem).startswith(f"{path}:")
     assert problem.source_line.startswith('geometry = { kind = "polyline"')
     assert problem.source_line[problem.column - 1 :].startswith("points")

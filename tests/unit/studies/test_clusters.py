@@ -14,9 +14,9 @@ from typing import Any
 import pytest
 
 from multicor_cli.optional import MissingLibrary
+from multicor_cli.scenario import Refused
 from multicor_cli.store.errors import StoreError
 from multicor_cli.studies.clusters import (
-    DoesNotFit,
     _cluster,
     _wants_dashboard,
     existing,
@@ -115,7 +115,7 @@ def test_workers_that_say_how_much_memory_they_have() -> None:
     assert site.slots == 4
     assert existing(_Client(8e9, 0.0), Compute(), Needs(1, 2e9)).asked == {}  # one says nothing: it could never be asked
     assert existing(_Client(), Compute(), Needs(1, 2e9)).asked == {}
-    with pytest.raises(DoesNotFit, match="a case takes about 9 GB, workers offer 8 GB at most"):
+    with pytest.raises(Refused, match="a case takes about 9 GB, workers offer 8 GB at most"):
         existing(_Client(8e9, 4e9), Compute(), Needs(1, 9e9))
 
 
