@@ -8,7 +8,7 @@ import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Optional, Protocol
+from typing import TYPE_CHECKING, Annotated, Any, Optional
 
 import typer
 
@@ -17,6 +17,7 @@ from multicor_cli.text import with_unit_signs
 
 if TYPE_CHECKING:
     from multicor_cli.plots import Terminal
+    from multicor_cli.post import Table
 
 # ---- Options that the commands `post …` share
 
@@ -83,21 +84,6 @@ def parse_frames(text: str | None, start: float | None, end: float | None) -> sl
 _TERMINAL = Path("term")  # the name of a figure that means the terminal
 
 
-class ShownTable(Protocol):
-    """What all tables of `post` have."""
-
-    @property
-    def headings(self) -> Sequence[str]:
-        """Names of the columns."""
-
-    @property
-    def rows(self) -> Sequence[Sequence[Any]]:
-        """The rows."""
-
-    def as_dict(self) -> dict[str, Any]:
-        """Everything, for JSON."""
-
-
 @dataclass(frozen=True)
 class TableOutput:
     """What was asked for. Options that exclude each other are refused before anything is computed.
@@ -129,7 +115,7 @@ class TableOutput:
 
             check_output(self.plot, is_overwriting=self.is_overwriting)
 
-    def draw(self, table: ShownTable, **options: Any) -> None:
+    def draw(self, table: Table, **options: Any) -> None:
         """Draw the figure of a table if one was asked for, and say so.
 
         Args:
@@ -146,7 +132,7 @@ class TableOutput:
             plots.plot(table, self.plot, **options)
             say(f"wrote {self.plot}")
 
-    def deliver(self, table: ShownTable, about: str, *, run: Path | None = None, is_detailed: bool = False, **content: Any) -> None:
+    def deliver(self, table: Table, about: str, *, run: Path | None = None, is_detailed: bool = False, **content: Any) -> None:
         """Print a table.
 
         Args:
@@ -159,14 +145,14 @@ class TableOutput:
         if self.is_json:
             emit_json({**({} if run is None else {"run": str(run)}), **table.as_dict(**content)})
         elif self.is_csv:
-            detailed: Any = table
-            _emit_csv(*((detailed.detail_headings, detailed.detail_rows) if is_detailed else (table.headings, table.rows)))
+            _emit_csv(*((table.detail_headings, table.detail_rows) if is_detailed else (table.headings, table.rows)))
         else:
             say(about)
-            digits = [_digits(column) for column in zip(*table.rows, strict=True)]
+            rows = table.rows
+            digits = [_digits(column) for column in zip(*rows, strict=True)]
             emit_table(
                 [with_unit_signs(name) for name in table.headings],
-                [[_cell(value, n) for value, n in zip(row, digits, strict=True)] for row in table.rows],
+                [[_cell(value, n) for value, n in zip(row, digits, strict=True)] for row in rows],
             )
 
 

@@ -120,7 +120,7 @@ def _find_stage(maps: Iterable[GrainMap | None], count: int) -> _Stage | None:
     if last is None:
         return None
     box = np.array([np.min([box[0] for box in boxes], axis=0), np.max([box[1] for box in boxes], axis=0)])
-    return _Stage(box, color_scale(replace(last, value=np.concatenate(found))))
+    return _Stage(box, color_scale(last.with_(value=np.concatenate(found))))
 
 
 def _sample(values: Floats, most: int) -> Floats:
@@ -137,7 +137,7 @@ def _draw_all(maps: Iterable[GrainMap], stage: _Stage, most: int) -> Iterator[An
 
     figure = place = None
     for table in maps:
-        shown = replace(table, scene=replace(table.scene, box=stage.box))
+        shown = table.with_(scene=replace(table.scene, box=stage.box))
         if figure is None or place is None:
             figure = Figure(dpi=100.0)
             canvas: Any = FigureCanvasAgg(figure)

@@ -15,8 +15,8 @@ from multicor_cli.text import unit_sign
 # ---- The energy books: what came in and where it went, stacked, and how well the books close
 
 _VISIBLE = 0.02  # lines that stay below this part of the largest one are left out of charts of letters
-_GAIN = BookLine("kinetic_gain", "kinetic energy", -1)
-_STORED = BookLine("heat_stored", "stored in the grains", -1)
+_GAIN = BookLine("kinetic_gain", "kinetic energy", sign=-1)
+_STORED = BookLine("heat_stored", "stored in the grains", sign=-1)
 _SHORT = {
     "gravity_work": "gravity", "wall_work": "walls", "load_work": "loads", "friction_loss": "friction", "impact_loss": "impacts",
     "damping_loss": "damping", "correction_work": "projection", "kinetic_gain": "kinetic", "heat_friction": "friction",
@@ -92,11 +92,11 @@ _LOW = 8  # rows of a chart of letters
 
 
 def _units(table: SeriesTable) -> list[str]:
-    units = list(dict.fromkeys(column.unit for column in table.columns))
-    crowded = [unit for unit in units if sum(column.unit == unit for column in table.columns) > len(COLORS)]
+    units = list(dict.fromkeys(column.unit for column in table.quantities))
+    crowded = [unit for unit in units if sum(column.unit == unit for column in table.quantities) > len(COLORS)]
     if crowded:
         unit = "without unit" if crowded[0] == "1" else f"in {crowded[0]}"
-        count = sum(column.unit == crowded[0] for column in table.columns)
+        count = sum(column.unit == crowded[0] for column in table.quantities)
         message = f"{count} lines {unit} cannot be told apart in one panel: choose columns, as --of kinetic or --of force_x"
         raise PlotError(message)
     return units
@@ -107,7 +107,7 @@ def draw_series(figure: Any, table: SeriesTable) -> None:
     units = _units(table)
     panels = figure.subplots(len(units), 1, sharex=True, squeeze=False)[:, 0]
     for panel, unit in zip(panels, units, strict=True):
-        shown = [column for column in table.columns if column.unit == unit]
+        shown = [column for column in table.quantities if column.unit == unit]
         for color, column in zip(COLORS, shown, strict=False):
             style = {"color": color, "linewidth": 0.9, "marker": "o" if table.time.size == 1 else ""}
             panel.plot(table.time, column.values, label=column.name.replace("_", " "), **style)
@@ -131,8 +131,8 @@ def _common_words(names: list[str]) -> str:
 def series_text(table: SeriesTable, _terminal: Terminal) -> str:
     """The columns as charts of letters, one below the other."""
     charts = [
-        draw_text([TextLine("", table.time, column.values)], "time [s]", f"{column.name} [{unit_sign(column.unit)}]", rows=_LOW)  # type: ignore[arg-type]
-        for column in table.columns
+        draw_text([TextLine("", table.time, column.values)], "time [s]", f"{column.name} [{unit_sign(column.unit)}]", rows=_LOW)
+        for column in table.quantities
     ]
     return "\n\n".join(charts)
 

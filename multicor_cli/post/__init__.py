@@ -14,10 +14,11 @@ from multicor_cli.post.forces import (
 )
 from multicor_cli.post.grain_map import GrainMap, GrainScene, grain_map, make_scene
 from multicor_cli.post.profile import ProfileSet, ProfileTable, profile, profiles
-from multicor_cli.post.quantities import MAPPED, PROFILE_GROUPS, PROFILED, QUANTITIES, Quantity
+from multicor_cli.post.quantities import MAPPED, PROFILE_GROUPS, PROFILED, QUANTITIES, GrainQuantity
 from multicor_cli.post.region import RegionTable, in_region
 from multicor_cli.post.rheology import Rheology, rheology
 from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Selection, frame_index
+from multicor_cli.post.table import Column, Quantity, Table
 from multicor_cli.post.theta_eta import ThetaTable, theta_eta
 
 __all__ = [
@@ -26,6 +27,7 @@ __all__ = [
     "PROFILE_GROUPS",
     "QUANTITIES",
     "AngularDistribution",
+    "Column",
     "Comparison",
     "EnergyTable",
     "FieldTable",
@@ -35,6 +37,7 @@ __all__ = [
     "FrameSource",
     "GrainFrame",
     "GrainMap",
+    "GrainQuantity",
     "GrainScene",
     "PostError",
     "ProfilePair",
@@ -45,6 +48,7 @@ __all__ = [
     "Rheology",
     "Selection",
     "SeriesTable",
+    "Table",
     "ThetaTable",
     "angular_distribution",
     "compare",

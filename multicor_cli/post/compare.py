@@ -4,15 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
 from multicor_cli.model.model import Floats
-from multicor_cli.post.energy import BookLine, energy
+from multicor_cli.post.energy import energy
 from multicor_cli.post.profile import ProfileTable, profile
-from multicor_cli.post.rheology import QUANTITIES, Rheology, SeriesSource, rheology
-from multicor_cli.post.source import PostError, Selection, Table, rows_of
+from multicor_cli.post.rheology import QUANTITIES, SeriesSource, rheology
+from multicor_cli.post.source import PostError, Selection
+from multicor_cli.post.table import Column, Table, plain, with_unit
 
 
 class ScenarioSource(SeriesSource, Protocol):
@@ -23,8 +24,7 @@ class ScenarioSource(SeriesSource, Protocol):
         """The scenario with all defaults."""
 
 
-@dataclass(frozen=True)
-class Pair:
+class Pair(NamedTuple):
     """A number of both runs.
 
     Attributes:
@@ -74,7 +74,7 @@ class ProfilePair:
     @property
     def error(self) -> Floats:
         """Standard errors of the differences, shape ``(b,)``."""
-        return np.hypot(self.first.error, self.second.error)
+        return np.asarray(np.hypot(self.first.error, self.second.error))
 
     @property
     def ratio(self) -> Floats:
@@ -94,22 +94,20 @@ class ProfilePair:
         known = int(np.isfinite(self.ratio).sum())
         return "" if known == self.ratio.size else f"{known} of {self.ratio.size} bins"
 
-    def as_dict(self) -> dict[str, Any]:
-        """Everything as JSON types; numbers may be nan."""
-        return {
-            "unit": self.first.field.unit,
-            "y_over_height": self.y.tolist(),
-            "heights": [self.first.height, self.second.height],
-            "first": self.first.value.tolist(),
-            "first_error": self.first.error.tolist(),
-            "second": self.second.value.tolist(),
-            "second_error": self.second.error.tolist(),
-            "difference_over_error": self.ratio.tolist(),
-            "rms_difference_over_error": self.rms_ratio,
-        }
+    def columns(self) -> tuple[Column, ...]:
+        """One row per bin, in the unit of the field."""
+        first, second = self.first, self.second
+        return (
+            Column("field", "", [first.field.name] * len(first.y)),
+            Column("y_over_height", "1", self.y, "y/H"),
+            Column("first", "", first.value),
+            Column("first_error", "", first.error, "error of first"),
+            Column("second", "", second.value),
+            Column("second_error", "", second.error, "error of second"),
+            Column("difference_over_error", "1", self.ratio, "difference over its error"),
+        )
 
 
-@dataclass(frozen=True, repr=False)
 class Comparison(Table):
     """What `compare` finds.
 
@@ -120,49 +118,53 @@ class Comparison(Table):
         profiles: Profiles by field.
     """
 
-    names: tuple[str, str]
-    keys: tuple[tuple[str, str, str], ...]
-    numbers: tuple[Pair, ...]
-    profiles: dict[str, ProfilePair]
-
-    @property
-    def headings(self) -> tuple[str, ...]:
-        """Names of the columns of `rows`."""
-        return "quantity", self.names[0], self.names[1], "difference", "over its standard error", "note"
-
-    @property
-    def rows(self) -> list[tuple[str, float, float, float, float, str]]:
-        """The numbers, and one line for each profile: the root mean square of its differences over their errors."""
-        lines = [(p.label, p.first, p.second, p.difference, p.ratio, p.note) for p in self.numbers]
+    def __init__(
+        self,
+        names: tuple[str, str],
+        keys: tuple[tuple[str, str, str], ...],
+        numbers: tuple[Pair, ...],
+        profiles: dict[str, ProfilePair],
+    ) -> None:
         nan = np.nan
-        return lines + [
-            (f"profile of {name} (rms over bins)", nan, nan, nan, p.rms_ratio, p.note) for name, p in self.profiles.items()
-        ]
-
-    @property
-    def detail_headings(self) -> tuple[str, ...]:
-        """Names of the columns of `detail_rows`."""
-        return "field", "y/H [1]", "first", "error of first", "second", "error of second", "difference over its error [1]"
-
-    @property
-    def detail_rows(self) -> list[tuple[Any, ...]]:
-        """One row per field and bin, in the unit of the field."""
-        rows: list[tuple[Any, ...]] = []
-        for name, p in self.profiles.items():
-            columns = (p.y, p.first.value, p.first.error, p.second.value, p.second.error, p.ratio)
-            rows += [(name, *row) for row in rows_of(columns)]
-        return rows
-
-    def as_dict(self) -> dict[str, Any]:
-        """Everything as JSON types; numbers may be nan."""
-        return {
-            "runs": list(self.names),
-            "scenario": [{"key": key, "first": first, "second": second} for key, first, second in self.keys],
+        lines = [(p.label, p.first, p.second, p.difference, p.ratio, p.note) for p in numbers]
+        # One line for each profile: the root mean square of its differences over their errors.
+        lines += [(f"profile of {name} (rms over bins)", nan, nan, nan, p.rms_ratio, p.note) for name, p in profiles.items()]
+        headings = ("quantity", *names, "difference", "over its standard error", "note")
+        facts = {
+            "runs": names,
+            "scenario": [dict(zip(("key", "first", "second"), key, strict=True)) for key in keys],
             "numbers": {
-                p.name: {"first": p.first, "second": p.second, "difference": p.difference, "error": p.error} for p in self.numbers
+                p.name: {"first": p.first, "second": p.second, "difference": p.difference, "error": p.error} for p in numbers
             },
-            "profiles": {name: pair.as_dict() for name, pair in self.profiles.items()},
+            "profiles": {name: _data_of(pair) for name, pair in profiles.items()},
         }
+        columns = [
+            Column(name, "", values, label, "")
+            for name, values, label in zip(
+                ("quantity", "one", "two", "difference", "ratio", "note"), zip(*lines, strict=True), headings, strict=True
+            )
+        ]
+        super().__init__(columns, facts, _joined([pair.columns() for pair in profiles.values()]), names=names, keys=keys)
+        self.numbers, self.profiles = numbers, profiles
+
+
+def _joined(tables: list[tuple[Column, ...]]) -> list[Column]:
+    """Tables with the same columns below each other."""
+    return [
+        columns[0]._replace(values=[value for column in columns for value in plain(column.values)])
+        for columns in zip(*tables, strict=True)
+    ]
+
+
+def _data_of(pair: ProfilePair) -> dict[str, Any]:
+    _, y, *columns, ratio = pair.columns()
+    return {
+        "unit": pair.first.field.unit,
+        y.name: y.values,
+        "heights": [pair.first.height, pair.second.height],
+        **{column.name: column.values for column in (*columns, ratio)},
+        "rms_difference_over_error": pair.rms_ratio,
+    }
 
 
 def compare(
@@ -191,8 +193,8 @@ def compare(
     from multicor_cli.running.differences import find_differences
     from multicor_cli.scenario.problems import format_key
 
-    found = find_differences(first.scenario_resolved, second.scenario_resolved)
-    keys = tuple((format_key(d.path), d.before, d.after) for d in found)
+    differences = find_differences(first.scenario_resolved, second.scenario_resolved)
+    keys = tuple((format_key(d.path), d.before, d.after) for d in differences)
     return Comparison(
         _labels(keys, names),
         keys,
@@ -211,7 +213,7 @@ _VAGUE = ("value", "kind", "min", "max", "count", "walls", "of", "x", "y")
 
 def _labels(keys: Sequence[tuple[str, str, str]], names: tuple[str, str]) -> tuple[str, str]:
     """What the runs are called: the only key that differs with its values, or their names."""
-    about = [found for found in keys if found[0] not in _NAMELESS] or list(keys)
+    about = [key for key in keys if key[0] not in _NAMELESS] or list(keys)
     if len(about) != 1:
         return names
     key, first, second = about[0]
@@ -231,30 +233,30 @@ def _sizes(first: ScenarioSource, second: ScenarioSource) -> list[Pair]:
 
 def _books(first: ScenarioSource, second: ScenarioSource) -> list[Pair]:
     one, two = energy(first), energy(second)
-    entries: list[BookLine] = [entry for entry in one.entries if entry.name in two.books]
-    pairs = [Pair(e.name, f"{e.label} [J]", float(one.books[e.name][-1]), float(two.books[e.name][-1])) for e in entries]
-    pairs.append(Pair("energy_closure", "closure [1]", float(one.closure[-1]), float(two.closure[-1])))
+    ends = [
+        (entry.name, entry.label, "J", *(float(table.books[entry.name][-1]) for table in (one, two)))
+        for entry in one.entries
+        if entry.name in two.books
+    ]
+    ends.append(("energy_closure", "closure", "1", float(one.closure[-1]), float(two.closure[-1])))
     if one.heat_closure is not None and two.heat_closure is not None:
-        pairs.append(Pair("heat_closure", "closure of heat [1]", float(one.heat_closure[-1]), float(two.heat_closure[-1])))
-    return pairs
+        ends.append(("heat_closure", "closure of heat", "1", float(one.heat_closure[-1]), float(two.heat_closure[-1])))
+    return [Pair(name, with_unit(label, unit), *values) for name, label, unit, *values in ends]
 
 
 def _rheologies(first: ScenarioSource, second: ScenarioSource, selection: Selection | None) -> list[Pair]:
     """Pairs of the rheology if both runs have one; nothing if one is not sheared between two walls."""
-    found: list[Rheology] = []
-    for run in (first, second):
-        try:
-            found.append(rheology(run, selection))
-        except PostError:
-            return []
-    one, two = found
-    angles = [table.mean["fabric_direction"] for table in found]
+    try:
+        one, two = rheology(first, selection), rheology(second, selection)
+    except PostError:
+        return []
+    angles = [table.mean["fabric_direction"] for table in (one, two)]
     # Directions repeat every 180°.
     two.mean["fabric_direction"] = angles[0] + ((angles[1] - angles[0] + 90.0) % 180.0 - 90.0)
     return [
         Pair(
             q.name,
-            f"{q.label} [{q.unit}]",
+            with_unit(q.label, q.unit),
             one.mean[q.name],
             two.mean[q.name],
             float(np.hypot(one.error[q.name], two.error[q.name])),

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
 from typing import Any
@@ -11,18 +10,17 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
-from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Selection, Table, model_of, rows_of
-from multicor_cli.post.sums import Spread, spread
+from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Selection, model_of
+from multicor_cli.post.table import Column, TimeTable
 from multicor_cli.text import count_noun
 
-Point = tuple[float, float]
+Line = tuple[tuple[float, float], tuple[float, float]]
 Rows = NDArray[np.int64]
 _UNITS = {"grains": "1/s", "mass": "kg/s", "area": "m2/s"}
 
 
-@dataclass(frozen=True, repr=False)
-class FlowTable(Table):
-    """What has flowed through a line, to the left of its direction counted positive; ``r`` intervals between frames.
+class FlowTable(TimeTable):
+    """What has flowed through a line per time, to the left of its direction counted positive; ``r`` intervals between frames.
 
     Attributes:
         line: Its ends [m].
@@ -34,13 +32,17 @@ class FlowTable(Table):
         lost: Grains that came, went, or went and came back between two frames: what they crossed meanwhile is not known.
     """
 
-    line: tuple[Point, Point]
-    time: Floats
-    duration: Floats
-    crossed: dict[str, Floats]
-    forth: int
-    back: int
-    lost: int = 0
+    KEYS = ("line", "units", "mean", "standard_error", "to_the_left", "to_the_right", "not_counted", "time", "rate")
+
+    def __init__(self, line: Line, time: Floats, duration: Floats, crossed: Floats, counts: tuple[int, int, int]) -> None:
+        by_name = dict(zip(_UNITS, crossed, strict=True))
+        rates = [Column(name, _UNITS[name], values / duration, f"{name} per time") for name, values in by_name.items()]
+        forth, back, lost = counts
+        facts = {"line": line, "to_the_left": forth, "to_the_right": back, "not_counted": lost}
+        parts = {"duration": duration, "crossed": by_name, "forth": forth, "back": back, "lost": lost}
+        super().__init__(time, rates, facts, **parts)
+        self.details = (self.details[0], *rates)
+        self.facts["rate"] = self.values
 
     @property
     def note(self) -> str:
@@ -53,60 +55,21 @@ class FlowTable(Table):
     @property
     def rate(self) -> dict[str, Floats]:
         """What crossed per time in each interval, by name, shape ``(r,)``."""
-        return {name: values / self.duration for name, values in self.crossed.items()}
+        return self.values
 
-    @property
+    @cached_property
     def mean(self) -> dict[str, float]:
         """Mean rates over the time, by name."""
         return {name: float(values.sum() / self.duration.sum()) for name, values in self.crossed.items()}
 
-    @cached_property
-    def spread(self) -> dict[str, Spread]:
-        """Errors and drifts of the mean rates by name; see `multicor_cli.post.sums.spread`."""
-        return {name: spread(values, self.time) for name, values in self.rate.items()}
-
-    @property
-    def headings(self) -> tuple[str, ...]:
-        """Names of the columns of `rows`."""
-        return "quantity", "mean", "standard error", "drift", "note"
-
     @property
     def rows(self) -> list[tuple[Any, ...]]:
         """The rates, and how many grains crossed."""
-        rates = [
-            (f"{name} per time [{_UNITS[name]}]", mean, float(found.error), float(found.drift), found.note())
-            for (name, mean), found in zip(self.mean.items(), self.spread.values(), strict=True)
-        ]
-        nan = np.nan
         counts = [("grains to the left [1]", float(self.forth)), ("grains to the right [1]", float(self.back))]
-        return [*rates, *((name, count, nan, nan, "") for name, count in counts)]
-
-    @property
-    def detail_headings(self) -> tuple[str, ...]:
-        """Names of the columns of `detail_rows` with their units."""
-        return ("time [s]", *(f"{name} per time [{unit}]" for name, unit in _UNITS.items()))
-
-    @property
-    def detail_rows(self) -> list[tuple[float, ...]]:
-        """One row per interval."""
-        return rows_of((self.time, *self.rate.values()))
-
-    def as_dict(self) -> dict[str, Any]:
-        """Everything as JSON types; numbers may be nan."""
-        return {
-            "line": [list(point) for point in self.line],
-            "units": _UNITS,
-            "mean": self.mean,
-            "standard_error": {name: float(found.error) for name, found in self.spread.items()},
-            "to_the_left": self.forth,
-            "to_the_right": self.back,
-            "not_counted": self.lost,
-            "time": self.time.tolist(),
-            "rate": {name: values.tolist() for name, values in self.rate.items()},
-        }
+        return [*super().rows, *((name, count, np.nan, np.nan, "") for name, count in counts)]
 
 
-def flow_through(source: FrameSource, line: tuple[Point, Point], selection: Selection | None = None) -> FlowTable:
+def flow_through(source: FrameSource, line: Line, selection: Selection | None = None) -> FlowTable:
     """Which grains have crossed a line with their centers, from frame to frame.
 
     Paths between two frames are taken for straight. Grains that come or go between them are left out, and so are those that an
@@ -137,12 +100,11 @@ def flow_through(source: FrameSource, line: tuple[Point, Point], selection: Sele
         sign, mass, radius = _crossings(source, before, after, line, (one, two))
         rows.append((sign.sum(), (sign * mass).sum(), np.pi * (sign * radius**2).sum()))
         forth, back, before = forth + int((sign > 0).sum()), back + int((sign < 0).sum()), after
-    crossed = dict(zip(_UNITS, np.array(rows, np.float64).T, strict=True))
-    return FlowTable(line, times[1:], np.diff(times), crossed, forth, back, lost)
+    return FlowTable(line, times[1:], np.diff(times), np.array(rows, np.float64).T, (forth, back, lost))
 
 
 def _crossings(
-    source: FrameSource, before: GrainFrame, after: GrainFrame, line: tuple[Point, Point], shared: tuple[Rows, Rows]
+    source: FrameSource, before: GrainFrame, after: GrainFrame, line: Line, shared: tuple[Rows, Rows]
 ) -> tuple[NDArray[np.int64], Floats, Floats]:
     """+1, −1 or 0 for each grain that has gone from one frame to the other, its mass and radius."""
     one, two = shared
@@ -173,7 +135,7 @@ def _farthest(source: FrameSource, before: GrainFrame, after: GrainFrame, durati
     return (max(speeds) + float(np.hypot(*source.model.gravity)) * duration) * duration + source.model.mean_diameter
 
 
-def _shifts(start: Floats, end: Floats, line: tuple[Point, Point], period: float) -> list[float]:
+def _shifts(start: Floats, end: Floats, line: Line, period: float) -> list[float]:
     """Where images of the line may be crossed."""
     if period <= 0.0:
         return [0.0]

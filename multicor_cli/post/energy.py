@@ -3,16 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from functools import cached_property
 from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.model.model import Floats
-from multicor_cli.post.source import PostError, Table, rows_of, within
-from multicor_cli.post.sums import Spread, spread
+from multicor_cli.post.source import PostError, within
+from multicor_cli.post.table import Column, Quantity, Table, TimeTable, values_of_quantities
 from multicor_cli.text import choices
 
 if TYPE_CHECKING:
@@ -30,51 +29,50 @@ class SeriesHolder(Protocol):
 
 
 @dataclass(frozen=True)
-class BookLine:
+class BookLine(Quantity):
     """A line of the books.
 
     Attributes:
-        name: Name in the time series and in data.
-        label: Name for people.
         sign: +1 for what comes in, −1 for what goes out, 0 for what is neither.
     """
 
-    name: str
-    label: str
-    sign: int
+    sign: int = 0
 
 
-MECHANICAL = (
-    BookLine("gravity_work", "work of gravity", 1),
-    BookLine("wall_work", "work of the walls", 1),
-    BookLine("load_work", "work of the loads", 1),
-    BookLine("friction_loss", "lost to friction", -1),
-    BookLine("impact_loss", "lost to impacts", -1),
-    BookLine("damping_loss", "lost in the damping of loads", -1),
-    BookLine("correction_work", "taken up by the projection of positions", -1),
-    BookLine("kinetic_in", "brought by grains that came", 1),
-    BookLine("kinetic_out", "taken along by grains that went", -1),
-    BookLine("kinetic_gain", "gain of kinetic energy", 0),
-    BookLine("imbalance", "imbalance", 0),
+def _books(*lines: tuple[str, str, int]) -> tuple[BookLine, ...]:
+    return tuple(BookLine(name, label, unit="J", sign=sign) for name, label, sign in lines)
+
+
+MECHANICAL = _books(
+    ("gravity_work", "work of gravity", 1),
+    ("wall_work", "work of the walls", 1),
+    ("load_work", "work of the loads", 1),
+    ("friction_loss", "lost to friction", -1),
+    ("impact_loss", "lost to impacts", -1),
+    ("damping_loss", "lost in the damping of loads", -1),
+    ("correction_work", "taken up by the projection of positions", -1),
+    ("kinetic_in", "brought by grains that came", 1),
+    ("kinetic_out", "taken along by grains that went", -1),
+    ("kinetic_gain", "gain of kinetic energy", 0),
+    ("imbalance", "imbalance", 0),
 )
 """The mechanical books: gain = what came in − what went out + imbalance. The works include those of the projection of positions.
 What grains bring and take along is there in runs in which they come and go."""
 
-HEAT = (
-    BookLine("heat_friction", "heat of friction", 1),
-    BookLine("heat_impact", "heat of impacts", 1),
-    BookLine("heat_from_walls", "heat from walls", 1),
-    BookLine("heat_from_ambient", "heat from the ambient fluid", 1),
-    BookLine("heat_from_surroundings", "heat from the surroundings", 1),
-    BookLine("heat_to_walls", "heat of friction and impacts into walls", -1),
-    BookLine("heat_out", "heat taken along by grains that went", -1),
-    BookLine("heat_stored", "heat stored in the grains", 0),
-    BookLine("heat_imbalance", "imbalance of heat", 0),
+HEAT = _books(
+    ("heat_friction", "heat of friction", 1),
+    ("heat_impact", "heat of impacts", 1),
+    ("heat_from_walls", "heat from walls", 1),
+    ("heat_from_ambient", "heat from the ambient fluid", 1),
+    ("heat_from_surroundings", "heat from the surroundings", 1),
+    ("heat_to_walls", "heat of friction and impacts into walls", -1),
+    ("heat_out", "heat taken along by grains that went", -1),
+    ("heat_stored", "heat stored in the grains", 0),
+    ("heat_imbalance", "imbalance of heat", 0),
 )
 """The books of heat: stored = what came in − what went into walls or with grains + imbalance."""
 
 
-@dataclass(frozen=True, repr=False)
 class EnergyTable(Table):
     """Energy books since the start of the run; ``s`` rows of the time series.
 
@@ -83,56 +81,8 @@ class EnergyTable(Table):
         books: The lines of `MECHANICAL`, and of `HEAT` in a run with heat, that the run has, by name [J], shape ``(s,)``.
         closure: Largest mechanical imbalance so far over the sum of all terms, shape ``(s,)``.
         heat_closure: The same of heat, or None in a run without.
+        entries: The lines that the run has.
     """
-
-    time: Floats
-    books: dict[str, Floats]
-    closure: Floats
-    heat_closure: Floats | None
-
-    @property
-    def entries(self) -> tuple[BookLine, ...]:
-        """The lines that the run has."""
-        return tuple(entry for entry in (*MECHANICAL, *HEAT) if entry.name in self.books)
-
-    @property
-    def headings(self) -> tuple[str, str]:
-        """Names of the columns of `rows`."""
-        return "quantity", "at the end"
-
-    @property
-    def rows(self) -> list[tuple[str, float]]:
-        """The books at the end."""
-        lines = [(f"{entry.label} [J]", float(self.books[entry.name][-1])) for entry in MECHANICAL if entry.name in self.books]
-        lines.append(("closure [1]", float(self.closure[-1])))
-        if self.heat_closure is not None:
-            lines += [(f"{entry.label} [J]", float(self.books[entry.name][-1])) for entry in HEAT if entry.name in self.books]
-            lines.append(("closure of heat [1]", float(self.heat_closure[-1])))
-        return lines
-
-    @property
-    def detail_headings(self) -> tuple[str, ...]:
-        """Names of the columns of `detail_rows` with their units."""
-        closures = ("closure [1]",) if self.heat_closure is None else ("closure [1]", "heat_closure [1]")
-        return "time [s]", *(f"{name} [J]" for name in self.books), *closures
-
-    @property
-    def detail_rows(self) -> list[tuple[float, ...]]:
-        """One row per row of the time series."""
-        closures = (self.closure,) if self.heat_closure is None else (self.closure, self.heat_closure)
-        return rows_of((self.time, *self.books.values(), *closures))
-
-    def as_dict(self) -> dict[str, Any]:
-        """Everything as JSON types, in joules and seconds."""
-        return {
-            "end": {name: float(column[-1]) for name, column in self.books.items()},
-            "energy_closure": float(self.closure[-1]),
-            "heat_closure": None if self.heat_closure is None else float(self.heat_closure[-1]),
-            "time": self.time.tolist(),
-            "books": {name: column.tolist() for name, column in self.books.items()},
-            "closure_over_time": self.closure.tolist(),
-            "heat_closure_over_time": None if self.heat_closure is None else self.heat_closure.tolist(),
-        }
 
 
 def energy(source: SeriesHolder, start: float | None = None, end: float | None = None) -> EnergyTable:
@@ -154,14 +104,33 @@ def energy(source: SeriesHolder, start: float | None = None, end: float | None =
         raise PostError("the time series has no row in this time" if time.size else "the run has no time series yet")
     has_heat = "heat_stored" in series
     gain = np.asarray(series["kinetic"]) - np.asarray(series["kinetic_start"])
-    names = [entry.name for entry in (*MECHANICAL, *(HEAT if has_heat else ()))]
-    columns = {name: np.asarray(series[name]) for name in names if name in series} | {"kinetic_gain": gain}
-    columns = {name: columns[name] for name in names if name in columns}
+    mechanical, heat = (
+        [
+            entry.over_time(np.asarray(gain if entry.name == "kinetic_gain" else series[entry.name], np.float64)[rows])
+            for entry in lines
+            if entry.name == "kinetic_gain" or entry.name in series
+        ]
+        for lines in (MECHANICAL, HEAT if has_heat else ())
+    )
+    closure = Column("closure", "1", np.asarray(series["closure"], np.float64)[rows])
+    closures = [closure]
+    if has_heat:
+        closures.append(Column("heat_closure", "1", np.asarray(series["heat_closure"], np.float64)[rows], "closure of heat"))
+    books = {column.name: column.values for column in (*mechanical, *heat)}
+    shown = [*mechanical, closure, *heat, *closures[1:]]
     return EnergyTable(
-        time[rows],
-        {name: np.asarray(column[rows], np.float64) for name, column in columns.items()},
-        np.asarray(series["closure"], np.float64)[rows],
-        np.asarray(series["heat_closure"], np.float64)[rows] if has_heat else None,
+        values_of_quantities([(column.heading, float(column.values[-1])) for column in shown], "at the end"),
+        {
+            "end": {name: values[-1] for name, values in books.items()},
+            "energy_closure": closure.values[-1],
+            "heat_closure": closures[1].values[-1] if has_heat else None,
+            "time": time[rows],
+            "books": books,
+            "closure_over_time": closure.values,
+            "heat_closure_over_time": closures[1].values if has_heat else None,
+        },
+        [Column("time", "s", time[rows]), *(c._replace(label="") for c in (*mechanical, *heat, *closures))],
+        entries=tuple(entry for entry in (*MECHANICAL, *HEAT) if entry.name in books),
     )
 
 
@@ -186,31 +155,24 @@ class ColumnHolder(Protocol):
         """The columns."""
 
 
-@dataclass(frozen=True, repr=False)
-class SeriesTable(Table):
-    """Columns of a time series; ``r`` rows. What a row has of forces and powers is a mean over the time since the row before.
+class SeriesTable(TimeTable):
+    """Columns of a time series. What a row has of forces and powers is a mean over the time since the row before."""
 
-    Attributes:
-        columns: The columns, each of shape ``(r,)``.
-        time: Times of the rows [s], shape ``(r,)``.
-    """
+    KEYS = ("time", "units", "mean", "standard_error", "drift", "values")
 
-    columns: tuple[NamedColumn, ...]
-    time: Floats
+    @cached_property
+    def mean(self) -> dict[str, float]:
+        """Means by name; of what has no value in some row there is none."""
+        return {name: float(values.mean()) for name, values in self.values.items()}
 
     def overview(self) -> SeriesTable:
         """The columns that a figure shows unless others are asked for, no more of one unit than it can tell apart."""
-        found: list[NamedColumn] = []
+        chosen: list[Column] = []
         for word in OVERVIEW:
-            called = [column for column in self.columns if word in (column.name, *column.name.split(": "))]
-            alike = sum(bool(called) and column.unit == called[0].unit for column in found)
-            found += called if alike + len(called) <= MOST_LINES else []
-        return replace(self, columns=tuple(found) or self.columns[:1])
-
-    @cached_property
-    def spread(self) -> list[Spread]:
-        """Errors and drifts of the means; see `multicor_cli.post.sums.spread`."""
-        return [spread(np.asarray(column.values, np.float64), self.time) for column in self.columns]
+            called = [column for column in self.quantities if word in (column.name, *column.name.split(": "))]
+            alike = sum(bool(called) and column.unit == called[0].unit for column in chosen)
+            chosen += called if alike + len(called) <= MOST_LINES else []
+        return SeriesTable(self.time, chosen or self.quantities[:1])
 
     @property
     def headings(self) -> tuple[str, ...]:
@@ -220,33 +182,10 @@ class SeriesTable(Table):
     @property
     def rows(self) -> list[tuple[Any, ...]]:
         """One row for each column of the series."""
-        lines = []
-        for column, found in zip(self.columns, self.spread, strict=True):
-            values = np.asarray(column.values, np.float64)
-            numbers = values.mean(), found.error, found.drift, values.min(), values.max(), values[-1]
-            lines.append((f"{column.name} [{column.unit}]", *map(float, numbers), found.note()))
-        return lines
-
-    @property
-    def detail_headings(self) -> tuple[str, ...]:
-        """Names of the columns of `detail_rows` with their units."""
-        return ("time [s]", *(f"{column.name} [{column.unit}]" for column in self.columns))
-
-    @property
-    def detail_rows(self) -> list[tuple[float, ...]]:
-        """The rows of the series."""
-        return rows_of((self.time, *(np.asarray(column.values) for column in self.columns)))
-
-    def as_dict(self) -> dict[str, Any]:
-        """Everything as JSON types; numbers may be nan."""
-        return {
-            "time": self.time.tolist(),
-            "units": {column.name: column.unit for column in self.columns},
-            "mean": {column.name: float(np.mean(column.values)) for column in self.columns},
-            "standard_error": {c.name: float(found.error) for c, found in zip(self.columns, self.spread, strict=True)},
-            "drift": {c.name: float(found.drift) for c, found in zip(self.columns, self.spread, strict=True)},
-            "values": {column.name: np.asarray(column.values).tolist() for column in self.columns},
-        }
+        return [
+            (*line[:4], float(c.values.min()), float(c.values.max()), float(c.values[-1]), line[4])
+            for c, line in zip(self.quantities, super().rows, strict=True)
+        ]
 
 
 def series(source: ColumnHolder, of: Sequence[str] = (), start: float | None = None, end: float | None = None) -> SeriesTable:
@@ -271,12 +210,12 @@ def series(source: ColumnHolder, of: Sequence[str] = (), start: float | None = N
         raise PostError(f"the time series has no row at these times: it has rows {at}")
     names = [name for name in columns if name not in _OWN]
     wanted = list(dict.fromkeys(name for word in of for name in _called(word, names))) if of else names
-    kept = [columns[name]._replace(values=np.asarray(columns[name].values, np.float64)[chosen]) for name in wanted]
-    return SeriesTable(tuple(kept), time[chosen])
+    kept = [Column(name, columns[name].unit, np.asarray(columns[name].values, np.float64)[chosen]) for name in wanted]
+    return SeriesTable(time[chosen], kept)
 
 
 def _called(word: str, names: Sequence[str]) -> list[str]:
-    found = [name for name in names if word in (name, *name.split(": "))]
-    if not found:
+    called = [name for name in names if word in (name, *name.split(": "))]
+    if not called:
         raise PostError(f"the time series has no '{word}'; {choices(word, names)}")
-    return found
+    return called

@@ -13,6 +13,7 @@ from multicor_cli.model.model import Floats, Model
 from multicor_cli.post.contacts import loaded_contacts
 from multicor_cli.post.grain_map import images
 from multicor_cli.post.source import FrameSource, GrainFrame, PostError, model_of
+from multicor_cli.post.table import Quantity
 
 # ---- Where coarse-grained fields are wanted: a grid, a polar grid, a line, or rings about a center
 
@@ -258,13 +259,14 @@ _WHICH = {"x": "horizontal", "y": "vertical", "r": "radial", "t": "azimuthal"}
 _SYMMETRIC = ((0, 0), (0, 1), (1, 1))
 
 
-class Field(NamedTuple):
-    """A coarse-grained field: its name, what it is called, its symbol in figures (TeX), its unit and whether it has both signs."""
+@dataclass(frozen=True)
+class Field(Quantity):
+    """A coarse-grained field.
 
-    name: str
-    label: str
-    symbol: str
-    unit: str
+    Attributes:
+        is_signed: Whether it has both signs.
+    """
+
     is_signed: bool = False
 
 

@@ -3,8 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -13,7 +11,6 @@ from multicor_cli.model.model import Floats
 from multicor_cli.post.contacts import has_forces
 from multicor_cli.post.field_sums import (
     CoarseGrid,
-    Field,
     FieldPoints,
     column_names,
     derive,
@@ -24,9 +21,10 @@ from multicor_cli.post.field_sums import (
     polar_grid,
     rings,
 )
-from multicor_cli.post.grain_map import GrainScene, make_scene
-from multicor_cli.post.source import FrameSource, PostError, Selection, Table, model_of, need_grains, rows_of
+from multicor_cli.post.grain_map import make_scene
+from multicor_cli.post.source import FrameSource, PostError, Selection, model_of, need_grains
 from multicor_cli.post.sums import pseudo_values, spread
+from multicor_cli.post.table import Column, Quantity, Table, split_unit, with_unit
 from multicor_cli.text import choices
 
 Center = tuple[float, float]
@@ -35,9 +33,8 @@ _LEAST_REACH = 0.01
 """Least distance to which the kernel may reach, in mean diameters: what reaches no farther meets hardly a grain."""
 
 
-@dataclass(frozen=True, repr=False)
 class FieldTable(Table):
-    """Fields averaged over frames, at ``p`` places: points of a grid or of a line, or rings.
+    """Fields averaged over frames, at ``p`` places: points of a grid or of a line, or rings. Grids in JSON are rows of columns.
 
     Attributes:
         of: The fields that the table and the figure show.
@@ -51,67 +48,6 @@ class FieldTable(Table):
         scene: Grains and walls of the last frame.
         note: From which ring on rings reach beyond the grains, if any does; else empty.
     """
-
-    of: tuple[Field, ...]
-    fields: tuple[Field, ...]
-    points: FieldPoints
-    values: dict[str, Floats]
-    error: dict[str, Floats]
-    reach: float
-    frames: NDArray[np.int64]
-    times: tuple[float, float]
-    scene: GrainScene
-    note: str = ""
-
-    @property
-    def headings(self) -> tuple[str, ...]:
-        """Names of the columns of `rows`."""
-        if self.points.is_grid:
-            return "quantity", "mean", "smallest", "largest"
-        pairs = (name for f in self.of for name in (f"{f.name} [{f.unit}]", "standard error"))
-        return self.points.names[0], *pairs
-
-    @property
-    def rows(self) -> Sequence[tuple[Any, ...]]:
-        """Of a grid, a row for each field with its mean over the points where it has a value; else a row for each place."""
-        if not self.points.is_grid:
-            columns = [column for f in self.of for column in (self.values[f.name], self.error[f.name])]
-            return rows_of((self.points.coordinates[:, 0], *columns))
-        lines = []
-        for field in self.fields:
-            known = self.values[field.name][np.isfinite(self.values[field.name])]
-            mean, low, high = (float(known.mean()), float(known.min()), float(known.max())) if known.size else (np.nan,) * 3
-            lines.append((f"{field.label} [{field.unit}]", mean, low, high))
-        return lines
-
-    @property
-    def detail_headings(self) -> tuple[str, ...]:
-        """Names of the columns of `detail_rows` with their units."""
-        names = [f"{f.name} [{f.unit}]" for f in self.fields]
-        errors = [f"error of {f.name} [{f.unit}]" for f in self.fields if f.name in self.error]
-        return (*self.points.names, *names, *errors)
-
-    @property
-    def detail_rows(self) -> list[tuple[float, ...]]:
-        """One row for each place, with every field."""
-        values = [self.values[f.name] for f in self.fields]
-        errors = [self.error[f.name] for f in self.fields if f.name in self.error]
-        return rows_of((*self.points.coordinates.T, *values, *errors))
-
-    def as_dict(self) -> dict[str, Any]:
-        """Everything as JSON types; numbers may be nan. Grids are rows of columns, as ``shape`` says."""
-        found = {
-            "frame_count": int(self.frames.size),
-            "times": list(self.times),
-            "reach": self.reach,
-            "note": self.note,
-            "axes": list(self.points.axes),
-            "shape": list(self.points.shape),
-            "units": {f.name: f.unit for f in self.fields},
-            **{name.partition(" ")[0]: self.points.coordinates[:, k].tolist() for k, name in enumerate(self.points.names)},
-            "values": {name: values.reshape(self.points.shape).tolist() for name, values in self.values.items()},
-        }
-        return found | ({"standard_error": {name: values.tolist() for name, values in self.error.items()}} if self.error else {})
 
 
 def fields(
@@ -169,22 +105,57 @@ def fields(
     total = np.zeros((len(points.coordinates), len(names)))
     rows: list[Floats] = []  # of a grid they would fill the memory
     for k in chosen.tolist():
-        found = frame_sums(source, source.frames[k], points, coarse, has_stress=has_stress)
-        total += found
-        rows += [] if points.is_grid else [found]
+        sums = frame_sums(source, source.frames[k], points, coarse, has_stress=has_stress)
+        total += sums
+        rows += [] if points.is_grid else [sums]
     values = derive(total / chosen.size, names, points.axes)
+    error = _errors(np.array(rows), values, times, names, points.axes) if rows else {}
+    coordinates = [Column(*split_unit(name), points.coordinates[:, k]) for k, name in enumerate(points.names)]
+    note = _beyond(source, chosen, points, spacing * diameter) if is_radial else ""
+    facts = {
+        "frame_count": int(chosen.size),
+        "times": (float(times[0]), float(times[-1])),
+        "reach": reach * diameter,
+        "note": note,
+        "axes": list(points.axes),
+        "shape": points.shape,
+        "units": {field.name: field.unit for field in known},
+        **{column.name: column.values for column in coordinates},
+        "values": {name: column.reshape(points.shape) for name, column in values.items()},
+    }
+    if error:
+        facts["standard_error"] = error
+    errors = [Column(f"error_{f.name}", f.unit, error[f.name], f"error of {f.name}") for f in known if f.name in error]
     return FieldTable(
+        _statistics(known, values) if points.is_grid else _lines(coordinates[0], wanted, values, error),
+        facts,
+        [*coordinates, *(Column(field.name, field.unit, values[field.name]) for field in known), *errors],
         of=wanted,
         fields=known,
         points=points,
         values=values,
-        error=_errors(np.array(rows), values, times, names, points.axes) if rows else {},
-        reach=reach * diameter,
+        error=error,
         frames=chosen,
-        times=(float(times[0]), float(times[-1])),
         scene=make_scene(source, source.frames[int(chosen[-1])]),
-        note=_beyond(source, chosen, points, spacing * diameter) if is_radial else "",
     )
+
+
+def _lines(at: Column, of: Sequence[Quantity], values: dict[str, Floats], error: dict[str, Floats]) -> list[Column]:
+    """A row for each place, with these fields and their errors."""
+    pairs = [
+        (Column(f"shown_{f.name}", f.unit, values[f.name], f.name, ""), Column("errors", "", error[f.name], "standard error", ""))
+        for f in of
+    ]
+    return [at._replace(key=""), *(column for pair in pairs for column in pair)]
+
+
+def _statistics(fields: Sequence[Quantity], values: dict[str, Floats]) -> list[Column]:
+    """A row for each field of a grid with its mean, smallest and largest value over the points where it has one."""
+    known = [column[np.isfinite(column)] for column in (values[field.name] for field in fields)]
+    columns = [Column("quantity", "", [with_unit(field.label, field.unit) for field in fields], key="")]
+    for name, statistic in (("mean", np.mean), ("smallest", np.min), ("largest", np.max)):
+        columns.append(Column(name, "", [float(statistic(v)) if v.size else np.nan for v in known], key=""))
+    return columns
 
 
 def _refuse_sizes(spacing: float, reach: float, diameter: float, period: float) -> None:
@@ -199,18 +170,18 @@ def _default(points: FieldPoints) -> tuple[str, ...]:
     return ("solid-fraction",) if points.is_grid else tuple(f"velocity-{axis}" for axis in points.axes)
 
 
-def _wanted(of: Sequence[str], known: Sequence[Field], *, is_grid: bool) -> tuple[Field, ...]:
+def _wanted(of: Sequence[str], known: Sequence[Quantity], *, is_grid: bool) -> tuple[Quantity, ...]:
     """Fields by name; the name of a vector or tensor stands for its components, of which the figure of a grid shows one."""
     names = {field.name: field for field in known}
-    found: list[Field] = []
+    chosen: list[Quantity] = []
     for name in of:
         components = [field for field in known if field.name.rpartition("-")[0] == name and len(field.name) - len(name) <= 3]
         if name not in names and not components:
             raise PostError(f"there is no field '{name}' here; {choices(name, names)}")
         if name not in names and is_grid:
             raise PostError(f"'{name}' has several components: choose one of {', '.join(field.name for field in components)}")
-        found += [names[name]] if name in names else components
-    return tuple(dict.fromkeys(found))
+        chosen += [names[name]] if name in names else components
+    return tuple(dict.fromkeys(chosen))
 
 
 def _points(

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -11,20 +10,27 @@ from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
 from multicor_cli.post.contacts import LoadedContacts, loaded_contacts, with_forces
-from multicor_cli.post.grain_map import GrainScene, make_scene
-from multicor_cli.post.source import FrameSource, PostError, Selection, Table, frame_index, model_of, need_grains, rows_of
+from multicor_cli.post.grain_map import make_scene
+from multicor_cli.post.source import FrameSource, PostError, Selection, frame_index, model_of, need_grains
 from multicor_cli.post.sums import scatter
+from multicor_cli.post.table import Column, Table, values_of_quantities
 
 # ---- The contact forces of one frame
 
-SUMMARY = (
-    "contacts", "wall_contacts", "normal_force_mean", "normal_force_max", "tangential_force_mean", "coordination", "rattler_share",
-    "sliding_share",
-)  # fmt: skip
+_NUMBERS = {
+    "contacts": "contacts that carry a force",
+    "wall_contacts": "  of these with walls",
+    "normal_force_mean": "mean normal force [N]",
+    "normal_force_max": "largest normal force [N]",
+    "tangential_force_mean": "mean tangential force, without sign [N]",
+    "coordination": "coordination number Z",
+    "rattler_share": "share of rattlers (fewer than two contacts)",
+    "sliding_share": "share of sliding contacts",
+}
+SUMMARY = tuple(_NUMBERS)
 """Names of the numbers of a whole network."""
 
 
-@dataclass(frozen=True, repr=False)
 class ForceNetwork(Table):
     """The contacts of a frame that carry a force; ``c`` of them.
 
@@ -37,91 +43,12 @@ class ForceNetwork(Table):
         end: Center of the grain j next to it, free or glued, or where the grain touches a smooth wall [m], shape ``(c, 2)``.
         force: Normal and tangential force on i, mean of the last step [N], shape ``(c, 2)``.
         sliding: Whether the contact slides, shape ``(c,)``.
+        is_wall: Whether a contact is one of a grain with a wall, shape ``(c,)``.
         frame: Index of the frame.
         time: Time of the frame [s].
+        summary: The numbers of `SUMMARY`, by name; nan where there is no contact. Rattlers are grains with fewer than two contacts
+            that carry a force, those with walls included.
     """
-
-    scene: GrainScene
-    i: NDArray[Any]
-    j: NDArray[Any]
-    normal: Floats
-    start: Floats
-    end: Floats
-    force: Floats
-    sliding: NDArray[np.bool_]
-    frame: int
-    time: float
-
-    @property
-    def headings(self) -> tuple[str, str]:
-        """Names of the columns of `rows`."""
-        return "quantity", "value"
-
-    @property
-    def is_wall(self) -> NDArray[np.bool_]:
-        """Whether a contact is one of a grain with a wall, shape ``(c,)``."""
-        return np.asarray(self.j >= self.scene.radius.size)
-
-    @property
-    def coordination(self) -> float:
-        """Mean number of contacts of a grain that carry a force, Z; those with walls included."""
-        return float(2 * self.i.size - np.count_nonzero(self.is_wall)) / self.scene.radius.size
-
-    @property
-    def rattler_share(self) -> float:
-        """Share of the grains with fewer than two contacts that carry a force."""
-        n = self.scene.radius.size
-        contacts = np.bincount(self.i, minlength=n) + np.bincount(self.j[~self.is_wall], minlength=n)
-        return float(np.count_nonzero(contacts < 2)) / n
-
-    @property
-    def summary(self) -> dict[str, float]:
-        """The numbers of `rows` by name; nan where there is no contact."""
-        normal, tangential = self.force.T
-        none = not normal.size
-        values = (
-            normal.size,
-            int(np.count_nonzero(self.is_wall)),
-            np.nan if none else float(normal.mean()),
-            np.nan if none else float(normal.max()),
-            np.nan if none else float(np.abs(tangential).mean()),
-            self.coordination,
-            self.rattler_share,
-            np.nan if none else float(self.sliding.mean()),
-        )
-        return dict(zip(SUMMARY, values, strict=True))
-
-    @property
-    def rows(self) -> list[tuple[str, float]]:
-        """The numbers of `summary` with names for people."""
-        return list(zip(_LABELS, self.summary.values(), strict=True))
-
-    @property
-    def detail_headings(self) -> tuple[str, ...]:
-        """Names of the columns of `detail_rows` with their units."""
-        return "i", "j", "x [m]", "y [m]", "normal x [1]", "normal y [1]", "normal force [N]", "tangential force [N]", "sliding"
-
-    @property
-    def detail_rows(self) -> list[tuple[float, ...]]:
-        """One row per contact; x and y are the point where the grain i touches."""
-        touch = self.start - self.normal * self.scene.radius[self.i][:, np.newaxis]
-        return rows_of([self.i, self.j, *touch.T, *self.normal.T, *self.force.T, self.sliding.astype(np.int64)])
-
-    def as_dict(self) -> dict[str, Any]:
-        """The numbers of the whole network as JSON types; numbers may be nan."""
-        return {"frame": self.frame, "time": self.time, **self.summary}
-
-
-_LABELS = (
-    "contacts that carry a force",
-    "  of these with walls",
-    "mean normal force [N]",
-    "largest normal force [N]",
-    "mean tangential force, without sign [N]",
-    "coordination number Z",
-    "share of rattlers (fewer than two contacts)",
-    "share of sliding contacts",
-)
 
 
 def force_network(source: FrameSource, frame: int = -1) -> ForceNetwork:
@@ -141,19 +68,47 @@ def force_network(source: FrameSource, frame: int = -1) -> ForceNetwork:
     chosen = source.frames[index]
     loaded = loaded_contacts(chosen, model_of(source, chosen))
     scene = make_scene(source, chosen)
-    start = scene.center[loaded.i]
+    start, sliding = scene.center[loaded.i], np.asarray(chosen.contacts.sliding, np.bool_)[loaded.row]
+    touch = start - loaded.normal * scene.radius[loaded.i][:, np.newaxis]
+    summary = _summary(loaded, sliding)
     return ForceNetwork(
-        scene,
-        loaded.i,
-        loaded.j,
-        loaded.normal,
-        start,
-        start - loaded.branch,
-        loaded.force,
-        np.asarray(chosen.contacts.sliding, np.bool_)[loaded.row],
-        index,
-        float(np.asarray(source.frames.time)[index]),
+        values_of_quantities([(_NUMBERS[name], value) for name, value in summary.items()]),
+        {"frame": index, "time": float(np.asarray(source.frames.time)[index]), **summary},
+        [
+            Column("i", "", loaded.i),
+            Column("j", "", loaded.j),
+            *(Column(f"touch_{axis}", "m", touch[:, k], axis) for k, axis in enumerate("xy")),
+            *(Column(f"normal_{axis}", "1", loaded.normal[:, k], f"normal {axis}") for k, axis in enumerate("xy")),
+            *(Column(f"{name}_force", "N", loaded.force[:, k], f"{name} force") for k, name in enumerate(("normal", "tangential"))),
+            Column("slides", "", sliding.astype(np.int64), "sliding"),
+        ],
+        scene=scene,
+        normal=loaded.normal,
+        start=start,
+        end=start - loaded.branch,
+        force=loaded.force,
+        sliding=sliding,
+        is_wall=loaded.is_wall,
+        summary=summary,
     )
+
+
+def _summary(contacts: LoadedContacts, sliding: NDArray[np.bool_]) -> dict[str, float]:
+    """The numbers of a network, by name; nan where there is no contact."""
+    count, n = len(contacts.force), contacts.grain_count
+    normal, tangential = contacts.force.T if count else (np.array([np.nan]),) * 2
+    with_walls = int(np.count_nonzero(contacts.is_wall))
+    values = (
+        count,
+        with_walls,
+        float(normal.mean()),
+        float(normal.max()),
+        float(np.abs(tangential).mean()),
+        float(2 * count - with_walls) / n,
+        float(np.count_nonzero(contacts.counts < 2)) / n,
+        float(sliding.mean()) if count else np.nan,
+    )
+    return dict(zip(SUMMARY, values, strict=True))
 
 
 # ---- How contact forces are distributed: over their magnitude, and over the directions of the contacts
@@ -170,7 +125,6 @@ MOMENTS = ("a_c", "a_n", "a_t", "theta_c", "theta_n", "theta_t")
 _SMALLEST, _LARGEST = 1e-3, 20.0  # range of f/⟨f⟩ that is looked at
 
 
-@dataclass(frozen=True, repr=False)
 class ForceDistribution(Table):
     """Probability density of the forces of grain–grain contacts over their mean; ``b`` bins.
 
@@ -179,71 +133,18 @@ class ForceDistribution(Table):
 
     Attributes:
         edges: Edges of the bins in f/⟨f⟩, ``b + 1`` of them, a constant ratio apart.
+        center: Geometric centers of the bins, shape ``(b,)``.
         normal: Density P(f_n/⟨f_n⟩) of the normal forces, shape ``(b,)``.
         tangential: Density P(|f_t|/⟨|f_t|⟩) of the tangential forces; nan if there are none, shape ``(b,)``.
         count: Normal forces in each bin, shape ``(b,)``.
-        mean: Mean normal force over all frames [N].
-        tangential_mean: Mean tangential force without its sign [N].
+        mean, tangential_mean: Mean normal force, and mean tangential force without its sign, over all frames [N].
         contacts: Number of contacts.
         frames: Indices of the frames.
         times: Times of the first and last frame [s].
-        normal_scatter: Standard deviation of the density of the normal forces from frame to frame; nan with one, shape ``(b,)``.
-        tangential_scatter: The same of the tangential forces, shape ``(b,)``.
+        normal_scatter, tangential_scatter: Standard deviations of the densities from frame to frame; nan with one, shape ``(b,)``.
     """
 
-    edges: Floats
-    normal: Floats
-    tangential: Floats
-    count: NDArray[np.int64]
-    mean: float
-    tangential_mean: float
-    contacts: int
-    frames: NDArray[np.int64]
-    times: tuple[float, float]
-    normal_scatter: Floats
-    tangential_scatter: Floats
 
-    @property
-    def center(self) -> Floats:
-        """Geometric centers of the bins, shape ``(b,)``."""
-        return np.asarray(np.sqrt(self.edges[1:] * self.edges[:-1]))
-
-    @property
-    def headings(self) -> tuple[str, ...]:
-        """Names of the columns of `rows`."""
-        return (
-            "f/<f> from [1]", "to [1]", "P of normal forces [1]", "scatter of normal P [1]",
-            "P of tangential forces [1]", "scatter of tangential P [1]", "normal forces",
-        )  # fmt: skip
-
-    @property
-    def rows(self) -> list[tuple[float, ...]]:
-        """One row per bin."""
-        return rows_of(
-            (
-                self.edges[:-1], self.edges[1:], self.normal, self.normal_scatter,
-                self.tangential, self.tangential_scatter, self.count,
-            )
-        )  # fmt: skip
-
-    def as_dict(self) -> dict[str, Any]:
-        """Everything as JSON types; numbers may be nan."""
-        return {
-            "frame_count": int(self.frames.size),
-            "times": list(self.times),
-            "contacts": self.contacts,
-            "normal_force_mean": self.mean,
-            "tangential_force_mean": self.tangential_mean,
-            "edges": self.edges.tolist(),
-            "normal": self.normal.tolist(),
-            "tangential": self.tangential.tolist(),
-            "count": self.count.tolist(),
-            "normal_scatter": self.normal_scatter.tolist(),
-            "tangential_scatter": self.tangential_scatter.tolist(),
-        }
-
-
-@dataclass(frozen=True, repr=False)
 class AngularDistribution(Table):
     """Directions of grain–grain contacts and the mean forces along them, over the full circle; ``b`` bins.
 
@@ -257,60 +158,11 @@ class AngularDistribution(Table):
         normal: Mean normal force of the contacts in each bin over that of all; nan where there is none, shape ``(b,)``.
         tangential: Mean tangential force over the mean normal force, shape ``(b,)``.
         moments: Anisotropies ``a_c, a_n, a_t`` and their directions ``theta_c, theta_n, theta_t`` [degrees].
-        moments_scatter: Standard deviations of the moments from frame to frame; nan with one frame.
-        density_scatter: The same of ``density``, shape ``(b,)``.
-        normal_scatter: The same of ``normal``, shape ``(b,)``.
+        moments_scatter, density_scatter, normal_scatter: Standard deviations from frame to frame; nan with one frame.
         contacts: Number of contacts.
         frames: Indices of the frames.
         times: Times of the first and last frame [s].
     """
-
-    angle: Floats
-    density: Floats
-    normal: Floats
-    tangential: Floats
-    moments: dict[str, float]
-    moments_scatter: dict[str, float]
-    density_scatter: Floats
-    normal_scatter: Floats
-    contacts: int
-    frames: NDArray[np.int64]
-    times: tuple[float, float]
-
-    @property
-    def headings(self) -> tuple[str, ...]:
-        """Names of the columns of `rows` with their units."""
-        return (
-            "direction [deg]",
-            "density of contacts [1/rad]",
-            "scatter of density [1/rad]",
-            "normal force over mean [1]",
-            "scatter of normal force [1]",
-            "tangential force over mean normal [1]",
-        )
-
-    @property
-    def rows(self) -> list[tuple[float, ...]]:
-        """One row per bin."""
-        return rows_of(
-            (np.degrees(self.angle), self.density, self.density_scatter, self.normal, self.normal_scatter, self.tangential)
-        )
-
-    def as_dict(self) -> dict[str, Any]:
-        """Everything as JSON types; numbers may be nan."""
-        return {
-            "frame_count": int(self.frames.size),
-            "times": list(self.times),
-            "contacts": self.contacts,
-            **self.moments,
-            "angle": self.angle.tolist(),
-            "moments_scatter": self.moments_scatter,
-            "density": self.density.tolist(),
-            "density_scatter": self.density_scatter.tolist(),
-            "normal": self.normal.tolist(),
-            "normal_scatter": self.normal_scatter.tolist(),
-            "tangential": self.tangential.tolist(),
-        }
 
 
 def force_distribution(source: FrameSource, selection: Selection | None = None, bins: int = FORCE_BINS) -> ForceDistribution:
@@ -331,8 +183,8 @@ def force_distribution(source: FrameSource, selection: Selection | None = None, 
     total, sliding, count, rubbing = 0.0, 0.0, 0, 0
     width = np.diff(edges)
     rows: list[Floats] = []
-    for found in contacts:
-        f, g = np.abs(_between(found, found.force)).T
+    for loaded in contacts:
+        f, g = np.abs(_between(loaded, loaded.force)).T
         total, sliding, count = total + float(f.sum()), sliding + float(g.sum()), count + f.size
         own, rubbed = _count(f / f.mean(), edges), np.full(bins, np.nan)
         normal += own
@@ -343,17 +195,32 @@ def force_distribution(source: FrameSource, selection: Selection | None = None, 
             rubbed = slid / (g.size * width)
         rows.append(np.array([own / (f.size * width), rubbed]))
     _need_contacts(count)
+    normal_scatter, tangential_scatter = scatter(np.array(rows))
+    densities = normal / (count * width), tangential / (rubbing * width) if rubbing else np.full(bins, np.nan)
+    columns = [
+        Column("low", "1", edges[:-1], "f/<f> from"),
+        Column("high", "1", edges[1:], "to"),
+        Column("normal", "1", densities[0], "P of normal forces"),
+        Column("normal_scatter", "1", normal_scatter, "scatter of normal P"),
+        Column("tangential", "1", densities[1], "P of tangential forces"),
+        Column("tangential_scatter", "1", tangential_scatter, "scatter of tangential P"),
+        Column("count", "", normal, "normal forces"),
+    ]
+    values = {column.name: column.values for column in columns}
+    facts = {
+        **_frames_of(source, chosen, count),
+        "normal_force_mean": total / count,
+        "tangential_force_mean": sliding / count,
+        "edges": edges,
+        **{name: values[name] for name in ("normal", "tangential", "count", "normal_scatter", "tangential_scatter")},
+    }
     return ForceDistribution(
-        edges,
-        normal / (count * width),
-        tangential / (rubbing * width) if rubbing else np.full(bins, np.nan),
-        normal,
-        total / count,
-        sliding / count,
-        count,
-        chosen,
-        _times(source, chosen),
-        *scatter(np.array(rows)),
+        [column._replace(key="") for column in columns],
+        facts,
+        frames=chosen,
+        center=np.sqrt(edges[1:] * edges[:-1]),
+        mean=total / count,
+        tangential_mean=sliding / count,
     )
 
 
@@ -376,33 +243,32 @@ def angular_distribution(source: FrameSource, selection: Selection | None = None
     sums, wave = np.zeros((3, half)), 0j
     center = (np.arange(half) + 0.5) * np.pi / half
     rows: list[Floats] = []
-    moments: list[dict[str, float]] = []
-    for found in contacts:
-        normal, force = (_between(found, rows) for rows in (found.normal, found.force))
+    single: list[dict[str, float]] = []
+    for loaded in contacts:
+        normal, force = (_between(loaded, values) for values in (loaded.normal, loaded.force))
         # Opposite directions belong to one contact, and its forces are the same seen from either side.
         bin_ = np.minimum((np.arctan2(normal[:, 1], normal[:, 0]) % np.pi / np.pi * half).astype(np.int64), half - 1)
         own = np.array([np.bincount(bin_, weights, minlength=half) for weights in (np.ones(bin_.size), *force.T)])
         turned = complex(((normal[:, 0] + 1j * normal[:, 1]) ** 2).sum())  # e^{2iθ}
         sums, wave = sums + own, wave + turned
         rows.append(np.array(_directions(own)[:2]))
-        moments.append(_moments_of(own, turned, center))
-    _need_contacts(int(sums[0].sum()))
-    density, mean, shear = _directions(sums)
-    found_moments = _moments_of(sums, wave, center)
-    around = scatter(np.array(rows))
-    return AngularDistribution(
-        np.concatenate([center, center + np.pi]),
-        np.tile(density, 2),
-        np.tile(mean, 2),
-        np.tile(shear, 2),
-        found_moments,
-        _scatter_of(moments, found_moments),
-        np.tile(around[0], 2),
-        np.tile(around[1], 2),
-        int(sums[0].sum()),
-        chosen,
-        _times(source, chosen),
-    )
+        single.append(_moments_of(own, turned, center))
+    count = int(sums[0].sum())
+    _need_contacts(count)
+    density, mean, shear = (np.tile(values, 2) for values in _directions(sums))
+    density_scatter, normal_scatter = (np.tile(values, 2) for values in scatter(np.array(rows)))
+    moments, angle = _moments_of(sums, wave, center), np.concatenate([center, center + np.pi])
+    moments_scatter = _scatter_of(single, moments)
+    facts = {**_frames_of(source, chosen, count), **moments, "angle": angle, "moments_scatter": moments_scatter}
+    columns = [
+        Column("degrees", "deg", np.degrees(angle), "direction", ""),
+        Column("density", "1/rad", density, "density of contacts"),
+        Column("density_scatter", "1/rad", density_scatter, "scatter of density"),
+        Column("normal", "1", mean, "normal force over mean"),
+        Column("normal_scatter", "1", normal_scatter, "scatter of normal force"),
+        Column("tangential", "1", shear, "tangential force over mean normal"),
+    ]
+    return AngularDistribution(columns, facts, frames=chosen, moments=moments)
 
 
 def _directions(sums: Floats) -> tuple[Floats, Floats, Floats]:
@@ -421,11 +287,11 @@ def _moments_of(sums: Floats, wave: complex, center: Floats) -> dict[str, float]
 
 def _scatter_of(frames: list[dict[str, float]], overall: dict[str, float]) -> dict[str, float]:
     """Standard deviations of moments from frame to frame; directions repeat every 180°."""
-    found = {}
+    deviations = {}
     for name, middle in overall.items():
         away = np.array([moments[name] for moments in frames]) - middle
-        found[name] = float(scatter((away + 90.0) % 180.0 - 90.0 if name.startswith("theta") else away))
-    return found
+        deviations[name] = float(scatter((away + 90.0) % 180.0 - 90.0 if name.startswith("theta") else away))
+    return deviations
 
 
 def _count(values: Floats, edges: Floats) -> NDArray[np.int64]:
@@ -443,16 +309,16 @@ def _moments(fabric: complex, angle: Floats, normal: Floats, tangential: Floats)
     wave = np.exp(2j * angle[known]) * (width / np.sin(width))  # a bin averages e^{2iθ} over its width w: sin(w)/w
     level = normal[known].mean()
     forces = 2.0 * (normal[known] * wave).mean() / level, 2.0j * (tangential[known] * wave).mean() / level
-    found = dict(zip("cnt", (fabric, *forces), strict=True))
-    moments = {f"a_{name}": float(abs(value)) for name, value in found.items()}
-    return moments | {f"theta_{name}": float(np.degrees(0.5 * np.angle(value)) % 180.0) for name, value in found.items()}
+    waves = dict(zip("cnt", (fabric, *forces), strict=True))
+    moments = {f"a_{name}": float(abs(value)) for name, value in waves.items()}
+    return moments | {f"theta_{name}": float(np.degrees(0.5 * np.angle(value)) % 180.0) for name, value in waves.items()}
 
 
 def _between_grains(source: FrameSource, selection: Selection | None) -> tuple[NDArray[np.int64], Iterator[LoadedContacts]]:
     """The frames that have forces, and the contacts of those that have any between grains."""
     chosen = with_forces(source, (selection or Selection()).indices(source.frames))
-    found = (loaded_contacts(frame, model_of(source, frame)) for frame in (source.frames[int(k)] for k in chosen))
-    return chosen, (contacts for contacts in found if not contacts.is_wall.all())
+    loaded = (loaded_contacts(frame, model_of(source, frame)) for frame in (source.frames[int(k)] for k in chosen))
+    return chosen, (contacts for contacts in loaded if not contacts.is_wall.all())
 
 
 def _need_contacts(count: int) -> None:
@@ -465,6 +331,7 @@ def _between(contacts: LoadedContacts, rows: Floats) -> Floats:
     return np.asarray(rows[~contacts.is_wall])
 
 
-def _times(source: FrameSource, chosen: NDArray[np.int64]) -> tuple[float, float]:
-    times = np.asarray(source.frames.time)
-    return float(times[chosen[0]]), float(times[chosen[-1]])
+def _frames_of(source: FrameSource, chosen: NDArray[np.int64], contacts: int) -> dict[str, Any]:
+    """What both distributions say first."""
+    times = np.asarray(source.frames.time)[chosen]
+    return {"frame_count": int(chosen.size), "times": (float(times[0]), float(times[-1])), "contacts": contacts}

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -12,8 +11,9 @@ from numpy.typing import NDArray
 from multicor_cli.model import Model
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import Outline, outlines
-from multicor_cli.post.quantities import MAPPED, SAME, Quantity
-from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Table, frame_index, model_of, need_grains, rows_of
+from multicor_cli.post.quantities import MAPPED, SAME, GrainQuantity
+from multicor_cli.post.source import FrameSource, GrainFrame, PostError, frame_index, model_of, need_grains
+from multicor_cli.post.table import Column, Table, values_of_quantities, with_unit
 from multicor_cli.text import choices
 
 # ---- The grains and walls of a frame as shapes that can be drawn
@@ -134,7 +134,6 @@ def _find_box(center: Floats, radius: Floats, walls: Sequence[Outline]) -> Float
 # ---- A quantity of every grain of one frame, to be drawn as a map
 
 
-@dataclass(frozen=True, repr=False)
 class GrainMap(Table):
     """A quantity of every grain; ``n`` grains.
 
@@ -147,58 +146,6 @@ class GrainMap(Table):
         time: Time of the frame [s].
         names: What the values 0, 1, … stand for, where they are no amounts.
     """
-
-    field: Quantity
-    scene: GrainScene
-    value: Floats
-    vector: Floats | None
-    frame: int
-    time: float
-    names: tuple[str, ...] = ()
-
-    @property
-    def headings(self) -> tuple[str, str]:
-        """Names of the columns of `rows`."""
-        return (self.field.label, "grains") if self.names else ("quantity", "value")
-
-    @property
-    def rows(self) -> list[tuple[str, float]]:
-        """Statistics of the values; how many grains there are of each kind, where they stand for names."""
-        if self.names:
-            return [(name, float((self.value == k).sum())) for k, name in enumerate(self.names)]
-        unit = f" [{self.field.unit}]"
-        quantiles = np.quantile(self.value, (0.0, 0.05, 0.5, 0.95, 1.0))
-        names = ("smallest", "5 % of the grains below", "half of the grains below", "95 % of the grains below", "largest")
-        pairs = [("mean", float(self.value.mean())), *zip(names, quantiles.tolist(), strict=True)]
-        return [("grains", float(self.value.size)), *((name + unit, value) for name, value in pairs)]
-
-    @property
-    def detail_headings(self) -> tuple[str, ...]:
-        """Names of the columns of `detail_rows` with their units."""
-        unit, name = self.field.unit, self.field.name
-        vector = () if self.vector is None else (f"{name} x [{unit}]", f"{name} y [{unit}]")
-        return ("x [m]", "y [m]", "radius [m]", f"{name} [{unit}]", *vector)
-
-    @property
-    def detail_rows(self) -> list[tuple[float, ...]]:
-        """One row per grain: center, radius, value, and the vector if there is one."""
-        return rows_of([*self.scene.center.T, self.scene.radius, self.value, *(() if self.vector is None else self.vector.T)])
-
-    def as_dict(self) -> dict[str, Any]:
-        """Everything as JSON types."""
-        data = {
-            "of": self.field.name,
-            "unit": self.field.unit,
-            "frame": self.frame,
-            "time": self.time,
-            "x": self.scene.center[:, 0].tolist(),
-            "y": self.scene.center[:, 1].tolist(),
-            "radius": self.scene.radius.tolist(),
-            "value": self.value.tolist(),
-        }
-        if self.names:
-            data["names"] = list(self.names)
-        return data if self.vector is None else data | {"vector": self.vector.tolist()}
 
 
 def grain_map(source: FrameSource, of: str, frame: int = -1, *, may_be_empty: bool = False) -> GrainMap:
@@ -222,12 +169,32 @@ def grain_map(source: FrameSource, of: str, frame: int = -1, *, may_be_empty: bo
         need_grains(source, np.array([index]))
     values = chosen.of_grain(source, index)
     vector = values if values.ndim == 2 else None
-    return GrainMap(
-        chosen,
-        make_scene(source, source.frames[index]),
-        values if vector is None else np.hypot(*vector.T),
-        vector,
-        index,
-        float(np.asarray(source.frames.time)[index]),
-        () if chosen.names_of is None else chosen.names_of(source.model),
-    )
+    value = values if vector is None else np.hypot(*vector.T)
+    scene, names = make_scene(source, source.frames[index]), () if chosen.names_of is None else chosen.names_of(source.model)
+    time = float(np.asarray(source.frames.time)[index])
+    grains = [
+        *(Column(axis, "m", scene.center[:, k]) for k, axis in enumerate("xy")),
+        Column("radius", "m", scene.radius),
+        Column("value", chosen.unit, value, chosen.name),
+    ]
+    facts = {"of": chosen.name, "unit": chosen.unit, "frame": index, "time": time, **{c.name: c.values for c in grains}}
+    if names:
+        facts["names"] = names
+    if vector is not None:
+        facts["vector"] = vector
+        grains += [Column(f"vector_{axis}", chosen.unit, vector[:, k], f"{chosen.name} {axis}") for k, axis in enumerate("xy")]
+    parts = {"field": chosen, "scene": scene, "vector": vector, "names": names}
+    return GrainMap(_statistics(chosen, value, names), facts, grains, **parts)
+
+
+def _statistics(field: GrainQuantity, value: Floats, names: tuple[str, ...]) -> tuple[Column, ...]:
+    """How the values are distributed; how many grains there are of each kind, where they stand for names."""
+    if names:
+        counts = [float((value == k).sum()) for k in range(len(names))]
+        return Column("kind", "", names, field.label, ""), Column("grains", "", counts, key="")
+    if not value.size:
+        return values_of_quantities([("grains", 0.0)])
+    quantiles = np.quantile(value, (0.0, 0.05, 0.5, 0.95, 1.0)).tolist()
+    labels = ("smallest", "5 % of the grains below", "half of the grains below", "95 % of the grains below", "largest")
+    lines = [("mean", float(value.mean())), *zip(labels, quantiles, strict=True)]
+    return values_of_quantities([("grains", float(value.size)), *((with_unit(k, field.unit), v) for k, v in lines)])

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -13,8 +12,8 @@ from multicor_cli.model.model import Floats
 from multicor_cli.post.bins import Between, Bins, make_bins
 from multicor_cli.post.contacts import FrameOfGroups, of_groups, with_forces
 from multicor_cli.post.flow import RelativeFrame, mean_flow
-from multicor_cli.post.quantities import PROFILE_GROUPS, PROFILED, SAME, Quantity
-from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Selection, Table, model_of, rows_of
+from multicor_cli.post.quantities import PROFILE_GROUPS, PROFILED, SAME, GrainQuantity
+from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Selection, model_of
 from multicor_cli.post.sums import (
     Sums,
     Values,
@@ -27,10 +26,10 @@ from multicor_cli.post.sums import (
     sum_rates,
     sum_shares,
 )
+from multicor_cli.post.table import Column, Table
 from multicor_cli.text import choices
 
 
-@dataclass(frozen=True, repr=False)
 class ProfileTable(Table):
     """A profile over the height; ``b`` bins.
 
@@ -61,30 +60,8 @@ class ProfileTable(Table):
         left_out: What is left out at each wall, in mean diameters.
         note: How many bins drift, and by how much the worst does over the frames, in the unit of the field; empty if none does.
         groups: The groups of grains that count; empty: all.
+        about_groups: Which they are, as `` of 'glass'``; empty for all.
     """
-
-    field: Quantity
-    y: Floats
-    value: Floats
-    error: Floats
-    area: Floats
-    width: float
-    height: float
-    wall_values: tuple[float, float]
-    walls: tuple[str, str]
-    shear_rate: float
-    frames: NDArray[np.int64]
-    times: tuple[float, float]
-    is_normalized: bool = False
-    left_out: float = 0.0
-    bin_area: float = np.nan
-    note: str = ""
-    groups: tuple[str, ...] = ()
-
-    @property
-    def about_groups(self) -> str:
-        """Which groups count, as `` of 'glass'``; empty for all."""
-        return f" of {' and '.join(repr(name) for name in self.groups)}" if self.groups else ""
 
     @property
     def about_walls(self) -> str:
@@ -95,42 +72,11 @@ class ProfileTable(Table):
     @property
     def units(self) -> tuple[str, str]:
         """Units of ``y`` and ``value``; ``1`` if normalized."""
-        return ("1", "1") if self.is_normalized else ("m", self.field.unit)
-
-    @property
-    def headings(self) -> tuple[str, str, str, str]:
-        """Names of the columns of `rows` with their units."""
-        y, value = (f" [{unit}]" for unit in self.units)
-        return f"y{y}", f"{self.field.name}{self.about_groups}{value}", f"standard error{value}", "area [m2]"
-
-    @property
-    def rows(self) -> list[tuple[float, float, float, float]]:
-        """Height, value, standard error and area of every bin; nan where there is none."""
-        return rows_of((self.y, self.value, self.error, self.area))
+        return self.facts["y_unit"], self.facts["unit"]
 
     def as_dict(self) -> dict[str, Any]:
         """Everything as JSON types; numbers may be nan."""
-        return {
-            "of": self.field.name,
-            "unit": self.units[1],
-            "y_unit": self.units[0],
-            "normalized": self.is_normalized,
-            "frame_count": int(self.frames.size),
-            "times": list(self.times),
-            "height": self.height,
-            "walls": list(self.walls),
-            "excluded_at_walls": self.left_out,
-            "wall_values": list(self.wall_values),
-            "shear_rate": self.shear_rate,
-            "bin_width": self.width,
-            "bin_area": self.bin_area,
-            "y": self.y.tolist(),
-            "value": self.value.tolist(),
-            "standard_error": self.error.tolist(),
-            "area": self.area.tolist(),
-            "note": self.note,
-            "groups": list(self.groups),
-        }
+        return {**super().as_dict(), "note": self.note, "groups": list(self.groups)}
 
     def normalized(self) -> ProfileTable:
         """The same with y/H, and the field in a form without unit.
@@ -148,14 +94,20 @@ class ProfileTable(Table):
             choice = ", ".join(name for name, field in PROFILED.items() if field.scaling != "none")
             raise PostError(f"there is no normalized {self.field.label}; choose from: {choice}")
         low, scale = self._shear_scale() if self.field.scaling == "shear" else self._wall_scale()
-        return replace(
-            self,
+        width = self.width / self.height
+        table = self.with_(
             y=self.y / self.height,
             value=(self.value - low) / scale,
             error=self.error / abs(scale),
-            width=self.width / self.height,
+            bin_width=width,
+            width=width,
+            unit="1",
+            y_unit="1",
+            normalized=True,
             is_normalized=True,
         )
+        table.columns = (*(column._replace(unit="1") for column in table.columns[:-1]), table.columns[-1])
+        return table
 
     def _wall_scale(self) -> tuple[float, float]:
         low, high = self.wall_values
@@ -179,7 +131,6 @@ class ProfileTable(Table):
         return 0.0, self.shear_rate
 
 
-@dataclass(frozen=True, repr=False)
 class ProfileSet(Table):
     """Profiles of several fields over the same bins and frames.
 
@@ -188,28 +139,22 @@ class ProfileSet(Table):
         tables: The profiles; at least one.
     """
 
-    name: str
-    tables: tuple[ProfileTable, ...]
+    def __init__(self, name: str, tables: Sequence[ProfileTable]) -> None:
+        self.name, self.tables = name, tuple(tables)
+        columns = list(self.first.columns)
+        if len(self.tables) > 1:
+            own = [
+                column._replace(name=f"{column.name}_{k}", label=label)
+                for k, table in enumerate(self.tables)
+                for column, label in zip(table.columns[1:3], (table.field.name, f"error {table.field.name[-2:]}"), strict=True)
+            ]
+            columns = [columns[0], *own, columns[-1]]
+        super().__init__(columns, {})
 
     @property
     def first(self) -> ProfileTable:
         """The first profile: bins, frames and walls are those of all."""
         return self.tables[0]
-
-    @property
-    def headings(self) -> tuple[str, ...]:
-        """Names of the columns of `rows` with their units."""
-        y, area = self.first.headings[0], self.first.headings[-1]
-        if len(self.tables) == 1:
-            return self.first.headings
-        pairs = [(table.field.name, f"error {table.field.name.rsplit('-', 1)[1]}", table.units[1]) for table in self.tables]
-        return y, *(f"{name} [{unit}]" for value, error, unit in pairs for name in (value, error)), area
-
-    @property
-    def rows(self) -> list[tuple[float, ...]]:
-        """Height, value and standard error of every field, and area of every bin; nan where there is none."""
-        own = [column for table in self.tables for column in (table.value, table.error)]
-        return rows_of((self.first.y, *own, self.first.area))
 
     def as_dict(self) -> dict[str, Any]:
         """Everything as JSON types; numbers may be nan."""
@@ -221,7 +166,7 @@ class ProfileSet(Table):
 
     def normalized(self) -> ProfileSet:
         """The same in a form without unit; see `ProfileTable.normalized`, whose errors are raised."""
-        return replace(self, tables=tuple(table.normalized() for table in self.tables))
+        return ProfileSet(self.name, [table.normalized() for table in self.tables])
 
 
 _OWN = ("of", "unit", "wall_values", "value", "standard_error", "note")
@@ -263,10 +208,9 @@ def profile(
     """
     if of in PROFILE_GROUPS:
         raise PostError(f"'{of}' has several components: choose one of {', '.join(PROFILE_GROUPS[of])}")
-    found = profiles(
+    return profiles(
         source, of, selection, bins, bin_width=bin_width, exclude_walls=exclude_walls, between=between, groups=groups
-    )  # fmt: skip
-    return found.first
+    ).first
 
 
 def profiles(
@@ -280,21 +224,7 @@ def profiles(
     between: Between | None = None,
     groups: Sequence[str] = (),
 ) -> ProfileSet:
-    """As `profile`, for a field or for several at once, reading every frame once.
-
-    Args:
-        source: The run.
-        of: Name of the field, one of `PROFILED`, or of one of `PROFILE_GROUPS`.
-        selection: Which frames; default: the later half of the last stage.
-        bins: Number of bins, as for `profile`.
-        bin_width: Width of a bin in mean diameters, likewise.
-        exclude_walls: What to leave out at each wall, in mean diameters, likewise.
-        between: Names of the walls below and above, likewise.
-        groups: Groups of grains that count, likewise.
-
-    Raises:
-        PostError: As `profile`.
-    """
+    """As `profile`, also of several fields at once (``of``: one of `PROFILE_GROUPS`); every frame is read once."""
     fields = _find_fields(of)
     chosen = (selection or Selection()).indices(source.frames)
     kind = fields[0].kind
@@ -313,9 +243,7 @@ def profiles(
         sums = sum_contacts(part, chosen, bins_, [field.of_contacts for field in fields if field.of_contacts is not None])
     else:
         sums = _SUMS[kind](part, chosen, bins_, _values_of(source, fields, chosen, bins_))
-    made = (_make_table(source, *pair, chosen, bins_) for pair in zip(fields, sums, strict=True))
-    tables = [replace(table, groups=tuple(groups)) for table in made]
-    return ProfileSet(of, tuple(tables))
+    return ProfileSet(of, [_make_table(source, *pair, chosen, bins_, tuple(groups)) for pair in zip(fields, sums, strict=True)])
 
 
 _SUMS: dict[str, Callable[[FrameSource, NDArray[np.int64], Bins, Sequence[Values]], list[Sums]]] = {
@@ -326,7 +254,7 @@ _SUMS: dict[str, Callable[[FrameSource, NDArray[np.int64], Bins, Sequence[Values
 }
 
 
-def _find_fields(of: str) -> tuple[Quantity, ...]:
+def _find_fields(of: str) -> tuple[GrainQuantity, ...]:
     names = PROFILE_GROUPS.get(of, (SAME.get(of, of),))
     if names[0] not in PROFILED:
         known = [name for name in PROFILED if not any(name in group for group in PROFILE_GROUPS.values())]
@@ -334,32 +262,50 @@ def _find_fields(of: str) -> tuple[Quantity, ...]:
     return tuple(PROFILED[name] for name in names)
 
 
-def _make_table(source: FrameSource, field: Quantity, sums: Sums, chosen: NDArray[np.int64], bins: Bins) -> ProfileTable:
+def _make_table(
+    source: FrameSource, field: GrainQuantity, sums: Sums, chosen: NDArray[np.int64], bins: Bins, groups: tuple[str, ...]
+) -> ProfileTable:
     value, error = average(sums)
     extent = bins.extent
     walls, speeds = _at_walls(source, field, chosen, (extent.lower, extent.upper))
-    times = np.asarray(source.frames.time)[chosen]
-    names = source.model.walls.names
+    times, names = np.asarray(source.frames.time)[chosen], source.model.walls.names
+    facts = {
+        "of": field.name,
+        "unit": field.unit,
+        "y_unit": "m",
+        "normalized": False,
+        "frame_count": int(chosen.size),
+        "times": (float(times[0]), float(times[-1])),
+        "height": extent.height,
+        "walls": tuple("" if w is None else names[w] for w in (extent.lower, extent.upper)),
+        "excluded_at_walls": bins.left_out / source.model.mean_diameter,
+        "wall_values": walls,
+        "shear_rate": (speeds[1] - speeds[0]) / extent.height,
+        "bin_width": bins.width,
+        "bin_area": _bin_area(source, field, sums, chosen, bins),
+    }
+    of_groups = f" of {' and '.join(map(repr, groups))}" if groups else ""
+    columns = [
+        Column("y", "m", bins.centers),
+        Column("value", field.unit, value, f"{field.name}{of_groups}"),
+        Column("error", field.unit, error, "standard error", "standard_error"),
+        Column("area", "m2", sums.area.mean(axis=0)),
+    ]
     return ProfileTable(
+        columns,
+        facts,
         field=field,
-        y=bins.centers,
-        value=value,
-        error=error,
-        area=sums.area.mean(axis=0),
-        width=bins.width,
-        height=extent.height,
-        wall_values=walls,
-        walls=tuple("" if w is None else names[w] for w in (extent.lower, extent.upper)),  # type: ignore[arg-type]
-        shear_rate=(speeds[1] - speeds[0]) / extent.height,
         frames=chosen,
-        times=(float(times[0]), float(times[-1])),
-        left_out=bins.left_out / source.model.mean_diameter,
-        bin_area=_bin_area(source, field, sums, chosen, bins),
+        is_normalized=False,
+        width=bins.width,
+        left_out=facts["excluded_at_walls"],
         note=drift_note(sums),
+        groups=groups,
+        about_groups=of_groups,
     )
 
 
-def _bin_area(source: FrameSource, field: Quantity, sums: Sums, chosen: NDArray[np.int64], bins: Bins) -> float:
+def _bin_area(source: FrameSource, field: GrainQuantity, sums: Sums, chosen: NDArray[np.int64], bins: Bins) -> float:
     """Area of a bin, averaged over the frames, or over the time of a rate [m²]."""
     if field.kind in ("mean", "number"):
         frames = (source.frames[int(k)] for k in chosen)
@@ -368,11 +314,11 @@ def _bin_area(source: FrameSource, field: Quantity, sums: Sums, chosen: NDArray[
     return float(sums.weight[:, 0].sum() / (times[-1] - times[0] if field.kind == "rate" else chosen.size))
 
 
-def _values_of(source: FrameSource, fields: tuple[Quantity, ...], chosen: NDArray[np.int64], bins: Bins) -> list[Values]:
+def _values_of(source: FrameSource, fields: tuple[GrainQuantity, ...], chosen: NDArray[np.int64], bins: Bins) -> list[Values]:
     is_relative = any(field.is_relative for field in fields)
     flow = mean_flow(source, chosen, bins) if is_relative else None
 
-    def values_of(field: Quantity) -> Values:
+    def values_of(field: GrainQuantity) -> Values:
         averaged = field.averaged
         assert averaged is not None
 
@@ -389,16 +335,16 @@ def _values_of(source: FrameSource, fields: tuple[Quantity, ...], chosen: NDArra
 
 
 def _at_walls(
-    source: FrameSource, field: Quantity, chosen: NDArray[np.int64], walls: tuple[int | None, int | None]
+    source: FrameSource, field: GrainQuantity, chosen: NDArray[np.int64], walls: tuple[int | None, int | None]
 ) -> tuple[tuple[float, float], tuple[float, float]]:
     """Means over the frames of the field and of the velocity at the lower and upper wall; nan where there is none."""
-    found = np.full((chosen.size, 2, 2), np.nan)
+    values = np.full((chosen.size, 2, 2), np.nan)
     for row, k in enumerate(chosen):
         frame = source.frames[int(k)]
         for side, wall in enumerate(walls):
             if wall is not None:
-                found[row, 1, side] = frame.wall_velocity[wall, 0]
+                values[row, 1, side] = frame.wall_velocity[wall, 0]
                 if field.of_walls is not None:
-                    found[row, 0, side] = field.of_walls(frame, source.model)[wall]
-    (low, high), (below, above) = found.mean(axis=0).tolist()
+                    values[row, 0, side] = field.of_walls(frame, source.model)[wall]
+    (low, high), (below, above) = values.mean(axis=0).tolist()
     return (low, high), (below, above)

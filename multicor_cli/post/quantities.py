@@ -13,6 +13,7 @@ from multicor_cli.model.model import Floats, Model
 from multicor_cli.post.contacts import LoadedContacts, loaded_contacts, with_forces
 from multicor_cli.post.flow import fluctuations
 from multicor_cli.post.source import FrameSource, GrainFrame, PostError, model_of, need_heat, need_same_grains
+from multicor_cli.post.table import Quantity
 
 Kind = Literal["mean", "number", "rate", "share", "contact"]
 """How grains or contacts add up to the value of a bin.
@@ -45,14 +46,10 @@ _DECADES = 1e-4  # lowest color of a logarithmic scale over the highest
 
 
 @dataclass(frozen=True)
-class Quantity:
+class GrainQuantity(Quantity):
     """A quantity that every grain, or every contact, has.
 
     Attributes:
-        name: Name on the command line.
-        label: Name in tables and figures.
-        symbol: Symbol in figures (TeX).
-        unit: SI unit.
         of_grain: Values of the grains of a frame, shape ``(n,)``, or ``(n, 2)`` for vectors: what a map shows; None if there is
             no map.
         colors: Color map of its maps.
@@ -70,10 +67,6 @@ class Quantity:
         names_of: Names that the values 0, 1, … stand for, where they are no amounts.
     """
 
-    name: str
-    label: str
-    symbol: str
-    unit: str
     of_grain: Callable[[FrameSource, int], Floats] | None = None
     colors: Colors = "viridis"
     scale: Scale = "linear"
@@ -93,12 +86,12 @@ class Quantity:
         """Whether there are profiles of it."""
         return self.averaged is not None or self.of_contacts is not None
 
-    def of_profile(self) -> Quantity:
+    def of_profile(self) -> GrainQuantity:
         """The same with the symbol and the unit of its profiles."""
         return self if self.per_area is None else replace(self, symbol=self.per_area[0], unit=self.per_area[1])
 
 
-def color_range(quantity: Quantity, values: NDArray[Any], grains: int) -> tuple[float, float]:
+def color_range(quantity: GrainQuantity, values: NDArray[Any], grains: int) -> tuple[float, float]:
     """Smallest and largest value with a color of its own, of finite values of one frame or more of so many grains."""
     if not values.size:
         return 0.0, 1.0
@@ -192,10 +185,10 @@ def _mean_pressure(contacts: LoadedContacts) -> Floats:
     return np.asarray(0.5 * (contacts.virial(0, 0) + contacts.virial(1, 1)))
 
 
-def _stress(a: int, b: int) -> Quantity:
+def _stress(a: int, b: int) -> GrainQuantity:
     """Contact stress σ_ab = Σ f_a ℓ_b / area: force on a grain times the branch towards it, compression positive."""
     axes = "xy"[a] + "xy"[b]
-    return Quantity(
+    return GrainQuantity(
         f"stress-{axes}",
         f"contact stress {axes}",
         rf"\sigma_{{{axes}}}",
@@ -206,7 +199,7 @@ def _stress(a: int, b: int) -> Quantity:
     )
 
 
-def _kinetic_stress(a: int, b: int) -> Quantity:
+def _kinetic_stress(a: int, b: int) -> GrainQuantity:
     """Kinetic stress Σ m v'_a v'_b / area of velocities relative to the mean flow."""
     axes = "xy"[a] + "xy"[b]
 
@@ -216,53 +209,55 @@ def _kinetic_stress(a: int, b: int) -> Quantity:
 
     symbol = rf"\sigma^\mathrm{{kin}}_{{{axes}}}"
     name, label = f"kinetic-stress-{axes}", f"kinetic stress {axes}"
-    return Quantity(name, label, symbol, "N/m", averaged=averaged, kind="share", is_relative=True)
+    return GrainQuantity(name, label, symbol, "N/m", averaged=averaged, kind="share", is_relative=True)
 
 
-QUANTITIES: dict[str, Quantity] = {
+QUANTITIES: dict[str, GrainQuantity] = {
     quantity.name: quantity
     for quantity in (
-        Quantity(
+        GrainQuantity(
             "velocity", "velocity", "v_x", "m/s", **_each(lambda frame: frame.velocity[:, 0]), of_walls=_wall(0), scaling="walls",
             colors="balance", scale="centered",
         ),
-        Quantity(
+        GrainQuantity(
             "velocity-y", "vertical velocity", "v_y", "m/s", **_each(lambda frame: frame.velocity[:, 1]),
             of_walls=_wall(1), colors="balance", scale="centered",
         ),
-        Quantity("speed", "speed", r"|v|", "m/s", _speeds, scale="from zero"),
-        Quantity("displacement", "displacement", r"|\Delta x|", "m", _displacements, scale="from zero"),
-        Quantity(
+        GrainQuantity("speed", "speed", r"|v|", "m/s", _speeds, scale="from zero"),
+        GrainQuantity("displacement", "displacement", r"|\Delta x|", "m", _displacements, scale="from zero"),
+        GrainQuantity(
             "rotation", "rotation since the start", r"\theta", "rad",
             lambda source, frame: np.asarray(source.frames[frame].angle, np.float64), "balance", "centered",
         ),
-        Quantity(
+        GrainQuantity(
             "spin", "spin", r"\omega", "rad/s", **_each(lambda frame: frame.spin),
             of_walls=_wall(2), scaling="shear", colors="balance", scale="centered",
         ),
-        Quantity(
+        GrainQuantity(
             "temperature", "temperature", "T", "K", **_each(lambda frame: need_heat(frame.temperature)),
             of_walls=lambda frame, _model: need_heat(frame.wall_temperature), scaling="walls", colors="plasma", needs_heat=True,
         ),
-        Quantity(
+        GrainQuantity(
             "heat", "generated heat", r"\dot{Q}", "W", _heat_rates, "magma", "logarithmic", needs_heat=True,
             averaged=lambda frame, _model: need_heat(frame.generated), kind="rate", per_area=(r"\dot{q}", "W/m2"),
         ),
-        Quantity("fluctuation", "velocity fluctuation", r"|v - \langle v_x \rangle|", "m/s", fluctuations, scale="from zero"),
-        Quantity("solid-fraction", "solid fraction", r"\nu", "1", averaged=_one, kind="share"),
-        Quantity("granular-temperature", "granular temperature", r"T_g", "m2/s2", averaged=_granular_temperature, is_relative=True),
-        Quantity(
+        GrainQuantity("fluctuation", "velocity fluctuation", r"|v - \langle v_x \rangle|", "m/s", fluctuations, scale="from zero"),
+        GrainQuantity("solid-fraction", "solid fraction", r"\nu", "1", averaged=_one, kind="share"),
+        GrainQuantity(
+            "granular-temperature", "granular temperature", r"T_g", "m2/s2", averaged=_granular_temperature, is_relative=True,
+        ),
+        GrainQuantity(
             "coordination", "contacts per grain", "Z", "1", _of_contacts(lambda contacts: contacts.counts),
             averaged=_coordination, kind="number", needs_contacts=True,
         ),
-        Quantity(
+        GrainQuantity(
             "force", "largest contact force", r"f_\mathrm{max}", "N", _of_contacts(lambda contacts: contacts.largest),
             scale="from zero",
         ),
-        Quantity("group", "group", "", "1", _kinds("group"), names_of=lambda model: model.groups),
-        Quantity("material", "material", "", "1", _kinds("material"), names_of=lambda model: model.materials),
-        Quantity("stress", "contact pressure", "p", "N/m", _pressures, "cividis", "from zero"),
-        Quantity("pressure", "contact pressure", "p", "N/m", kind="contact", of_contacts=_mean_pressure, needs_contacts=True),
+        GrainQuantity("group", "group", "", "1", _kinds("group"), names_of=lambda model: model.groups),
+        GrainQuantity("material", "material", "", "1", _kinds("material"), names_of=lambda model: model.materials),
+        GrainQuantity("stress", "contact pressure", "p", "N/m", _pressures, "cividis", "from zero"),
+        GrainQuantity("pressure", "contact pressure", "p", "N/m", kind="contact", of_contacts=_mean_pressure, needs_contacts=True),
         *(_stress(a, b) for a in (0, 1) for b in (0, 1)),
         *(_kinetic_stress(a, b) for a, b in ((0, 0), (0, 1), (1, 1))),
     )
@@ -278,10 +273,10 @@ per length, compression positive: σ_ab is the flux of the momentum along a thro
 layers move towards +x has σ_xy < 0. The pressure is half the trace of the contact stress.
 """
 
-PROFILED: dict[str, Quantity] = {name: quantity.of_profile() for name, quantity in QUANTITIES.items() if quantity.is_profiled}
+PROFILED: dict[str, GrainQuantity] = {name: quantity.of_profile() for name, quantity in QUANTITIES.items() if quantity.is_profiled}
 """What a profile can be taken of, by name."""
 
-MAPPED: dict[str, Quantity] = {name: quantity for name, quantity in QUANTITIES.items() if quantity.of_grain is not None}
+MAPPED: dict[str, GrainQuantity] = {name: quantity for name, quantity in QUANTITIES.items() if quantity.of_grain is not None}
 """What can be shown as a map of the grains, by name."""
 
 SAME = {"velocity-x": "velocity"}

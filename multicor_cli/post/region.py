@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -12,8 +10,9 @@ from numpy.typing import NDArray
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import Area, Rectangle, Room
 from multicor_cli.post.contacts import LoadedContacts, has_forces, loaded_contacts
-from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Selection, Table, model_of, rows_of
-from multicor_cli.post.sums import Spread, spread
+from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Selection, model_of
+from multicor_cli.post.sums import spread
+from multicor_cli.post.table import Column, TimeTable, line_of
 
 _UNITS = {
     "solid_fraction": "1", "coordination": "1", "velocity_x": "m/s", "velocity_y": "m/s", "spin": "rad/s", "temperature": "K",
@@ -28,8 +27,7 @@ _PIECES = 8  # of a branch: narrow regions and corners lie between its ends
 _AXES = ((0, 0, "xx"), (0, 1, "xy"), (1, 0, "yx"), (1, 1, "yy"))
 
 
-@dataclass(frozen=True, repr=False)
-class RegionTable(Table):
+class RegionTable(TimeTable):
     """Values in a part of the plane; ``f`` frames.
 
     A grain counts with the part of its area that lies inside, where the boundary is taken for straight across a grain; a contact
@@ -45,68 +43,19 @@ class RegionTable(Table):
             where nothing is inside, or no forces belong to a frame; shape ``(f,)``.
     """
 
-    area: float
-    time: Floats
-    grains: NDArray[np.int64]
-    values: dict[str, Floats]
+    KEYS = ("area", "mean", "standard_error", "drift", "drift_error", "note", "time", "grains", "values")
 
-    @property
-    def mean(self) -> dict[str, float]:
-        """Mean over the frames that have a value; nan if none has."""
-        return {name: float(np.nanmean(v)) if np.isfinite(v).any() else np.nan for name, v in self.values.items()}
-
-    @property
-    def error(self) -> dict[str, float]:
-        """Standard errors of the means; nan where the frames are too few to tell."""
-        return {name: float(found.error) for name, found in self.spread.items()}
-
-    @property
-    def drift(self) -> dict[str, float]:
-        """What each quantity drifts by from the first to the last frame, by name."""
-        return {name: float(found.drift) for name, found in self.spread.items()}
-
-    @cached_property
-    def spread(self) -> dict[str, Spread]:
-        """Errors and drifts of the means by name; see `multicor_cli.post.sums.spread`."""
-        return {name: spread(v, self.time) for name, v in self.values.items()}
-
-    @property
-    def headings(self) -> tuple[str, ...]:
-        """Names of the columns of `rows`."""
-        return "quantity", "mean", "standard error", "drift", "note"
+    def __init__(self, area: float, time: Floats, grains: NDArray[np.int64], values: dict[str, Floats]) -> None:
+        quantities = [Column(name, _UNITS[name], column, name.replace("_", " ")) for name, column in values.items()]
+        super().__init__(time, quantities, {"area": area, "grains": grains})
+        self.details = (self.details[0], Column("grains", "", grains), *self.details[1:])
 
     @property
     def rows(self) -> list[tuple[Any, ...]]:
-        """One row per quantity."""
-        of_grains = spread(self.grains.astype(np.float64), self.time)
-        means = [("grains", float(self.grains.mean()), of_grains)]
-        means += [(f"{name.replace('_', ' ')} [{_UNITS[name]}]", value, self.spread[name]) for name, value in self.mean.items()]
-        lines = [(label, mean, float(found.error), float(found.drift), found.note()) for label, mean, found in means]
-        return [("area [m2]", self.area, 0.0, 0.0, ""), *lines]
-
-    @property
-    def detail_headings(self) -> tuple[str, ...]:
-        """Names of the columns of `detail_rows` with their units."""
-        return "time [s]", "grains", *(f"{name} [{_UNITS[name]}]" for name in self.values)
-
-    @property
-    def detail_rows(self) -> list[tuple[float, ...]]:
-        """One row per frame."""
-        return rows_of((self.time, self.grains, *self.values.values()))
-
-    def as_dict(self) -> dict[str, Any]:
-        """Everything as JSON types; numbers may be nan."""
-        return {
-            "area": self.area,
-            "mean": self.mean,
-            "standard_error": self.error,
-            "drift": self.drift,
-            "drift_error": {name: float(found.drift_error) for name, found in self.spread.items()},
-            "note": {name: found.note() for name, found in self.spread.items()},
-            "time": self.time.tolist(),
-            "grains": self.grains.tolist(),
-            "values": {name: v.tolist() for name, v in self.values.items()},
-        }
+        """The area, the number of grains, and the quantities."""
+        counts = self.grains.astype(np.float64)
+        grains = line_of("grains", float(counts.mean()), spread(counts, self.time))
+        return [("area [m2]", self.area, 0.0, 0.0, ""), grains, *super().rows]
 
 
 def in_region(source: FrameSource, area: Area, selection: Selection | None = None) -> RegionTable:
@@ -123,12 +72,11 @@ def in_region(source: FrameSource, area: Area, selection: Selection | None = Non
     """
     chosen = (selection or Selection()).indices(source.frames)
     room, size = _room(area, source.model.period)
-    found = [_measure(source, source.frames[int(k)], room, size) for k in chosen]
-    grains = np.array([count for count, _ in found], np.int64)
-    values = {name: np.array([row[name] for _, row in found]) for name in found[0][1]}
+    counts, measured = zip(*(_measure(source, source.frames[int(k)], room, size) for k in chosen), strict=True)
+    values = {name: np.array([row[name] for row in measured]) for name in measured[0]}
     if not values["solid_fraction"].any():
         raise PostError("no grain is in the region in these frames")
-    return RegionTable(size, np.asarray(source.frames.time, np.float64)[chosen], grains, values)
+    return RegionTable(size, np.asarray(source.frames.time, np.float64)[chosen], np.array(counts, np.int64), values)
 
 
 def _room(area: Area, period: float) -> tuple[Room, float]:
@@ -190,13 +138,13 @@ def part_inside(depth: Floats, radius: Floats) -> Floats:
 def _lengths_inside(contacts: LoadedContacts, position: Floats, room: Room) -> Floats:
     """Part of each branch that lies inside, shape ``(c,)``: depth is linear along each of some pieces."""
     end = position[contacts.i]
-    found, last = np.zeros(len(end)), room.clearance(end)
+    part, last = np.zeros(len(end)), room.clearance(end)
     for k in range(1, _PIECES + 1):
         first, last = last, room.clearance(end - (k / _PIECES) * contacts.branch)
         inner = np.maximum(first, 0.0) + np.maximum(last, 0.0)
         outer = np.maximum(-first, 0.0) + np.maximum(-last, 0.0)
-        found += np.where(outer == 0.0, 1.0, inner / np.where(inner + outer > 0.0, inner + outer, 1.0)) / _PIECES
-    return found
+        part += np.where(outer == 0.0, 1.0, inner / np.where(inner + outer > 0.0, inner + outer, 1.0)) / _PIECES
+    return part
 
 
 def _ratio(weight: Floats, value: NDArray[Any]) -> float:

@@ -16,8 +16,9 @@ from multicor_cli.model.model import Floats
 from multicor_cli.post.bins import Between, Extent, area_below, find_extent, heights, make_bins, part_between
 from multicor_cli.post.contacts import LoadedContacts, has_forces, loaded_contacts
 from multicor_cli.post.flow import MeanFlow, mean_flow
-from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Selection, Table, model_of, need_same_grains, rows_of
+from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Selection, model_of, need_same_grains
 from multicor_cli.post.sums import Spread, pseudo_values, spread
+from multicor_cli.post.table import Quantity, TimeTable
 
 # ---- The bulk of a sheared layer: what lies far enough from both walls, and what is summed over it in one interval of frames
 
@@ -188,46 +189,28 @@ class SeriesSource(FrameSource, Protocol):
         """The time series by name."""
 
 
-@dataclass(frozen=True)
-class RheologyRow:
-    """A row of the table.
-
-    Attributes:
-        name: Name in data.
-        label: Name for people.
-        symbol: Symbol in figures (TeX).
-        unit: SI unit.
-    """
-
-    name: str
-    label: str
-    symbol: str
-    unit: str = "1"
-
-
 QUANTITIES = (
-    RheologyRow("shear_rate", "shear rate in the bulk", r"\dot\gamma", "1/s"),
-    RheologyRow("pressure", "normal force of the walls per length", "P", "N/m"),
-    RheologyRow("inertial_number", "inertial number (rate × √(m/P))", "I"),
-    RheologyRow("inertial_number_density", "inertial number (rate × d/√(P/ρ))", "I_\\rho"),
-    RheologyRow("friction_walls", "friction μ*, from the walls", r"\mu^*_\mathrm{walls}"),
-    RheologyRow("friction_bulk", "friction μ*, from contact stress in the bulk", r"\mu^*_\mathrm{bulk}"),
-    RheologyRow("bulk_stress_yy", "contact stress σ_yy in the bulk", r"\sigma_{yy}", "N/m"),
-    RheologyRow("solid_fraction", "solid fraction in the bulk", r"\nu"),
-    RheologyRow("coordination", "contacts per grain", "Z"),
-    RheologyRow("coordination_loaded", "contacts per grain without rattlers", "Z'"),
-    RheologyRow("fabric_anisotropy", "fabric anisotropy a_c", "a_c"),
-    RheologyRow("fabric_direction", "its direction, from x counter-clockwise", r"\theta_c", "deg"),
-    RheologyRow("spin_ratio", "mean spin over shear rate", r"\langle\omega\rangle/\dot\gamma"),
-    RheologyRow("granular_temperature", "granular temperature", "T_g", "m2/s2"),
+    Quantity("shear_rate", "shear rate in the bulk", r"\dot\gamma", "1/s"),
+    Quantity("pressure", "normal force of the walls per length", "P", "N/m"),
+    Quantity("inertial_number", "inertial number (rate × √(m/P))", "I"),
+    Quantity("inertial_number_density", "inertial number (rate × d/√(P/ρ))", "I_\\rho"),
+    Quantity("friction_walls", "friction μ*, from the walls", r"\mu^*_\mathrm{walls}"),
+    Quantity("friction_bulk", "friction μ*, from contact stress in the bulk", r"\mu^*_\mathrm{bulk}"),
+    Quantity("bulk_stress_yy", "contact stress σ_yy in the bulk", r"\sigma_{yy}", "N/m"),
+    Quantity("solid_fraction", "solid fraction in the bulk", r"\nu"),
+    Quantity("coordination", "contacts per grain", "Z"),
+    Quantity("coordination_loaded", "contacts per grain without rattlers", "Z'"),
+    Quantity("fabric_anisotropy", "fabric anisotropy a_c", "a_c"),
+    Quantity("fabric_direction", "its direction, from x counter-clockwise", r"\theta_c", "deg"),
+    Quantity("spin_ratio", "mean spin over shear rate", r"\langle\omega\rangle/\dot\gamma"),
+    Quantity("granular_temperature", "granular temperature", "T_g", "m2/s2"),
 )
 """What `rheology` measures, in the order of the table."""
 
 _COLUMNS = (*SUM_NAMES, "window", "shear_impulse", "normal_impulse")
 
 
-@dataclass(frozen=True, repr=False)
-class Rheology(Table):
+class Rheology(TimeTable):
     """Rheology over time and on average; ``r`` intervals between consecutive frames.
 
     I = |γ̇| √(m/P) with the mean mass m of a grain and the force P per length [N/m] with which the walls press (the mean of both):
@@ -255,66 +238,16 @@ class Rheology(Table):
         times: Times of the first and last frame [s].
     """
 
-    time: Floats
-    values: dict[str, Floats]
-    mean: dict[str, float]
-    spread: dict[str, Spread]
-    margin: float
-    height: float
-    walls: tuple[str, str]
-    frames: NDArray[np.int64]
-    times: tuple[float, float]
+    KEYS = (
+        "walls", "height", "margin", "frame_count", "times",
+        "units", "mean", "standard_error", "drift", "drift_error", "note", "time", "values",
+    )  # fmt: skip
 
-    @property
-    def error(self) -> dict[str, float]:
-        """Standard errors of the averages by name; nan where the intervals are too few to tell."""
-        return {name: float(found.error) for name, found in self.spread.items()}
-
-    @property
-    def drift(self) -> dict[str, float]:
-        """What each quantity drifts by over the time that is looked at, by name."""
-        return {name: float(found.drift) for name, found in self.spread.items()}
-
-    @property
-    def headings(self) -> tuple[str, ...]:
-        """Names of the columns of `rows`."""
-        return "quantity", "mean", "standard error", "drift", "note"
-
-    @property
-    def rows(self) -> list[tuple[Any, ...]]:
-        """Average, standard error, drift and a word on them for every quantity."""
-        return [
-            (_with_unit(q.label, q.unit), self.mean[q.name], self.error[q.name], self.drift[q.name], self.spread[q.name].note())
-            for q in QUANTITIES
-        ]
-
-    @property
-    def detail_headings(self) -> tuple[str, ...]:
-        """Names of the columns of `detail_rows` with their units."""
-        return ("time [s]", *(f"{q.name} [{q.unit}]" for q in QUANTITIES))
-
-    @property
-    def detail_rows(self) -> list[tuple[float, ...]]:
-        """One row per interval."""
-        return rows_of((self.time, *(self.values[q.name] for q in QUANTITIES)))
-
-    def as_dict(self) -> dict[str, Any]:
-        """Everything as JSON types; numbers may be nan."""
-        return {
-            "walls": list(self.walls),
-            "height": self.height,
-            "margin": self.margin,
-            "frame_count": int(self.frames.size),
-            "times": list(self.times),
-            "units": {q.name: q.unit for q in QUANTITIES},
-            "mean": dict(self.mean),
-            "standard_error": self.error,
-            "drift": self.drift,
-            "drift_error": {name: float(found.drift_error) for name, found in self.spread.items()},
-            "note": {name: found.note() for name, found in self.spread.items()},
-            "time": self.time.tolist(),
-            "values": {name: column.tolist() for name, column in self.values.items()},
-        }
+    def __init__(
+        self, time: Floats, values: dict[str, Floats], mean: dict[str, float], spread: dict[str, Spread], **facts: Any
+    ) -> None:
+        super().__init__(time, [q.over_time(values[q.name]) for q in QUANTITIES], facts)
+        self.mean, self.spread = mean, spread
 
 
 def rheology(
@@ -355,6 +288,7 @@ def rheology(
         margin=band.margin,
         height=extent.height,
         walls=(names[extent.lower], names[extent.upper]),
+        frame_count=int(chosen.size),
         frames=chosen,
         times=(float(times[0]), float(times[-1])),
     )
@@ -409,7 +343,7 @@ def _derive(model: Model, sums: Floats, direction: float) -> dict[str, Floats]:
         rate = s["rate"] / s["lapse"]
         pressure = s["normal_impulse"] / s["window"] / model.period
         fabric, angle = _fabric(s)
-        found = {
+        derived = {
             "shear_rate": rate,
             "pressure": pressure,
             "inertial_number": np.abs(rate) * np.sqrt(grains.mass.mean() / pressure),
@@ -426,7 +360,7 @@ def _derive(model: Model, sums: Floats, direction: float) -> dict[str, Floats]:
             "granular_temperature": s["kinetic"] / s["weight"],
         }
         # Where nothing presses a ratio has no value, whether it is 0/0 or 1/0.
-        return {name: np.where(np.isfinite(values), values, np.nan) for name, values in found.items()}
+        return {name: np.where(np.isfinite(values), values, np.nan) for name, values in derived.items()}
 
 
 def _fabric(s: dict[str, Floats]) -> tuple[Floats, Floats]:
@@ -441,7 +375,3 @@ def _spread_of(without: dict[str, Floats], mean: dict[str, float], middle: Float
     angle = mean["fabric_direction"]  # directions repeat every 180°
     without["fabric_direction"] = angle + ((without["fabric_direction"] - angle + 90.0) % 180.0 - 90.0)
     return {name: spread(pseudo_values(np.asarray(mean[name]), values), middle) for name, values in without.items()}
-
-
-def _with_unit(label: str, unit: str) -> str:
-    return f"{label} [{unit}]"

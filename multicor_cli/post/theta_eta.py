@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -15,34 +14,30 @@ from multicor_cli.post.source import (
     GrainFrame,
     PostError,
     Selection,
-    Table,
     frame_index,
     model_of,
     need_grains,
     need_heat,
-    rows_of,
 )
 from multicor_cli.post.sums import scatter
+from multicor_cli.post.table import Column, Table
 from multicor_cli.text import choices
 
 _ROUNDING = 1e-12  # of a mean of equal temperatures, which is to be that temperature
 
 
-@dataclass(frozen=True, repr=False)
 class ThetaTable(Table):
     """θ = (T − T₀)/(T_wall − T₀) of every grain against η = y/H, and its statistics in bins of η; ``n`` grains, ``b`` bins.
 
     y is the distance of the center of a grain from the surface of the wall: from the point of a grain that is nearest to it.
 
     Attributes:
-        eta: η of the grains, shape ``(n,)``.
-        theta: θ of the grains, shape ``(n,)``.
+        eta, theta: η and θ of the grains, shape ``(n,)``.
         center: Centers of the bins, shape ``(b,)``.
-        mean: Mean θ of the grains whose center lies in each bin; nan where there is none, shape ``(b,)``.
-        spread: Standard deviation of θ among these grains, shape ``(b,)``.
-        lowest: Smallest θ of a grain in each bin, shape ``(b,)``.
-        highest: Largest θ of a grain in each bin, shape ``(b,)``.
+        mean, spread, lowest, highest: Mean, standard deviation, smallest and largest θ of the grains whose center lies in each bin;
+            nan where there is none, shape ``(b,)``.
         count: Number of grains in each bin, shape ``(b,)``.
+        scatter: Standard deviation of the mean of each bin from frame to frame; nan with one frame, shape ``(b,)``.
         wall: Name of the wall.
         wall_temperature: T_wall [K].
         reference: T₀ [K].
@@ -50,67 +45,12 @@ class ThetaTable(Table):
         frame: Index of the frame; of several, of the last one.
         time: Its time [s].
         frames: Indices of all frames.
-        scatter: Standard deviation of the mean of each bin from frame to frame; nan with one frame, shape ``(b,)``.
     """
-
-    eta: Floats
-    theta: Floats
-    center: Floats
-    mean: Floats
-    spread: Floats
-    lowest: Floats
-    highest: Floats
-    count: NDArray[np.int64]
-    wall: str
-    wall_temperature: float
-    reference: float
-    height: float
-    frame: int
-    time: float
-    frames: NDArray[np.int64]
-    scatter: Floats
-
-    @property
-    def headings(self) -> tuple[str, ...]:
-        """Names of the columns of `rows` with their units; of a single frame there is no scatter."""
-        scattered = ("scatter of frames [1]",) if self.frames.size > 1 else ()
-        return "eta [1]", "theta [1]", "standard deviation [1]", *scattered, "min [1]", "max [1]", "count"
-
-    @property
-    def rows(self) -> list[tuple[float, ...]]:
-        """One row per bin; nan where there is no grain."""
-        scattered = (self.scatter,) if self.frames.size > 1 else ()
-        return rows_of((self.center, self.mean, self.spread, *scattered, self.lowest, self.highest, self.count))
-
-    @property
-    def detail_headings(self) -> tuple[str, ...]:
-        """Names of the columns of `detail_rows` with their units."""
-        return "eta [1]", "theta [1]"
-
-    @property
-    def detail_rows(self) -> list[tuple[float, ...]]:
-        """One row per grain and frame."""
-        return list(zip(self.eta.tolist(), self.theta.tolist(), strict=True))
 
     def as_dict(self, *, has_grains: bool = False) -> dict[str, Any]:
         """Everything as JSON types, the single grains only if asked for; numbers may be nan."""
-        data = {
-            "wall": self.wall,
-            "wall_temperature": self.wall_temperature,
-            "reference": self.reference,
-            "height": self.height,
-            "frame": self.frame,
-            "time": self.time,
-            "frame_count": int(self.frames.size),
-            "eta": self.center.tolist(),
-            "theta": self.mean.tolist(),
-            "standard_deviation": self.spread.tolist(),
-            "scatter_of_frames": self.scatter.tolist(),
-            "min": self.lowest.tolist(),
-            "max": self.highest.tolist(),
-            "count": self.count.tolist(),
-        }
-        return data | ({"grains": {"eta": self.eta.tolist(), "theta": self.theta.tolist()}} if has_grains else {})
+        grains = {"grains": {"eta": self.eta.tolist(), "theta": self.theta.tolist()}} if has_grains else {}
+        return super().as_dict() | grains
 
 
 def theta_eta(
@@ -144,27 +84,34 @@ def theta_eta(
     start = _first_temperature(source) if reference is None else reference
     if height is not None and not height > 0.0:
         raise PostError(f"the height {height:g} m must be positive")
-    found = [_of_frame(source, source.frames[int(k)], wall, start) for k in chosen]
-    number, hot, reach = found[-1].wall, found[-1].hot, found[-1].reach
+    single = [_of_frame(source, source.frames[int(k)], wall, start) for k in chosen]
+    number, hot, reach = single[-1].wall, single[-1].hot, single[-1].reach
     full = reach if height is None else height
     count = bins if bins is not None else max(round(full / source.model.mean_diameter), 1)
     if not 1 <= count <= BIN_LIMIT:
         raise PostError(f"{count} bins: choose between 1 and {BIN_LIMIT}")
-    eta, theta = np.concatenate([one.distance for one in found]) / full, np.concatenate([one.theta for one in found])
-    return ThetaTable(
-        eta,
-        theta,
-        (np.arange(count) + 0.5) / count,
-        *_statistics(eta, theta, count),
-        wall=source.model.walls.names[number],
-        wall_temperature=hot,
-        reference=start,
-        height=full,
-        frame=int(chosen[-1]),
-        time=float(np.asarray(source.frames.time)[chosen[-1]]),
-        frames=chosen,
-        scatter=scatter(np.array([_statistics(one.distance / full, one.theta, count)[0] for one in found])),
-    )
+    eta, theta = np.concatenate([one.distance for one in single]) / full, np.concatenate([one.theta for one in single])
+    mean, deviation, lowest, highest, number_of_grains = _statistics(eta, theta, count)
+    from_frame_to_frame = scatter(np.array([_statistics(one.distance / full, one.theta, count)[0] for one in single]))
+    columns = [
+        Column("center", "1", (np.arange(count) + 0.5) / count, "eta", "eta"),
+        Column("mean", "1", mean, "theta", "theta"),
+        Column("spread", "1", deviation, "standard deviation", "standard_deviation"),
+        Column("scatter", "1", from_frame_to_frame, "scatter of frames", "scatter_of_frames", chosen.size > 1),
+        Column("lowest", "1", lowest, "min", "min"),
+        Column("highest", "1", highest, "max", "max"),
+        Column("count", "", number_of_grains),
+    ]
+    facts = {
+        "wall": source.model.walls.names[number],
+        "wall_temperature": hot,
+        "reference": start,
+        "height": full,
+        "frame": int(chosen[-1]),
+        "time": float(np.asarray(source.frames.time)[chosen[-1]]),
+        "frame_count": int(chosen.size),
+    }
+    return ThetaTable(columns, facts, [Column("eta", "1", eta), Column("theta", "1", theta)], frames=chosen)
 
 
 class _FrameTheta(NamedTuple):

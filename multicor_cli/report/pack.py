@@ -12,7 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
-from multicor_cli.post import QUANTITIES, PostError, Quantity
+from multicor_cli.post import QUANTITIES, GrainQuantity, PostError
 from multicor_cli.post.contacts import has_forces, loaded_contacts
 from multicor_cli.post.grain_map import make_scene
 from multicor_cli.post.quantities import color_range
@@ -99,12 +99,12 @@ SPACINGS: dict[str, Spacing] = {
 """How the values of each quantity are stored; the page has these quantities, in this order."""
 
 
-def fields_of(run: Run) -> tuple[Quantity, ...]:
+def fields_of(run: Run) -> tuple[GrainQuantity, ...]:
     """The quantities that a run can have."""
     return tuple(QUANTITIES[name] for name in SPACINGS if run.model.thermal is not None or not QUANTITIES[name].needs_heat)
 
 
-def values_of(quantity: Quantity, run: Run, frame: int) -> Floats | None:
+def values_of(quantity: GrainQuantity, run: Run, frame: int) -> Floats | None:
     """Values of the grains of a frame, shape ``(n,)``, or None where the frame has none."""
     assert quantity.of_grain is not None
     try:
@@ -251,7 +251,7 @@ class Packed:
     """
 
     chunks: tuple[Chunk, ...]
-    fields: tuple[Quantity, ...]
+    fields: tuple[GrainQuantity, ...]
     codes: dict[str, Code]
     colors: dict[str, tuple[float, float]]
     mean_force: float
@@ -394,7 +394,7 @@ def _contact_arrays(contacts: ContactsView, code: Code, grains: int) -> dict[str
     }
 
 
-def _color_ranges(fields: tuple[Quantity, ...], views: list[FrameView]) -> dict[str, tuple[float, float]]:
+def _color_ranges(fields: tuple[GrainQuantity, ...], views: list[FrameView]) -> dict[str, tuple[float, float]]:
     found = {}
     for field in fields:
         values = [view.values[field.name] for view in views if field.name in view.values]

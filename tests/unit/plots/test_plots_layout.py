@@ -116,7 +116,7 @@ def reshaped(table: Any, across: float, upwards: float) -> Any:
     box = np.array([[0.0, 0.0], [across, upwards]])
     lines = [outline for outline in scene.walls if outline.radius is None]
     radius = scene.radius * stretch.min()
-    return replace(table, scene=replace(scene, center=center, radius=radius, walls=lines, period=0.0, box=box))
+    return table.with_(scene=replace(scene, center=center, radius=radius, walls=lines, period=0.0, box=box))
 
 
 @pytest.mark.parametrize("shape", SHAPES, ids=lambda shape: f"{shape[0]:g}x{shape[1]:g}")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -81,12 +80,12 @@ def test_color_scales(run: Run) -> None:
     assert norm.vmin == -norm.vmax
     norm, extend = color_scale(heat)
     assert (norm.vmax, extend) == (heat.value.max(), "neither")
-    norm, extend = color_scale(replace(heat, value=heat.value * (np.arange(GRAINS) > 3)))
+    norm, extend = color_scale(heat.with_(value=heat.value * (np.arange(GRAINS) > 3)))
     assert extend == "min"
     assert np.ma.is_masked(norm(0.0))  # drawn white: it has received nothing
-    norm, _ = color_scale(replace(heat, value=np.zeros(GRAINS)))
+    norm, _ = color_scale(heat.with_(value=np.zeros(GRAINS)))
     assert norm.vmax == 1.0
-    norm, _ = color_scale(replace(temperature, value=np.full(GRAINS, 300.0)))
+    norm, _ = color_scale(temperature.with_(value=np.full(GRAINS, 300.0)))
     assert norm.vmin < 300.0 < norm.vmax
 
 
@@ -94,7 +93,7 @@ def test_lines_of_forces_are_as_wide_as_the_forces_are_large(run: Run) -> None:
     network = force_network(run)
     with house_style():
         panel = axes()
-        width = line_widths(panel, replace(network, force=network.force[:5], i=network.i[:5], j=network.j[:5]))
+        width = line_widths(panel, network.with_(force=network.force[:5], i=network.i[:5], j=network.j[:5]))
         draw_forces(panel, network)
     assert width / width[0] == pytest.approx([1.0, 2.0, 3.0, 4.0, 5.0])
     lines = panel.collections[-1]
@@ -143,7 +142,7 @@ def test_unknown_format_is_refused(run: Run, tmp_path: Path) -> None:
 
 def test_network_without_forces_is_drawn(run: Run) -> None:
     network = force_network(run)
-    empty = replace(network, i=network.i[:0], j=network.j[:0], force=network.force[:0], sliding=network.sliding[:0])
+    empty = network.with_(i=network.i[:0], j=network.j[:0], force=network.force[:0], sliding=network.sliding[:0])
     with house_style():
         panel = axes()
         draw_forces(panel, empty)

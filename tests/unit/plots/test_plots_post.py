@@ -23,6 +23,7 @@ from multicor_cli.plots.grain_map import place_scene, smooth_field
 from multicor_cli.plots.style import house_style
 from multicor_cli.post import (
     MAPPED,
+    Column,
     GrainMap,
     Selection,
     angular_distribution,
@@ -132,7 +133,8 @@ def make_vortex(n: int = 4000) -> GrainMap:
     center = rng.random((n, 2))
     vector = np.column_stack([0.5 - center[:, 1], center[:, 0] - 0.5])
     scene = GrainScene(center, np.full(n, 0.005), [], 0.0, np.array([[0.0, 0.0], [1.0, 1.0]]))
-    return GrainMap(MAPPED["fluctuation"], scene, np.hypot(*vector.T), vector, 0, 0.0)
+    speed = Column("value", "m/s", np.hypot(*vector.T))
+    return GrainMap((), {}, [speed], field=MAPPED["fluctuation"], scene=scene, vector=vector, names=())
 
 
 def test_smooth_field_is_the_local_mean() -> None:
@@ -142,7 +144,7 @@ def test_smooth_field_is_the_local_mean() -> None:
     assert np.isfinite(field[inner]).mean() > 0.95  # the rest are voids of this loose layer
     assert np.nanmax(np.abs(field[inner][:, 0] - (0.5 - y)[np.nonzero(inner)[0]])) < 0.05
     assert np.nanmax(np.abs(field[inner][:, 1] - (x - 0.5)[np.nonzero(inner)[1]])) < 0.05
-    uniform = replace(table, vector=np.tile([1.0, -2.0], (table.value.size, 1)))
+    uniform = table.with_(vector=np.tile([1.0, -2.0], (table.value.size, 1)))
     found = smooth_field(uniform)[2]
     known = np.isfinite(found[..., 0])
     assert found[known] == pytest.approx(np.tile([1.0, -2.0], (int(known.sum()), 1)))
@@ -154,7 +156,7 @@ def test_smooth_field_goes_around_the_ends_of_the_period_and_leaves_empty_region
     for period in (0.0, 1.0):
         scene = replace(table.scene, period=period, center=table.scene.center[low], radius=table.scene.radius[low])
         right = scene.center[:, 0] > 0.5
-        half = replace(table, scene=scene, value=table.value[low], vector=np.column_stack([np.where(right, 1.0, 0.0), 0.0 * right]))
+        half = table.with_(scene=scene, value=table.value[low], vector=np.column_stack([np.where(right, 1.0, 0.0), 0.0 * right]))
         x, y, field = smooth_field(half)
         assert np.isnan(field[y > 0.7]).all()
         beside = field[10, 0, 0]  # next to x = 0, where the neighbors are beyond the period

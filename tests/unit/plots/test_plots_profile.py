@@ -7,30 +7,18 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from made_up_frames import profile_of
 
 from multicor_cli.optional import MissingLibrary
 from multicor_cli.plots import PlotError, draw_profile, plot
 from multicor_cli.plots.profile import axis_labels
 from multicor_cli.plots.style import COLUMN, house_style
-from multicor_cli.post import PROFILED, ProfileTable
+from multicor_cli.post import ProfileTable
 
 
 def make_table(*, error: float = 0.01, low: float = 0.0) -> ProfileTable:
     y = np.linspace(0.05, 0.95, 10)
-    return ProfileTable(
-        PROFILED["velocity"],
-        y,
-        0.3 * y,
-        np.full(10, error),
-        np.ones(10),
-        0.1,
-        1.0,
-        (low, 0.3),
-        ("bottom", "top"),
-        (0.3 - low) / 1.0,
-        np.arange(5),
-        (0.0, 1.0),
-    )
+    return profile_of("velocity", y, 0.3 * y, error, at_walls=(low, 0.3), shear_rate=0.3 - low)
 
 
 def test_axes_carry_quantity_and_unit() -> None:

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import pytest
 from heat_run import write_heated_run
+from made_up_frames import profile_of
 from matplotlib.figure import Figure
 
 from multicor_cli.plots import Terminal, show
@@ -24,9 +25,7 @@ from multicor_cli.plots.style import (
     rise_reference,
 )
 from multicor_cli.post import (
-    PROFILED,
     GrainScene,
-    ProfileTable,
     Selection,
     angular_distribution,
     compare,
@@ -77,10 +76,7 @@ def test_numbers_are_millikelvin_above_it() -> None:
 
 def test_profile_of_a_small_rise_has_no_offset_beside_its_label() -> None:
     y = np.linspace(0.05, 0.95, 10)
-    table = ProfileTable(
-        PROFILED["temperature"], y, 298.15 + 5e-3 * y, np.full(10, 1e-5), np.ones(10), 0.1, 1.0, (298.15, 298.15),
-        ("bottom", "top"), 1.0, np.arange(5), (0.0, 1.0),
-    )  # fmt: skip
+    table = profile_of("temperature", y, 298.15 + 5e-3 * y, 1e-5, at_walls=(298.15, 298.15))
     with house_style():
         figure = Figure()
         axes = figure.add_subplot()

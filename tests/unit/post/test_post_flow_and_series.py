@@ -12,7 +12,7 @@ from from_wall_to_wall import profile
 from made_up_frames import source_of
 from scene_parts import between_planes
 
-from multicor_cli.post import PostError, Selection, flow_through, grain_map, series
+from multicor_cli.post import PostError, Selection, SeriesTable, flow_through, grain_map, series
 from multicor_cli.store.frame_view import NamedColumn
 
 ALL = Selection(frames=slice(None))
@@ -97,18 +97,18 @@ def columns(rows: int) -> Any:
 def test_columns_of_the_series_by_name_by_wall_and_in_part() -> None:
     source = columns(21)
     everything = series(source)
-    assert [column.name for column in everything.columns] == ["kinetic", "floor: force_x", "lid: force_x", "lid: force_y"]
+    assert [column.name for column in everything.quantities] == ["kinetic", "floor: force_x", "lid: force_x", "lid: force_y"]
     assert everything.rows[0][:2] == ("kinetic [J]", pytest.approx(2.0))
     assert everything.rows[0][3:7] == pytest.approx((4.0, 0.0, 4.0, 4.0))
     assert everything.rows[3][2] == 0.0
     later = series(source, ["force_x", "lid"], 0.5, 1.0)
-    assert [column.name for column in later.columns] == ["floor: force_x", "lid: force_x", "lid: force_y"]
+    assert [column.name for column in later.quantities] == ["floor: force_x", "lid: force_x", "lid: force_y"]
     assert later.time == pytest.approx(np.arange(5, 11) * 0.1)
     assert later.detail_rows[0] == pytest.approx((0.5, -0.5, 0.5, 1.0))
     assert later.as_dict()["mean"]["lid: force_y"] == 1.0
-    assert [column.name for column in everything.overview().columns] == [column.name for column in everything.columns]
-    crowd = replace(everything, columns=tuple(everything.columns[1]._replace(name=f"w{k}: force_x") for k in range(9)))
-    assert len(crowd.overview().columns) == 1  # nine lines of one unit could not be told apart
+    assert [column.name for column in everything.overview().quantities] == [column.name for column in everything.quantities]
+    crowd = SeriesTable(everything.time, [everything.quantities[1]._replace(name=f"w{k}: force_x") for k in range(9)])
+    assert len(crowd.overview().quantities) == 1  # nine lines of one unit could not be told apart
     with pytest.raises(PostError, match="no 'pressure'; choose from: kinetic, floor: force_x"):
         series(source, ["pressure"])
     with pytest.raises(PostError, match="no row at these times"):

@@ -1,7 +1,5 @@
 """Maps of how far grains have come and turned, and how values become colors and widths."""
 
-from dataclasses import replace
-
 import numpy as np
 import pytest
 
@@ -63,7 +61,7 @@ def test_widths_in_the_legend_are_those_of_the_forces(flight):
     scene = post.make_scene(flight, flight.frames[0])
     ends = np.linspace(0.0, 0.01, count)[:, np.newaxis] + np.zeros(2)
     contacts = {"i": np.arange(count), "j": np.arange(count), "start": ends, "end": ends + 1e-3, "sliding": np.zeros(count, bool)}
-    network = replace(post.force_network(flight), scene=scene, force=force, **contacts)
+    network = post.force_network(flight).with_(scene=scene, force=force, **contacts)
     figure = Figure()
     axes = figure.add_subplot()
     draw_forces(axes, network)

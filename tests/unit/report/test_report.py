@@ -288,7 +288,7 @@ def test_colors_span(name: str, values: np.ndarray, grains: int, expected: tuple
 
 def test_books_of_rounding_errors_are_not_drawn_but_those_that_do_not_close_are() -> None:
     time = np.linspace(0.0, 1.0, 5)
-    books = EnergyTable(time, {"heat_stored": 1e-15 * time, "heat_imbalance": 1e-15 * time}, np.zeros(5), None)
+    books = EnergyTable((), {"books": {"heat_stored": 1e-15 * time, "heat_imbalance": 1e-15 * time}})
     assert _book_lines(books, HEAT, _Thinning(time), np.full(5, 1e-15)) == []
     assert len(_book_lines(books, HEAT, _Thinning(time), np.full(5, 1e-3))) == 2
 
