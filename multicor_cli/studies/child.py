@@ -1,7 +1,7 @@
 """The process of one case: it runs the case as `multicor run` would, and stops with a checkpoint when who started it is gone.
 
 What is to be done comes as JSON in the first line of standard input, which stays open: its end means that nobody waits any more.
-The last line of standard output says how it ended.
+Standard output says how it ended, in a line of JSON.
 """
 
 from __future__ import annotations
@@ -88,15 +88,16 @@ def main() -> int:
     """Run the case that standard input describes."""
     task = json.loads(sys.stdin.buffer.readline())
     threading.Thread(target=_leave_with_parent, daemon=True).start()
-    found = run_task(task)
-    print(json.dumps(found), flush=True)
+    outcome = json.dumps(run_task(task))
+    print(f"\n{outcome}", flush=True)  # on a line of its own, whatever else was said
     return 0
 
 
 def _leave_with_parent() -> None:
-    """When the pipe from the worker closes, the worker has died: stop as on SIGTERM."""
-    while sys.stdin.buffer.read(4096):
-        pass
+    """When the worker's end closes, the worker has died: stop as on SIGTERM."""
+    with contextlib.suppress(OSError):  # it has died before it read everything
+        while sys.stdin.buffer.read(4096):
+            pass
     os.kill(os.getpid(), signal.SIGTERM)
 
 

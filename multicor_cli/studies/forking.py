@@ -1,47 +1,52 @@
 """Processes of cases, forked from one that has loaded the program already: loading takes longer than a short case.
 
-`ForkServer` is the side of the worker: it starts ``python -m multicor_cli.studies.forking`` once, sends it three descriptors for
-each case, and gets the number of a process that uses them as its standard streams. The forked processes run
+`ForkServer` is the side of the worker. It starts ``python -m multicor_cli.studies.forking`` once, sends it one end of a pair of
+sockets for each case, and gets the number of a process that uses this end as its standard streams. The forked processes run
 `multicor_cli.studies.child.main`; they belong to the other side, which waits for them and tells how they have ended. That side has
 one thread only, for the others would be missing in what it forks, and ends with the worker.
+
+The fork server of `multiprocessing` does not do here: it runs the user's program once more in every process that it forks, unless
+that guards its `__main__`; workers of Dask are daemons, which may start no process with it; it takes modules from the working
+directory; and it listens at a socket with a name, where cases shall have no door at all.
 """
 
 from __future__ import annotations
 
 import contextlib
 import gc
+import importlib
 import os
 import signal
 import socket
 import subprocess
 import sys
 import threading
-from typing import IO, Any
+import traceback
+from dataclasses import dataclass
+from typing import Never
 
-from multicor_cli.running.compiling import python_child
+from multicor_cli.running.compiling import available_cores, python_child
 
 _LOST = -signal.SIGKILL
 """How a process has ended whose parent has died: nobody knows."""
 
-_WORD = 64
+_LONGEST = 64
+"""Bytes of a question or an answer at most. There is one at a time, so that each is received as it was sent."""
 
 _SINGLE = {"OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1"}
 """Linear algebra starts no threads when it is loaded."""
 
+_LOADED = ("running.session", "checks", "post", "store", "studies.child", "studies.observing")
+"""Everything that a case needs before it does anything of its own."""
 
+
+@dataclass(frozen=True)
 class CaseProcess:
-    """A process of a case.
+    """A process of a case, with all of its standard streams in one ``stream``."""
 
-    Attributes:
-        pid: Its number.
-        stdin: What it reads; it ends when this is closed.
-        stdout: What it says.
-        stderr: What it complains about.
-    """
-
-    def __init__(self, server: ForkServer, pid: int, streams: tuple[IO[bytes], IO[bytes], IO[bytes]]) -> None:
-        self._server, self.pid = server, pid
-        self.stdin, self.stdout, self.stderr = streams
+    server: ForkServer
+    pid: int
+    stream: socket.socket
 
     def send_signal(self, number: int) -> None:
         """Send it a signal; nothing happens if it has ended."""
@@ -49,27 +54,18 @@ class CaseProcess:
             os.kill(self.pid, number)
 
     def wait(self) -> int:
-        """How it has ended, as of `subprocess.Popen`; to be called once, when its streams have ended."""
+        """How it has ended, as of `subprocess.Popen`; to be called once, when its stream has ended."""
+        self.stream.close()
         try:
-            return int(self._server.ask(f"wait {self.pid}"))
-        except (OSError, ValueError):
+            return self.server.ask(f"{self.pid}")
+        except OSError:
             return _LOST
-        finally:
-            for stream in (self.stdin, self.stdout, self.stderr):
-                with contextlib.suppress(OSError):
-                    stream.close()
 
 
 class ForkServer:
-    """Starts processes of cases.
-
-    Args:
-        threads: Most threads that one of them may use.
-    """
+    """Starts processes of cases, each of which may use so many ``threads`` at most."""
 
     def __init__(self, threads: int) -> None:
-        from multicor_cli.running.compiling import available_cores
-
         self.threads = max(threads, available_cores())
         self._lock = threading.Lock()
         command, environment = python_child("-m", __name__)
@@ -89,74 +85,67 @@ class ForkServer:
 
     def start(self) -> CaseProcess:
         """Start a process; raises `OSError` if there are no descriptors left or the other side has died."""
-        ends = [os.pipe() for _ in range(3)]
-        theirs = (ends[0][0], ends[1][1], ends[2][1])
-        ours = (ends[0][1], ends[1][0], ends[2][0])
-        try:
-            pid = int(self.ask("fork", theirs))
-        except (OSError, ValueError) as error:
-            for descriptor in ours:
-                os.close(descriptor)
-            raise OSError(f"no process could be started for a case: {error}") from None
-        finally:
-            for descriptor in theirs:
-                os.close(descriptor)
-        stdin, stdout, stderr = (os.fdopen(descriptor, mode) for descriptor, mode in zip(ours, ("wb", "rb", "rb"), strict=True))
-        return CaseProcess(self, pid, (stdin, stdout, stderr))
+        ours, theirs = socket.socketpair()
+        with theirs:
+            try:
+                return CaseProcess(self, self.ask("fork", theirs.fileno()), ours)
+            except OSError as error:
+                ours.close()
+                raise OSError(f"no process could be started for a case: {error}") from None
 
-    def ask(self, text: str, descriptors: tuple[int, ...] = ()) -> bytes:
+    def ask(self, question: str, *descriptors: int) -> int:
         """The answer to a question; raises `OSError` if nobody answers."""
         with self._lock:
-            socket.send_fds(self._socket, [text.encode().ljust(_WORD)], descriptors)
-            return self._answer()
-
-    def _answer(self) -> bytes:
-        answer = b""
-        while len(answer) < _WORD:
-            part = self._socket.recv(_WORD - len(answer))
-            if not part:
-                raise OSError("the process that starts others has died")
-            answer += part
-        return answer.strip()
+            socket.send_fds(self._socket, [question.encode()], descriptors)
+            answer = self._socket.recv(_LONGEST)
+        if not answer:
+            raise OSError("the process that starts others has died")
+        return int(answer)
 
 
 def main() -> int:
     """The other side: loads the program, then answers until nobody asks any more."""
-    with socket.socket(fileno=os.dup(0)) as asking:
-        _load()
+    with socket.socket(fileno=os.dup(0)) as asking, contextlib.suppress(OSError):  # whoever has asked may be dead by now
+        for name in _LOADED:
+            with contextlib.suppress(ImportError):  # a library that is not there is met again by the case
+                importlib.import_module(f"multicor_cli.{name}")
         gc.collect()
         gc.freeze()  # objects that are there stay in memory that all processes share
-        with contextlib.suppress(OSError):  # whoever has asked may be dead by now
-            _answer_all(asking)
+        while True:
+            question, descriptors, _, _ = socket.recv_fds(asking, _LONGEST, 1)
+            if not question:
+                break
+            asking.sendall(str(_fork(descriptors[0], asking) if descriptors else _wait(int(question))).encode())
     return 0
 
 
-def _answer_all(asking: socket.socket) -> None:
-    while True:
-        text, descriptors, _, _ = socket.recv_fds(asking, _WORD, 3)
-        if not text:
-            return
-        asking.sendall(str(_do(text.decode().split(), descriptors, asking)).encode().ljust(_WORD))
-
-
-def _load() -> None:
-    """Everything that a case needs before it does anything of its own; a library that is not there is met again by the case."""
-    import importlib
-
-    for name in ("running.session", "checks", "post", "store", "studies.child", "studies.observing"):
-        with contextlib.suppress(ImportError):
-            importlib.import_module(f"multicor_cli.{name}")
-
-
-def _do(words: list[str], descriptors: list[int], asking: socket.socket) -> int:
-    if words[0] == "wait":
-        return _wait(int(words[1]))
+def _fork(stream: int, asking: socket.socket) -> int:
     pid = os.fork()
     if pid == 0:
-        _become_case(descriptors, asking)
-    for descriptor in descriptors:
-        os.close(descriptor)
+        asking.close()
+        _become_case(stream)
+    os.close(stream)
     return pid
+
+
+def _become_case(stream: int) -> Never:
+    """In the new process: take the stream, do the case, and leave without a way back into the loop of the parent."""
+    code = 1
+    try:
+        os.setsid()
+        for number in range(3):
+            os.dup2(stream, number)
+        os.close(stream)
+        from multicor_cli.studies.child import main
+
+        code = main()
+    except BaseException:
+        traceback.print_exc()
+    finally:
+        with contextlib.suppress(BaseException):
+            sys.stdout.flush()
+            sys.stderr.flush()
+        os._exit(code)
 
 
 def _wait(pid: int) -> int:
@@ -164,29 +153,6 @@ def _wait(pid: int) -> int:
         return os.waitstatus_to_exitcode(os.waitpid(pid, 0)[1])
     except ChildProcessError:
         return _LOST
-
-
-def _become_case(descriptors: list[int], asking: socket.socket) -> Any:
-    """In the new process: take the streams, do the case, and leave without a way back into the loop of the parent."""
-    code = 1
-    try:
-        asking.close()
-        os.setsid()
-        for number, descriptor in enumerate(descriptors):
-            os.dup2(descriptor, number)
-            os.close(descriptor)
-        from multicor_cli.studies.child import main
-
-        code = main()
-    except BaseException:
-        import traceback
-
-        traceback.print_exc()
-    finally:
-        with contextlib.suppress(BaseException):
-            sys.stdout.flush()
-            sys.stderr.flush()
-        os._exit(code)
 
 
 if __name__ == "__main__":

@@ -7,12 +7,13 @@ import json
 import os
 import queue
 import signal
+import socket
 import threading
 from collections import deque
 from collections.abc import Callable, Iterable
 from concurrent.futures import Future
 from pathlib import Path
-from typing import IO, Any, Self
+from typing import Any, Self
 
 from multicor_cli.store.layout import LOCK
 from multicor_cli.studies.forking import CaseProcess, ForkServer
@@ -24,7 +25,7 @@ BEAT = 15.0
 
 _TAIL = 2000
 _running: dict[str, CaseProcess] = {}
-_nurseries: list[ForkServer] = []
+_fork_servers: list[ForkServer] = []
 _lock = threading.Lock()
 _stopping: set[str] = set()
 
@@ -48,23 +49,23 @@ def run_case(task: dict[str, Any]) -> dict[str, Any]:
             return {"status": "killed", "reason": str(error), "exit_code": 5, "step": 0}
         _running[name] = process
     try:
-        said, errors = _Listener(process.stdout), _Listener(process.stderr)
-        with contextlib.suppress(BrokenPipeError):
-            process.stdin.write(json.dumps(task).encode() + b"\n")
-            process.stdin.flush()
-        while not said.has_ended(BEAT):
+        said: deque[bytes] = deque(maxlen=50)
+        listener = threading.Thread(target=_listen, args=(process.stream, said), daemon=True)
+        listener.start()
+        with contextlib.suppress(OSError):
+            process.stream.sendall(json.dumps(task).encode() + b"\n")
+        while listener.join(BEAT) or listener.is_alive():
             _touch(Path(task["directory"]) / LOCK)
     finally:
         with _lock:
             _running.pop(name, None)
         code = process.wait()
-    for line in reversed(said.lines):
+    for line in reversed(said):
         with contextlib.suppress(ValueError):
             found = json.loads(line)
             if isinstance(found, dict) and "status" in found:
                 return found
-    errors.has_ended(5.0)
-    return _unsaid(code, b"".join(errors.lines)[-_TAIL:].decode(errors="replace").strip())
+    return _unsaid(code, b"".join(said)[-_TAIL:].decode(errors="replace").strip())
 
 
 def _start(threads: int) -> CaseProcess:
@@ -72,23 +73,23 @@ def _start(threads: int) -> CaseProcess:
     try:
         return _server(threads).start()
     except OSError:
-        _nurseries.clear()
+        _fork_servers.clear()
         return _server(threads).start()
 
 
 def _server(threads: int) -> ForkServer:
     """The one that starts processes here; another one if it has died, or made too little room for threads."""
-    while _nurseries and not (_nurseries[-1].is_alive and _nurseries[-1].threads >= threads):
-        _nurseries.pop()
-    if not _nurseries:
-        _nurseries.append(ForkServer(threads))
-    return _nurseries[-1]
+    while _fork_servers and not (_fork_servers[-1].is_alive and _fork_servers[-1].threads >= threads):
+        _fork_servers.pop()
+    if not _fork_servers:
+        _fork_servers.append(ForkServer(threads))
+    return _fork_servers[-1]
 
 
-def close_nurseries() -> None:
+def close_fork_servers() -> None:
     """Let those that start processes here go: each ends once its last case has ended."""
     with _lock:
-        _nurseries.clear()
+        _fork_servers.clear()
 
 
 def _touch(lock: Path) -> None:
@@ -98,18 +99,10 @@ def _touch(lock: Path) -> None:
             os.utime(lock)
 
 
-class _Listener:
-    """Keeps the last lines of a stream."""
-
-    def __init__(self, stream: IO[bytes]) -> None:
-        self.lines: deque[bytes] = deque(maxlen=50)
-        self._thread = threading.Thread(target=self.lines.extend, args=(stream,), daemon=True)
-        self._thread.start()
-
-    def has_ended(self, seconds: float) -> bool:
-        """Whether the stream has ended, or does within so many seconds."""
-        self._thread.join(seconds)
-        return not self._thread.is_alive()
+def _listen(stream: socket.socket, said: deque[bytes]) -> None:
+    """Keep the last lines of what a process says and complains about, until it has ended."""
+    with contextlib.suppress(OSError), stream.makefile("rb") as lines:
+        said.extend(lines)
 
 
 def _unsaid(code: int, said: str) -> dict[str, Any]:
@@ -184,7 +177,7 @@ class LocalClient:
             stop_cases(owner)
         for _ in range(self._workers):
             self._waiting.put((LocalFuture(""), dict, {}))  # wakes a thread
-        close_nurseries()
+        close_fork_servers()
 
     def submit(self, function: Callable[..., dict[str, Any]], task: dict[str, Any], *, key: str, **_options: Any) -> LocalFuture:
         """Call a function with a task as soon as there is room for another case."""

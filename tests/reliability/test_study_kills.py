@@ -146,7 +146,7 @@ def victims(client: subprocess.Popen[str], there: Cluster | None) -> dict[str, l
         for pid, (line, parent) in lines.items():
             if "studies.forking" in line:  # cases are forked from it
                 is_case = "studies.forking" in lines.get(parent, ("", 0))[0]
-                found.setdefault("case" if is_case else "nursery", []).append(pid)
+                found.setdefault("case" if is_case else "fork server", []).append(pid)
             elif "spawn_main" in line:
                 found.setdefault("worker", []).append(pid)
     return found
@@ -196,10 +196,10 @@ def disturb(folder: Path, chance: random.Random, there: Cluster | None, most: in
     return killed
 
 
-@pytest.mark.parametrize("only", ["nursery", "worker", "scheduler"])
+@pytest.mark.parametrize("only", ["fork server", "worker", "scheduler"])
 def test_one_dies(only: str, tmp_path: Path, alone: dict[str, str]) -> None:
     with cluster(tmp_path) as there:
-        killed = disturb(tmp_path, random.Random(only), None if only == "nursery" else there, 1, only)
+        killed = disturb(tmp_path, random.Random(only), None if only == "fork server" else there, 1, only)
     assert killed == {only: 1}
     require_undisturbed(tmp_path, alone)
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import os
 import signal
+import socket
 import time
 from collections.abc import Iterator
 from pathlib import Path
@@ -13,15 +14,15 @@ import pytest
 from scenes import SMALL
 
 from multicor_cli.studies import task as task_module
-from multicor_cli.studies.forking import ForkServer
+from multicor_cli.studies.forking import CaseProcess, ForkServer
 from multicor_cli.studies.task import run_case, stop_cases
 
 
 @pytest.fixture(scope="module")
 def server() -> Iterator[ForkServer]:
-    found = ForkServer(1)
-    yield found
-    os.kill(found._process.pid, signal.SIGKILL)
+    server = ForkServer(1)
+    yield server
+    os.kill(server._process.pid, signal.SIGKILL)
 
 
 def task(folder: Path, name: str = "run") -> bytes:
@@ -31,11 +32,16 @@ def task(folder: Path, name: str = "run") -> bytes:
     return json.dumps(given).encode() + b"\n"
 
 
+def said(process: CaseProcess) -> bytes:
+    """All that it says until it ends."""
+    with process.stream.makefile("rb") as stream:
+        return stream.read()
+
+
 def test_a_case(server: ForkServer, tmp_path: Path) -> None:
     process = server.start()
-    process.stdin.write(task(tmp_path))
-    process.stdin.flush()
-    assert json.loads(process.stdout.read())["status"] == "finished"
+    process.stream.sendall(task(tmp_path))
+    assert json.loads(said(process))["status"] == "finished"
     assert process.wait() == 0
     assert json.loads((tmp_path / "run" / "run.json").read_text())["status"] == "finished"
 
@@ -43,10 +49,9 @@ def test_a_case(server: ForkServer, tmp_path: Path) -> None:
 def test_several_at_a_time_each_with_streams_of_its_own(server: ForkServer, tmp_path: Path) -> None:
     processes = [server.start() for _ in range(3)]
     for number, process in enumerate(processes):
-        process.stdin.write(task(tmp_path, f"run-{number}"))
-        process.stdin.flush()
+        process.stream.sendall(task(tmp_path, f"run-{number}"))
     for process in reversed(processes):
-        assert json.loads(process.stdout.read())["status"] == "finished"
+        assert json.loads(said(process))["status"] == "finished"
         assert process.wait() == 0
     ids = {json.loads((tmp_path / f"run-{number}" / "run.json").read_text())["run_id"] for number in range(3)}
     assert len(ids) == 3
@@ -56,41 +61,39 @@ def test_several_at_a_time_each_with_streams_of_its_own(server: ForkServer, tmp_
 def test_how_a_process_ended(number: signal.Signals, server: ForkServer) -> None:
     process = server.start()
     process.send_signal(number)
-    assert process.stdout.read() == b""
+    assert said(process) == b""
     assert process.wait() == -number
     process.send_signal(number)  # nobody is there any more
 
 
 def test_whoever_waits_for_a_case_dies(server: ForkServer, tmp_path: Path) -> None:
     process = server.start()
-    process.stdin.write(task(tmp_path).replace(b'"overrides": []', b'"overrides": ["loading.1.until.strain.value=1e3"]'))
-    process.stdin.flush()
+    process.stream.sendall(task(tmp_path).replace(b'"overrides": []', b'"overrides": ["loading.1.until.strain.value=1e3"]'))
     while not (tmp_path / "run" / "progress.json").exists():
         time.sleep(0.05)
-    process.stdin.close()
-    assert json.loads(process.stdout.read())["status"] == "stopped"
+    process.stream.shutdown(socket.SHUT_WR)
+    assert json.loads(said(process))["status"] == "stopped"
 
 
-def test_a_nursery_that_dies_leaves_its_cases_alone(tmp_path: Path) -> None:
+def test_a_fork_server_that_dies_leaves_its_cases_alone(tmp_path: Path) -> None:
     server = ForkServer(1)
     process = server.start()
     os.kill(server._process.pid, signal.SIGKILL)
-    process.stdin.write(task(tmp_path))
-    process.stdin.flush()
-    assert json.loads(process.stdout.read())["status"] == "finished"
+    process.stream.sendall(task(tmp_path))
+    assert json.loads(said(process))["status"] == "finished"
     assert process.wait() == -signal.SIGKILL  # nobody knows
     assert not server.is_alive
     with pytest.raises(OSError, match="no process could be started"):
         server.start()
 
 
-def test_a_worker_starts_another_nursery_if_its_own_has_died(tmp_path: Path) -> None:
+def test_a_worker_starts_another_fork_server_if_its_own_has_died(tmp_path: Path) -> None:
     given = {**json.loads(task(tmp_path)), "client": "a", "name": "run"}
     assert run_case(given)["status"] == "finished"
-    (server,) = task_module._nurseries
+    (server,) = task_module._fork_servers
     os.kill(server._process.pid, signal.SIGKILL)
     assert run_case({**given, "directory": str(tmp_path / "again")})["status"] == "finished"
-    assert task_module._nurseries != [server]
+    assert task_module._fork_servers != [server]
 
 
 def test_a_worker_that_was_asked_to_stop_works_for_the_next_client(tmp_path: Path) -> None:
