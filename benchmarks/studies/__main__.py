@@ -154,7 +154,7 @@ def _timed(act: Any) -> tuple[float, Any]:
 def do_nothing(task: dict[str, Any]) -> dict[str, Any]:
     """Stands for a run: leaves what a finished one leaves for the study to read."""
     from multicor_cli.studies.observing import _digest
-    from multicor_cli.studies.schema import Observable
+    from multicor_cli.studies.study_file import Observable
 
     path = Path(task["directory"])
     path.mkdir()

@@ -110,7 +110,7 @@ def columns(ctx: typer.Context, incomplete: str) -> list[str]:
 
 def observables(ctx: typer.Context, incomplete: str) -> list[str]:
     """Observables of the study that the line names."""
-    from multicor_cli.studies.load import load_study
+    from multicor_cli.studies.study_file import load_study
 
     with contextlib.suppress(Exception):
         return _beginning(incomplete, (observable.name for observable in load_study(_place(ctx, "file")).model.observe))

@@ -23,8 +23,7 @@ from multicor_cli.text import count_noun, format_bytes
 if TYPE_CHECKING:
     from multicor_cli.studies.axes import Case
     from multicor_cli.studies.directory import StudyDirectory
-    from multicor_cli.studies.forecast import Forecast
-    from multicor_cli.studies.session import StudySession
+    from multicor_cli.studies.session import Forecast, StudySession
     from multicor_cli.studies.table import StudyTable
 
 study = typer.Typer(no_args_is_help=True, help="Compute many runs of one scenario, and make their table and figures.")
@@ -319,12 +318,7 @@ def cancel(file: StudyFile, output: Output = None) -> None:
 
 
 class StudyProgress:
-    """Shows how a study goes: a bar on a terminal, a line a minute in a log.
-
-    Args:
-        directory: The study.
-        is_quiet: Whether nothing is shown.
-    """
+    """Shows how a study goes: a bar on a terminal, a line a minute in a log, nothing if it is quiet."""
 
     def __init__(self, directory: StudyDirectory, *, is_quiet: bool) -> None:
         self._directory, self._is_quiet = directory, is_quiet

@@ -9,7 +9,7 @@ import json
 import math
 import re
 import tomllib
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -19,8 +19,7 @@ from multicor_cli.scenario.csv_columns import MAX_BYTES
 from multicor_cli.scenario.load import load_scenario
 from multicor_cli.scenario.problems import Refused, ScenarioError
 from multicor_cli.scenario.scenario import Scenario
-from multicor_cli.studies.load import Study, arguments
-from multicor_cli.studies.schema import MAX_CASES, OPTIONS, Range, Sampled, Vary
+from multicor_cli.studies.study_file import MAX_CASES, OPTIONS, Range, Sampled, Study, Vary, arguments
 
 # ---- Values and their combinations
 
@@ -33,11 +32,7 @@ _DIGITS = 12
 
 
 def combine(vary: Vary, directory: Path) -> list[Values]:
-    """All combinations, in the order of the file, the last key changing fastest.
-
-    Args:
-        vary: The table of the study.
-        directory: That of the study file, to which paths are relative.
+    """All combinations, in the order of the file, the last key changing fastest; paths are relative to ``directory``.
 
     Raises:
         Refused: Keys in ``zip`` have no values or not as many, the CSV file cannot be used, or there are too many combinations.
@@ -66,13 +61,12 @@ def numbers(axis: Range | tuple[Value, ...]) -> tuple[Value, ...]:
         return axis
     assert axis.count is not None  # only ranges between which points are drawn have none
     low, high, last = axis.from_, axis.to, max(axis.count - 1, 1)
-    found: list[float] = []
+    values: list[float] = []
     for k in range(axis.count):
-        share = k / last
-        between = low * (high / low) ** share if axis.spacing == "log" else low + (high - low) * share
-        found.append(low if k == 0 else high if k == last else _rounded(between))
-    is_whole = isinstance(low, int) and isinstance(high, int) and all(float(value).is_integer() for value in found)
-    return tuple(int(value) for value in found) if is_whole else tuple(float(value) for value in found)
+        between = _between(axis, k / last)
+        values.append(low if k == 0 else high if k == last else _rounded(between))
+    is_whole = isinstance(low, int) and isinstance(high, int) and all(float(value).is_integer() for value in values)
+    return tuple(int(value) if is_whole else float(value) for value in values)
 
 
 def _rounded(value: float) -> float:
@@ -153,11 +147,6 @@ def _parsed(text: str) -> Value:
     return value if isinstance(value, bool | int | float | str) else text
 
 
-def differing(rows: Sequence[Values]) -> Iterator[str]:
-    """Keys in the order in which they come up."""
-    return iter(dict.fromkeys(key for row in rows for key in row))
-
-
 # ---- The cases of a study: a name, values, and what is set in the scenario for each
 
 SEED = "scenario.seed"
@@ -170,12 +159,7 @@ _DIGITS_OF_NAMES = 6, 12, 17
 
 @dataclass(frozen=True)
 class Case:
-    """One run of a study.
-
-    Attributes:
-        name: Name of its directory: short names of the keys with their values.
-        values: Values by key, the seed last.
-    """
+    """One run of a study. It is called like its directory: by short names of the keys with their values, the seed last."""
 
     name: str
     values: Values
@@ -230,7 +214,7 @@ def _named(study: Study, rows: Sequence[Values]) -> list[Case]:
     """Cases with the shortest numbers that tell them apart."""
     if len({json.dumps(row) for row in rows}) < len(rows):
         raise study.refuse(Refused(("vary",), "a combination of values comes twice", "give each value once"))
-    short = short_names(differing(rows))
+    short = short_names(dict.fromkeys(key for row in rows for key in row))
     names: list[str] = []
     for digits in _DIGITS_OF_NAMES:
         names = [_name(row, short, digits) for row in rows]

@@ -165,7 +165,7 @@ def _observe(task: dict[str, Any]) -> None:
     from multicor_cli.studies.axes import Case
     from multicor_cli.studies.directory import StudyDirectory
     from multicor_cli.studies.observing import observe
-    from multicor_cli.studies.schema import Observable
+    from multicor_cli.studies.study_file import Observable
 
     path = Path(task["directory"])
     rows = [Observable.model_validate(row) for row in task.get("observe", [])]

@@ -7,6 +7,7 @@ import importlib.util
 import logging
 import os
 import shlex
+import shutil
 import sys
 import tempfile
 from collections.abc import Iterator
@@ -17,8 +18,7 @@ from multicor_cli.optional import library
 from multicor_cli.running.compiling import available_memory, python_child
 from multicor_cli.scenario.problems import Refused
 from multicor_cli.store.errors import StoreError
-from multicor_cli.studies.forecast import Needs
-from multicor_cli.studies.schema import Compute, Queue, parse_memory
+from multicor_cli.studies.study_file import Compute, Queue, parse_memory
 from multicor_cli.studies.task import LocalClient
 from multicor_cli.text import format_bytes
 
@@ -41,6 +41,13 @@ _NO_PAGE = "DASK_DISTRIBUTED__WORKER__HTTP__ROUTES='[]'"
 """Leaves out of a worker the pages that it would show to anybody."""
 
 _CLASSES = {"slurm": "SLURMCluster", "pbs": "PBSCluster", "sge": "SGECluster", "lsf": "LSFCluster"}
+
+
+class Needs(NamedTuple):
+    """What a case takes: threads that it can use, and memory [bytes]."""
+
+    threads: int = 1
+    memory: float = 0.0
 
 
 class Cluster(NamedTuple):
@@ -181,8 +188,6 @@ def _queued(
     import dask
     from distributed import Client
 
-    from multicor_cli.studies.keys import cluster_keys
-
     memory = parse_memory(table.memory)
     if needs.memory > memory:
         message = f"a case takes about {format_bytes(needs.memory)}, a job has {format_bytes(memory)}"
@@ -240,3 +245,42 @@ def _cluster(name: str, table: Queue, logs: Path, memory: float, keys: Security)
         return getattr(dask_jobqueue, _CLASSES[name])(**options)
     except (RuntimeError, TypeError, ValueError) as error:
         raise StoreError(f"[compute] {name}: {error}") from None
+
+
+# ---- Keys with which scheduler, workers and client of a cluster know each other: who has none is refused
+
+_PREFIX = ".keys-"
+_OF_WORKERS = ("tls_ca_file", "tls_worker_cert", "tls_worker_key")
+
+
+def cluster_keys(stack: contextlib.ExitStack, folder: Path) -> Security:
+    """New keys, and the files of workers, which only their owner can read and which are removed when ``stack`` ends.
+
+    Args:
+        stack: Ends with the cluster.
+        folder: Where the files go: a directory that jobs see, for no other cluster; it is made if need be.
+
+    Raises:
+        ImportError: The library ``cryptography`` is missing.
+    """
+    from distributed import Security
+
+    class Keys(Security):  # type: ignore[misc]  # mypy does not follow imports of distributed
+        def get_tls_config_for_role(self, role: str) -> dict[str, Any]:
+            """Names of files of workers are for the script of a job, which dask-jobqueue writes without quotes."""
+            config: dict[str, Any] = super().get_tls_config_for_role(role)
+            if role != "worker":
+                return config
+            return {key: shlex.quote(value) if isinstance(value, str) else value for key, value in config.items()}
+
+    folder.mkdir(parents=True, exist_ok=True)
+    for left in folder.glob(f"{_PREFIX}*"):  # of a client that was killed
+        shutil.rmtree(left, ignore_errors=True)
+    keys: Security = Keys.temporary()
+    private = Path(stack.enter_context(tempfile.TemporaryDirectory(prefix=_PREFIX, dir=folder))).absolute()  # of mode 0700
+    for name in _OF_WORKERS:
+        path = private / f"{name}.pem"
+        with os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w") as file:
+            file.write(getattr(keys, name))
+        setattr(keys, name, str(path))
+    return keys

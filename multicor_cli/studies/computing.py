@@ -7,6 +7,7 @@ import hashlib
 import queue
 import secrets
 import time
+import warnings
 from collections import Counter, deque
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
@@ -18,7 +19,7 @@ from multicor_cli.store.errors import StoreError
 from multicor_cli.studies.axes import Case
 from multicor_cli.studies.clusters import Cluster
 from multicor_cli.studies.directory import StudyDirectory
-from multicor_cli.studies.load import Study
+from multicor_cli.studies.study_file import Study
 from multicor_cli.studies.task import run_case, stop_cases
 
 if TYPE_CHECKING:
@@ -53,20 +54,25 @@ class Watcher(Protocol):
         """Cases have been asked to stop."""
 
 
+class WarningsOnly:
+    """Gives the warnings of Python, and shows nothing else."""
+
+    def warning(self, text: str) -> None:  # noqa: D102
+        warnings.warn(text, stacklevel=2)
+
+    def _ignore(self, *_: Any, **__: Any) -> None:
+        pass
+
+    began = ended = looked = stopping = _ignore
+
+
 class LostScheduler(StoreError):
     """The Dask scheduler has gone."""
 
 
 @dataclass
 class Progress:
-    """What became of the cases of one call.
-
-    Attributes:
-        finished: Number of them.
-        failed: Reasons by name.
-        stopped: Names of those that go on with the same command.
-        reason: Why cases were stopped; None if they were not.
-    """
+    """What became of the cases of one call: how many have finished, why others failed, by name, and which were stopped and why."""
 
     finished: int = 0
     failed: dict[str, str] = field(default_factory=dict)
@@ -75,14 +81,7 @@ class Progress:
 
 
 class Computation:
-    """The cases of a study on their way through a cluster.
-
-    Args:
-        directory: The study.
-        study: What its file says.
-        site: Where it is computed.
-        watcher: Is told how it goes.
-    """
+    """The cases of a study on their way through a cluster."""
 
     def __init__(self, directory: StudyDirectory, study: Study, site: Cluster, watcher: Watcher) -> None:
         self._directory, self._study, self._site, self._watcher = directory, study, site, watcher

@@ -24,7 +24,7 @@ from multicor_cli.store.documents import SIZE_LIMIT
 from multicor_cli.store.errors import DamagedRun, DirectoryRefused
 from multicor_cli.store.lock import RunLock, is_alive
 from multicor_cli.studies.axes import Case
-from multicor_cli.studies.load import Study
+from multicor_cli.studies.study_file import Study
 
 FILETYPE, VERSION = "multicor-study", 1
 DOCUMENT, SOURCE, LOCK, CASES, FAILED, OBSERVED, LOGS, PAGES = (
@@ -47,11 +47,10 @@ class CaseState:
     """How a case stands.
 
     Attributes:
-        status: In a word.
         reason: Why it failed or stopped; may be empty.
         step: Steps done, at its last checkpoint.
         share: Share of it that is done, while it runs; None if that is not known.
-        remaining: Seconds left, while it runs; None if that is not known.
+        remaining: Time left, while it runs [s]; None if that is not known.
     """
 
     status: CaseStatus
@@ -63,11 +62,7 @@ class CaseState:
 
 @dataclass(frozen=True)
 class StudyDirectory:
-    """Where a study is kept.
-
-    Attributes:
-        path: The directory.
-    """
+    """Where a study is kept."""
 
     path: Path
 
@@ -115,13 +110,8 @@ class StudyDirectory:
         """The cases of the study, in its order."""
         return [Case(name, values) for name, values in self.document()["cases"].items()]
 
-    def begin(self, study: Study, cases: Sequence[Case], resolved: str) -> list[str]:
-        """Write or renew ``study.json``; returns the names of the cases that are new.
-
-        Args:
-            study: The study.
-            cases: Its cases.
-            resolved: Its scenario with all defaults, as TOML.
+    def begin(self, study: Study, cases: Sequence[Case], resolved: str) -> None:
+        """Write or renew ``study.json``; ``resolved`` is the scenario with all defaults, as TOML.
 
         Raises:
             ScenarioError: A case or the scenario is another than when the study began.
@@ -136,9 +126,8 @@ class StudyDirectory:
             self._refuse_foreign()
         for name in (CASES, FAILED, OBSERVED):
             make_directory(self.path / name)
-        new = [case.name for case in cases if case.name not in known]
-        if new or not self.exists:
-            merged = {case.name: dict(case.values) for case in cases}
+        merged = {case.name: dict(case.values) for case in cases}
+        if not self.exists or merged.keys() - known.keys():
             merged.update({name: values for name, values in known.items() if name not in merged})
             commit_bytes(self.path / SOURCE, "study source", study.sources.text.encode())
             document = {
@@ -146,7 +135,6 @@ class StudyDirectory:
                 "resolved": resolved, "cases": merged,
             }  # fmt: skip
             commit_bytes(self.path / DOCUMENT, "study document", json.dumps(document, indent=1, ensure_ascii=False).encode())
-        return new
 
     def _refuse_foreign(self) -> None:
         with storage_errors(self.path):

@@ -26,12 +26,7 @@ FITS = ("line", "power", "mu-of-I")
 
 @dataclass(frozen=True)
 class Curve:
-    """A curve in a figure.
-
-    Attributes:
-        text: A fit with its parameters and their errors, or the name of a formula.
-        value: Its heights at some x.
-    """
+    """A curve in a figure: ``text`` is a fit with its parameters and their errors, or the name of a formula."""
 
     text: str
     value: Callable[[Floats], Floats]
@@ -116,16 +111,10 @@ def draw(
     path: Path, table: StudyTable, panels: list[Panel], request: PlotRequest, fits: list[list[Curve]], curves: Sequence[Curve] = (),
     *, log: str = "",
 ) -> None:  # fmt: skip
-    """Write the figure.
+    """Write the figure; the ending of the path chooses the format.
 
-    Args:
-        path: File to write; its ending chooses the format.
-        table: The table.
-        panels: Its points.
-        request: What is shown.
-        fits: One for each series of each panel, or nothing.
-        curves: Formulas, in every panel.
-        log: Axes with a logarithmic scale: "x", "y" or "xy".
+    There is one fit for each series of each panel, or none at all; formulas are drawn as curves in every panel; ``log`` says
+    which axes have a logarithmic scale: "x", "y" or "xy".
 
     Raises:
         MissingLibrary: If matplotlib is not installed.

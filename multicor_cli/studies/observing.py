@@ -35,7 +35,7 @@ from multicor_cli.store.schema import SERIES
 from multicor_cli.store.summary import empty_summary
 from multicor_cli.studies.axes import Case
 from multicor_cli.studies.directory import StudyDirectory
-from multicor_cli.studies.schema import After, Observable
+from multicor_cli.studies.study_file import After, Observable
 
 if TYPE_CHECKING:
     from multicor_cli.store.reader import Run

@@ -48,17 +48,10 @@ def write_study_report(
     run_frames: int | None = None,
     progress: Progress = no_progress,
 ) -> int:
-    """Write the page of a study, finished or not.
+    """Write the page of a study, finished or not; returns the number of pages of runs that have been written.
 
-    Args:
-        session: The study.
-        path: File to write.
-        is_overwriting: Whether an existing report may be replaced.
-        run_frames: Write a page about each finished run that has none as well, with this many frames at most; None: do not.
-        progress: Is told how many pages of runs are done, and of how many.
-
-    Returns:
-        Number of pages of runs that have been written.
+    With ``run_frames`` each finished run that has no page gets one, with so many frames at most; ``progress`` is told how many of
+    them are done.
 
     Raises:
         ExportRefused: If the file exists and may not be replaced, or is no report.

@@ -17,7 +17,7 @@ from multicor_cli.plots.style import PlotError
 from multicor_cli.studies.axes import SEED, Case, Value, Values, short_names, shown
 from multicor_cli.studies.directory import CaseStatus, StudyDirectory
 from multicor_cli.studies.observing import observe
-from multicor_cli.studies.schema import Observable
+from multicor_cli.studies.study_file import Observable
 
 # ---- The table
 
@@ -33,8 +33,7 @@ class Row:
         between: By observable: standard error from the scatter between the seeds; nan with fewer than two.
         verdict: The worst.
         hours: Wall-clock time [h].
-        case: Name of the case; empty for several.
-        digest: Of the end of the run; likewise.
+        case, digest: Name of the case, and digest of the end of its run; empty for several.
         problems: Why observables could not be taken.
     """
 
@@ -51,14 +50,10 @@ class Row:
 
 @dataclass(frozen=True)
 class StudyTable:
-    """Rows of a study.
+    """Rows of a study, with the keys that vary and the names of the observables.
 
     Attributes:
-        keys: Keys that vary, in their order.
-        observables: Names of the observables.
-        rows: The rows.
         is_mean: Whether rows are means over seeds.
-        directory: That of the study.
         labels: What observables are called in figures, where that is not their name.
     """
 
@@ -205,14 +200,11 @@ def _number(value: Any) -> float:
 
 @dataclass(frozen=True)
 class Series:
-    """Points of one line, ascending in x.
+    """Points of one line, ascending in x, all of shape ``(k,)``.
 
     Attributes:
-        label: What it is.
-        x: Values of the key across, or of an observable, shape ``(k,)``.
-        y: The observable, shape ``(k,)``.
-        error: The larger of both standard errors, from within the runs and between the seeds; nan if neither is known.
-        x_error: The same of ``x``; nan if that is a key.
+        error: The larger of both standard errors of y, from within the runs and between the seeds; nan if neither is known.
+        x_error: The same of x; nan if that is a key and no observable.
     """
 
     label: str
@@ -224,12 +216,7 @@ class Series:
 
 @dataclass(frozen=True)
 class Panel:
-    """Series that share a pair of axes.
-
-    Attributes:
-        title: What they have in common; empty if there is one panel only.
-        series: The series.
-    """
+    """Series that share a pair of axes; the title says what they have in common, and is empty if there is one panel only."""
 
     title: str
     series: list[Series]
@@ -255,11 +242,7 @@ class PlotRequest:
 
 
 def find_key(table: StudyTable, name: str) -> str:
-    """The key with this name, whole or short.
-
-    Raises:
-        PlotError: No key of the study has it.
-    """
+    """The key with this name, whole or short; raises `PlotError` if no key of the study has it."""
     short = short_names(table.keys)
     for key in table.keys:
         if name in (key, short[key]):
@@ -268,11 +251,7 @@ def find_key(table: StudyTable, name: str) -> str:
 
 
 def make_panels(table: StudyTable, request: PlotRequest) -> list[Panel]:
-    """The points of a figure.
-
-    Args:
-        table: Means over seeds.
-        request: What is to be drawn.
+    """The points of a figure, from means over seeds.
 
     Raises:
         PlotError: There is no such key or observable, values across are no numbers, several points of a series have the same

@@ -54,7 +54,10 @@ def run_case(task: dict[str, Any]) -> dict[str, Any]:
         listener.start()
         with contextlib.suppress(OSError):
             process.stream.sendall(json.dumps(task).encode() + b"\n")
-        while listener.join(BEAT) or listener.is_alive():
+        while True:
+            listener.join(BEAT)
+            if not listener.is_alive():
+                break
             _touch(Path(task["directory"]) / LOCK)
     finally:
         with _lock:
@@ -131,11 +134,7 @@ _HERE = "here"
 
 
 class LocalFuture(Future[dict[str, Any]]):
-    """The outcome of a case, with the names that Dask has for it.
-
-    Attributes:
-        key: Its name.
-    """
+    """The outcome of the case ``key``, with the names that Dask has for it."""
 
     def __init__(self, key: str) -> None:
         super().__init__()
@@ -150,11 +149,7 @@ class LocalFuture(Future[dict[str, Any]]):
 
 
 class LocalClient:
-    """What `multicor_cli.studies.computing.Computation` asks of a `distributed.Client`.
-
-    Args:
-        workers: Cases at a time.
-    """
+    """What `multicor_cli.studies.computing.Computation` asks of a `distributed.Client`, with so many cases at a time."""
 
     status = "running"
 

@@ -17,14 +17,14 @@ from multicor_cli.optional import MissingLibrary
 from multicor_cli.scenario import Refused
 from multicor_cli.store.errors import StoreError
 from multicor_cli.studies.clusters import (
+    Needs,
     _cluster,
     _wants_dashboard,
     existing,
     parse_memory,
     require_libraries,
 )
-from multicor_cli.studies.forecast import Needs
-from multicor_cli.studies.schema import Compute, Queue
+from multicor_cli.studies.study_file import Compute, Queue
 
 pytest.importorskip("dask_jobqueue")
 pytest.importorskip("cryptography")
@@ -39,7 +39,7 @@ LINES = {
 
 @pytest.fixture
 def keys(tmp_path: Path) -> Iterator[Any]:
-    from multicor_cli.studies.keys import cluster_keys
+    from multicor_cli.studies.clusters import cluster_keys
 
     with contextlib.ExitStack() as stack:
         yield cluster_keys(stack, tmp_path / "it's a study" / "logs")
@@ -77,7 +77,7 @@ def test_the_interpreter_of_jobs_may_be_another(tmp_path: Path, keys: Any) -> No
 
 
 def test_files_of_keys_that_a_killed_client_has_left_are_removed(tmp_path: Path) -> None:
-    from multicor_cli.studies.keys import cluster_keys
+    from multicor_cli.studies.clusters import cluster_keys
 
     (tmp_path / ".keys-old").mkdir()
     (tmp_path / ".keys-old" / "tls_worker_key.pem").write_text("secret")

@@ -15,10 +15,9 @@ import multicor_cli as multicor
 from multicor_cli.scenario.problems import ScenarioError
 from multicor_cli.store import run_info
 from multicor_cli.studies.axes import expand
-from multicor_cli.studies.forecast import check_cases
-from multicor_cli.studies.load import load_study
 from multicor_cli.studies.observing import SOURCES, Unobservable, take_one, unknown
-from multicor_cli.studies.schema import Observable
+from multicor_cli.studies.session import check_cases
+from multicor_cli.studies.study_file import Observable, load_study
 
 LATE = {"time": 0.02}
 BOX = {"min": [0.0, 0.002], "max": [0.02, 0.007]}

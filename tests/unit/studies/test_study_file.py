@@ -11,9 +11,9 @@ from scenes import SMALL
 
 from multicor_cli.scenario.problems import ScenarioError
 from multicor_cli.studies.axes import Case, check_case, expand, short_names
-from multicor_cli.studies.forecast import check_cases, forecast
-from multicor_cli.studies.load import Study, load_study
 from multicor_cli.studies.observing import unknown
+from multicor_cli.studies.session import check_cases, forecast
+from multicor_cli.studies.study_file import Study, load_study
 
 HEAD = '[study]\nname = "s"\nscenario = "small.toml"\n'
 FRICTION, RESTITUTION = "contacts.0.friction", "contacts.0.restitution"
