@@ -69,7 +69,7 @@ def validate(
     cores = reserve_threads(threads or loaded.solver.threads)
 
     from multicor_cli.checks import Prepared, check_prepared
-    from multicor_cli.packing.build import place
+    from multicor_cli.packing import place
     from multicor_cli.running.planning import make_plan
 
     placed = place(loaded)

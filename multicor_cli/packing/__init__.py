@@ -1,5 +1,8 @@
-"""From a scenario to the initial `Model` and `State`."""
+"""From a scenario to the initial `Model` and `State`.
 
-from multicor_cli.packing.build import build
+Names are loaded when they are first used: a plan needs the contact laws alone, and no grain.
+"""
 
-__all__ = ["build"]
+import lazy_loader
+
+__getattr__, __dir__, __all__ = lazy_loader.attach_stub(__name__, __file__)

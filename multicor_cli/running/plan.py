@@ -5,23 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.arithmetic import hypot
-from multicor_cli.engine.contact.solve import Settings
-from multicor_cli.engine.exchange.rules import ExchangeRules, Outlet, Rectangle, Release
-from multicor_cli.engine.heat.conduction import ContactForce
-from multicor_cli.engine.heat.laws import heat_laws
-from multicor_cli.engine.heat.mechanism import HeatLaws
-from multicor_cli.engine.heat.settings import MECHANISMS, HeatSettings
 from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.engine.motion.drives import AnyGravity, Constant, Gravity, TiltedGravity, WallDrive
 from multicor_cli.model import ContactLaws, Model, State
 from multicor_cli.model.model import Floats
-from multicor_cli.packing.sizes import Purpose, TableKind, stream
 from multicor_cli.running.cadence import is_due
 from multicor_cli.running.conditions import KINETIC, Condition, StrainReached
 from multicor_cli.scenario.drives import StageDrives, engine_signal, kept_signal
@@ -38,6 +31,13 @@ from multicor_cli.scenario.models import ParticleGroup, RectangleRegion
 from multicor_cli.scenario.scenario import Scenario
 from multicor_cli.scenario.settings import Output
 from multicor_cli.store.stage_ends import Reason, StageEnd
+
+if TYPE_CHECKING:  # a plan is read without Numba, which these load
+    from multicor_cli.engine.contact.solve import Settings
+    from multicor_cli.engine.exchange.rules import ExchangeRules, Rectangle, Release
+    from multicor_cli.engine.heat.conduction import ContactForce
+    from multicor_cli.engine.heat.mechanism import HeatLaws
+    from multicor_cli.engine.heat.settings import HeatSettings
 
 # ---- Gravity in each stage: what the stage says, or what the stage before had at its end
 
@@ -99,6 +99,8 @@ def heat_settings(scenario: Scenario, model: Model) -> HeatSettings | None:
         scenario: What to do.
         model: Grains and walls of the run; materials come in its order.
     """
+    from multicor_cli.engine.heat.settings import MECHANISMS, HeatSettings
+
     heat = scenario.heat
     if heat is None:
         return None
@@ -107,6 +109,8 @@ def heat_settings(scenario: Scenario, model: Model) -> HeatSettings | None:
 
 
 def _force(heat: Heat) -> ContactForce:
+    from multicor_cli.engine.heat.conduction import ContactForce
+
     if heat.force is None:
         return ContactForce()
     if isinstance(heat.force, AverageForce):
@@ -121,6 +125,8 @@ def laws_of_scenario(scenario: Scenario, materials: Sequence[str]) -> HeatLaws:
         scenario: A scenario with heat.
         materials: Names of the materials, in the order of the model.
     """
+    from multicor_cli.engine.heat.laws import heat_laws
+
     if scenario.heat is None:
         message = "a scenario without [heat] has no heat laws"
         raise ValueError(message)
@@ -204,6 +210,8 @@ def exchange_rules(scenario: Scenario, model: Model) -> ExchangeRules:
         scenario: What to do.
         model: All grains of the run.
     """
+    from multicor_cli.engine.exchange.rules import ExchangeRules, Outlet
+
     releases = (_release(scenario, number, group) for number, group in enumerate(scenario.particles))
     return ExchangeRules(
         tuple(release for release in releases if release is not None),
@@ -214,17 +222,24 @@ def exchange_rules(scenario: Scenario, model: Model) -> ExchangeRules:
 
 
 def _rectangle(region: RectangleRegion) -> Rectangle:
+    from multicor_cli.engine.exchange.rules import Rectangle
+
     return Rectangle(region.min, region.max)
 
 
 def _limits(scenario: Scenario, margin: float) -> Rectangle:
     """The domain and a margin around it [m]; without limits in the direction of a period."""
+    from multicor_cli.engine.exchange.rules import Rectangle
+
     width, height = scenario.domain.size
     left, right = (-math.inf, math.inf) if scenario.domain.periodic else (-margin, width + margin)
     return Rectangle((left, -margin), (right, height + margin))
 
 
 def _release(scenario: Scenario, number: int, group: ParticleGroup) -> Release | None:
+    from multicor_cli.engine.exchange.rules import Release
+    from multicor_cli.packing.sizes import Purpose, TableKind, stream
+
     table = group.release
     if table is None:
         return None

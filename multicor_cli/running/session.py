@@ -22,7 +22,7 @@ from multicor_cli.engine.exchange.engine import OpenEngine
 from multicor_cli.engine.heat.step import HeatEngine
 from multicor_cli.engine.jit.cache import is_compiled
 from multicor_cli.model import TALLY_NAMES, Model, State
-from multicor_cli.packing.build import Placed, place
+from multicor_cli.packing import Placed, place
 from multicor_cli.running.compiling import keep_freed_memory, shared_compilation
 from multicor_cli.running.controller import Controller, DirectoryRecorder
 from multicor_cli.running.differences import added_stages, find_differences, former_defaults

@@ -249,7 +249,7 @@ def _sum(values: Sequence[float | None]) -> float | None:
 
 def _prepare(study: Study, case: Case, directory: Path) -> Prepared:
     from multicor_cli.checks import Prepared
-    from multicor_cli.packing.build import place
+    from multicor_cli.packing import place
     from multicor_cli.running.planning import make_plan
 
     scenario = check_case(study, case)

@@ -7,7 +7,7 @@ from places import ROOT
 import multicor_cli as multicor
 from multicor_cli.engine import Engine, Settings
 from multicor_cli.model import State
-from multicor_cli.packing.build import build
+from multicor_cli.packing import build
 
 CONFIGS = ROOT / "configs"
 

@@ -5,8 +5,6 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterator
 
-import numba
-
 PARALLEL_GRAINS = 4_000
 """Below this, starting threads costs more than they save; results are the same."""
 
@@ -14,6 +12,8 @@ PARALLEL_GRAINS = 4_000
 @contextlib.contextmanager
 def threads_for(grains: int) -> Iterator[None]:
     """One thread in the block where grains are few: kernels for several would be compiled for nothing."""
+    import numba
+
     before = numba.get_num_threads()
     numba.set_num_threads(before if grains >= PARALLEL_GRAINS else 1)
     try:

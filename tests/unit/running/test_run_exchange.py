@@ -16,7 +16,7 @@ from multicor_cli.checks import Verdict, check_run
 from multicor_cli.engine import Interrupted, PhysicsError
 from multicor_cli.export.csv_files import export_csv
 from multicor_cli.model import Presence
-from multicor_cli.packing.build import build, place
+from multicor_cli.packing import build, place
 from multicor_cli.post import PostError
 from multicor_cli.report.pack import view_of
 from multicor_cli.running.plan import begin_stage

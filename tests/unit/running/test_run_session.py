@@ -14,8 +14,7 @@ from scenes import SMALL, changed, write_small
 
 from multicor_cli import run as run_scenario
 from multicor_cli.engine import PhysicsError
-from multicor_cli.packing import build
-from multicor_cli.packing.build import Placed, place
+from multicor_cli.packing import Placed, build, place
 from multicor_cli.running import session as session_module
 from multicor_cli.running.observer import SilentObserver, Status
 from multicor_cli.running.outcome import ExitCode, RunOutcome, StopReason, exit_code_of

@@ -16,7 +16,7 @@ from scenes import changed
 
 from multicor_cli import run as run_scenario
 from multicor_cli.model import State
-from multicor_cli.packing.build import place
+from multicor_cli.packing import place
 from multicor_cli.running import session as session_module
 from multicor_cli.running.outcome import StopReason
 from multicor_cli.scenario.load import load_scenario, parse_scenario

@@ -1,0 +1,3 @@
+from .assembly import Placed as Placed
+from .assembly import build as build
+from .assembly import place as place
