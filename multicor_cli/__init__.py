@@ -30,7 +30,7 @@ def _show_pictures() -> None:
     shell = ipython.get_ipython() if ipython is not None else None
     if shell is not None:
         pictures = shell.display_formatter.formatters["image/png"]
-        for module, name in (("multicor_cli.store.reader", "Run"), ("multicor_cli.store.frame_view", "Frame")):
+        for module, name in (("multicor_cli.store.reader", "Run"), ("multicor_cli.store.frames", "Frame")):
             pictures.for_type_by_name(module, name, _picture)
 
 

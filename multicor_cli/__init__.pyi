@@ -12,8 +12,8 @@ from .scenario.load import load_scenario as load_scenario
 from .scenario.problems import ScenarioError as ScenarioError
 from .scenario.scenario import Scenario as Scenario
 from .store.errors import StoreError as StoreError
-from .store.frame_view import Contacts as Contacts
-from .store.frame_view import Frame as Frame
+from .store.frames import Contacts as Contacts
+from .store.frames import Frame as Frame
 from .store.reader import Run as Run
 from .store.reader import open_run as open_run
 from .studies import study as study

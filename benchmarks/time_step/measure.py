@@ -12,7 +12,7 @@ from multicor_cli import open_run
 from multicor_cli.model.model import Floats
 from multicor_cli.post import Selection, profile, rheology
 from multicor_cli.store import Run
-from multicor_cli.store.info import run_info
+from multicor_cli.store.reader import run_info
 
 BINS = 20
 MARGIN = 8.0  # mean diameters left out at either wall

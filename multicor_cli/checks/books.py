@@ -10,7 +10,7 @@ import numpy as np
 from multicor_cli.checks.check import Measured, Rule
 from multicor_cli.checks.subjects import Recorded
 from multicor_cli.model.model import Floats
-from multicor_cli.store.stage_ends import StageEnd
+from multicor_cli.store.documents import StageEnd, record_of
 
 # ---- What holds in every run: books, overlaps, convergence
 
@@ -168,7 +168,7 @@ DRIFT: tuple[Rule[Recorded], ...] = (
 
 
 def _timed_out(run: Recorded) -> Iterator[Measured]:
-    ends = [StageEnd.of_document(document) for document in run.info["stage_ends"]]
+    ends = [record_of(StageEnd, end) for end in run.info["stage_ends"]]
     late = [f"{end.name}: {end.why}" for end in ends if end.has_timed_out]
     if ends:
         yield Measured(len(late), "; ".join(late))

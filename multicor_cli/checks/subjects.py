@@ -24,7 +24,7 @@ from multicor_cli.scenario.load import parse_scenario
 from multicor_cli.scenario.problems import ScenarioError
 from multicor_cli.scenario.scenario import Scenario
 from multicor_cli.store import Run
-from multicor_cli.store.stage_ends import Origin
+from multicor_cli.store.documents import Origin
 
 # ---- A run before its first step: what the checks of a scenario look at
 

@@ -139,9 +139,9 @@ def _describe_steering(steering: dict[str, Any] | None) -> list[tuple[str, str]]
 
 
 def _describe_origin(origin: dict[str, Any] | None) -> list[tuple[str, str]]:
-    from multicor_cli.store.stage_ends import Origin
+    from multicor_cli.store.documents import Origin, record_of
 
-    return [] if origin is None else [("goes on from", Origin.of_document(origin).text)]
+    return [] if origin is None else [("goes on from", record_of(Origin, origin).text)]
 
 
 def _describe_exchange(exchange: dict[str, Any] | None) -> list[tuple[str, str]]:
@@ -153,9 +153,9 @@ def _describe_exchange(exchange: dict[str, Any] | None) -> list[tuple[str, str]]
 
 
 def _describe_ends(ends: list[dict[str, Any]]) -> list[tuple[str, str]]:
-    from multicor_cli.store.stage_ends import StageEnd
+    from multicor_cli.store.documents import StageEnd, record_of
 
-    return [(f"  {end.name}", end.text) for end in map(StageEnd.of_document, ends)]
+    return [(f"  {end.name}", end.text) for end in (record_of(StageEnd, end) for end in ends)]
 
 
 def _describe_progress(found: dict[str, Any]) -> list[tuple[str, str]]:

@@ -22,7 +22,7 @@ if TYPE_CHECKING:
     from multicor_cli.running.plan import RunPlan
     from multicor_cli.running.time_step import StepReview
     from multicor_cli.scenario.scenario import Scenario
-    from multicor_cli.store.stage_ends import Origin
+    from multicor_cli.store.documents import Origin
 
 NAME_HELP = "Name of the scenario; the file is NAME.toml."
 TEMPLATE_HELP = "What to start from: {templates}."

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 
 from multicor_cli.export.target import choose_frames, new_directory
 from multicor_cli.store import Frame, Run, schema
-from multicor_cli.store.frame_view import NamedColumn, contact_columns, grain_columns, split, wall_columns
+from multicor_cli.store.frames import NamedColumn, contact_columns, grain_columns, split, wall_columns
 from multicor_cli.store.layout import Progress, no_progress
 from multicor_cli.store.reader import series_columns
 

@@ -23,7 +23,7 @@ from multicor_cli.packing.thermal import group_thermal, joined, sizes_problems
 from multicor_cli.packing.walls import BuiltWalls, build_walls
 from multicor_cli.scenario import Scenario
 from multicor_cli.scenario.problems import Refused
-from multicor_cli.store.stage_ends import Origin
+from multicor_cli.store.documents import Origin
 
 
 @dataclass(frozen=True)

@@ -26,7 +26,7 @@ from multicor_cli.packing.source import Source
 from multicor_cli.packing.walls import BuiltWalls
 from multicor_cli.scenario import Scenario
 from multicor_cli.scenario.problems import Refused
-from multicor_cli.store.stage_ends import Origin
+from multicor_cli.store.documents import Origin
 
 _RUN = ("start", "run")
 

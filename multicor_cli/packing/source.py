@@ -21,7 +21,7 @@ from multicor_cli.scenario.problems import Refused
 from multicor_cli.store import Run, StoreError, layout, open_run
 from multicor_cli.store.atomic import is_regular
 from multicor_cli.store.errors import NoFrame
-from multicor_cli.store.frame_view import Frame
+from multicor_cli.store.frames import Frame
 
 _RUN, _FRAME = ("start", "run"), ("start", "frame")
 

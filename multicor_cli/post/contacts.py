@@ -16,7 +16,7 @@ from multicor_cli.post.source import FrameSequence, FrameSource, GrainFrame, Pos
 from multicor_cli.text import choices
 
 if TYPE_CHECKING:
-    from multicor_cli.store.frame_view import Contacts
+    from multicor_cli.store.frames import Contacts
 
 # ---- What stresses and networks are made of
 

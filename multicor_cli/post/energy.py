@@ -15,7 +15,7 @@ from multicor_cli.post.table import Column, Quantity, Table, TimeTable, values_o
 from multicor_cli.text import choices
 
 if TYPE_CHECKING:
-    from multicor_cli.store.frame_view import NamedColumn
+    from multicor_cli.store.frames import NamedColumn
 
 # ---- The energy books
 

@@ -12,7 +12,7 @@ from multicor_cli.model.model import Floats, Model
 from multicor_cli.store.errors import NoFrame, frame_number
 
 if TYPE_CHECKING:
-    from multicor_cli.store.frame_view import Contacts
+    from multicor_cli.store.frames import Contacts
 
 
 class PostError(Exception):

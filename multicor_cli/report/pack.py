@@ -17,7 +17,7 @@ from multicor_cli.post.contacts import has_forces, loaded_contacts
 from multicor_cli.post.grain_map import make_scene
 from multicor_cli.post.quantities import color_range
 from multicor_cli.store import Run
-from multicor_cli.store.frame_view import Frame
+from multicor_cli.store.frames import Frame
 from multicor_cli.store.layout import Progress, no_progress
 
 # ---- Floating-point numbers as small integers whose resolution is known, and as few bytes as deflate can make of them

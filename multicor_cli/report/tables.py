@@ -15,7 +15,7 @@ from multicor_cli.post import PostError, force_network, rheology
 from multicor_cli.post.energy import BookLine, EnergyTable
 from multicor_cli.post.rheology import QUANTITIES
 from multicor_cli.store import Run
-from multicor_cli.store.stage_ends import StageEnd
+from multicor_cli.store.documents import StageEnd, record_of
 from multicor_cli.text import unit_sign
 
 _SUPERSCRIPTS = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
@@ -68,7 +68,7 @@ def describe_run(info: dict[str, Any]) -> list[ReportRow]:
 
 def describe_stages(info: dict[str, Any]) -> list[ReportRow]:
     """Why and when each stage ended that is over, as far as the run has kept it."""
-    return [ReportRow(end.name, end.text) for end in map(StageEnd.of_document, info["stage_ends"])]
+    return [ReportRow(end.name, end.text) for end in (record_of(StageEnd, end) for end in info["stage_ends"])]
 
 
 def describe_checks(checks: Sequence[Check]) -> list[ReportRow]:

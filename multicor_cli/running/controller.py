@@ -21,10 +21,10 @@ from multicor_cli.running.outcome import StageTimeout, StopReason
 from multicor_cli.running.plan import RunPlan, Staged, StagePlan, begin_stage, foresee_steps, resume_stage
 from multicor_cli.running.signals import StopSignals
 from multicor_cli.running.steering import Steering
+from multicor_cli.store.documents import StageEnd
 from multicor_cli.store.rundir import RunDirectory
 from multicor_cli.store.segments import FrameWriter
 from multicor_cli.store.snapshot import Snapshot
-from multicor_cli.store.stage_ends import StageEnd
 
 # ---- From the controller to the files of a run directory
 

@@ -6,9 +6,10 @@ import signal
 from dataclasses import dataclass
 from enum import Enum, IntEnum
 from pathlib import Path
-from typing import Self
+from typing import TYPE_CHECKING, Self
 
-from multicor_cli.store.stage_ends import StageEnd
+if TYPE_CHECKING:
+    from multicor_cli.store.documents import StageEnd
 
 
 class ExitCode(IntEnum):

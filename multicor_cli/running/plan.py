@@ -30,7 +30,7 @@ from multicor_cli.scenario.materials import AverageForce, Heat
 from multicor_cli.scenario.models import ParticleGroup, RectangleRegion
 from multicor_cli.scenario.scenario import Scenario
 from multicor_cli.scenario.settings import Output
-from multicor_cli.store.stage_ends import Reason, StageEnd
+from multicor_cli.store.documents import Reason, StageEnd
 
 if TYPE_CHECKING:  # a plan is read without Numba, which these load
     from multicor_cli.engine.contact.solve import Settings

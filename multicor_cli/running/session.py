@@ -36,11 +36,11 @@ from multicor_cli.scenario.load import apply_overrides, parse_scenario
 from multicor_cli.scenario.problems import Refused, ScenarioError
 from multicor_cli.scenario.scenario import Scenario
 from multicor_cli.store import DirectoryRefused, RunDirectory, StoreError, collect_provenance, open_run
-from multicor_cli.store.extension import Extension, check_usable, read_scenario
+from multicor_cli.store.documents import Origin, read_run_document, read_scenario
+from multicor_cli.store.extension import Extension
 from multicor_cli.store.layout import RESOLVED
 from multicor_cli.store.provenance import current_command
-from multicor_cli.store.run_document import read_run_document
-from multicor_cli.store.stage_ends import Origin
+from multicor_cli.store.rundir import check_usable
 from multicor_cli.text import count_noun
 
 _UNCONVERGED = TALLY_NAMES.index("unconverged_steps")

@@ -23,7 +23,8 @@ from multicor_cli.running.plan import RunPlan, StagePlan
 from multicor_cli.running.planning import make_plan, stage_name
 from multicor_cli.scenario.scenario import Scenario
 from multicor_cli.scenario.steered import Decision, steered_document
-from multicor_cli.store.parts import GrainFacts
+from multicor_cli.store.documents import record_of
+from multicor_cli.store.frames import GrainFacts
 from multicor_cli.store.rundir import RunDirectory
 
 Array = NDArray[Any]
@@ -187,7 +188,7 @@ class Steering:
         self._record = directory.steering or {}
         self._kept: tuple[State, dict[str, Any]] | None = None
         self.has_failed = False
-        decisions = [Decision.of_document(document) for document in self._record["decisions"]]
+        decisions = [record_of(Decision, document) for document in self._record["decisions"]]
         self.scenario = _changed(scenario, steered_document(scenario.as_dict(), decisions)) if decisions else scenario
         directory.rename_stages(_names(self.scenario))
 

@@ -7,8 +7,13 @@ from __future__ import annotations
 
 import tomllib
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, fields
-from typing import Any
+from dataclasses import asdict, dataclass
+from typing import Annotated, Any
+
+from pydantic import Field, Strict, StrictBool
+
+Count = Annotated[int, Strict(), Field(ge=0, lt=2**63)]
+"""A number of something in a document, or of one among several."""
 
 
 @dataclass(frozen=True)
@@ -24,34 +29,16 @@ class Decision:
         ends_run: Whether no stage follows at all.
     """
 
-    stage: int
-    step: int
-    stage_steps: int
-    dt: float
+    stage: Count
+    step: Count
+    stage_steps: Count
+    dt: Annotated[float, Strict()]
     then: dict[str, Any] | None = None
-    ends_run: bool = False
-
-    @classmethod
-    def of_document(cls, document: dict[str, Any]) -> Decision:
-        """The decision that a document tells of; `is_decision` says whether it does."""
-        return cls(**{field.name: document[field.name] for field in fields(cls)})
+    ends_run: StrictBool = False
 
     def as_document(self) -> dict[str, Any]:
         """As JSON types."""
         return asdict(self)
-
-
-def is_decision(document: Any) -> bool:
-    """Whether a value read from a file is a `Decision.as_document`."""
-    if not isinstance(document, dict) or document.keys() < {field.name for field in fields(Decision)}:
-        return False
-    counts = [document["stage"], document["step"], document["stage_steps"]]
-    return (
-        all(isinstance(count, int) and 0 <= count < 2**63 for count in counts)
-        and isinstance(document["dt"], float)
-        and isinstance(document["then"], dict | None)
-        and isinstance(document["ends_run"], bool)
-    )
 
 
 def steered_document(document: dict[str, Any], decisions: Sequence[Decision]) -> dict[str, Any]:

@@ -14,13 +14,13 @@ from multicor_cli.model import Model, State
 from multicor_cli.model.books import HEAT_BOOKS, entry_counts
 from multicor_cli.model.faults import find_misfit
 from multicor_cli.model.state import digest_of
-from multicor_cli.store import schema
+from multicor_cli.store import layout, schema
 from multicor_cli.store.atomic import file_digest, kill_point, remove_own, storage_errors
-from multicor_cli.store.documents import Document, read_document, write_document
-from multicor_cli.store.errors import DamagedRun, UnsupportedVersion
-from multicor_cli.store.hdf5 import CheckedFile, Hdf5Writer, check_version, dtype_of, estimate_size, write_hdf5
-from multicor_cli.store.segments import Segment, check_segment
-from multicor_cli.store.summary import Summary, summarize
+from multicor_cli.store.documents import Document, check_version, read_document, read_run_document, write_document
+from multicor_cli.store.errors import DamagedRun, StorageError, UnsupportedVersion
+from multicor_cli.store.hdf5 import CheckedFile, Hdf5Writer, dtype_of, estimate_size, write_hdf5
+from multicor_cli.store.segments import MANIFEST, Segment, check_segment, read_manifest
+from multicor_cli.store.snapshot import Summary, summarize
 
 FILETYPE = "multicor-checkpoint"
 KEEP = 2
@@ -307,3 +307,47 @@ def _check_document(document: Document, path: Path, identity: Identity) -> None:
         raise DamagedRun(f"{path}: belongs to another run")
     if document.get("scenario_digest") not in (identity.scenario, *identity.former):
         raise DamagedRun(f"{path}: belongs to another scenario than scenario.resolved.toml")
+
+
+# ---- Which segments of an unfinished run count: those in the manifest, which must hold all that a checkpoint relies on
+
+
+def committed_segments(run: Path) -> list[Segment]:
+    """The segments of a run directory, in order.
+
+    A manifest that lost lines at its end looks like a shorter one, so it is compared with the newest checkpoint. Checkpoints are
+    read first: while a run goes on, its manifest only grows.
+
+    Raises:
+        DamagedRun: If a line is damaged, or lines are missing.
+        StorageError: If a file cannot be read.
+    """
+    directory = run / layout.SEGMENTS
+    sidecar, names = _listed_by_checkpoint(run / layout.CHECKPOINTS)
+    segments = read_manifest(directory)
+    if [segment.name for segment in segments[: len(names)]] != names:
+        what = f"{directory / MANIFEST}: damaged (segments listed in {sidecar} are missing)"
+        raise DamagedRun(f"{what}; {_remedy(run)}")
+    return segments
+
+
+def _remedy(run: Path) -> str:
+    """What helps if the manifest of a run is damaged: to continue from a checkpoint whose segments are whole, if there is one."""
+    try:
+        usable = load_newest(run / layout.CHECKPOINTS, Identity.of(read_run_document(run)), run / layout.SEGMENTS)
+    except (DamagedRun, StorageError):
+        usable = None
+    if usable is None:
+        return f"no checkpoint has all its segments; {START_AGAIN}"
+    return f"continue the run to repair it, from step {usable.state.step}"
+
+
+def _listed_by_checkpoint(directory: Path) -> tuple[str, list[str]]:
+    """Name of the newest description of a checkpoint that can be read, and its segments."""
+    for sidecar in newest_first(directory):
+        try:
+            listed = read_document(sidecar)["segments"]
+            return sidecar.name, [str(segment["name"]) for segment in listed]
+        except (DamagedRun, StorageError, KeyError, TypeError):
+            continue
+    return "", []

@@ -2,12 +2,7 @@
 
 from __future__ import annotations
 
-import contextlib
 from pathlib import Path
-
-from multicor_cli.store import layout
-
-_SHOWN = 4  # runs in a directory that a message names
 
 
 class StoreError(Exception):
@@ -43,17 +38,6 @@ class DirectoryRefused(StoreError):
     """The directory exists and is not one that may be used: not a run, a run already, or it holds foreign files (code 6)."""
 
     exit_code = 6
-
-
-def no_run(path: Path) -> DirectoryRefused:
-    """What is said of a place where a run should be and is none."""
-    if not path.exists():
-        return DirectoryRefused(f"{path}: there is no such directory")
-    inside: list[str] = []
-    with contextlib.suppress(OSError):
-        inside = sorted(str(found.parent) for found in path.glob(f"*/{layout.RUN}"))
-    shown = ", ".join(inside[:_SHOWN]) + (" …" if len(inside) > _SHOWN else "")
-    return DirectoryRefused(f"{path}: holds no run" + (f"; name one of those in it: {shown}" if inside else ""))
 
 
 class RunLocked(StoreError):

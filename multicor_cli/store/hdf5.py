@@ -25,8 +25,8 @@ from multicor_cli import __version__
 from multicor_cli.files import Unfit, regular_path
 from multicor_cli.model.books import Version
 from multicor_cli.store.atomic import GuardedFile, commit_file, kill_point
-from multicor_cli.store.documents import plain
-from multicor_cli.store.errors import DamagedRun, StorageError, UnsupportedVersion
+from multicor_cli.store.documents import check_version, plain
+from multicor_cli.store.errors import DamagedRun, StorageError
 from multicor_cli.store.schema import FORMAT_VERSION, Dataset
 
 # ---- Texts beside the datasets of an HDF5 file: attributes of fixed length, each with a digest.
@@ -523,14 +523,3 @@ class CheckedFile:
         if dim in _EDGES and length > 0:
             return self.dims.setdefault(_EDGES[dim], length - 1) + 1
         return self.dims.setdefault(dim, length)
-
-
-def check_version(path: Path, version: Any) -> None:
-    """Refuse another major version of the format, or what is not a version; raises `UnsupportedVersion`."""
-    is_version = isinstance(version, list) and len(version) == 2 and all(isinstance(part, int) for part in version)
-    if not is_version or version[0] != FORMAT_VERSION[0]:
-        given = ".".join(map(str, version)) if isinstance(version, list) else str(version)[:40]
-        raise UnsupportedVersion(
-            f"{path}: has format version {given}, this program reads {FORMAT_VERSION[0]}.x; "
-            f"use the version of multicor that made it, or run the scenario again"
-        )

@@ -2,9 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import re
 from collections.abc import Callable
 from pathlib import Path
+
+from multicor_cli.store.errors import DirectoryRefused
 
 RUN = "run.json"
 LOCK = "lock"
@@ -94,6 +97,17 @@ def known_files(directory: Path) -> list[Path]:
         elif entry.name not in (RUN, LOCK):
             found.append(entry)
     return found
+
+
+def no_run(path: Path) -> DirectoryRefused:
+    """What is said of a place where a run should be and is none."""
+    if not path.exists():
+        return DirectoryRefused(f"{path}: there is no such directory")
+    inside: list[str] = []
+    with contextlib.suppress(OSError):
+        inside = sorted(str(run.parent) for run in path.glob(f"*/{RUN}"))
+    shown = ", ".join(inside[:4]) + (" …" if len(inside) > 4 else "")
+    return DirectoryRefused(f"{path}: holds no run" + (f"; name one of those in it: {shown}" if inside else ""))
 
 
 # ---- Telling whoever waits how many frames of a run have been read, drawn or written

@@ -1,4 +1,4 @@
-"""Where a run comes from: versions, machine, command."""
+"""Where a run comes from: versions, machine, command, time."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import socket
 import subprocess
 import sys
 from collections.abc import Sequence
+from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
 from typing import Any
@@ -85,12 +86,7 @@ def _commit(root: Path) -> tuple[str, bool]:
 def _git(root: Path, *arguments: str) -> str:
     try:
         done = subprocess.run(
-            ["git", "-C", str(root), *arguments],
-            capture_output=True,
-            text=True,
-            timeout=5,
-            check=False,
-            stdin=subprocess.DEVNULL,
+            ["git", "-C", str(root), *arguments], capture_output=True, text=True, timeout=5, check=False, stdin=subprocess.DEVNULL
         )
     except (OSError, subprocess.SubprocessError):
         return ""
@@ -105,3 +101,13 @@ def current_command() -> list[str]:
     name = Path(sys.argv[0]).name or "python"
     words = ["multicor" if name == "__main__.py" else name, *sys.argv[1:]]
     return [word.encode(errors="backslashreplace").decode() for word in words]
+
+
+def new_session() -> dict[str, str]:
+    """When and by which command this process began to work on a run."""
+    return {"started": now(), "command": shlex.join(current_command())}
+
+
+def now() -> str:
+    """This moment in UTC, to the second."""
+    return datetime.now(UTC).isoformat(timespec="seconds")

@@ -3,7 +3,11 @@
 from __future__ import annotations
 
 import contextlib
+import json
+import socket
+import tomllib
 from collections.abc import Callable, Iterator, Mapping, Sequence
+from datetime import datetime
 from functools import cached_property
 from pathlib import Path
 from types import TracebackType
@@ -11,23 +15,33 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from multicor_cli.files import open_regular
+from multicor_cli.engine.heat.hertz import largest_deflection
+from multicor_cli.files import open_regular, read_regular
 from multicor_cli.model import Model, State
 from multicor_cli.scenario.steered import steered_text
 from multicor_cli.store import layout, schema
 from multicor_cli.store.atomic import is_regular
-from multicor_cli.store.checkpoint import Identity, load_newest
-from multicor_cli.store.documents import Document
-from multicor_cli.store.errors import DamagedRun, DirectoryRefused, NothingStored, StorageError
-from multicor_cli.store.extension import read_scenario
-from multicor_cli.store.frame_view import Frames, ModelFacts, NamedColumn, data_frame, split
+from multicor_cli.store.checkpoint import Identity, committed_segments, load_newest
+from multicor_cli.store.documents import Document, decisions_of, read_run_document, read_scenario
+from multicor_cli.store.errors import DamagedRun, DirectoryRefused, NothingStored, StorageError, StoreError
+from multicor_cli.store.frames import (
+    Frames,
+    GrainFacts,
+    ModelFacts,
+    NamedColumn,
+    Part,
+    Parts,
+    data_frame,
+    results_part,
+    segment_part,
+    split,
+)
 from multicor_cli.store.hdf5 import CheckedFile
-from multicor_cli.store.lock import is_alive
-from multicor_cli.store.model_file import load_model, read_model
-from multicor_cli.store.parts import GrainFacts, Part, Parts, committed_segments, results_part, segment_part
+from multicor_cli.store.lock import is_alive, read_holder
 from multicor_cli.store.results import FILETYPE as RESULTS_FILETYPE
-from multicor_cli.store.run_document import check_types, decisions_of, read_run_document
+from multicor_cli.store.results import load_model, read_description, read_model
 from multicor_cli.store.schema import Dataset
+from multicor_cli.store.snapshot import empty_summary
 from multicor_cli.text import count_noun
 
 
@@ -312,17 +326,13 @@ def _results_of(path: Path, info: Document) -> Path | None:
 
 def _info_of_results(path: Path) -> Document:
     with CheckedFile(path, RESULTS_FILETYPE) as file:
-        texts = {name: file.text(name) for name in ("run_id", "status", "stop_reason", "started", "finished", "precision")}
-        documents = {name: file.json(name) for name in ("provenance", "summary")}
-        documents |= {
-            name: file.json(name) for name in ("stage_ends", "origin", "steering") if file.has_text(name)
-        }  # earlier versions have none
+        described = read_description(file)
+        texts = {name: file.text(name) for name in ("run_id", "stop_reason", "started", "finished", "precision")}
         stages = file.strings(next(spec for spec in schema.SCENARIO if spec.name == "stages"))
         frames = int(file.dataset(next(spec for spec in schema.STEPS if spec.name == "step")).shape[0])
         digest = file.text("data_digest")
-    check_types(path, {**texts, **documents})
     results = {"size": path.stat().st_size, "data_digest": digest, "frames": frames}
-    return {**texts, **documents, "stages": stages, "exit_code": 0, "timings": {}, "results": results}
+    return {**texts, **described, "stages": stages, "exit_code": 0, "timings": {}, "results": results}
 
 
 def series_columns(run: Run) -> list[NamedColumn]:
@@ -339,3 +349,144 @@ def series_columns(run: Run) -> list[NamedColumn]:
         for number, owner in enumerate(owners):
             columns += [column._replace(name=f"{owner}: {column.name}") for column in split(spec, values[:, number])]
     return columns
+
+
+# ---- What ``multicor info`` reports
+
+_HEARTBEAT_LIMIT = 1 << 20
+"""A longer ``progress.json`` is not read [bytes]."""
+
+
+def run_info(path: Path | str) -> dict[str, Any]:
+    """Status, size and quality of a run as JSON types.
+
+    ``step, time, state_digest``, the books, the counters and the ends of stages are those of the newest checkpoint (the last state
+    of a finished run); ``frame_count`` is what has been committed. Values that do not exist yet are ``None``.
+
+    Returns:
+        ``path, run_id, status, stop_reason, exit_code, grain_count, frame_count, series_count, step, time, stage, stages,
+        stage_ends`` (how each stage ended that is over, see `multicor_cli.store.documents.StageEnd`), ``origin`` (the moment of
+        another run from which it goes on, see `multicor_cli.store.documents.Origin`, or null), ``extensions`` (when stages were
+        added to the run, see docs/reference/formats/run-directory.md), ``steering`` (the program that steers the run and what it
+        decided, likewise, or null), ``walls, state_digest, energy_closure, heat_closure, max_overlap,
+        solver.{sweeps_mean, residual_rms_max, residual_max_max, unconverged_steps}, books, heat, negative_loss_share,
+        corrected_steps, max_contact_force, progress`` (``progress.json`` of a run that goes on: step, time, speed, seconds left …),
+        ``pid`` (of its process, if that is on this host), ``worst_step.{step, time}`` (end of the row of the time series with the
+        largest rms residual), ``hertz_deflection, started, finished, duration`` (from the first start to the last sign of life, s),
+        ``timings, data_digest, provenance``.
+
+    Raises:
+        DirectoryRefused: If there is no run.
+        DamagedRun: If a file that is needed is damaged.
+        StorageError: If a file cannot be read.
+    """
+    with open_run(path) as run:
+        info = run.info
+        summary = {**empty_summary(), **(info["summary"] or {})}
+        results = info["results"] or {}
+        return {
+            "path": str(run.path),
+            "run_id": run.run_id,
+            "status": run.status,
+            "stop_reason": info["stop_reason"],
+            "exit_code": info["exit_code"],
+            **{name: summary[name] for name in ("grain_count", "step", "time", "stage", "state_digest")},
+            "frame_count": len(run.frames),
+            "series_count": run.series.row_count,
+            "stages": list(run.stages),
+            "stage_ends": _kept(info.get("stage_ends", []), summary["step"]),
+            "origin": info.get("origin"),
+            "extensions": info.get("extensions", []),
+            "steering": _steering(info.get("steering"), summary["step"]),
+            "walls": _walls(run),
+            **{name: value for name, value in summary.items() if name not in ("grain_count", "step", "time", "stage")},
+            **_heartbeat(run),
+            "worst_step": _worst_step(run),
+            "hertz_deflection": hertz_deflection(run, summary["max_contact_force"]),
+            "started": info["started"],
+            "finished": info["finished"],
+            "duration": _seconds(info["started"], info["finished"] or info.get("updated", "")),
+            "timings": info["timings"],
+            "data_digest": results.get("data_digest"),
+            "provenance": info["provenance"],
+        }
+
+
+def _kept(events: list[dict[str, Any]], step: int | None) -> list[dict[str, Any]]:
+    """What had happened by the newest checkpoint: ``run.json`` tells it before, and what was lost since then happens once more."""
+    return [event for event in events if event["step"] <= (step or 0)]
+
+
+def _steering(steering: dict[str, Any] | None, step: int | None) -> dict[str, Any] | None:
+    return None if steering is None else {**steering, "decisions": _kept(steering["decisions"], step)}
+
+
+def _heartbeat(run: Run) -> dict[str, Any]:
+    """What ``progress.json`` says, and which process to send signals to, if the run goes on."""
+    if run.status != "running":
+        return {"progress": None, "pid": None}
+    holder = read_holder(run.path / layout.LOCK)
+    pid = holder.get("pid") if holder.get("host") == socket.gethostname() else None
+    try:
+        beat = json.loads(read_regular(run.path / layout.PROGRESS, _HEARTBEAT_LIMIT))
+    except (OSError, ValueError, RecursionError):  # not protected: it may be missing or torn
+        beat = None
+    is_whole = isinstance(beat, dict) and all(isinstance(beat.get(name), int | float) for name in ("step", "time", "progress"))
+    return {"progress": beat if is_whole else None, "pid": pid}
+
+
+def _worst_step(run: Run) -> dict[str, float] | None:
+    """Where the contact solver was farthest from a solution; ``None`` if no step has been recorded."""
+    residual = run.series["residual_rms"]
+    if not residual.size or not residual.max() > 0.0:
+        return None
+    worst = int(residual.argmax())
+    return {"step": int(run.series["step"][worst]), "time": float(run.series["time"][worst])}
+
+
+def hertz_deflection(run: Run, force: float | None) -> float | None:
+    """Elastic deflection that rigid grains neglect, over the diameter: δ/(2a) of the largest mean contact force of a step.
+
+    Two equal elastic spheres, δ = (3F/(4E* √a*))^⅔ with a* = a/2 and E* = E/(2(1−ν²)); the smallest grain of each material that
+    has ``young`` and ``poisson``, and of these the largest value. Discs are treated as spheres of their radius.
+
+    Args:
+        run: The run.
+        force: Largest mean contact force of a step [N].
+
+    Returns:
+        The ratio, or ``None`` if no grain has an elastic material or no force is known.
+    """
+    if force is None:
+        return None
+    try:
+        materials = tomllib.loads(run.scenario_resolved)["materials"]
+        elastic = {name: pair for name, material in materials.items() if (pair := _elastic(material)) is not None}
+        return largest_deflection(run.model, force, elastic)
+    except (StoreError, ValueError, RecursionError, KeyError, AttributeError):  # a file from elsewhere holds anything
+        return None
+
+
+def _elastic(material: Any) -> tuple[float, float] | None:
+    if not isinstance(material, dict):
+        return None
+    young, poisson = material.get("young"), material.get("poisson")
+    if not isinstance(young, int | float) or not isinstance(poisson, int | float) or not young > 0.0 or not -1.0 < poisson <= 0.5:
+        return None
+    return float(young), float(poisson)
+
+
+def _walls(run: Run) -> list[str]:
+    try:
+        return list(run.wall_names)
+    except DamagedRun:
+        if run.info["summary"] is None:
+            return []
+        raise
+
+
+def _seconds(start: str, end: str) -> float | None:
+    try:
+        return (datetime.fromisoformat(end) - datetime.fromisoformat(start)).total_seconds()
+    except (ValueError, TypeError):
+        return None

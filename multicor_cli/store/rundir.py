@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 import contextlib
+import errno
+import hashlib
 import json
+import os
+import tempfile
+import uuid
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
@@ -13,21 +18,171 @@ from multicor_cli.model import Model, State
 from multicor_cli.model.books import Version
 from multicor_cli.scenario.steered import steered_text
 from multicor_cli.store import layout
-from multicor_cli.store.atomic import commit_bytes, file_digest, kill_point, make_directory, remove_own, require_own, storage_errors
+from multicor_cli.store.atomic import (
+    commit_bytes,
+    file_digest,
+    is_regular,
+    kill_point,
+    make_directory,
+    remove_own,
+    require_own,
+    storage_errors,
+)
 from multicor_cli.store.checkpoint import START_AGAIN, Checkpoint, Identity, load_newest, prune, write_checkpoint
-from multicor_cli.store.documents import Document, plain, write_document
-from multicor_cli.store.errors import DamagedRun, StoreError, no_run
-from multicor_cli.store.extension import Extension, check_usable, extend, is_run, lay_out, read_scenario, remove_temporaries
+from multicor_cli.store.documents import (
+    CREATING,
+    FILETYPE,
+    Document,
+    Origin,
+    StageEnd,
+    decisions_of,
+    plain,
+    read_document,
+    read_run_document,
+    read_scenario,
+    record_of,
+    write_document,
+)
+from multicor_cli.store.errors import DamagedRun, DirectoryRefused, StoreError
+from multicor_cli.store.extension import Extension, extend
 from multicor_cli.store.hdf5 import Precision
 from multicor_cli.store.lock import RunLock
-from multicor_cli.store.model_file import load_model, model_digest, write_model
-from multicor_cli.store.results import Texts, write_results
-from multicor_cli.store.run_document import decisions_of, new_document, new_session, now, read_run_document
+from multicor_cli.store.provenance import new_session, now
+from multicor_cli.store.results import Texts, load_model, model_digest, write_model, write_results
 from multicor_cli.store.schema import FORMAT_VERSION
 from multicor_cli.store.segments import FrameWriter, keep_segments
-from multicor_cli.store.stage_ends import Origin, StageEnd
 
 Status = Literal["finished", "stopped", "failed"]
+
+# ---- Whether a run may begin in a directory, and what is there from its beginning
+
+_MOST_BYTES, _MOST_BYTES_OF_PART = 4096, 255
+"""Longest path, with the character that ends it, and longest name in it."""
+
+_LONGEST_NAME = "checkpoints/step-00000000000.00.json.tmp"
+"""A name in a run directory that is as long as any."""
+
+
+def is_run(path: Path) -> bool:
+    """Whether ``path`` holds a run that can be resumed or is finished; False if there is nothing, or only a beginning."""
+    require_room_for_names(path)
+    file = path / layout.RUN
+    if not is_regular(file):
+        return False
+    try:
+        return bool(read_document(file).get("status") != CREATING)
+    except DamagedRun:
+        return True
+
+
+def require_room_for_names(path: Path) -> None:
+    """Refuse a directory whose name, or that of a file in it, no system call takes; raises `DirectoryRefused`."""
+    parts, whole = path.parts, os.fsencode(path.absolute() / _LONGEST_NAME)
+    is_short = len(whole) < _MOST_BYTES and all(len(os.fsencode(part)) <= _MOST_BYTES_OF_PART for part in parts)
+    if not is_short or "\0" in str(path):
+        limits = f"at most {_MOST_BYTES_OF_PART} bytes between two slashes and {_MOST_BYTES - len(_LONGEST_NAME) - 2} in all"
+        raise DirectoryRefused(f"{path}: no run can be in a directory of this name ({limits}); choose another with -o")
+
+
+def lay_out(path: Path, document: Document, source: bytes, resolved: bytes) -> None:
+    """Write what every run has. Status ``creating`` comes first: a crash in between leaves nothing that looks like a run."""
+    write_document(path / layout.RUN, "runjson", document)
+    with storage_errors(path):
+        for entry in layout.known_files(path):
+            remove_own(entry)
+    for name in (layout.SEGMENTS, layout.CHECKPOINTS):
+        make_directory(path / name)
+    commit_bytes(path / layout.SOURCE, "scenario", source)
+    commit_bytes(path / layout.RESOLVED, "scenario", resolved)
+    document["status"] = "running"
+    write_document(path / layout.RUN, "runjson", document)
+
+
+def check_usable(path: Path, *, overwrite: bool) -> None:
+    """Refuse a directory in which no run may begin; leaves nothing behind.
+
+    Raises:
+        DirectoryRefused: If it is not a directory, holds foreign files, or a run and ``overwrite`` is False.
+        StorageError: If it cannot be read or written.
+    """
+    require_room_for_names(path)
+    with storage_errors(path):
+        if not path.exists() and not path.is_symlink():
+            nearest = next(parent for parent in path.absolute().parents if os.path.lexists(parent))
+            if not nearest.is_dir():
+                raise DirectoryRefused(f"{path}: {nearest} is not a directory; choose another with -o")
+            _require_writable(nearest, path)
+            return
+        if not path.is_dir():
+            raise DirectoryRefused(f"{path}: exists and is not a directory; choose another with -o")
+        names = {entry.name for entry in path.iterdir()}
+        foreign = layout.foreign_entries(path)
+    if layout.RUN not in names:
+        if names <= {layout.LOCK, layout.RUN + ".tmp"}:
+            return
+        raise DirectoryRefused(f"{path}: exists and is not a run directory; choose another with -o, or empty it")
+    if is_run(path) and not overwrite:
+        raise DirectoryRefused(f"{path}: holds a run; continue it, choose another directory with -o, or give --overwrite")
+    if foreign:
+        listed = ", ".join(foreign[:5]) + (" …" if len(foreign) > 5 else "")
+        raise DirectoryRefused(f"{path}: holds files that no run has made ({listed}); move them away before overwriting")
+
+
+def _require_writable(directory: Path, path: Path) -> None:
+    """Refuse a directory in which no directory can be made now, not when the grains have been placed."""
+    if not os.access(directory, os.W_OK | os.X_OK):
+        raise PermissionError(errno.EACCES, os.strerror(errno.EACCES), directory)
+    try:
+        Path(tempfile.mkdtemp(prefix=".multicor-", dir=directory)).rmdir()
+    except FileNotFoundError:  # what the kernel says of its own file systems
+        raise DirectoryRefused(f"{path}: no directory can be made in {directory}; choose another place with -o") from None
+
+
+def remove_temporaries(path: Path) -> None:
+    """Remove what interrupted commits have left; one that cannot be removed does no harm, and what is not ours stays."""
+    with contextlib.suppress(OSError):
+        for entry in layout.temporaries(path):
+            with contextlib.suppress(OSError):
+                remove_own(entry)
+
+
+def new_document(
+    source: bytes,
+    resolved: str,
+    provenance: Mapping[str, Any],
+    stages: Sequence[str],
+    precision: Precision,
+    origin: Origin | None = None,
+    steering: Document | None = None,
+) -> Document:
+    """The document of a run that begins now; arguments as for ``RunDirectory.create``."""
+    return {
+        "filetype": FILETYPE,
+        "format_version": list(FORMAT_VERSION),
+        "run_id": uuid.uuid4().hex,
+        "status": CREATING,
+        "stop_reason": "",
+        "exit_code": None,
+        "started": now(),
+        "finished": "",
+        "updated": now(),
+        "precision": precision,
+        "stages": list(stages),
+        "stage_ends": [],
+        "source_sha256": hashlib.sha256(source).hexdigest(),
+        "resolved_sha256": hashlib.sha256(resolved.encode()).hexdigest(),
+        "origin": None if origin is None else origin.as_document(),
+        "provenance": plain(dict(provenance)),
+        "extensions": [],
+        "steering": steering,
+        "sessions": [new_session()],
+        "timings": {},
+        "summary": None,
+        "results": None,
+    }
+
+
+# ---- The directory of a run that is being carried out
 
 
 class RunDirectory:
@@ -121,10 +276,11 @@ class RunDirectory:
         """
         path = Path(path)
         if not (path / layout.RUN).is_file():
-            raise no_run(path)
+            raise layout.no_run(path)
         lock = RunLock(path / layout.LOCK, force=force_unlock)
         try:
             document = read_run_document(path)
+            remove_temporaries(path)
             if extension is not None:
                 extend(path, document, extension)
             run = cls(path, lock, document)
@@ -178,13 +334,13 @@ class RunDirectory:
     @property
     def stage_ends(self) -> tuple[StageEnd, ...]:
         """How the loading stages ended so far; of runs that an earlier version began those since then."""
-        return tuple(map(StageEnd.of_document, self._document.get("stage_ends", [])))
+        return tuple(record_of(StageEnd, end) for end in self._document.get("stage_ends", []))
 
     @property
     def origin(self) -> Origin | None:
         """The moment of another run from which the run goes on; None if there is none."""
         found = self._document.get("origin")
-        return None if found is None else Origin.of_document(found)
+        return None if found is None else record_of(Origin, found)
 
     @property
     def steering(self) -> Document | None:
@@ -332,12 +488,7 @@ class RunDirectory:
             commit_bytes(self.path / layout.PROGRESS, "progress", data, is_durable=False)
 
     def finish(
-        self,
-        status: Status,
-        *,
-        stop_reason: str = "",
-        exit_code: int = 0,
-        timings: Mapping[str, Any] | None = None,
+        self, status: Status, *, stop_reason: str = "", exit_code: int = 0, timings: Mapping[str, Any] | None = None
     ) -> None:
         """Say how the run ended; ``finished`` also makes ``results.h5`` and then removes the segments.
 
@@ -406,7 +557,6 @@ class RunDirectory:
         write_document(self.path / layout.RUN, "runjson", self._document)
 
     def _begin_session(self) -> None:
-        remove_temporaries(self.path)
         if self.is_finished:
             self._remove_segments()
             return

@@ -41,7 +41,7 @@ def _column(row: Dataset, value: Any) -> NDArray[Any]:
 
 # ---- `segments/MANIFEST.jsonl`: the segments that count, one line each. A segment that it does not list does not exist
 
-NAME = "MANIFEST.jsonl"
+MANIFEST = "MANIFEST.jsonl"
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ def read_manifest(directory: Path) -> list[Segment]:
         DamagedRun: If a line is damaged.
         StorageError: If the file cannot be read.
     """
-    path = directory / NAME
+    path = directory / MANIFEST
     if not path.exists():
         return []
     with storage_errors(path):
@@ -114,7 +114,7 @@ def read_manifest(directory: Path) -> list[Segment]:
 
 def append_segment(directory: Path, segment: Segment) -> None:
     """Commit a segment, whose file is in place, by listing it; raises `StorageFull` or `StorageError`."""
-    append_line(directory / NAME, "manifest", document_line(segment.as_document()))
+    append_line(directory / MANIFEST, "manifest", document_line(segment.as_document()))
 
 
 def keep_segments(directory: Path, segments: list[Segment]) -> list[str]:
@@ -127,7 +127,7 @@ def keep_segments(directory: Path, segments: list[Segment]) -> list[str]:
         StorageError: If a file cannot be renamed or written.
     """
     data = b"".join(document_line(segment.as_document()) for segment in segments)
-    path = directory / NAME
+    path = directory / MANIFEST
     with storage_errors(path):
         try:
             before = read_regular(path, SIZE_LIMIT)
@@ -167,7 +167,7 @@ def check_segment(directory: Path, segment: Segment) -> None:
     with storage_errors(path):
         size = path.stat().st_size
     if size != segment.size or file_digest(path) != segment.blake2b:
-        raise DamagedRun(f"{path}: damaged (it does not match its digest in {NAME})")
+        raise DamagedRun(f"{path}: damaged (it does not match its digest in {MANIFEST})")
 
 
 # ---- Writing segments

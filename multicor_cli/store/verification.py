@@ -13,16 +13,12 @@ from numpy.typing import NDArray
 from multicor_cli.model import Model
 from multicor_cli.store import layout, schema
 from multicor_cli.store.atomic import file_digest, is_regular
-from multicor_cli.store.checkpoint import Identity, load_checkpoint, newest_first, step_of
-from multicor_cli.store.documents import Document
+from multicor_cli.store.checkpoint import Identity, committed_segments, load_checkpoint, newest_first, step_of
+from multicor_cli.store.documents import Document, read_run_document, read_scenario
 from multicor_cli.store.errors import DamagedRun, NothingStored, StoreError
-from multicor_cli.store.extension import read_scenario
 from multicor_cli.store.hdf5 import CheckedFile, data_digest
-from multicor_cli.store.model_file import load_model, read_model
-from multicor_cli.store.parts import committed_segments
 from multicor_cli.store.results import FILETYPE as RESULTS_FILETYPE
-from multicor_cli.store.results import check_features, read_offsets, segment_dims
-from multicor_cli.store.run_document import check_types, read_run_document
+from multicor_cli.store.results import check_features, load_model, read_description, read_model, read_offsets, segment_dims
 from multicor_cli.store.schema import Dataset
 from multicor_cli.store.segments import FILETYPE as SEGMENT_FILETYPE
 from multicor_cli.store.segments import Segment, check_segment
@@ -142,7 +138,7 @@ def _check_results(path: Path, run_id: str | None, recorded: Document | None) ->
     with CheckedFile(path, RESULTS_FILETYPE, run_id=run_id) as file:
         file.check_texts()
         model = read_model(file)
-        check_types(path, {name: file.json(name) for name in ("provenance", "summary")})
+        read_description(file)
         stages = len(file.strings(schema.SCENARIO[-1]))
         limits = Limits.of(model, stages)
         digest = data_digest(_check_tables(file, schema.RESULTS_TABLE, limits))
@@ -187,11 +183,7 @@ def _check_tables(file: CheckedFile, table: tuple[Dataset, ...], limits: Limits)
             _check_finite(file, spec)
     _check_rows(file, limits)
     _check_contacts(file, limits)
-    for path, highest in (
-        ("contacts/sliding", 2),
-        ("steps/contacts_recorded", 2),
-        ("steps/stage", max(limits.stages, 1)),
-    ):
+    for path, highest in (("contacts/sliding", 2), ("steps/contacts_recorded", 2), ("steps/stage", max(limits.stages, 1))):
         _check_range(file, path, highest)
     return digests
 

@@ -32,7 +32,7 @@ from multicor_cli.scenario.translate import did_you_mean
 from multicor_cli.store.atomic import commit_bytes
 from multicor_cli.store.documents import SIZE_LIMIT
 from multicor_cli.store.schema import SERIES
-from multicor_cli.store.summary import empty_summary
+from multicor_cli.store.snapshot import empty_summary
 from multicor_cli.studies.axes import Case
 from multicor_cli.studies.directory import StudyDirectory
 from multicor_cli.studies.study_file import After, Observable

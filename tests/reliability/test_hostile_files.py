@@ -157,7 +157,7 @@ def test_stopped_exports_leave_nothing_half_written(finished: Path, tmp_path: Pa
     slow = (
         "import signal, sys, time; signal.signal(signal.SIGINT, signal.default_int_handler)\n"
         "sys.argv = ['multicor', 'export', 'csv', sys.argv[1], '-o', 'tables']\n"
-        "from multicor_cli.store.frame_view import Frame\n"
+        "from multicor_cli.store.frames import Frame\n"
         "def hang(*a, **k):\n"
         "    print('hanging', flush=True)\n"
         "    while True: time.sleep(0.05)\n"

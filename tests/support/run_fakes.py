@@ -18,7 +18,7 @@ from multicor_cli.running.conditions import RestReached, ShearGauge, StrainReach
 from multicor_cli.running.observer import SilentObserver
 from multicor_cli.running.plan import RunPlan, StagePlan
 from multicor_cli.scenario.settings import Output
-from multicor_cli.store.stage_ends import StageEnd
+from multicor_cli.store.documents import StageEnd
 
 KINETIC = BOOK_NAMES.index("kinetic")
 

@@ -13,7 +13,7 @@ from made_up_frames import source_of
 from scene_parts import between_planes
 
 from multicor_cli.post import PostError, Selection, SeriesTable, flow_through, grain_map, series
-from multicor_cli.store.frame_view import NamedColumn
+from multicor_cli.store.frames import NamedColumn
 
 ALL = Selection(frames=slice(None))
 

@@ -30,7 +30,7 @@ from multicor_cli.report.page import _solids
 from multicor_cli.report.tables import ReportRow, describe_forces, describe_rheology, describe_run, describe_stages, pretty
 from multicor_cli.report.write import default_path
 from multicor_cli.store import RunDirectory, StoreError, open_run, run_info
-from multicor_cli.store.stage_ends import StageEnd
+from multicor_cli.store.documents import StageEnd
 
 
 @pytest.mark.parametrize("spacing", ["even", "square", "signed"])

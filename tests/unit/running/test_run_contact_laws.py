@@ -13,7 +13,7 @@ from multicor_cli.packing import build
 from multicor_cli.post import force_network
 from multicor_cli.scenario import parse_scenario
 from multicor_cli.store import run_info
-from multicor_cli.store.model_file import model_digest
+from multicor_cli.store.results import model_digest
 
 LAWS = "wear = 1e-4\nadhesion = 2e-4\nrolling_friction = 0.2"
 """Five weights of a grain."""

@@ -39,8 +39,8 @@ from multicor_cli.store import (
 )
 from multicor_cli.store.atomic import GuardedFile
 from multicor_cli.store.checkpoint import prune
-from multicor_cli.store.extension import check_usable
 from multicor_cli.store.lock import RunLock, is_alive
+from multicor_cli.store.rundir import check_usable
 from multicor_cli.store.segments import keep_segments
 
 

@@ -15,8 +15,8 @@ from multicor_cli.store import DamagedRun, DirectoryRefused, RunDirectory, Stora
 from multicor_cli.store import atomic as atomic_module
 from multicor_cli.store import extension as extension_module
 from multicor_cli.store import segments as segments_module
+from multicor_cli.store.documents import read_run_document
 from multicor_cli.store.extension import Extension
-from multicor_cli.store.run_document import read_run_document
 from multicor_cli.store.segments import read_manifest
 
 LONGER = Extension(SOURCE + "# and on\n", RESOLVED + "[more]\n", ("load", "shear", "on"))

@@ -18,7 +18,7 @@ from multicor_cli.model import BOOK_NAMES, HEAT_BOOK_NAMES, Model, State
 from multicor_cli.model.books import BOOKS, HEAT_BOOKS
 from multicor_cli.store import Contacts, Frame, RunDirectory, Snapshot, open_run, run_info, schema, summarize, verify
 from multicor_cli.store.checkpoint import _complete
-from multicor_cli.store.model_file import model_digest
+from multicor_cli.store.results import model_digest
 from multicor_cli.store.segments import columns_of
 
 
