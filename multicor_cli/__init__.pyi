@@ -3,10 +3,10 @@ from .checks import check_scenario as check_scenario
 from .engine.contact.step_report import PhysicsError as PhysicsError
 from .plots.notebook import picture as picture
 from .running import run as run
-from .running.observer import Observer as Observer
-from .running.observer import Status as Status
+from .running.outcome import Observer as Observer
 from .running.outcome import RunOutcome as RunOutcome
 from .running.outcome import StageTimeout as StageTimeout
+from .running.outcome import Status as Status
 from .running.steering import LiveRun as LiveRun
 from .scenario.load import load_scenario as load_scenario
 from .scenario.problems import ScenarioError as ScenarioError

@@ -19,7 +19,7 @@ from multicor_cli.text import brief, count_noun, printable
 
 if TYPE_CHECKING:
     from multicor_cli.checks import Check
-    from multicor_cli.running.observer import Observer, Status
+    from multicor_cli.running.outcome import Observer, Status
 
 
 def say(text: str = "") -> None:

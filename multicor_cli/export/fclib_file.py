@@ -22,7 +22,7 @@ from multicor_cli.files import regular_path
 from multicor_cli.model import Model, State
 from multicor_cli.model.columns import NORMAL, TANGENTIAL
 from multicor_cli.model.model import Floats, Ints
-from multicor_cli.running.cadence import is_due
+from multicor_cli.running.conditions import is_due
 from multicor_cli.running.plan import RunPlan, StagePlan, resume_stage
 from multicor_cli.running.planning import make_plan
 from multicor_cli.running.session import make_engine

@@ -7,8 +7,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from multicor_cli.running.observer import Observer
-    from multicor_cli.running.outcome import RunOutcome
+    from multicor_cli.running.outcome import Observer, RunOutcome
     from multicor_cli.running.steering import Steer
     from multicor_cli.scenario.scenario import Scenario
 

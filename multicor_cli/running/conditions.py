@@ -15,40 +15,9 @@ import numpy as np
 
 from multicor_cli.arithmetic.sums import mean, total
 from multicor_cli.engine.motion.spacing import Spacing
-from multicor_cli.model import BOOK_NAMES, Model, State
+from multicor_cli.model import BOOK_NAMES, State
 from multicor_cli.model.columns import X
 from multicor_cli.model.model import Floats
-from multicor_cli.running.cadence import is_due
-
-# ---- Shear strain, as it is measured between two walls
-
-
-@dataclass(frozen=True)
-class ShearGauge:
-    """Measures shear strain between two walls: relative displacement in x over the distance in y, summed over the steps.
-
-    Increments count by their absolute value, so that the strain of a stage that shears back and forth keeps growing.
-
-    Attributes:
-        height: Distance in y of the second wall from the first.
-    """
-
-    height: Spacing
-
-    @classmethod
-    def between(cls, model: Model, lower: str, upper: str) -> ShearGauge:
-        """The gauge of the two walls of these names; raises as `Spacing.between`."""
-        return cls(Spacing.between(model, lower, upper))
-
-    def offset(self, wall_position: Floats) -> float:
-        """How far the second wall is displaced in x relative to the first [m], given the positions of the walls."""
-        return float(wall_position[self.height.upper, X] - wall_position[self.height.lower, X])
-
-    def increment(self, state: State, wall_before: Floats) -> float:
-        """Strain of the last step; ``wall_before`` are the positions before it. Walls at the same height have no strain."""
-        height = self.height.of(state)
-        return abs((self.offset(state.wall_position) - self.offset(wall_before)) / height) if height else 0.0
-
 
 ROUNDING = 1e-9
 """Relative amount by which an accumulated strain may miss its goal: the sum of 10⁶ rounded increments."""
@@ -61,14 +30,7 @@ _KINETIC_START = BOOK_NAMES.index("kinetic_start")
 
 @dataclass(frozen=True)
 class Aim:
-    """What a condition waits for.
-
-    Attributes:
-        quantity: What it looks at, in words.
-        unit: SI unit of the quantity; ``1`` if dimensionless.
-        relation: How the quantity has to be.
-        goal: To what it is compared.
-    """
+    """What a condition waits for: that its quantity, named in words, has this relation to the goal; the SI unit is of both."""
 
     quantity: str
     unit: str
@@ -96,19 +58,17 @@ class StepDone:
     wall_impulse: Floats
 
 
+@dataclass(frozen=True)
 class Condition(ABC):
     """What ends a stage.
 
     Attributes:
+        aim: What it waits for.
         lack: What may keep its quantity from having a value.
     """
 
+    aim: Aim
     lack: ClassVar[str] = ""
-
-    @property
-    @abstractmethod
-    def aim(self) -> Aim:
-        """What it waits for."""
 
     @abstractmethod
     def value(self, state: State) -> float | None:
@@ -137,15 +97,12 @@ class Condition(ABC):
 
 @dataclass(frozen=True)
 class StrainReached(Condition):
-    """The stage ends at a shear strain of ``goal``."""
+    """The stage ends at a shear strain: relative displacement in x of two walls over their distance in y, summed over the steps.
 
-    gauge: ShearGauge
-    goal: float
+    Increments count by their absolute value, so that the strain of a stage that shears back and forth keeps growing.
+    """
 
-    @property
-    def aim(self) -> Aim:
-        """What it waits for."""
-        return Aim("the shear strain", "1", "at least", self.goal)
+    height: Spacing
 
     def value(self, state: State) -> float:
         """The strain of the stage."""
@@ -153,23 +110,20 @@ class StrainReached(Condition):
 
     def progress(self, state: State) -> float:
         """Share of the stage that is done, 0 to 1."""
-        return min(state.stage_strain / self.goal, 1.0)
+        return min(state.stage_strain / self.aim.goal, 1.0)
 
     def note(self, state: State, done: StepDone) -> None:
-        """Add the strain of the step."""
-        state.stage_strain += self.gauge.increment(state, done.wall_before)
+        """Add the strain of the step; walls at the same height have none."""
+        height = self.height.of(state)
+        before, after = (
+            float(places[self.height.upper, X] - places[self.height.lower, X]) for places in (done.wall_before, state.wall_position)
+        )
+        state.stage_strain += abs((after - before) / height) if height else 0.0
 
 
 @dataclass(frozen=True)
 class RestReached(Condition):
-    """The stage ends when the kinetic energy has fallen to ``ratio`` times its largest value in the stage."""
-
-    ratio: float
-
-    @property
-    def aim(self) -> Aim:
-        """What it waits for."""
-        return Aim("the kinetic energy over its largest value", "1", "at most", self.ratio)
+    """The stage ends when the kinetic energy has fallen to ``aim.goal`` times its largest value in the stage."""
 
     def value(self, state: State) -> float:
         """Kinetic energy over its largest value in the stage; 0 where nothing has moved."""
@@ -177,7 +131,7 @@ class RestReached(Condition):
 
     def holds(self, state: State) -> bool:
         """Whether the grains have moved and come to rest. What has not moved yet may do so later, when a wall or a grain comes."""
-        return state.stage_peak > 0.0 and bool(state.books[KINETIC] <= self.ratio * state.stage_peak)
+        return state.stage_peak > 0.0 and bool(state.books[KINETIC] <= self.aim.goal * state.stage_peak)
 
     def holds_at_last(self, state: State) -> bool:
         """Whether the grains have come to rest, or never moved."""
@@ -191,6 +145,11 @@ def update_peak(state: State) -> None:
     state.stage_peak = max(state.stage_peak, float(state.books[KINETIC]))
 
 
+def is_due(step: int, every: float) -> bool:
+    """Whether what comes every so many steps, not always whole ones, comes after this one: the nearest to its time."""
+    return step == math.floor(round(step / every) * every + 0.5)
+
+
 # ---- Conditions about walls: how far they have come, and how hard the grains push them
 
 SUM, SUMMED, WINDOWS, LAST, BEFORE = range(5)
@@ -198,19 +157,7 @@ SUM, SUMMED, WINDOWS, LAST, BEFORE = range(5)
 
 
 @dataclass(frozen=True)
-class Bounded(Condition):
-    """A condition whose bound the scenario gives."""
-
-    sought: Aim
-
-    @property
-    def aim(self) -> Aim:
-        """What it waits for."""
-        return self.sought
-
-
-@dataclass(frozen=True)
-class DistanceReached(Bounded):
+class DistanceReached(Condition):
     """The stage ends at a relative change of the distance of two walls; its note is the distance at the start of the stage [m]."""
 
     lack = "they were at the same place when the stage began"
@@ -227,13 +174,8 @@ class DistanceReached(Bounded):
 
 
 @dataclass(frozen=True)
-class DisplacementReached(Bounded):
-    """The stage ends at a displacement of a wall; its note is the coordinate at the start of the stage.
-
-    Attributes:
-        wall: Index of the wall.
-        axis: Column of the coordinate: x or y [m], or angle [rad].
-    """
+class DisplacementReached(Condition):
+    """The stage ends at a displacement of a wall in x or y [m], or at an angle [rad]; its note is the coordinate at the start."""
 
     wall: int
     axis: int
@@ -248,7 +190,7 @@ class DisplacementReached(Bounded):
 
 
 @dataclass(frozen=True)
-class ForceReached(Bounded):
+class ForceReached(Condition):
     """The stage ends at a mean force of the grains on a wall, over a window of time: that of a single step fluctuates.
 
     Attributes:
@@ -258,9 +200,9 @@ class ForceReached(Bounded):
         length: What the force is divided by: 1, or the length of the wall [m].
     """
 
+    lack = "no window of it was over"
     wall: int
     axis: int
-    lack = "no window of it was over"
     steps: float
     length: float
 
@@ -270,31 +212,22 @@ class ForceReached(Bounded):
 
     def note(self, state: State, done: StepDone) -> None:
         """Add the force of the step to the window."""
-        force = done.wall_impulse[self.wall, self.axis] / done.dt / self.length
-        add_to_window(state.stage_notes, force, is_over=is_due(state.stage_step, self.steps))
+        notes = state.stage_notes
+        notes[SUM] += done.wall_impulse[self.wall, self.axis] / done.dt / self.length
+        notes[SUMMED] += 1.0
+        if is_due(state.stage_step, self.steps):
+            notes[BEFORE], notes[LAST] = notes[LAST], notes[SUM] / notes[SUMMED]
+            notes[WINDOWS] += 1.0
+            notes[SUM] = notes[SUMMED] = 0.0
 
     def value(self, state: State) -> float | None:
         """Mean of the last window that is over; None before the end of the first."""
-        return last_mean(state.stage_notes)
+        notes = state.stage_notes
+        return float(notes[LAST]) if notes[WINDOWS] else None
 
     def holds(self, state: State) -> bool:
         """Whether a window has just ended whose mean is what is waited for."""
         return state.stage_notes[SUMMED] == 0.0 and super().holds(state)
-
-
-def add_to_window(notes: Floats, value: float, *, is_over: bool) -> None:
-    """Add the value of a step to the window under way, and close it if it is over. **Modifies** ``notes``."""
-    notes[SUM] += value
-    notes[SUMMED] += 1.0
-    if is_over:
-        notes[BEFORE], notes[LAST] = notes[LAST], notes[SUM] / notes[SUMMED]
-        notes[WINDOWS] += 1.0
-        notes[SUM] = notes[SUMMED] = 0.0
-
-
-def last_mean(notes: Floats) -> float | None:
-    """Mean of the last window that is over; None before the end of the first."""
-    return float(notes[LAST]) if notes[WINDOWS] else None
 
 
 # ---- A stage that ends when a mean no longer drifts
@@ -336,7 +269,7 @@ def drift_of(blocks: Floats) -> float | None:
 
 
 @dataclass(frozen=True)
-class Steady(Bounded):
+class Steady(Condition):
     """The stage ends when the mean of a quantity drifts no longer; see `drift_of`. Windows move on by one block.
 
     Attributes:

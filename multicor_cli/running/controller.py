@@ -16,8 +16,7 @@ from multicor_cli.model import State
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.model.faults import find_absurd_value
 from multicor_cli.running.conditions import StepDone, update_peak
-from multicor_cli.running.observer import Observer, SilentObserver, Status
-from multicor_cli.running.outcome import StageTimeout, StopReason
+from multicor_cli.running.outcome import Observer, SilentObserver, StageTimeout, Status, StopReason
 from multicor_cli.running.plan import RunPlan, Staged, StagePlan, begin_stage, foresee_steps, resume_stage
 from multicor_cli.running.signals import StopSignals
 from multicor_cli.running.steering import Steering

@@ -15,8 +15,7 @@ from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.engine.motion.drives import AnyGravity, Constant, Gravity, TiltedGravity, WallDrive
 from multicor_cli.model import ContactLaws, Model, State
 from multicor_cli.model.model import Floats
-from multicor_cli.running.cadence import is_due
-from multicor_cli.running.conditions import KINETIC, Condition, StrainReached
+from multicor_cli.running.conditions import KINETIC, Condition, StrainReached, is_due
 from multicor_cli.scenario.drives import StageDrives, engine_signal, kept_signal
 from multicor_cli.scenario.loading import (
     AnyCondition,
@@ -496,7 +495,7 @@ def foresee_steps(plan: RunPlan, state: State) -> list[int | None]:
 def _steps_to_strain(stage: StagePlan, starts: Sequence[float], state: State) -> int | None:
     """Steps until two walls whose motion is prescribed have reached the strain of the stage."""
     assert isinstance(stage.until, StrainReached)
-    spacing = stage.until.gauge.height
+    spacing = stage.until.height
     walls = spacing.lower, spacing.upper
     drives = stage.drives.started(starts)
     if any(drives[w].x.is_driven for w in walls):
@@ -504,7 +503,7 @@ def _steps_to_strain(stage: StagePlan, starts: Sequence[float], state: State) ->
     height = spacing.of(state)
     if not height:
         return None
-    t, interval, left = 0.0, stage.dt, stage.until.goal
+    t, interval, left = 0.0, stage.dt, stage.until.aim.goal
     for _ in range(_DOUBLINGS):
         for _ in range(_SHORTEST_MARCH):
             lower, upper = (_velocity(drives[w], t, interval) for w in walls)

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from typing import Any
+import math
 
 from multicor_cli.engine.contact.solve import Settings
 from multicor_cli.engine.motion.drives import Shifted, Sine
@@ -12,7 +11,6 @@ from multicor_cli.model import Model
 from multicor_cli.model.columns import SPIN, X, Y
 from multicor_cli.model.state import State
 from multicor_cli.packing.laws import stage_laws
-from multicor_cli.running.cadence import count_steps, fit_steps
 from multicor_cli.running.conditions import (
     BLOCKS,
     Aim,
@@ -21,17 +19,16 @@ from multicor_cli.running.conditions import (
     DistanceReached,
     ForceReached,
     RestReached,
-    ShearGauge,
     Steady,
     StrainReached,
 )
-from multicor_cli.running.cycles import Acting
 from multicor_cli.running.plan import RunPlan, StageHeat, StagePlan, stage_gravity, wall_heat
-from multicor_cli.running.time_step import OSCILLATIONS, automatic_step, scales_of_stage
+from multicor_cli.running.time_step import OSCILLATIONS, Acting, automatic_step, scales_of_stage
 from multicor_cli.scenario.checks.stages import MAX_STEPS
 from multicor_cli.scenario.loading import (
     BoundEnd,
     Stage,
+    SteadyEnd,
     UntilAxialStrain,
     UntilDisplacement,
     UntilForce,
@@ -43,94 +40,92 @@ from multicor_cli.scenario.loading import (
 from multicor_cli.scenario.problems import Refused
 from multicor_cli.scenario.scenario import Scenario
 
+# ---- Times in steps: how many make up a stage, and how many lie between what is wanted again and again
+
+_ROUNDING = 1e-9
+"""Relative amount by which a time may miss a whole number of steps."""
+
+_LEAST = 0.1
+"""Shortest last step of a stage, over the others; with less left, that is added to the last one. Forces are impulses over the
+length of a step, and in a very short one what the solver leaves of velocities would be all that there is to see of them."""
+
+
+def fit_steps(duration: float, dt: float) -> tuple[int, float | None]:
+    """Number of steps that make up a duration, at least one.
+
+    Returns:
+        The number; and the duration [s] where it is no whole number of steps of ``dt``, so that the last one has another length.
+    """
+    count = duration / dt
+    if _is_whole(count):
+        return round(count), None
+    return max(1, math.floor(count) + (count % 1.0 >= _LEAST)), duration
+
+
+def count_steps(interval: float, dt: float) -> float:
+    """Number of steps of ``dt`` in an interval, at least one; whole where it is but for rounding."""
+    count = interval / dt
+    return max(1, round(count)) if count < 1.0 or _is_whole(count) else count
+
+
+def _is_whole(count: float) -> bool:
+    return round(count) >= 1 and abs(count - round(count)) <= _ROUNDING * count
+
+
 # ---- From the key `until` of a stage to the condition that ends it
 
 _COLUMN = {"x": X, "y": Y, "spin": SPIN}
 
 
 def condition_of(stage: Stage, model: Model, dt: float) -> Condition | None:
-    """What ends a stage before its duration is over, if anything does.
-
-    Args:
-        stage: The stage.
-        model: Grains and walls.
-        dt: Time step of the stage [s], in which windows of time are counted.
+    """What ends a stage before its duration is over, if anything does; ``dt`` [s] is the step in which windows are counted.
 
     Raises:
         ValueError: If a wall does not exist, or is named twice; loading a scenario excludes it.
     """
-    if stage.until is None:
-        return None
-    return _MAKERS[type(stage.until)](stage.until, model, dt)
-
-
-def _strain(until: UntilStrain, model: Model, dt: float) -> Condition:
-    return StrainReached(ShearGauge.between(model, *until.strain.walls), until.strain.value)
-
-
-def _rest(until: UntilRest, model: Model, dt: float) -> Condition:
-    return RestReached(until.kinetic_energy_ratio)
-
-
-def _axial_strain(until: UntilAxialStrain, model: Model, dt: float) -> Condition:
-    end = until.axial_strain
-    spacing = Spacing.between(model, *end.walls, _COLUMN[end.axis])
-    return DistanceReached(_aim(f"the axial strain in {end.axis} between {end.walls[0]} and {end.walls[1]}", "1", end), spacing)
-
-
-def _displacement(until: UntilDisplacement, model: Model, dt: float) -> Condition:
-    end = until.displacement
-    of_what, unit = ("the angle turned", "rad") if end.axis == "spin" else (f"the displacement in {end.axis}", "m")
-    return DisplacementReached(_aim(f"{of_what} of {end.wall}", unit, end), _wall(model, end.wall), _COLUMN[end.axis])
-
-
-def _force(until: UntilForce, model: Model, dt: float) -> Condition:
-    end = until.force
-    of_what, unit = ("torque", "N m") if end.axis == "spin" else (f"force in {end.axis}", "N")
-    sought = _aim(f"the mean {of_what} on {end.wall}", unit, end)
-    return ForceReached(sought, _wall(model, end.wall), _COLUMN[end.axis], count_steps(end.window, dt), 1.0)
-
-
-def _stress(until: UntilStress, model: Model, dt: float) -> Condition:
-    end = until.stress
-    wall = _wall(model, end.wall)
-    sought = _aim(f"the mean stress in {end.axis} on {end.wall}", "N/m", end)
-    return ForceReached(sought, wall, _COLUMN[end.axis], count_steps(end.window, dt), float(model.walls.length[wall]))
-
-
-def _steady(until: UntilSteady, model: Model, dt: float) -> Condition:
-    end = until.steady
-    wall = None if end.wall is None else _wall(model, end.wall)
-    axis = X if end.axis is None else _COLUMN[end.axis]
-    across = (Y if axis == X else X) if end.of == "friction" else None
-    what = {
-        "kinetic_energy": "the kinetic energy",
-        "friction": f"the ratio of the force in {end.axis} to that across on {end.wall}",
-    }
-    if end.axis is not None:
-        component = "torque" if end.axis == "spin" else f"{end.of} in {end.axis}"
-        what |= dict.fromkeys(("force", "stress"), f"the {component} on {end.wall}")
-    sought = Aim(f"the drift of {what[end.of]}", "1", "at most", end.tolerance)
-    return Steady(sought, wall, axis, across, count_steps(end.window / BLOCKS, dt), round(end.after / dt))
+    match stage.until:
+        case None:
+            return None
+        case UntilStrain(strain=end):
+            return StrainReached(Aim("the shear strain", "1", "at least", end.value), Spacing.between(model, *end.walls))
+        case UntilRest(kinetic_energy_ratio=ratio):
+            return RestReached(Aim("the kinetic energy over its largest value", "1", "at most", ratio))
+        case UntilAxialStrain(axial_strain=end):
+            what = f"the axial strain in {end.axis} between {end.walls[0]} and {end.walls[1]}"
+            return DistanceReached(_aim(what, "1", end), Spacing.between(model, *end.walls, _COLUMN[end.axis]))
+        case UntilDisplacement(displacement=end):
+            of_what, unit = ("the angle turned", "rad") if end.axis == "spin" else (f"the displacement in {end.axis}", "m")
+            aim = _aim(f"{of_what} of {end.wall}", unit, end)
+            return DisplacementReached(aim, model.walls.names.index(end.wall), _COLUMN[end.axis])
+        case UntilForce(force=end):
+            of_what, unit = ("torque", "N m") if end.axis == "spin" else (f"force in {end.axis}", "N")
+            aim = _aim(f"the mean {of_what} on {end.wall}", unit, end)
+            wall = model.walls.names.index(end.wall)
+            return ForceReached(aim, wall, _COLUMN[end.axis], count_steps(end.window, dt), 1.0)
+        case UntilStress(stress=end):
+            aim = _aim(f"the mean stress in {end.axis} on {end.wall}", "N/m", end)
+            wall = model.walls.names.index(end.wall)
+            return ForceReached(aim, wall, _COLUMN[end.axis], count_steps(end.window, dt), float(model.walls.length[wall]))
+        case UntilSteady(steady=end):
+            return _steady(end, model, dt)
 
 
 def _aim(quantity: str, unit: str, end: BoundEnd) -> Aim:
     return Aim(quantity, unit, end.relation, end.goal)
 
 
-def _wall(model: Model, name: str) -> int:
-    return model.walls.names.index(name)
-
-
-_MAKERS: dict[type, Callable[[Any, Model, float], Condition]] = {
-    UntilStrain: _strain,
-    UntilRest: _rest,
-    UntilAxialStrain: _axial_strain,
-    UntilDisplacement: _displacement,
-    UntilForce: _force,
-    UntilStress: _stress,
-    UntilSteady: _steady,
-}
+def _steady(end: SteadyEnd, model: Model, dt: float) -> Condition:
+    axis = X if end.axis is None else _COLUMN[end.axis]
+    across = (Y if axis == X else X) if end.of == "friction" else None
+    if end.of == "kinetic_energy":
+        what = "the kinetic energy"
+    elif end.of == "friction":
+        what = f"the ratio of the force in {end.axis} to that across on {end.wall}"
+    else:
+        what = f"the {'torque' if end.axis == 'spin' else f'{end.of} in {end.axis}'} on {end.wall}"
+    aim = Aim(f"the drift of {what}", "1", "at most", end.tolerance)
+    wall = None if end.wall is None else model.walls.names.index(end.wall)
+    return Steady(aim, wall, axis, across, count_steps(end.window / BLOCKS, dt), round(end.after / dt))
 
 
 # ---- The plan

@@ -26,8 +26,7 @@ from multicor_cli.packing import Placed, place
 from multicor_cli.running.compiling import keep_freed_memory, shared_compilation
 from multicor_cli.running.controller import Controller, DirectoryRecorder
 from multicor_cli.running.differences import added_stages, find_differences, former_defaults
-from multicor_cli.running.observer import Observer, SilentObserver
-from multicor_cli.running.outcome import ExitCode, RunOutcome, StopReason, exit_code_of
+from multicor_cli.running.outcome import ExitCode, Observer, RunOutcome, SilentObserver, StopReason, exit_code_of
 from multicor_cli.running.plan import RunPlan, begin_stage, exchange_rules, heat_settings
 from multicor_cli.running.planning import make_plan, stage_name
 from multicor_cli.running.signals import StopSignals

@@ -9,22 +9,26 @@ What walls, loads and gravity are told to do is sampled once in a step, so their
 
 from __future__ import annotations
 
+import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from decimal import ROUND_DOWN, Decimal
+from typing import NamedTuple
 
 import numpy as np
 
 from multicor_cli.arithmetic import hypot
 from multicor_cli.arithmetic.sums import total
-from multicor_cli.engine.motion.drives import DofDrive, Gravity, WallDrive
+from multicor_cli.engine.heat.walls import PRESCRIBED, WallHeat
+from multicor_cli.engine.motion.drives import DofDrive, Gravity, Shifted, Signal, WallDrive
 from multicor_cli.model import ContactLaws, Model, ShapeKind
 from multicor_cli.model.columns import RADIUS
 from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import TAIL, Tail
-from multicor_cli.running.cycles import Acting, Cycle, StageCycles, stage_cycles, wall_cycles
-from multicor_cli.running.plan import RunPlan, StagePlan
+from multicor_cli.running.plan import RunPlan, StageGravity, StageHeat, StagePlan
+from multicor_cli.scenario.drives import DOF_NAMES, StageDrives
+from multicor_cli.scenario.loading import Stage
 from multicor_cli.scenario.scenario import Scenario
 from multicor_cli.scenario.settings import Output
 
@@ -46,6 +50,96 @@ OSCILLATIONS = 100.0
 TRAVEL = 0.3
 """Largest distance in a step over d̄, at the largest speed that is known beforehand (`fastest`)."""
 
+
+# ---- What goes up and down in a stage, and how fast: signals of all kinds, and walls on their springs
+#
+# Signals have closed forms, so their periods are told from these, not by sampling, which would need to know beforehand how
+# finely. Numbers after `=` are constants of the time.
+
+
+class Cycle(NamedTuple):
+    """The shortest period of something that goes up and down [s], and what it is, in words."""
+
+    period: float
+    of: str
+
+
+class Window(NamedTuple):
+    """How long a stage looks at its signals [s].
+
+    Attributes:
+        own: At those that it has named: as long as it lasts.
+        kept: At those of earlier stages, from where these are at the earliest when it begins.
+    """
+
+    own: float = math.inf
+    kept: float = math.inf
+
+    def cycle(self, signal: Signal, of: str) -> Cycle:
+        """What a signal does within it."""
+        return Cycle(signal.shortest_period(0.0, self.kept if isinstance(signal, Shifted) else self.own), of)
+
+
+def wall_cycles(model: Model, drives: Sequence[WallDrive], window: Window | None = None) -> Iterator[Cycle]:
+    """Those of the drives of the walls, one per wall: signals, and masses on their springs, 2π √(M/k)."""
+    window = window or Window()
+    for w, (name, drive) in enumerate(zip(model.walls.names, drives, strict=True)):
+        masses = (model.walls.mass[w], model.walls.mass[w], model.walls.inertia[w])
+        for dof, mass, axis in zip(drive.dofs(), masses, DOF_NAMES, strict=True):
+            way = f"of wall '{name}' in {axis}"
+            if dof.spring is not None:
+                yield Cycle(2.0 * math.pi * math.sqrt(float(mass) / dof.spring.stiffness), f"the spring {way}")
+            for what, signal in _signals(dof).items():
+                if signal is not None:
+                    yield window.cycle(signal, f"the {what} {way}")
+        if drive.surface is not None:
+            yield window.cycle(drive.surface, f"the surface of wall '{name}'")
+
+
+def _signals(dof: DofDrive) -> dict[str, Signal | None]:
+    anchor = None if dof.spring is None else dof.spring.anchor
+    return {"velocity": dof.velocity, "position": dof.position, "force": dof.force, "stress": dof.stress, "anchor": anchor}
+
+
+class Acting(NamedTuple):
+    """What acts in a stage, as in `StagePlan`."""
+
+    drives: StageDrives
+    gravity: StageGravity | None
+    heat: StageHeat | None
+    laws: ContactLaws | None
+
+
+class StageCycles(NamedTuple):
+    """All of a stage: those of what acts on the motion, and those of what walls do to the heat alone."""
+
+    motion: list[Cycle]
+    heat: list[Cycle]
+
+
+def stage_cycles(loading: Sequence[Stage], number: int, model: Model, acting: Acting) -> StageCycles:
+    """Those of a stage. Where friction depends on temperature, temperatures of walls act on the motion."""
+    before = loading[:number]
+    starts = [0.0, *itertools.accumulate((0.0 if stage.until else stage.duration or 0.0) for stage in before)]
+    duration = loading[number].duration or math.inf
+    window = Window(duration, math.inf if any(stage.until for stage in before) else duration)
+    motion = list(wall_cycles(model, acting.drives.started(starts), window))
+    if acting.gravity is not None and acting.gravity.named_by == number:  # of an earlier stage's, the last value is kept
+        motion.append(Cycle(acting.gravity.gravity.shortest_period(0.0, duration), "gravity"))
+    of_heat = [] if acting.heat is None else list(_heat_cycles(model, acting.heat.conditions.started(starts), window))
+    if (model.laws if acting.laws is None else acting.laws).depends_on_temperature:
+        motion += of_heat
+    return StageCycles(motion, of_heat)
+
+
+def _heat_cycles(model: Model, conditions: Sequence[WallHeat], window: Window) -> Iterator[Cycle]:
+    for name, wall in zip(model.walls.names, conditions, strict=True):
+        if wall.kind in PRESCRIBED:
+            quantity = "heat flow" if wall.kind == "flow" else "temperature"
+            yield window.cycle(wall.signal, f"the {quantity} of wall '{name}'")
+
+
+# ---- The scales of a stage
 
 LargestGravity = tuple[float, float, float]
 """Bounds of the magnitudes of gravity in x, in y and as a whole during a stage [m/s²]."""
@@ -111,15 +205,9 @@ def find_scales(
     laws: ContactLaws | None = None,
     cycles: StageCycles | None = None,
 ) -> Scales:
-    """The scales of a stage.
+    """The scales of a stage with these drives, one per wall.
 
-    Args:
-        scenario: The scenario.
-        model: Its grains and walls.
-        drives: What the walls do in the stage, one per wall.
-        gravity: Largest gravity of the stage; default: that of the model.
-        laws: Contact laws of the stage; default: those of the model.
-        cycles: What goes up and down in the stage; default: the drives alone.
+    Gravity and contact laws are by default those of the model, and what goes up and down are the drives alone.
     """
     gravity = gravity or Gravity.constant(model.gravity).largest()
     mean_mass = total(model.grains.mass) / model.grain_count

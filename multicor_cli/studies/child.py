@@ -20,7 +20,7 @@ import traceback
 from pathlib import Path
 from typing import Any
 
-from multicor_cli.running.observer import SilentObserver, Status
+from multicor_cli.running.outcome import SilentObserver, Status
 from multicor_cli.store.layout import LOCK, PROGRESS, RUN
 
 # ---- Taking turns at compiling: of the cases that start together on a machine one compiles the kernels, the others then load them

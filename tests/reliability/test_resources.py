@@ -105,7 +105,7 @@ SAMPLES = 80
 WATCHED_RUN = f"""
 import os, sys
 from multicor_cli import run
-from multicor_cli.running.observer import SilentObserver
+from multicor_cli.running.outcome import SilentObserver
 
 class Samples(SilentObserver):
     def stepped(self, status):

@@ -15,7 +15,7 @@ from trials import trials
 
 from multicor_cli import run as run_scenario
 from multicor_cli.model import State
-from multicor_cli.running.observer import SilentObserver, Status
+from multicor_cli.running.outcome import SilentObserver, Status
 from multicor_cli.running.session import Session
 from multicor_cli.store import DamagedRun, RunDirectory, Snapshot, run_info
 

@@ -23,7 +23,7 @@ sys.path.insert(0, str(ROOT))
 from digest_cases import CASES
 
 from multicor_cli import run
-from multicor_cli.running.observer import SilentObserver, Status
+from multicor_cli.running.outcome import SilentObserver, Status
 from multicor_cli.store.schema import FORMAT_VERSION
 
 

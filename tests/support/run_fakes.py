@@ -12,10 +12,11 @@ import numpy as np
 from multicor_cli.engine.contact.solve import Interrupted, Settings
 from multicor_cli.engine.contact.step_report import StepReport
 from multicor_cli.engine.motion.drives import AnyGravity, Constant, DofDrive, WallDrive
+from multicor_cli.engine.motion.spacing import Spacing
 from multicor_cli.model import BOOK_NAMES, Model, State
 from multicor_cli.model.contacts import ContactTable
-from multicor_cli.running.conditions import RestReached, ShearGauge, StrainReached
-from multicor_cli.running.observer import SilentObserver
+from multicor_cli.running.conditions import Aim, RestReached, StrainReached
+from multicor_cli.running.outcome import SilentObserver
 from multicor_cli.running.plan import RunPlan, StagePlan
 from multicor_cli.scenario.settings import Output
 from multicor_cli.store.documents import StageEnd
@@ -136,13 +137,29 @@ def shear(speed: float) -> FakeDrives:
     return FakeDrives(WallDrive(), WallDrive(x=DofDrive(velocity=Constant(speed))))
 
 
+def strain_reached(spacing: Spacing, goal: float) -> StrainReached:
+    return StrainReached(Aim("the shear strain", "1", "at least", goal), spacing)
+
+
+def rest_reached(ratio: float) -> RestReached:
+    return RestReached(Aim("the kinetic energy over its largest value", "1", "at most", ratio))
+
+
 def make_plan(model: Model, *, checkpoint_interval: float = 1e9) -> RunPlan:
     """Settle (until rest or 20 steps), shear to a strain of 0.5 at 0.025 per step, then 7 steps of another length."""
-    gauge = ShearGauge.between(model, "bottom", "top")
-    settings = Settings()
+    settings, sheared = Settings(), strain_reached(Spacing.between(model, "bottom", "top"), 0.5)
     stages = (
-        StagePlan("settle", 0.01, 20, RestReached(1e-3), 4, 2, settings, shear(0.0)),
-        StagePlan("shear", 0.025, None, StrainReached(gauge, 0.5), 6, 3, Settings(max_sweeps=7), shear(-1.0)),
+        StagePlan("settle", 0.01, 20, rest_reached(1e-3), 4, 2, settings, shear(0.0)),
+        StagePlan(
+            "shear",
+            0.025,
+            None,
+            sheared,
+            6,
+            3,
+            Settings(max_sweeps=7),
+            shear(-1.0),
+        ),
         StagePlan("hold", 0.5, 7, None, 100, 100, settings, shear(0.0)),
     )
     return RunPlan("fake", stages, Output(frame_interval=1.0, checkpoint_interval=checkpoint_interval))

@@ -2,7 +2,8 @@
 
 import pytest
 
-from multicor_cli.running.cadence import count_steps, fit_steps, is_due
+from multicor_cli.running.conditions import is_due
+from multicor_cli.running.planning import count_steps, fit_steps
 
 
 @pytest.mark.parametrize(

@@ -8,17 +8,16 @@ import signal
 
 import numpy as np
 import pytest
-from run_fakes import FakeEngine, MemoryRecorder, make_plan, shear
+from run_fakes import FakeEngine, MemoryRecorder, make_plan, rest_reached, shear, strain_reached
 from scene_parts import between_planes
 
 from multicor_cli.engine.contact.solve import Settings
 from multicor_cli.engine.contact.step_report import PhysicsError
 from multicor_cli.engine.motion.spacing import Spacing, wall_places
 from multicor_cli.model import BOOK_NAMES, State
-from multicor_cli.running.conditions import RestReached, ShearGauge, StrainReached, update_peak
+from multicor_cli.running.conditions import StepDone, update_peak
 from multicor_cli.running.controller import WARM_UP_STEPS, Controller, Pace
-from multicor_cli.running.observer import SilentObserver, Status
-from multicor_cli.running.outcome import StopReason
+from multicor_cli.running.outcome import SilentObserver, Status, StopReason
 from multicor_cli.running.plan import RunPlan, StagePlan
 from multicor_cli.running.signals import STOP_SIGNALS, StopSignals
 from multicor_cli.scenario.settings import Output
@@ -246,52 +245,49 @@ def test_observer_sees_every_step_and_a_progress_that_grows() -> None:
 
 def test_strain_counts_to_and_fro() -> None:
     model = between_planes()
-    gauge = ShearGauge.between(model, "bottom", "top")
+    condition = strain_reached(Spacing.between(model, "bottom", "top"), 1.0)
     state = State.at_rest(model, np.zeros((2, 2)))
-    total = 0.0
     for shift in (0.1, -0.1, 0.1):
         before = state.wall_position.copy()
         state.wall_position[1, 0] += shift
         state.wall_position[1, 1] = 1.0  # twice as far apart
-        total += gauge.increment(state, before)
-    assert total == pytest.approx(0.15)
+        condition.note(state, StepDone(0.1, before, np.zeros((2, 3))))
+    assert condition.value(state) == pytest.approx(0.15)
 
 
 def test_strain_and_peak_begin_anew_in_each_stage() -> None:
     model = between_planes()
-    gauge = ShearGauge.between(model, "bottom", "top")
-    stages = tuple(
-        StagePlan(name, 0.025, None, StrainReached(gauge, 0.5), 100, 100, Settings(), shear(1.0)) for name in ("forth", "on")
-    )
+    until = strain_reached(Spacing.between(model, "bottom", "top"), 0.5)
+    stages = tuple(StagePlan(name, 0.025, None, until, 100, 100, Settings(), shear(1.0)) for name in ("forth", "on"))
     engine, recorder = FakeEngine(model), MemoryRecorder()
     run_all(RunPlan("twice", stages, Output(frame_interval=1.0, checkpoint_interval=1e9)), recorder, engine)
     assert [frame[0] for frame in recorder.frames] == [0, 20, 40]
     assert (engine.state.stage_strain, engine.state.stage_peak) == (0.0, 0.0)
 
 
-def test_gauge_refuses_unknown_and_equal_walls() -> None:
+def test_a_spacing_refuses_unknown_and_equal_walls() -> None:
     model = between_planes()
     with pytest.raises(ValueError, match="no wall 'lid'"):
-        ShearGauge.between(model, "bottom", "lid")
+        Spacing.between(model, "bottom", "lid")
     with pytest.raises(ValueError, match="between 'top' and itself"):
-        ShearGauge.between(model, "top", "top")
+        Spacing.between(model, "top", "top")
     assert wall_places(model, 1).tolist() == [0.0, 1.0]
 
 
 def test_strain_goal_survives_rounding() -> None:
-    gauge = ShearGauge(Spacing(0, 1, 1, 1.0))
+    condition = strain_reached(Spacing(0, 1, 1, 1.0), 1.5)
     state = State.at_rest(between_planes(), np.zeros((2, 2)))
     for _ in range(15_000):
         state.stage_strain += 1e-4
     assert state.stage_strain != 1.5
-    assert StrainReached(gauge, 1.5).holds(state)
+    assert condition.holds(state)
     state.stage_strain -= 1e-4
-    assert not StrainReached(gauge, 1.5).holds(state)
+    assert not condition.holds(state)
 
 
 def test_rest_needs_motion_first_and_knows_the_initial_energy() -> None:
     state = State.at_rest(between_planes(), np.zeros((2, 2)))
-    rest = RestReached(0.1)
+    rest = rest_reached(0.1)
     assert not rest.holds(state)
     state.step = 1
     state.books[BOOK_NAMES.index("kinetic_start")] = 10.0

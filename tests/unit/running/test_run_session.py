@@ -16,8 +16,7 @@ from multicor_cli import run as run_scenario
 from multicor_cli.engine import PhysicsError
 from multicor_cli.packing import Placed, build, place
 from multicor_cli.running import session as session_module
-from multicor_cli.running.observer import SilentObserver, Status
-from multicor_cli.running.outcome import ExitCode, RunOutcome, StopReason, exit_code_of
+from multicor_cli.running.outcome import ExitCode, RunOutcome, SilentObserver, Status, StopReason, exit_code_of
 from multicor_cli.running.planning import make_plan
 from multicor_cli.running.session import stage_starts
 from multicor_cli.scenario.load import load_scenario, parse_scenario

@@ -10,16 +10,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 from command_line import environment
-from run_fakes import FakeDrives, make_plan
+from run_fakes import FakeDrives, make_plan, strain_reached
 from scene_parts import between_planes
 from scenes import SMALL, changed, write_small
 
 from multicor_cli.engine.contact.solve import Settings
 from multicor_cli.engine.heat.hertz import relative_deflection
 from multicor_cli.engine.motion.drives import Constant, DofDrive, Ramp, Sine, WallDrive
+from multicor_cli.engine.motion.spacing import Spacing
 from multicor_cli.model import State
 from multicor_cli.running.compiling import available_cores, reserve_threads
-from multicor_cli.running.conditions import ShearGauge, StrainReached
 from multicor_cli.running.differences import find_differences, former_defaults
 from multicor_cli.running.estimate import estimate
 from multicor_cli.running.plan import RunPlan, StagePlan, foresee_steps
@@ -101,9 +101,9 @@ def test_a_default_that_was_another_one_is_kept_by_runs_that_began_with_it():
 )
 def test_steps_to_a_strain_are_foreseen(signal: Constant | Ramp | Sine, steps: int | None) -> None:
     model = between_planes()
-    gauge = ShearGauge.between(model, "bottom", "top")
+    until = strain_reached(Spacing.between(model, "bottom", "top"), 0.5)
     drives = FakeDrives(WallDrive(), WallDrive(x=DofDrive(velocity=signal)))
-    stage = StagePlan("shear", 0.01, None, StrainReached(gauge, 0.5), 1, 1, Settings(), drives)
+    stage = StagePlan("shear", 0.01, None, until, 1, 1, Settings(), drives)
     state = State.at_rest(model, np.zeros((2, 2)))
     found = foresee_steps(RunPlan("p", (stage,), Output(frame_interval=1.0)), state)
     assert found == [steps] or (steps is not None and abs(found[0] - steps) <= 1)
@@ -112,9 +112,9 @@ def test_steps_to_a_strain_are_foreseen(signal: Constant | Ramp | Sine, steps: i
 
 def test_force_driven_shear_is_not_foreseen() -> None:
     model = between_planes()
-    gauge = ShearGauge.between(model, "bottom", "top")
+    until = strain_reached(Spacing.between(model, "bottom", "top"), 0.5)
     drives = FakeDrives(WallDrive(), WallDrive(x=DofDrive(force=Constant(1.0))))
-    stage = StagePlan("shear", 0.01, None, StrainReached(gauge, 0.5), 1, 1, Settings(), drives)
+    stage = StagePlan("shear", 0.01, None, until, 1, 1, Settings(), drives)
     plan = RunPlan("p", (stage,), Output(frame_interval=1.0))
     assert foresee_steps(plan, State.at_rest(model, np.zeros((2, 2)))) == [None]
 

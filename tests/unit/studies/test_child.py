@@ -15,7 +15,7 @@ import pytest
 from scenes import SMALL
 
 import multicor_cli as multicor
-from multicor_cli.running.observer import SilentObserver, Status
+from multicor_cli.running.outcome import SilentObserver, Status
 from multicor_cli.store.errors import RunLocked
 from multicor_cli.studies.child import CompilationTurn, Silence, run_task
 
