@@ -1,31 +1,187 @@
-"""Commands ``post …`` about contacts, whole runs, series and flows; those about grains are in `post_grain_commands`."""
+"""Commands ``post …``: tables, figures and films of a run. Each loads what it needs when it is called."""
 
 from __future__ import annotations
 
+import math
+import tomllib
+from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any, Optional
+from typing import TYPE_CHECKING, Annotated, Any, Optional
 
 import typer
 
-from multicor_cli.cli import options, post_grain_commands
-from multicor_cli.cli.console import say
-from multicor_cli.cli.options import ListingCommand, RunPath, listed
-from multicor_cli.cli.post_grain_commands import parse_line
-from multicor_cli.cli.post_output import (
-    AsCsv,
-    AsJson,
-    Between,
-    Bins,
-    End,
-    FigureFile,
-    Frames,
-    OneFrame,
-    OverwriteFigure,
-    Start,
-    TableOutput,
-    parse_frames,
-)
+from multicor_cli import store
+from multicor_cli.cli import options
+from multicor_cli.cli.console import say, show_progress
+from multicor_cli.cli.options import ListingCommand, RunPath, listed, output_option
+from multicor_cli.cli.post_output import Between, Bins, End, Frames, OneFrame, Shown, Start, parse_frames, selected, shows_table
 from multicor_cli.text import count_noun
+
+if TYPE_CHECKING:
+    from multicor_cli.model.shapes import Area
+    from multicor_cli.post import GrainMap
+    from multicor_cli.store import Run
+
+# ---- Commands `post profile`, `post theta-eta`, `post map`
+
+ProfileOf = Annotated[
+    str,
+    typer.Option(
+        "--of",
+        metavar="FIELD",
+        help="What to average: {profiled}, or all components with {groups}.",
+        autocompletion=listed("profiled", "groups"),
+    ),
+]
+MapOf = Annotated[
+    str,
+    typer.Option("--of", metavar="FIELD", help="What to show: {mapped}.", autocompletion=listed("mapped")),
+]
+Normalized = Annotated[
+    bool,
+    typer.Option(
+        "--normalized",
+        help="y/H, and velocity or temperature from 0 at the lower to 1 at the upper wall; spin over the shear rate of the walls.",
+    ),
+]
+BritishNormalized = Annotated[bool, typer.Option("--normalised", hidden=True)]
+WallName = Annotated[
+    Optional[str],  # noqa: UP045  (evaluated by typer)
+    typer.Option("--wall", metavar="NAME", help="Wall from which η counts.", show_default="the only one with a temperature"),
+]
+Height = Annotated[
+    Optional[float],  # noqa: UP045
+    typer.Option("--height", metavar="H", help="Height H of the bed (in m).", show_default="how far the grains reach"),
+]
+Reference = Annotated[
+    Optional[float],  # noqa: UP045
+    typer.Option("--reference", metavar="T0", help="Temperature T₀ (in K).", show_default="mean of the first frame"),
+]
+Grains = Annotated[bool, typer.Option("--grains", help="Include every grain: in JSON besides the bins, in CSV instead of them.")]
+BinWidth = Annotated[
+    Optional[float],  # noqa: UP045
+    typer.Option("--bin-width", metavar="D", help="Width of a bin in mean diameters, instead of --bins.", show_default="1"),
+]
+ExcludeWalls = Annotated[
+    Optional[float],  # noqa: UP045
+    typer.Option(
+        "--exclude-walls",
+        metavar="D",
+        help="Leave out this many mean diameters at each wall.",
+        show_default="1, at most an eighth of the distance of the walls",
+    ),
+]
+Groups = Annotated[
+    Optional[list[str]],  # noqa: UP045
+    typer.Option(
+        "--group", metavar="NAME", help="Count the grains of this group only; several times for several.", show_default="all"
+    ),
+]
+Streamlines = Annotated[
+    bool,
+    typer.Option(
+        "--streamlines/--no-streamlines", help="Show a fluctuation as streamlines of its local mean, or as arrows of the grains."
+    ),
+]
+
+
+def profile(
+    directory: RunPath,
+    of: ProfileOf = "velocity",
+    is_normalized: Normalized = False,
+    is_normalised: BritishNormalized = False,
+    start: Start = None,
+    end: End = None,
+    frames: Frames = None,
+    bins: Bins = None,
+    bin_width: BinWidth = None,
+    exclude_walls: ExcludeWalls = None,
+    between: Between = None,
+    groups: Groups = None,
+) -> Shown:
+    """Average a field over horizontal bins and over frames, with standard errors and a word on drifts.
+
+    Grains count in a bin with the area that lies in it. Heights are measured from the lower wall. "heat" is what friction and
+    impacts generate in the grains per time and area of the plane, from the differences of consecutive frames. "stress" is the force
+    on a grain times the branch towards it, spread along the branch, per area of the plane (force per length, compression positive);
+    "kinetic-stress" is what fluctuations of the velocity add to it.
+    """
+    if bins is not None and bin_width is not None:
+        raise typer.BadParameter("--bins and --bin-width exclude each other")
+    from multicor_cli import post
+
+    selection = selected(start, end, frames)
+    with store.open_run(directory) as run:
+        found = post.profiles(
+            run, of, selection, bins, bin_width=bin_width, exclude_walls=exclude_walls, between=between, groups=groups or ()
+        )
+    if is_normalized or is_normalised:
+        found = found.normalized()
+    table = found.first
+    about = f"{_span(table.frames.size, 'frame', table.times)}, height {table.height:g} m"
+    about += f", grains{table.about_groups}" if table.groups else ""
+    notes = [table.note if len(found.tables) == 1 else f"{table.field.name}: {table.note}" for table in found.tables if table.note]
+    return Shown(found, "\n".join(line for line in (about, table.about_walls, *notes) if line), directory, is_detailed=False)
+
+
+def _span(count: int, noun: str, times: Any) -> str:
+    """So many frames, from when to when."""
+    return f"{count_noun(count, noun)} from t = {times[0]:g} s to {times[-1]:g} s"
+
+
+def theta_eta(
+    context: typer.Context,
+    directory: RunPath,
+    frame: OneFrame = -1,
+    frames: Frames = None,
+    bins: Bins = None,
+    wall: WallName = None,
+    height: Height = None,
+    reference: Reference = None,
+    has_grains: Grains = False,
+) -> Shown:
+    """Temperature θ = (T − T₀)/(T_wall − T₀) against the distance η = y/H from a heated wall, and its spread.
+
+    y is measured from the surface of the wall, where the nearest grain touches it. With --frames: over the grains of several
+    frames, and how the means of the bins scatter from frame to frame.
+    """
+    if has_grains and not (context.params["is_json"] or context.params["is_csv"]):
+        raise typer.BadParameter("--grains needs --json or --csv", param_hint="--grains")
+    if frames is not None and frame != -1:
+        raise typer.BadParameter("give either --frame or --frames")
+    wanted = parse_frames(frames, None, None)
+    from multicor_cli import post
+
+    with store.open_run(directory) as run:
+        selection = None if wanted is None else post.Selection(frames=wanted)
+        table = post.theta_eta(run, frame, selection=selection, bins=bins, wall=wall, height=height, reference=reference)
+    last = f"frame {table.frame} at t = {table.time:g} s"
+    about = (
+        f"{last if table.frames.size == 1 else f'{table.frames.size} frames up to {last}'}, wall '{table.wall}' at "
+        f"{table.wall_temperature:g} K, T0 = {table.reference:g} K, H = {table.height:g} m"
+    )
+    return Shown(table, about, directory, is_detailed=has_grains, content={"has_grains": has_grains})
+
+
+def map_grains(
+    directory: RunPath,
+    of: MapOf = "temperature",
+    frame: OneFrame = -1,
+    has_streamlines: Streamlines = True,
+) -> Shown:
+    """Show a quantity of every grain of one frame: a table of its distribution, the grains as data, a map as figure.
+
+    "fluctuation" is the velocity relative to the mean horizontal flow at the height of the grain; "heat" is what friction and
+    impacts have generated since the frame before; "stress" the mean pressure in a grain by its contact forces, their sum over the
+    circumference.
+    """
+    from multicor_cli import post
+
+    with store.open_run(directory) as run:
+        table = post.grain_map(run, of, frame)
+    about = f"{table.field.label} in frame {table.frame} at t = {table.time:g} s"
+    return Shown(table, about, directory, drawing={"has_streamlines": has_streamlines})
+
 
 # ---- Commands `post forces`, `post rheology`: what the contacts carry
 
@@ -57,54 +213,34 @@ def forces(
     has_distribution: Distribution = False,
     has_angles: Angles = False,
     frames: ManyFrames = None,
-    is_json: AsJson = False,
-    is_csv: AsCsv = False,
-    plot: FigureFile = None,
-    is_overwriting: OverwriteFigure = False,
-) -> None:
+) -> Shown:
     """Show the contact forces of one frame: their numbers as a table, the single contacts as CSV, the network as figure.
 
     Forces are means of the step before the frame. With --distribution: the probability density of forces between grains over their
     mean. With --angles: the directions of contacts between grains, the mean forces along them, and their anisotropies.
     """
-    output = TableOutput(is_json, is_csv, plot, is_overwriting=is_overwriting)
+    from multicor_cli import post
+
     if has_distribution and has_angles:
         raise typer.BadParameter("--distribution and --angles exclude each other")
     if not (has_distribution or has_angles):
         if frames is not None:
             raise typer.BadParameter("--frames needs --distribution or --angles; choose one frame with --frame")
-        _network(directory, frame, output)
-        return
-    from multicor_cli.post import Selection, angular_distribution, force_distribution, frame_index
-    from multicor_cli.store import open_run
-
+        with store.open_run(directory) as run:
+            network = post.force_network(run, frame)
+        return Shown(network, f"contact forces in frame {network.frame} at t = {network.time:g} s", directory)
     wanted = parse_frames(frames, None, None)
-    with open_run(directory) as run:
-        index = frame_index(run.frames, frame)
-        selection = Selection(frames=slice(index, index + 1) if wanted is None else wanted)
-        found: Any = (force_distribution if has_distribution else angular_distribution)(run, selection)
-    output.draw(found)
-    first, last = found.times
-    about = (
-        f"{found.contacts} contacts between grains in {count_noun(found.frames.size, 'frame')} from t = {first:g} s to {last:g} s"
-    )
+    with store.open_run(directory) as run:
+        index = post.frame_index(run.frames, frame)
+        selection = post.Selection(frames=slice(index, index + 1) if wanted is None else wanted)
+        table: Any = (post.force_distribution if has_distribution else post.angular_distribution)(run, selection)
+    about = f"{table.contacts} contacts between grains in {_span(table.frames.size, 'frame', table.times)}"
     if has_angles:
         about += "; " + ", ".join(
-            f"{name} = {value:.4g}" + (f" (± {found.moments_scatter[name]:.2g} between frames)" if found.frames.size > 1 else "")
-            for name, value in found.moments.items()
+            f"{name} = {value:.4g}" + (f" (± {table.moments_scatter[name]:.2g} between frames)" if table.frames.size > 1 else "")
+            for name, value in table.moments.items()
         )
-    output.deliver(found, about, run=directory)
-
-
-def _network(directory: Path, frame: int, output: TableOutput) -> None:
-    from multicor_cli.post import force_network
-    from multicor_cli.store import open_run
-
-    with open_run(directory) as run:
-        network = force_network(run, frame)
-    output.draw(network)
-    about = f"contact forces in frame {network.frame} at t = {network.time:g} s"
-    output.deliver(network, about, run=directory, is_detailed=True)
+    return Shown(table, about, directory, is_detailed=False)
 
 
 def rheology(
@@ -114,35 +250,152 @@ def rheology(
     frames: Frames = None,
     margin: Margin = None,
     between: Between = None,
-    is_json: AsJson = False,
-    is_csv: AsCsv = False,
-    plot: FigureFile = None,
-    is_overwriting: OverwriteFigure = False,
-) -> None:
+) -> Shown:
     """Measure the rheology of a layer between two walls that shear it: averages with errors; over time as CSV, JSON and figure.
 
     I = rate × √(m/P), with the mean mass m of a grain and the force P per length with which the walls press; the other convention
     is rate × d/√(P/ρ), with the mass ρ of the grains per area they cover. Friction μ* is shear over normal stress. Rattlers are
     grains with fewer than two contacts that carry a force.
     """
-    output = TableOutput(is_json, is_csv, plot, is_overwriting=is_overwriting)
-    from multicor_cli.post import Selection
-    from multicor_cli.post import rheology as make_table
-    from multicor_cli.store import open_run
+    from multicor_cli import post
 
-    selection = Selection(start, end, parse_frames(frames, start, end))
-    with open_run(directory) as run:
-        table = make_table(run, selection, margin=margin, between=between)
-    output.draw(table)
+    selection = selected(start, end, frames)
+    with store.open_run(directory) as run:
+        table = post.rheology(run, selection, margin=margin, between=between)
     about = (
-        f"{count_noun(table.frames.size, 'frame')} from t = {table.times[0]:g} s to {table.times[1]:g} s, "
+        f"{_span(table.frames.size, 'frame', table.times)}, "
         f"between '{table.walls[0]}' and '{table.walls[1]}', {table.height:g} m apart; the bulk begins {table.margin:g} m from each"
     )
-    output.deliver(table, about, run=directory, is_detailed=True)
+    return Shown(table, about, directory)
 
 
-CONTACT_COMMANDS = {"forces": forces, "rheology": rheology}
-"""Commands by name."""
+# ---- Command `post region`: what is inside a part of the plane
+
+EXAMPLE = '{ kind = "circle", center = [0.02, 0.01], radius = 0.005 }'
+Place = Annotated[
+    str,
+    typer.Option(
+        "--in",
+        metavar="REGION",
+        help=f"The region, as in a scenario: {EXAMPLE}, an annulus, a polygon, or a rectangle {{ min, max }}.",
+        show_default=False,
+    ),
+]
+
+
+def region(
+    directory: RunPath,
+    place: Place,
+    start: Start = None,
+    end: End = None,
+    frames: Frames = None,
+) -> Shown:
+    """Measure what is inside a region: solid fraction, coordination, velocity, temperature, stress of contacts and of fluctuations.
+
+    The table holds means over the frames and their standard errors, CSV one row per frame, JSON and figure both. Grains count with
+    the part of their area that lies inside, contacts with that of their branch.
+    """
+    area = _parse(place)
+    from multicor_cli import post
+
+    with store.open_run(directory) as run:
+        table = post.in_region(run, area, selected(start, end, frames))
+    return Shown(table, _span(table.time.size, "frame", table.time), directory)
+
+
+def _parse(text: str) -> Area:
+    from pydantic import TypeAdapter, ValidationError
+
+    from multicor_cli.scenario.region import AnyRegion, Region
+
+    try:
+        found: Region = TypeAdapter(AnyRegion).validate_python(tomllib.loads(f"region = {text}")["region"])
+    except tomllib.TOMLDecodeError:
+        raise typer.BadParameter(f"'{text}' is not a region; write it as {EXAMPLE}", param_hint="--in") from None
+    except ValidationError as error:
+        first = error.errors()[0]
+        where = ".".join(str(key) for key in first["loc"] if not str(key).startswith("<"))
+        raise typer.BadParameter(f"{where or 'region'}: {first['msg']}; write it as {EXAMPLE}", param_hint="--in") from None
+    return found.area()
+
+
+# ---- Command `post fields`: coarse-grained fields over the plane, along a line, or about a center
+
+FieldNames = Annotated[
+    Optional[list[str]],  # noqa: UP045  (evaluated by typer)
+    typer.Option(
+        "--of",
+        metavar="FIELD",
+        help="Field of the figure, and of the table of a line or of rings; several times for several. The table of a grid lists "
+        "what there is.",
+        show_default="solid-fraction; velocities of a line or of rings",
+        autocompletion=options.fields,
+    ),
+]
+Spacing = Annotated[float, typer.Option("--spacing", metavar="D", help="Distance of the points in mean diameters.")]
+Reach = Annotated[float, typer.Option("--reach", metavar="D", help="How far the kernel reaches, in mean diameters.")]
+CenterPoint = Annotated[
+    Optional[str],  # noqa: UP045
+    typer.Option("--center", metavar="X,Y", help="Polar coordinates about this point (in m).", show_default=False),
+]
+Along = Annotated[
+    Optional[str],  # noqa: UP045
+    typer.Option("--line", metavar="X0,Y0:X1,Y1", help="Fields on the line between these points (in m).", show_default=False),
+]
+Radial = Annotated[bool, typer.Option("--radial", help="Average over rings about --center.")]
+
+
+def fields(
+    directory: RunPath,
+    of: FieldNames = None,
+    center: CenterPoint = None,
+    is_radial: Radial = False,
+    along: Along = None,
+    spacing: Spacing = 0.5,
+    reach: Reach = 2.0,
+    start: Start = None,
+    end: End = None,
+    frames: Frames = None,
+) -> Shown:
+    """Average fields over frames with a smooth kernel: solid fraction, velocity, strain rate, stress, temperature, fluctuations.
+
+    On a grid over the grains, on a polar grid (--center), on a line (--line), or over rings (--center with --radial); these two
+    have standard errors. CSV and JSON have every field at every point.
+    """
+    if is_radial and center is None:
+        raise typer.BadParameter("--radial needs --center", param_hint="--radial")
+    if along is not None and center is not None:
+        raise typer.BadParameter("--line and --center exclude each other")
+    middle = None if center is None else parse_point(center, "--center")
+    ends = None if along is None else parse_line(along, "--line")
+    from multicor_cli import post
+
+    selection = selected(start, end, frames)
+    with store.open_run(directory) as run:
+        table = post.fields(
+            run, of or (), selection, spacing=spacing, reach=reach, center=middle, along=ends, is_radial=is_radial
+        )  # fmt: skip
+    about = _span(table.frames.size, "frame", table.times)
+    return Shown(table, f"{about}; {table.note}" if table.note else about, directory)
+
+
+def parse_point(text: str, option: str) -> tuple[float, float]:
+    """A point ``X,Y`` [m]; refuses a text that is none."""
+    try:
+        x, y = (float(part) for part in text.split(","))
+        if not math.isfinite(x + y):
+            raise ValueError
+    except ValueError:
+        raise typer.BadParameter(f"'{text}' is not a point; write X,Y in meters, as 0.02,0.01", param_hint=option) from None
+    return x, y
+
+
+def parse_line(text: str, option: str) -> tuple[tuple[float, float], tuple[float, float]]:
+    """A line ``X0,Y0:X1,Y1`` [m]; refuses a text that is none."""
+    first, _, last = text.partition(":")
+    if not last:
+        raise typer.BadParameter(f"'{text}' is not a line; write X0,Y0:X1,Y1 in meters", param_hint=option)
+    return parse_point(first, option), parse_point(last, option)
 
 
 # ---- Commands `post energy`, `post compare`: whole runs
@@ -168,24 +421,16 @@ def energy(
     directory: RunPath,
     start: Earliest = None,
     end: End = None,
-    is_json: AsJson = False,
-    is_csv: AsCsv = False,
-    plot: FigureFile = None,
-    is_overwriting: OverwriteFigure = False,
-) -> None:
+) -> Shown:
     """Show the energy books, mechanical and of heat: at the end as a table; over time as CSV, JSON and figure.
 
     They count from the start of the run. The closure is the largest imbalance so far over the sum of all terms.
     """
-    output = TableOutput(is_json, is_csv, plot, is_overwriting=is_overwriting)
-    from multicor_cli.post import energy as make_table
-    from multicor_cli.store import open_run
+    from multicor_cli import post
 
-    with open_run(directory) as run:
-        table = make_table(run, start, end)
-    output.draw(table)
-    about = f"energy books from the start of the run to t = {table.time[-1]:g} s"
-    output.deliver(table, about, run=directory, is_detailed=True)
+    with store.open_run(directory) as run:
+        table = post.energy(run, start, end)
+    return Shown(table, f"energy books from the start of the run to t = {table.time[-1]:g} s", directory)
 
 
 def compare(
@@ -196,31 +441,21 @@ def compare(
     end: End = None,
     frames: Frames = None,
     bins: Bins = None,
-    is_json: AsJson = False,
-    is_csv: AsCsv = False,
-    plot: FigureFile = None,
-    is_overwriting: OverwriteFigure = False,
-) -> None:
+) -> Shown:
     """Compare two runs: scenario keys that differ, books, rheology if both are sheared between two walls, profiles of fields.
 
     Differences are given over their standard errors where these are known: beyond 2 or 3 they are not chance. Profiles have the
     same number of bins in both runs and are matched by y/H; CSV and figure show them.
     """
-    output = TableOutput(is_json, is_csv, plot, is_overwriting=is_overwriting)
-    from multicor_cli.post import Selection
-    from multicor_cli.post import compare as make_comparison
-    from multicor_cli.store import open_run
+    from multicor_cli import post
 
-    selection = Selection(start, end, parse_frames(frames, start, end))
-    with open_run(directory) as first, open_run(other) as second:
-        found = make_comparison(first, second, of or ["velocity"], selection, bins, names=_names(directory, other))
-    output.draw(found)
-    if not is_json:
-        differ = "differs" if len(found.keys) == 1 else "differ"
-        say(f"{count_noun(len(found.keys), 'key')} of the scenarios {differ}" + (":" if found.keys else ""))
-        for key, one, two in found.keys:
-            say(f"  {key}: {one} | {two}")
-    output.deliver(found, f"{directory} and {other}", is_detailed=True)
+    selection = selected(start, end, frames)
+    with store.open_run(directory) as first, store.open_run(other) as second:
+        table = post.compare(first, second, of or ["velocity"], selection, bins, names=_names(directory, other))
+    differ = "differs" if len(table.keys) == 1 else "differ"
+    remarks = [f"{count_noun(len(table.keys), 'key')} of the scenarios {differ}" + (":" if table.keys else "")]
+    remarks += [f"  {key}: {one} | {two}" for key, one, two in table.keys]
+    return Shown(table, f"{directory} and {other}", None, remarks=remarks)
 
 
 def _names(first: Path, second: Path) -> tuple[str, str]:
@@ -231,10 +466,6 @@ def _names(first: Path, second: Path) -> tuple[str, str]:
         if names[0] != names[1]:
             return names
     return str(first), str(second)
-
-
-RUN_COMMANDS = {"energy": energy, "compare": compare}
-"""Commands by name."""
 
 
 # ---- Commands `post series` and `post flow`: columns over time, and what flows through a line
@@ -261,21 +492,13 @@ def series(
     of: ColumnNames = None,
     start: SeriesStart = None,
     end: End = None,
-    is_json: AsJson = False,
-    is_csv: AsCsv = False,
-    plot: FigureFile = None,
-    is_overwriting: OverwriteFigure = False,
-) -> None:
+) -> Shown:
     """Show columns of the time series: means, errors and drifts as a table; over time as CSV, JSON and figure."""
-    output = TableOutput(is_json, is_csv, plot, is_overwriting=is_overwriting)
-    from multicor_cli.post import series as make_table
-    from multicor_cli.store import open_run
+    from multicor_cli import post
 
-    with open_run(directory) as run:
-        table = make_table(run, of or (), start, end)
-    output.draw(table if of else table.overview())
-    about = f"{count_noun(table.time.size, 'row')} from t = {table.time[0]:g} s to {table.time[-1]:g} s"
-    output.deliver(table, about, run=directory, is_detailed=True)
+    with store.open_run(directory) as run:
+        table = post.series(run, of or (), start, end)
+    return Shown(table, _span(table.time.size, "row", table.time), directory, figure=None if of else table.overview())
 
 
 def flow(
@@ -284,40 +507,90 @@ def flow(
     start: Start = None,
     end: End = None,
     frames: Frames = None,
-    is_json: AsJson = False,
-    is_csv: AsCsv = False,
-    plot: FigureFile = None,
-    is_overwriting: OverwriteFigure = False,
-) -> None:
+) -> Shown:
     """Measure the flow through a line: grains, mass and area per time, from the grains that cross it from frame to frame."""
-    output = TableOutput(is_json, is_csv, plot, is_overwriting=is_overwriting)
     ends = parse_line(line, "--line")
-    from multicor_cli.post import Selection, flow_through
-    from multicor_cli.store import open_run
+    from multicor_cli import post
 
-    with open_run(directory) as run:
-        table = flow_through(run, ends, Selection(start, end, parse_frames(frames, start, end)))
-    output.draw(table)
-    about = f"{count_noun(table.time.size, 'interval')} from t = {table.time[0] - table.duration[0]:g} s to {table.time[-1]:g} s"
-    output.deliver(table, f"{about}; {table.note}" if table.note else about, run=directory, is_detailed=True)
+    with store.open_run(directory) as run:
+        table = post.flow_through(run, ends, selected(start, end, frames))
+    about = _span(table.time.size, "interval", (table.time[0] - table.duration[0], table.time[-1]))
+    return Shown(table, f"{about}; {table.note}" if table.note else about, directory)
 
 
-SERIES_COMMANDS = {"series": series, "flow": flow}
-"""Commands by name."""
+# ---- Command `post animate`: a film of a map
+
+FilmOf = Annotated[str, typer.Option("--of", metavar="FIELD", help="What to show: {mapped}.", autocompletion=listed("mapped"))]
+FilmFile = Annotated[Path, output_option(metavar="FILE", help="File to write: FILE.mp4 or .gif.")]
+Rate = Annotated[float, typer.Option("--fps", metavar="N", min=0.1, max=120.0, help="Pictures per second.")]
+Overwrite = Annotated[bool, typer.Option("--overwrite", help="Replace the file if it exists.")]
+
+
+def animate(
+    directory: RunPath,
+    output: FilmFile,
+    of: FilmOf = "velocity",
+    frames: Frames = None,
+    rate: Rate = 20.0,
+    is_overwriting: Overwrite = False,
+) -> None:
+    """Draw a map of every frame into a film, with one color scale for all.
+
+    An .mp4 needs ffmpeg; where it is missing a .gif is written instead.
+    """
+    from multicor_cli.export.target import check_output
+    from multicor_cli.plots.animate import SUFFIXES, film_path, write_film
+
+    if output.suffix.lower() not in SUFFIXES:
+        raise typer.BadParameter(f"'{output}' does not end in .mp4 or .gif", param_hint="-o")
+    target = film_path(output)
+    if target != output:
+        say(f"ffmpeg is not installed: writing {target} instead of {output}")
+    check_output(target, is_overwriting=is_overwriting)
+    from multicor_cli import post
+
+    with store.open_run(directory) as run, show_progress("frame") as progress:
+        chosen = post.Selection(frames=parse_frames(frames, None, None) or slice(None)).indices(run.frames).tolist()
+        film = write_film(lambda: _maps(run, of, chosen), len(chosen), output, rate=rate, progress=progress)
+    skipped = f", without {film.skipped} that lack this quantity" if film.skipped else ""
+    say(f"wrote {film.path}: {film.frames} frames{skipped}")
+
+
+def _maps(run: Run, of: str, chosen: list[int]) -> Iterator[GrainMap | None]:
+    """Maps of frames; None for those that lack the quantity. Not all may lack it, and there must be a grain in some."""
+    from multicor_cli import post
+
+    has_grains, trouble = False, None
+    for frame in chosen:
+        try:
+            table = post.grain_map(run, of, frame, may_be_empty=True)
+        except post.PostError as error:
+            trouble = error
+            yield None
+            continue
+        has_grains |= bool(table.value.size)
+        yield table
+    if not has_grains:
+        raise trouble or post.PostError("no grain is there in any of the frames")
 
 
 # ---- All of them
 
-post = typer.Typer(no_args_is_help=True, help="Tables and figures from a run.")
+group = typer.Typer(no_args_is_help=True, help="Tables and figures from a run.")
 
 COMMANDS = {
-    **post_grain_commands.COMMANDS,
-    **CONTACT_COMMANDS,
-    **post_grain_commands.REGION_COMMANDS,
-    **post_grain_commands.FIELD_COMMANDS,
-    **RUN_COMMANDS,
-    **SERIES_COMMANDS,
-    **post_grain_commands.FILM_COMMANDS,
+    "profile": shows_table(profile),
+    "theta-eta": shows_table(theta_eta),
+    "map": shows_table(map_grains),
+    "forces": shows_table(forces),
+    "rheology": shows_table(rheology),
+    "region": shows_table(region),
+    "fields": shows_table(fields),
+    "energy": shows_table(energy),
+    "compare": shows_table(compare),
+    "series": shows_table(series),
+    "flow": shows_table(flow),
+    "animate": animate,
 }
 """Commands by name."""
 
@@ -325,5 +598,5 @@ COMMANDS = {
 def register(app: typer.Typer, wrap: Any) -> None:
     """Add the commands."""
     for name, command in COMMANDS.items():
-        post.command(name, cls=ListingCommand)(wrap(command))
-    app.add_typer(post, name="post")
+        group.command(name, cls=ListingCommand)(wrap(command))
+    app.add_typer(group, name="post")

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import csv
+import inspect
 import math
 import sys
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import update_wrapper
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Optional
+from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, Optional
 
 import typer
 
@@ -17,7 +19,7 @@ from multicor_cli.text import with_unit_signs
 
 if TYPE_CHECKING:
     from multicor_cli.plots import Terminal
-    from multicor_cli.post import Table
+    from multicor_cli.post import Selection, Table
 
 # ---- Options that the commands `post …` share
 
@@ -61,6 +63,13 @@ Between = Annotated[
 ]
 AsJson = Annotated[bool, typer.Option("--json", help="Print the data as JSON.")]
 AsCsv = Annotated[bool, typer.Option("--csv", help="Print the data as CSV.")]
+
+
+def selected(start: float | None, end: float | None, frames: str | None) -> Selection:
+    """The frames that ``--from``, ``--to`` and ``--frames`` choose."""
+    from multicor_cli.post import Selection
+
+    return Selection(start, end, parse_frames(frames, start, end))
 
 
 def parse_frames(text: str | None, start: float | None, end: float | None) -> slice | None:
@@ -115,45 +124,86 @@ class TableOutput:
 
             check_output(self.plot, is_overwriting=self.is_overwriting)
 
-    def draw(self, table: Table, **options: Any) -> None:
-        """Draw the figure of a table if one was asked for, and say so.
-
-        Args:
-            table: The table.
-            options: Further options of the figure.
-        """
+    def draw(self, found: Shown) -> None:
+        """Draw the figure if one was asked for, and say so."""
         if self.plot is None:
             return
         from multicor_cli import plots
 
+        table = found.figure or found.table
         if self.plot == _TERMINAL:
-            say(plots.show(table, _terminal(), **options))
+            say(plots.show(table, _terminal(), **found.drawing))
         else:
-            plots.plot(table, self.plot, **options)
+            plots.plot(table, self.plot, **found.drawing)
             say(f"wrote {self.plot}")
 
-    def deliver(self, table: Table, about: str, *, run: Path | None = None, is_detailed: bool = False, **content: Any) -> None:
-        """Print a table.
-
-        Args:
-            table: The table.
-            about: A line for people above the table.
-            run: The run directory, which JSON names.
-            is_detailed: Whether CSV holds the details (``detail_headings`` and ``detail_rows``) instead of the table.
-            content: What decides on the content of JSON: options of ``table.as_dict``.
-        """
+    def deliver(self, found: Shown) -> None:
+        """Print the table."""
+        table = found.table
         if self.is_json:
-            emit_json({**({} if run is None else {"run": str(run)}), **table.as_dict(**content)})
-        elif self.is_csv:
-            _emit_csv(*((table.detail_headings, table.detail_rows) if is_detailed else (table.headings, table.rows)))
-        else:
-            say(about)
-            rows = table.rows
-            digits = [_digits(column) for column in zip(*rows, strict=True)]
-            emit_table(
-                [with_unit_signs(name) for name in table.headings],
-                [[_cell(value, n) for value, n in zip(row, digits, strict=True)] for row in rows],
-            )
+            emit_json({**({} if found.run is None else {"run": str(found.run)}), **table.as_dict(**found.content)})
+            return
+        for line in found.remarks:
+            say(line)
+        if self.is_csv:
+            _emit_csv(*((table.detail_headings, table.detail_rows) if found.is_detailed else (table.headings, table.rows)))
+            return
+        say(found.about)
+        rows = table.rows
+        digits = [_digits(column) for column in zip(*rows, strict=True)]
+        emit_table(
+            [with_unit_signs(name) for name in table.headings],
+            [[_cell(value, n) for value, n in zip(row, digits, strict=True)] for row in rows],
+        )
+
+
+class Shown(NamedTuple):
+    """What a command shows.
+
+    Attributes:
+        table: The table.
+        about: A line for people above the table.
+        run: The run directory, which JSON names.
+        is_detailed: Whether CSV holds the details instead of the table.
+        figure: What is drawn, where that is not the table.
+        drawing: Further options of the figure.
+        content: What decides on the content of JSON: options of ``table.as_dict``.
+        remarks: Lines for people, also beside CSV.
+    """
+
+    table: Table
+    about: str
+    run: Path | None
+    is_detailed: bool = True
+    figure: Table | None = None
+    drawing: Mapping[str, Any] = {}
+    content: Mapping[str, Any] = {}
+    remarks: Sequence[str] = ()
+
+
+def shows_table(command: Callable[..., Shown]) -> Callable[..., None]:
+    """Give a command the options of all tables, and let what it returns leave the program as they say."""
+
+    def show(
+        is_json: AsJson = False,
+        is_csv: AsCsv = False,
+        plot: FigureFile = None,
+        is_overwriting: OverwriteFigure = False,
+        **own: Any,
+    ) -> None:
+        output = TableOutput(is_json, is_csv, plot, is_overwriting=is_overwriting)
+        found = command(**own)
+        output.draw(found)
+        output.deliver(found)
+
+    # Typer reads from signature and annotations what options there are: those of the command come first.
+    *shared, _ = inspect.signature(show, eval_str=True).parameters.values()
+    signature = inspect.signature(command, eval_str=True)
+    options = [*signature.parameters.values(), *shared]
+    update_wrapper(show, command)
+    show.__signature__ = signature.replace(parameters=options, return_annotation=None)  # type: ignore[attr-defined]
+    show.__annotations__ = {option.name: option.annotation for option in options}
+    return show
 
 
 def _emit_csv(headings: Sequence[str], rows: Sequence[Sequence[Any]]) -> None:
