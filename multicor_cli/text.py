@@ -6,6 +6,7 @@ Uses the standard library only.
 from __future__ import annotations
 
 import difflib
+import inspect
 import math
 import re
 from collections.abc import Iterable
@@ -55,6 +56,19 @@ def format_bytes(size: float) -> str:
 def count_noun(number: int, noun: str) -> str:
     """A number with its noun: ``1 stage``, ``2 stages``."""
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
+_OWN_LINE = re.compile(r"\n(?=- | {4})")
+
+
+def unwrapped(docstring: str) -> str:
+    """The text of a docstring, whatever the width that its source is wrapped to: each paragraph is one line.
+
+    Items of lists (``- ``) and lines that are indented by four spaces, as examples are, stay lines of their own.
+    """
+    paragraphs = re.split(r"\n\s*\n", inspect.cleandoc(docstring))
+    lines = (_OWN_LINE.split(paragraph) for paragraph in paragraphs)
+    return "\n\n".join("\n".join(line if line.startswith("    ") else " ".join(line.split()) for line in each) for each in lines)
 
 
 _POWER = re.compile(r"(?<=[a-z])[23]")

@@ -86,5 +86,4 @@ def _cell(text: str | None) -> str:
 
 
 def _prose(text: str | None) -> str:
-    paragraphs = (text or "").replace("\b", "").replace("\x0c", "").split("\n\n")
-    return "\n\n".join(" ".join(part.split()).replace("*", "\\*").replace("<", "\\<") for part in paragraphs)
+    return (text or "").replace("*", "\\*").replace("<", "\\<")

@@ -134,7 +134,7 @@ def _anchor(model: str, key: str) -> str:
 
 def _about(node: Node, own: bool) -> str:
     """The docstring of a model; of the table of the page what its first line adds to the page's title is known."""
-    paragraphs = [" ".join(part.split()) for part in node["description"].replace("``", "`").split("\n\n")]
+    paragraphs = node["description"].replace("``", "`").split("\n\n")
     return "\n\n".join(paragraphs[1:] if own else paragraphs)
 
 

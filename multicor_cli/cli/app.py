@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Annotated, Any, TextIO
 
@@ -15,7 +15,7 @@ from typer.core import TyperGroup
 from multicor_cli import __version__
 from multicor_cli.cli import bench_command, post_commands, reading_commands, run_command, scenario_commands, study_commands
 from multicor_cli.cli.guard import USAGE_ERROR, guarded
-from multicor_cli.text import brief, printable
+from multicor_cli.text import brief, printable, unwrapped
 
 
 class _Commands(TyperGroup):
@@ -67,6 +67,13 @@ def options(
     """Options before a command."""
 
 
+def _told(function: Callable[..., Any]) -> Callable[..., Any]:
+    """A command as the terminal has it: what fails is a message, and its help is as wide as the terminal, not as its source."""
+    command = guarded(function)
+    command.__doc__ = unwrapped(function.__doc__ or "")
+    return command
+
+
 for register in (
     scenario_commands.register,
     run_command.register,
@@ -77,7 +84,7 @@ for register in (
     reading_commands.register_report,
     bench_command.register,
 ):
-    register(app, guarded)
+    register(app, _told)
 
 
 def main() -> None:

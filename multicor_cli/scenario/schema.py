@@ -6,13 +6,14 @@ import json
 from typing import Any
 
 from multicor_cli.scenario.models import ScenarioModel
+from multicor_cli.text import unwrapped
 
 SCHEMA_DIALECT = "https://json-schema.org/draft/2020-12/schema"
 
 
 def scenario_schema() -> dict[str, Any]:
     """The JSON Schema of scenario files; what the tables must have in common is left to `load_scenario`."""
-    schema: dict[str, Any] = _with_expressions(_without_null(ScenarioModel.model_json_schema(by_alias=True)))
+    schema: dict[str, Any] = _with_expressions(_plain(ScenarioModel.model_json_schema(by_alias=True)))
     schema.pop("description", None)
     schema["required"].remove("particles")
     return {
@@ -29,13 +30,15 @@ def schema_text() -> str:
     return json.dumps(scenario_schema(), indent=2, ensure_ascii=False) + "\n"
 
 
-def _without_null(node: Any) -> Any:
-    """The schema without null, which TOML does not have, and without titles, which only repeat the keys."""
+def _plain(node: Any) -> Any:
+    """The schema without null, which TOML does not have, without titles, which only repeat the keys, and unwrapped."""
     if isinstance(node, list):
-        return [_without_null(element) for element in node]
+        return [_plain(element) for element in node]
     if not isinstance(node, dict):
         return node
-    cleaned = {key: _without_null(value) for key, value in node.items() if not _is_noise(key, value)}
+    cleaned = {key: _plain(value) for key, value in node.items() if not _is_noise(key, value)}
+    if isinstance(text := cleaned.get("description"), str):
+        cleaned["description"] = unwrapped(text)
     choices = cleaned.get("anyOf")
     if isinstance(choices, list):
         choices = [choice for choice in choices if choice != {"type": "null"}]

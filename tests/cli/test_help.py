@@ -1,10 +1,11 @@
-"""Help is quick because nothing heavy is imported for it."""
+"""Help is quick because nothing heavy is imported for it, and so is what only reads; help is as wide as the terminal."""
 
 from __future__ import annotations
 
 import os
 import subprocess
 import sys
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -18,35 +19,63 @@ HEAVY = {"numpy", "numba", "h5py", "pydantic", "matplotlib", "scipy", "simpleeva
 COMMANDS = ["new", "validate", "run", "info", "verify", "post", "export", "report", "bench", "schema", "doctor", "study"]
 
 
+COMMAND = "sys.argv = ['multicor', *{!r}]; from multicor_cli.cli.app import main; main()"
 SCRIPT = """
 import sys
 try:
     {code}
-except SystemExit:
-    pass
-print(*sorted({{name.split('.')[0] for name in sys.modules}}), file=sys.stderr)
+except SystemExit as ended:
+    assert not ended.code, ended
+print(*sorted(sys.modules), file=sys.stderr)
 """
 
 
-def loaded_after(code: str) -> set[str]:
-    """Top-level modules that are loaded after ``code`` has run in a process of its own."""
-    done = subprocess.run(
-        [sys.executable, "-c", SCRIPT.format(code=code)], env=environment(), capture_output=True, text=True, timeout=60, check=True
-    )
-    return set(done.stderr.split())
+def loaded_after(code: str, **options: Any) -> set[str]:
+    """Modules, and the packages that they are in, that are loaded after ``code`` has run in a process of its own."""
+    command = [sys.executable, "-c", SCRIPT.format(code=code)]
+    done = subprocess.run(command, env=environment(), capture_output=True, text=True, timeout=120, check=True, **options)
+    names = done.stderr.splitlines()[-1].split()
+    return {*names, *(name.split(".")[0] for name in names)}
 
 
-@pytest.mark.parametrize("arguments", [["--help"], ["run", "--help"], ["post", "energy", "--help"], ["--version"]])
-def test_help_imports_nothing_heavy(arguments: list[str]) -> None:
-    modules = loaded_after(f"sys.argv = ['multicor', *{arguments}]; from multicor_cli.cli.app import main; main()")
+@pytest.mark.parametrize("arguments", ["--help", "run --help", "post energy --help", "--version"])
+def test_help_imports_nothing_heavy(arguments: str) -> None:
+    modules = loaded_after(COMMAND.format(arguments.split()))
     assert "typer" in modules
     # The command-line library itself looks for pydantic as soon as a command has options.
-    assert not modules & (HEAVY - {"pydantic"} if len(arguments) > 1 else HEAVY)
+    assert not modules & (HEAVY - {"pydantic"} if " " in arguments else HEAVY)
 
 
 def test_help_names_quantities_and_compiles_nothing() -> None:
-    modules = loaded_after("sys.argv = ['multicor', 'post', 'map', '--help']; from multicor_cli.cli.app import main; main()")
-    assert not modules & (HEAVY - {"pydantic", "numpy"})
+    assert not loaded_after(COMMAND.format(["post", "map", "--help"])) & (HEAVY - {"pydantic", "numpy"})
+
+
+COMPILERS = {"numba", "llvmlite"}
+FIGURES = {"matplotlib", "PIL", "multicor_cli.plots"}
+MANY_RUNS = {"scipy", "pandas", "dask", "distributed", "simpleeval", "multicor_cli.studies"}
+KERNELS = {"multicor_cli.engine.jit.compile", "multicor_cli.engine.geometry.scene", "multicor_cli.engine.step"}
+SCENARIOS = {"multicor_cli.scenario.models", "multicor_cli.running.plan", "multicor_cli.packing.assembly"}
+READING = COMPILERS | FIGURES | MANY_RUNS | KERNELS
+
+
+@pytest.mark.parametrize(
+    ("arguments", "forbidden"),
+    [
+        ("verify RUN", READING | SCENARIOS),
+        ("post energy RUN", READING | SCENARIOS),
+        ("post profile RUN --of velocity --json", READING | SCENARIOS),
+        ("post map RUN --of speed --csv", READING | SCENARIOS),
+        ("post series RUN", READING | SCENARIOS),
+        ("export csv RUN -o files", READING | SCENARIOS),
+        ("new bed", READING | {"h5py"}),
+        ("schema", READING | {"h5py"}),
+        ("validate small.toml", FIGURES | (MANY_RUNS - {"scipy"})),  # which Numba looks for
+    ],
+)
+def test_a_command_loads_no_more_than_it_needs(arguments: str, forbidden: set[str], finished: Path, tmp_path: Path) -> None:
+    (tmp_path / "small.toml").write_text(scenes.SMALL)
+    modules = loaded_after(COMMAND.format(arguments.replace("RUN", str(finished)).split()), cwd=tmp_path)
+    assert not modules & forbidden
 
 
 def test_importing_the_package_imports_nothing_heavy() -> None:
@@ -99,10 +128,16 @@ def commands() -> list[str]:
 
 
 @pytest.mark.parametrize("name", commands())
-def test_every_command_has_help(name: str, tmp_path: Path) -> None:
-    done = call(*name.split(), "--help", cwd=tmp_path)
+def test_every_command_has_help_as_wide_as_the_terminal(name: str, tmp_path: Path) -> None:
+    """Prose fills its lines: the first word of a line would not have fitted into the one before, unless a paragraph begins."""
+    done = call(*name.split(), "--help", cwd=tmp_path, COLUMNS="80", TERMINAL_WIDTH="80")
     assert done.returncode == 0, done.stderr
     assert "Usage" in done.stdout
+    prose = [line.rstrip() for line in done.stdout.partition("╭")[0].splitlines()]
+    assert max(map(len, prose)) <= 80
+    for line, following in pairwise(prose):
+        if line and following:
+            assert len(line) + 1 + len(following.split()[0]) > 79, line
 
 
 @pytest.mark.parametrize(

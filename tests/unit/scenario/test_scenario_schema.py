@@ -43,6 +43,17 @@ def nodes(node):
         yield from nodes(value)
 
 
+def test_paragraphs_of_descriptions_are_lines_whatever_the_width_of_the_source():
+    def texts(node):
+        for key, value in node.items() if isinstance(node, dict) else enumerate(node) if isinstance(node, list) else ():
+            yield from [value] if key == "description" and isinstance(value, str) else texts(value)
+
+    described = list(texts(scenario_schema()))
+    assert len(described) > 200
+    assert any("\n\n" in text for text in described)
+    assert not [text for text in described if "\n" in text.replace("\n\n", "")]
+
+
 def test_editors_take_expressions_wherever_numbers_stand():
     """Bounds concern numbers, the pattern strings, so that neither gets in the way of the other."""
     tables = [node for node in nodes(scenario_schema()) if isinstance(node, dict) and isinstance(node.get("type"), str | list)]
