@@ -1,6 +1,6 @@
 from .checks import check_run as check_run
 from .checks import check_scenario as check_scenario
-from .engine.contact.step_report import PhysicsError as PhysicsError
+from .engine.orders import PhysicsError as PhysicsError
 from .plots.notebook import picture as picture
 from .running import run as run
 from .running.outcome import Observer as Observer

@@ -13,7 +13,8 @@ from ends import MEASURES, TIGHT, end_of
 from listening import Heard, Problem, cold, falling_bed, run_scenario, run_scene
 
 from multicor_cli.bench.scenes import SCENES
-from multicor_cli.engine.contact.solve import Settings, ThreadChoice, solve_system
+from multicor_cli.engine.contact.solve import ThreadChoice, solve_system
+from multicor_cli.engine.orders import Settings
 
 _CONFIGS = Path(__file__).parents[2] / "configs"
 _FIRST = 450  # step of the falling bed at which it begins to collapse

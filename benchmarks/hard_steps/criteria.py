@@ -10,9 +10,10 @@ from listening import Problem
 
 from multicor_cli.engine.contact import acceleration as loops
 from multicor_cli.engine.contact.patches import SIZES, choose_patch, has_clusters, solve_patch
-from multicor_cli.engine.contact.solve import ResidualScale, Settings, ThreadChoice, solve_system
+from multicor_cli.engine.contact.solve import ResidualScale, ThreadChoice, solve_system
 from multicor_cli.engine.contact.sweep import EXACT, Relaxation, System, sweep
 from multicor_cli.engine.contact.system import flatten
+from multicor_cli.engine.orders import Settings
 from multicor_cli.model.model import Floats
 
 EVERY = 4  # sweeps between two looks at the residual

@@ -17,7 +17,7 @@ from multicor_cli.engine.jit.chunks import aligned_copy
 from multicor_cli.packing import build
 from multicor_cli.running.controller import Controller
 from multicor_cli.running.planning import make_plan
-from multicor_cli.running.session import make_stepper
+from multicor_cli.running.session import make_engine
 from multicor_cli.scenario import parse_scenario
 
 
@@ -95,7 +95,7 @@ def run_scenario(text: str, heard: Heard, overrides: list[str], path: Path = Pat
     """Run a scenario to its end on one thread without writing anything; returns its state. What it names lies beside ``path``."""
     scenario = parse_scenario(text, path, overrides)
     model, state = build(scenario)
-    engine = make_stepper(scenario, model, state, 1)
+    engine = make_engine(scenario, model, state, 1)
     with listening(heard):
         Controller(make_plan(scenario, model), engine, _NoRecorder()).run(is_new=True)
     return state

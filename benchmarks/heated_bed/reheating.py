@@ -12,8 +12,8 @@ import numpy as np
 from deposited import Bed
 from lattice_bed import Floats
 
+from multicor_cli.engine import Engine, Orders
 from multicor_cli.engine.heat.settings import HeatSettings
-from multicor_cli.engine.heat.step import HeatEngine
 from multicor_cli.model import HEAT_BOOK_NAMES, State
 
 REPEATS = 5
@@ -71,10 +71,10 @@ def heat_bed(bed: Bed, settings: HeatSettings) -> Heated:
     assert thermal is not None
     state = _cold(bed)
     started = time.perf_counter()
-    engine = HeatEngine(bed.model, state, settings)
-    engine.set_conditions(bed.conditions)
+    engine = Engine(bed.model, state, heat=settings)
+    engine.resume(Orders(conditions=bed.conditions, is_frozen=True))
     for k in range(round(bed.duration / bed.interval)):
-        engine.advance(bed.interval, k * bed.interval)
+        engine.step(bed.interval, k * bed.interval)
     seconds = time.perf_counter() - started
     books = dict(zip(HEAT_BOOK_NAMES, state.heat_books.tolist(), strict=True))
     ratio = (books["solid_gas_min"], books["solid_gas_max"])

@@ -17,8 +17,8 @@ from peers import GranPeer
 from table import draw, spread
 
 from multicor_cli.bench.scenes import SCENES
+from multicor_cli.engine import Engine, Orders
 from multicor_cli.engine.heat.settings import HeatSettings
-from multicor_cli.engine.heat.step import HeatEngine
 from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.engine.motion.drives import Constant
 from multicor_cli.model import HEAT_BOOK_NAMES, Model, State
@@ -114,9 +114,9 @@ class GrownBed:
         state = self.state()
         settings = self._settings if tolerance is None else replace(self._settings, tolerance=tolerance)
         begin = time.perf_counter()
-        engine = HeatEngine(self._model, state, settings)
-        engine.set_conditions([WallHeat("temperature", Constant(HOT))])
-        engine.advance(DURATION, 0.0)
+        engine = Engine(self._model, state, heat=settings)
+        engine.resume(Orders(conditions=[WallHeat("temperature", Constant(HOT))], is_frozen=True))
+        engine.step(DURATION, 0.0)
         seconds = time.perf_counter() - begin
         assert self._model.thermal is not None
         return seconds, sub_steps_of(state), state.temperature(self._model.thermal)

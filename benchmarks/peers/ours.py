@@ -14,8 +14,7 @@ from scene import DENSITY
 
 from multicor_cli.bench.driving import PreparedScene, prepare
 from multicor_cli.bench.scenes import BenchScene
-from multicor_cli.engine import Settings
-from multicor_cli.engine.coupled import CoupledEngine
+from multicor_cli.engine import Engine, Settings
 from multicor_cli.engine.heat.settings import HeatSettings
 from multicor_cli.model import Model, ShapeKind, State
 from multicor_cli.running.time_step import Scales
@@ -89,10 +88,10 @@ class Start:
         """Let the scene go on for a time [s], so that the next engines start from another state."""
         self._prepared.take(round(duration / self.dt))
 
-    def engine(self, settings: Settings) -> CoupledEngine:
+    def engine(self, settings: Settings) -> Engine:
         """An engine of its own in front of this state."""
         engine = copy.deepcopy(self._prepared.engine)
-        engine.settings = settings
+        engine.resume(replace(engine.orders, settings=settings))
         engine.state.window_wall_impulse[:] = 0.0
         return engine
 
@@ -100,7 +99,7 @@ class Start:
         """Choices about heat of a scene that has some."""
         heat = self._prepared.engine.heat
         assert heat is not None
-        return heat.settings
+        return heat
 
     def layer(self) -> Layer:
         """The sheared layer as the others see it."""

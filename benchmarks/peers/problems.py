@@ -73,7 +73,7 @@ def take_problem(scene: str, grains: int) -> SceneProblem:
     prepared = prepare(SCENES[scene], grains)
     prepared.take(max(1, prepared.scene.warm_steps))
     step = prepared.state.stage_step * prepared.stage.dt
-    problem, start = prepared.engine.mechanics.next_start(prepared.stage.dt, step)
+    problem, start = prepared.engine.next_start(prepared.stage.dt, step)
     return SceneProblem(scene, problem, start.copy())
 
 

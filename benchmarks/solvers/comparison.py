@@ -13,7 +13,7 @@ from methods.operators import DISTANCE, ENERGY, MAXIMUM, RMS, TIME, WORK, record
 from problems import Problem
 from reference import Reference
 
-from multicor_cli.engine.contact.solve import Settings
+from multicor_cli.engine.orders import Settings
 from multicor_cli.model.model import Floats
 
 _ENOUGH = 0.5

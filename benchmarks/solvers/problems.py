@@ -20,7 +20,7 @@ from multicor_cli.bench.driving import prepare
 from multicor_cli.bench.scenes import SCENES
 from multicor_cli.engine import Engine
 from multicor_cli.engine import step as engine_module
-from multicor_cli.engine.contact.solve import ResidualScale, Settings
+from multicor_cli.engine.contact.solve import ResidualScale
 from multicor_cli.engine.contact.sweep import System, add_impulses
 from multicor_cli.engine.contact.system import OneByOne, batch
 from multicor_cli.engine.jit.cache import cache_name
@@ -156,7 +156,7 @@ def _record_deposited(grains: int, seed: int) -> list[tuple[System, ResidualScal
     scene = SCENES["bed"]
     copies = max(1, round(grains / scene.tile))
     scenario = parse_scenario(scene.text(scene.tile, seed, copies), "deposited.toml", ['particles.0.packing={kind="deposited"}'])
-    engine = Engine(*build(scenario), Settings(), threads=1)
+    engine = Engine(*build(scenario), threads=1)
     heard: list[tuple[System, ResidualScale]] = []
     with _listening(heard):
         engine.step(float(scenario.stage_solver(0).dt), 0.0)

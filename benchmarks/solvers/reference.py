@@ -9,8 +9,9 @@ from methods.operators import COLUMNS, Log, distance
 from problems import Problem
 
 from multicor_cli.engine.contact.acceleration import start_momentum
-from multicor_cli.engine.contact.solve import Settings, ThreadChoice, solve_system
+from multicor_cli.engine.contact.solve import ThreadChoice, solve_system
 from multicor_cli.engine.contact.sweep import System
+from multicor_cli.engine.orders import Settings
 from multicor_cli.model.model import Floats
 
 RMS = 1e-6

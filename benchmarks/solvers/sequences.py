@@ -13,7 +13,8 @@ from methods.operators import DISTANCE, TIME, WORK, distance
 from problems import Problem
 from reference import Reference
 
-from multicor_cli.engine.contact.solve import Outcome, Settings, ThreadChoice, solve_system
+from multicor_cli.engine.contact.solve import Outcome, ThreadChoice, solve_system
+from multicor_cli.engine.orders import Settings
 from multicor_cli.model.model import Floats
 
 _TIMED = 5

@@ -12,7 +12,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from multicor_cli.engine import Engine, Settings
+from multicor_cli.engine import Engine, Orders, Settings
 from multicor_cli.model import ContactLaws, Grains, Model, State, Walls, WallShapes
 from multicor_cli.model.model import Floats
 
@@ -88,7 +88,8 @@ def watch(kind: str, friction: float, dt: float, seed: int = 1) -> tuple[float, 
     model = _model(GROUPS * size, friction)
     state = State.at_rest(model, np.vstack([corner + group[0] for corner, group in zip(corners, groups, strict=True)]))
     state.velocity[:] = np.vstack([group[1] for group in groups])
-    engine = Engine(model, state, TIGHT, threads=1)
+    engine = Engine(model, state, threads=1)
+    engine.begin(Orders(settings=TIGHT))
     before = _kinetic(model, state)
     for k in range(round(duration / dt)):
         engine.step(dt, k * dt)

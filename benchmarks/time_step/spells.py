@@ -14,7 +14,7 @@ import numpy as np
 from cases import CONFIG, LOAD, SPEEDS, TAU, Case
 
 from multicor_cli import load_scenario
-from multicor_cli.engine import Engine, Settings
+from multicor_cli.engine import Engine, Orders, Settings
 from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
 from multicor_cli.packing import build
 
@@ -36,9 +36,9 @@ def watch(inertial: float, friction: float, settle: float, strain: float) -> tup
     """Spells of a flow; ``strain`` follows after ``settle``. Also returns the duration over τ times the number of grains."""
     case = Case(inertial, STEP, TOLERANCE, 1, strain, friction)
     model, state = build(load_scenario(CONFIG, overrides=case.overrides()))
-    engine = Engine(model, state, _settings(), threads=1)
+    engine = Engine(model, state, threads=1)
     top = WallDrive(x=DofDrive(velocity=Constant(SPEEDS[inertial])), y=DofDrive(force=Constant(-LOAD)))
-    engine.set_drives([WallDrive(), top])
+    engine.begin(Orders([WallDrive(), top], _settings()))
     dt = STEP * TAU
     height = float(state.wall_position[1, 1] - state.wall_position[0, 1])
     steps = [round(part * height / SPEEDS[inertial] / dt) for part in (settle, strain)]

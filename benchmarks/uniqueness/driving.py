@@ -10,12 +10,12 @@ from pathlib import Path
 
 import numpy as np
 
-from multicor_cli.engine.contact.solve import Method
-from multicor_cli.engine.coupled import CoupledEngine
+from multicor_cli.engine import Engine
+from multicor_cli.engine.orders import Method
 from multicor_cli.model import Model, State
 from multicor_cli.model.state import VARIABLE
 from multicor_cli.packing import build
-from multicor_cli.running.plan import RunPlan, begin_stage, resume_stage
+from multicor_cli.running.plan import RunPlan, begin_stage
 from multicor_cli.running.planning import make_plan
 from multicor_cli.running.session import make_engine
 from multicor_cli.scenario import Scenario, parse_scenario
@@ -53,7 +53,7 @@ class Driven:
 
     scenario: Scenario
     model: Model
-    engine: CoupledEngine
+    engine: Engine
     plan: RunPlan
     method: Method
     steps: int = 0
@@ -73,7 +73,7 @@ class Driven:
             state.stage, state.stage_step, state.stage_start = number, 0, state.time
             starts.append(state.time)
             begin_stage(self.engine, stage, starts)
-            self.engine.settings = replace(stage.settings, method=self.method)
+            self.engine.resume(replace(self.engine.orders, settings=replace(stage.settings, method=self.method)))
             for _ in range(stage.step_limit or 0):
                 self.step()
                 after_step(self)
@@ -99,8 +99,8 @@ class Driven:
         engine = make_engine(self.scenario, self.model, state, 1)
         names = ("tolerance_rms", "tolerance_max", "tolerance_energy")
         tolerances = {name: factor * getattr(stage.settings, name) for name in names}
-        resume_stage(engine, stage, [0.0] * state.stage + [state.stage_start])
-        engine.settings = replace(stage.settings, method=method, **tolerances)
+        orders = stage.orders([0.0] * state.stage + [state.stage_start])
+        engine.resume(replace(orders, settings=replace(stage.settings, method=method, **tolerances)))
         return Driven(self.scenario, self.model, engine, self.plan, method)
 
 

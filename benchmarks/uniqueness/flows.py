@@ -10,7 +10,7 @@ from driving import Driven, begin
 from samples import Sample, Shift, sample, shift
 from scenes import DIAMETER, RATES, collapse, column_width, shear
 
-from multicor_cli.engine.contact.solve import Method
+from multicor_cli.engine.orders import Method
 
 WAYS: dict[str, tuple[Method, bool]] = {
     "accelerated": ("accelerated", False),

@@ -12,7 +12,7 @@ from law import approach_velocity, contact_velocity, violations
 from scenes import bed
 
 from multicor_cli.engine import ContactProblem, Settings, solve_contacts
-from multicor_cli.engine.contact.solve import Method
+from multicor_cli.engine.orders import Method
 from multicor_cli.model.model import Floats, Ints
 
 METHODS: tuple[Method, ...] = ("gauss-seidel", "accelerated")
@@ -114,9 +114,8 @@ def take(count: int, seed: int, times: list[float]) -> Iterator[Taken]:
 
     def look(now: object) -> None:
         if driven.steps in steps:
-            mechanics, dt = driven.engine.mechanics, driven.dt
-            problem, warm = mechanics.next_start(dt, driven.steps * dt)
-            taken.append(Taken(seed, driven.steps * dt, problem, warm.copy()))
+            problem, warm = driven.engine.next_start(driven.dt, driven.steps * driven.dt)
+            taken.append(Taken(seed, driven.steps * driven.dt, problem, warm.copy()))
 
     driven.run(look)
     yield from taken

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 from driving import Driven, begin
 
-from multicor_cli.engine.contact.solve import Method
+from multicor_cli.engine.orders import Method
 from multicor_cli.model.model import Floats
 
 WAYS: dict[str, tuple[Method, str, float]] = {

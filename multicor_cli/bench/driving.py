@@ -15,8 +15,8 @@ from numpy.typing import NDArray
 from multicor_cli.arithmetic import hypot
 from multicor_cli.arithmetic.sums import total
 from multicor_cli.bench.scenes import BenchScene
-from multicor_cli.engine.contact.step_report import StepReport
-from multicor_cli.engine.coupled import CoupledEngine
+from multicor_cli.engine import Engine
+from multicor_cli.engine.orders import StepReport
 from multicor_cli.model import Grains, Model, ShapeKind, State, Thermal, WallShapes
 from multicor_cli.model.model import Floats, Ints
 from multicor_cli.model.shapes import TAIL, Tail
@@ -56,7 +56,7 @@ class PreparedScene:
 
     scene: BenchScene
     model: Model
-    engine: CoupledEngine
+    engine: Engine
     stage: StagePlan
 
     @property

@@ -12,7 +12,7 @@ import numpy as np
 from multicor_cli.bench.driving import NoRestError, PreparedScene, Round, prepare
 from multicor_cli.bench.scenes import SCENES
 from multicor_cli.bench.yardsticks import ReferenceStep, SweepTimes, time_sweep
-from multicor_cli.engine.contact.step_report import PhysicsError
+from multicor_cli.engine.orders import PhysicsError
 from multicor_cli.model import BOOK_NAMES, HEAT_BOOK_NAMES, TALLY_NAMES
 
 BUDGET_SWEEPS = 30
@@ -123,7 +123,7 @@ def measure(task: Task) -> Result:
     sweep = None
     if not scene.is_frozen:
         stage, state = prepared.stage, prepared.state
-        ordered = prepared.engine.mechanics.next_system(stage.dt, state.stage_step * stage.dt)
+        ordered = prepared.engine.next_system(stage.dt, state.stage_step * stage.dt)
         sweep = time_sweep(ordered.system, (1, task.threads) if task.threads > 1 else (1,))
 
     reports = [report for round_ in rounds for report in round_.reports]

@@ -26,12 +26,12 @@ from multicor_cli.engine.contact.contacts import StepContacts, WarmStart, fill_c
 from multicor_cli.engine.contact.ordering import Schedule, Scheduler
 from multicor_cli.engine.contact.patches import choose_patch, has_clusters, hold, release, solve_patch
 from multicor_cli.engine.contact.sweep import EXACT, System
-from multicor_cli.engine.contact.system import assemble, tabulate_contacts
+from multicor_cli.engine.contact.system import Moved, assemble, tabulate_contacts
 from multicor_cli.engine.energy.account import account_contacts, warm_start_of
 from multicor_cli.engine.geometry.scene import Scene
 from multicor_cli.engine.heat.laws import heat_laws
 from multicor_cli.engine.heat.settings import HeatSettings
-from multicor_cli.engine.heat.step import HeatEngine, MovedContacts
+from multicor_cli.engine.heat.step import HeatStep
 from multicor_cli.engine.jit.chunks import aligned, chunks_for
 from multicor_cli.engine.jit.vectors import LANES
 from multicor_cli.engine.motion.moves import move, wrap
@@ -58,8 +58,9 @@ def precompile() -> None:
     system = _without_contacts()
     memory, momentum = start_loop(0), start_momentum(system)
     iterate(system, momentum, EXACT, True, False, 0, False, NEVER, memory, np.empty(1))
-    _heat(model, state, MovedContacts(scene, contacts, bodies, _NOBODY, _NOBODY))
-    _finish(model, state, scene, contacts, bodies)
+    moved = Moved(scene, contacts, bodies, _NOBODY, _NOBODY)
+    _heat(model, state, moved)
+    _finish(model, state, moved)
     _prepare(model, scene, contacts, bodies)
     _unstick(system, momentum, memory)
 
@@ -79,14 +80,15 @@ def _without_contacts() -> System:
     )  # fmt: skip
 
 
-def _heat(model: Model, state: State, moved: MovedContacts) -> None:
+def _heat(model: Model, state: State, moved: Moved) -> None:
     material = dict.fromkeys(("density", "heat_capacity", "conductivity", "young", "poisson"), 0.1)
-    HeatEngine(model, state, HeatSettings(heat_laws([material], "effusivity", np.zeros((1, 1))))).step(moved, 1.0, 0.0)
+    HeatStep(model, state, HeatSettings(heat_laws([material], "effusivity", np.zeros((1, 1))))).flow(moved, 1.0, 0.0)
 
 
-def _finish(model: Model, state: State, scene: Scene, contacts: StepContacts, bodies: Floats) -> None:
+def _finish(model: Model, state: State, moved: Moved) -> None:
     """What follows the solve, the last first."""
-    tabulate_contacts(scene, contacts, bodies)
+    scene, contacts, bodies, *_ = moved
+    tabulate_contacts(moved)
     warm_start_of(contacts)
     wrap(state.position, state.image, model.period)
     gap, marked, mass = np.empty(0), np.zeros(1, np.bool_), model.grains.mass

@@ -1,4 +1,4 @@
-"""One time step of rigid grains with Coulomb friction: the phases of Moreau–Jean time stepping, in order."""
+"""One time step of rigid grains with Coulomb friction and heat: the phases of Moreau–Jean time stepping, in order."""
 
 from __future__ import annotations
 
@@ -7,6 +7,8 @@ import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import replace
+from functools import cached_property
+from typing import NamedTuple, NoReturn
 
 import numba
 import numpy as np
@@ -26,105 +28,185 @@ from multicor_cli.engine.contact.contacts import (
 )
 from multicor_cli.engine.contact.ordering import Scheduler
 from multicor_cli.engine.contact.problem import ContactProblem, problem_of_step
-from multicor_cli.engine.contact.solve import Outcome, ResidualScale, Settings, ThreadChoice, solve_system
-from multicor_cli.engine.contact.step_report import PhysicsError, StepReport
-from multicor_cli.engine.contact.system import OrderedSystem, assemble, tabulate_contacts
-from multicor_cli.engine.energy import account
-from multicor_cli.engine.energy.account import book_step, open_books, switch_wall_kinetic
+from multicor_cli.engine.contact.solve import Outcome, ResidualScale, ThreadChoice, solve_system
+from multicor_cli.engine.contact.system import Moved, OrderedSystem, assemble, tabulate_contacts
+from multicor_cli.engine.energy.account import (
+    SUMS,
+    ContactSums,
+    account_contacts,
+    book_step,
+    open_books,
+    switch_wall_kinetic,
+    warm_start_of,
+)
 from multicor_cli.engine.geometry.drift import fit_drift
 from multicor_cli.engine.geometry.neighbors import NeighborList
 from multicor_cli.engine.geometry.scene import Scene, scene_of
+from multicor_cli.engine.heat.settings import HeatSettings
+from multicor_cli.engine.heat.step import HeatStep
+from multicor_cli.engine.heat.walls import WallHeat, begin_bodies
+from multicor_cli.engine.inflow.population import Population
+from multicor_cli.engine.inflow.rules import InflowRules
 from multicor_cli.engine.jit.chunks import chunks_for
 from multicor_cli.engine.jit.threads import PARALLEL_GRAINS
-from multicor_cli.engine.motion.drives import AnyGravity, Gravity, WallDrive
+from multicor_cli.engine.motion.drives import Gravity, WallDrive
 from multicor_cli.engine.motion.moves import move, predict, wrap
-from multicor_cli.engine.motion.separation import correct_positions
+from multicor_cli.engine.motion.separation import Correction, correct_positions
 from multicor_cli.engine.motion.unseen import find_unseen, stop_unseen
 from multicor_cli.engine.motion.walls import WallMotion
+from multicor_cli.engine.orders import Interrupted, Orders, PhysicsError, StepReport
 from multicor_cli.model.columns import BELT, COUPLE
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.model.faults import LARGEST, find_absurd_value
-from multicor_cli.model.model import LEAST_DIAMETERS, Floats, Model
+from multicor_cli.model.model import LEAST_DIAMETERS, ContactLaws, Floats, Model
 from multicor_cli.model.state import State
 
 SLIPS_RMS, SLIPS = 50.0, 10.0
 """Scales of the rms and of the largest velocity correction over the mean slip between grains: by default 5 % and half of it."""
 PHASES = ("predict", "detect", "prepare", "solve", "account", "move", "correct")
+_NOBODY, _NO_TEMPERATURE = np.empty(0, np.int64), np.empty(0)
+_NOTHING_TO_SOLVE = Outcome(0.0, True, 0.0, 0.0, 0.0)
+_NOTHING_TO_CORRECT = Correction(0.0, 0.0, 0.0, 0)
+
+
+class Layout:
+    """What a step works on: made for the grains that are present, and rebuilt when one comes or goes.
+
+    No result depends on how long a layout has been in use.
+
+    Attributes:
+        model: The grains that are present, and all walls.
+        state: Their state.
+        newcomers: Grains that have had no step yet.
+        threads: Number of threads that may be used.
+        threading: How many of them pay.
+        scheduler: Keeps the order of the sweep as long as it may.
+        mass: Mass of all these grains [kg].
+        middle: q_m, shape ``(n, 3)``.
+        before: Grains and walls (v_x, v_y, a ω, 1/m) at the start of the step, shape ``(n + w, 4)``.
+        free: The same with their free velocities.
+        flagged: Work space of the position correction, shape ``(n,)``.
+    """
+
+    def __init__(self, model: Model, state: State, newcomers: NDArray[np.int64], threads: int) -> None:
+        n, w = model.grain_count, model.wall_count
+        self.model, self.state, self.newcomers = model, state, newcomers
+        self.threads = threads if n >= PARALLEL_GRAINS else 1
+        self.threading = ThreadChoice(self.threads)
+        self.scheduler = Scheduler()
+        self.mass = total(model.grains.mass)
+        self.middle = np.empty((n, 3))
+        self.before, self.free = np.zeros((n + w, 4)), np.zeros((n + w, 4))
+        self.flagged = np.zeros(n, np.bool_)
+
+    @cached_property
+    def pairs(self) -> NeighborList:
+        """The neighbor list; without grains there is none."""
+        return NeighborList(self.model)
+
+
+class Prediction(NamedTuple):
+    """A step before its contacts are known.
+
+    Attributes:
+        dt: Time step [s].
+        gravity: Acceleration of gravity in the middle of the step [m/s²], shape ``(2,)``.
+        scene: Shapes at q_m.
+        cutoff: A gap that no pair closes in the step, as far as velocities before the solve tell [m].
+        stopped: How far grains are from where they would be at q_m, where something stopped them [m], shape ``(n, 2)``; or None.
+    """
+
+    dt: float
+    gravity: Floats
+    scene: Scene
+    cutoff: float
+    stopped: Floats | None
 
 
 class Engine:
     """Advances a `State` step by step. Knows nothing of files, scenarios or terminals.
 
+    What it works with is of three kinds: the state, which checkpoints hold and a step changes; the orders, which hold for a stage;
+    and a `Layout`, which can be thrown away after any step.
+
     Attributes:
-        model: What does not change.
+        model: What does not change, with all grains.
         state: What does; updated in place by `step`, untouched by a step that is interrupted.
-        settings: Choices of the contact solver; may be replaced between steps.
-        laws: Contact laws, those of the model at first; others of their friction may take their place between steps.
+        heat: Choices about heat, or None if there is none.
+        orders: What the present stage orders; `begin` or `resume` replaces it.
         timers: Seconds spent in each phase of the time step since the start.
-        shape_temperature: Temperatures of all shapes [K], for friction that depends on them; nan where a wall has none.
-        newcomers: Grains that have come since the last step.
+        moved: What the last step of the mechanics left, of the grains that are present, until the next; None if there is none.
     """
 
-    def __init__(self, model: Model, state: State, settings: Settings | None = None, threads: int = 0) -> None:
-        """Set up the engine.
+    def __init__(
+        self,
+        model: Model,
+        state: State,
+        *,
+        threads: int = 0,
+        heat: HeatSettings | None = None,
+        inflow: InflowRules | None = None,
+    ) -> None:
+        """Set up the engine; until it is told otherwise, walls stand still and are insulated.
 
         Args:
             model: The model.
             state: The state to advance.
-            settings: Choices of the contact solver.
             threads: Number of threads; 0 takes all that are available.
+            heat: Choices about heat; None: there is none.
+            inflow: How grains come and go; None: none does.
 
         Raises:
-            ValueError: If the period is too short for the grains.
+            ValueError: If the period is too short for the grains, or the model has no heat capacities for the heat.
         """
-        self.model = model
-        self.state = state
-        self.settings = settings or Settings()
-        self.laws = model.laws
-        self.timers = dict.fromkeys(PHASES, 0.0)
         available = int(numba.config.NUMBA_NUM_THREADS)  # type: ignore[attr-defined]
-        wanted = min(threads, available) if threads > 0 else available
-        self.threads = wanted if model.grain_count >= PARALLEL_GRAINS else 1
-        largest = float(model.grains.radius.max())
+        largest = float(model.grains.radius.max(initial=0.0))
         if 0.0 < model.period < 2.0 * LEAST_DIAMETERS * largest:
             message = f"the period {model.period:g} m is less than four times the largest diameter {2.0 * largest:g} m"
             raise ValueError(message)
-        n, w = model.grain_count, model.wall_count
-        self._list = NeighborList(model)
-        self._motion = WallMotion(model, [WallDrive()] * w)
-        self._gravity: AnyGravity = Gravity.constant(model.gravity)
-        self._gravity_now: Floats = model.gravity  # what acts in the step: gravity at its middle
-        self._middle = np.empty((n, 3))
-        self._stopped: Floats | None = None  # how far grains are from where they would be at q_m, if something stopped them
-        self._start = np.zeros((n + w, 4))
-        self._free = np.zeros((n + w, 4))
-        self._flagged = np.zeros(n, np.bool_)
-        self._mass = total(model.grains.mass)
-        self.shape_temperature: Floats = np.empty(0)
-        self.newcomers: NDArray[np.int64] = np.empty(0, np.int64)
-        self._threading = ThreadChoice(self.threads)
-        self._scheduler = Scheduler()
-        self._contacts: StepContacts | None = None
-        self._after: Floats = np.empty((0, 4))
-        self._last_scene: Scene | None = None
+        self.model, self.state = model, state
+        self.timers = dict.fromkeys(PHASES if heat is None else (*PHASES, "heat"), 0.0)
+        self.moved: Moved | None = None
+        self._available = min(threads, available) if threads > 0 else available
+        self.heat = heat
+        self._population = None if inflow is None else Population(model, state, inflow)
+        self.orders = Orders()
+        self._lay_out()
+        self.resume(self.orders)
 
-    def set_drives(self, drives: list[WallDrive]) -> None:
-        """Choose what the walls do from now on, one `WallDrive` per wall (at the start of a stage, and after a resume)."""
-        before = self._motion.kinetic(self.state.wall_velocity)
-        self._motion = WallMotion(self.model, drives)
-        self.state.wall_origin = self._motion.origins(self.state)
-        if self.state.step > 0:
-            switch_wall_kinetic(self.state, self._motion.kinetic(self.state.wall_velocity) - before)
+    @property
+    def threads(self) -> int:
+        """Number of threads that may be used."""
+        return self._layout.threads
+
+    def begin(self, orders: Orders) -> None:
+        """Take up the orders of a stage, before its first step: books, displacements of walls and their heat begin with it."""
+        state, before = self._gathered(), self._motion.kinetic(self.state.wall_velocity)
+        self.resume(orders)
+        self.state.wall_origin = self._motion.origins(state)
+        if state.step > 0:
+            switch_wall_kinetic(state, self._motion.kinetic(state.wall_velocity) - before)
         else:
-            open_books(self.state, self.model, self._motion)
+            open_books(state, self._layout.model, self._motion)
+        if orders.conditions is not None and orders.is_new is not None and self._heat is not None:
+            begin_bodies(orders.conditions, orders.is_new, state.wall_temperature)
 
-    def resume_drives(self, drives: list[WallDrive]) -> None:
-        """As `set_drives` in the middle of a stage: the books already know the kinetic energy of the walls."""
-        self._motion = WallMotion(self.model, drives)
+    def resume(self, orders: Orders) -> None:
+        """As `begin`, in the middle of a stage: the state knows already what begins with it, and is not touched."""
+        still = [WallDrive()] * self.model.wall_count
+        self._motion = WallMotion(self.model, still if orders.drives is None else list(orders.drives))
+        self._gravity = Gravity.constant(self.model.gravity) if orders.gravity is None else orders.gravity
+        self.orders = orders
+        self._begin_heat()
 
-    def set_gravity(self, gravity: AnyGravity) -> None:
-        """Choose gravity from now on, instead of that of the model (at the start of a stage, and after a resume)."""
-        self._gravity = gravity
+    def pass_grains(self) -> None:
+        """Let grains go and come, once before each step: `step` does, unless it has been done to begin a stage with those present.
+
+        Raises:
+            PhysicsError: If a grain is lost and that is to end the run.
+        """
+        if self._population is not None and self._population.pass_grains():
+            self._lay_out()
 
     def step(self, dt: float, t: float, should_stop: Callable[[], bool] | None = None) -> StepReport:
         """Advance by one time step.
@@ -135,52 +217,44 @@ class Engine:
             should_stop: Asked now and then during a long solve.
 
         Raises:
-            Interrupted: If ``should_stop`` says so; the state is that before the step.
-            PhysicsError: If the state is not finite, the solver fails and ``on_failure`` is "error", or no admissible positions
-                exist.
+            Interrupted: If ``should_stop`` says so; the state is that before the step, and before grains came or went.
+            PhysicsError: If the state is not finite, the solver fails and ``on_failure`` is "error", no admissible positions
+                exist, a temperature cannot be integrated, or a grain is lost and that is to end the run.
         """
-        numba.set_num_threads(self._threading.favorite)
-        self._contacts = self._last_scene = None  # free the contacts of the last step before there are new ones
-        state, model, motion = self.state, self.model, self._motion
-        if state.step == 0:
-            open_books(state, model, motion)
-        with self._timed("predict"):
-            scene, reach = self._predict(dt, t)
-        margin = -1.0
-        while True:
-            with self._timed("detect"):
-                self._list.update(self._middle, scene.world, reach)
-                lists = self._list
-                if margin < 0.0:
-                    margin = self._margin(scene, reach, dt)
-            contacts, after, outcome = self._solve(scene, margin, dt, should_stop)
-            with self._timed("detect"):
-                reach = max(reach, self._reach_after(scene, after, dt))
-                if reach > lists.complete:
-                    lists.update(self._middle, scene.world, reach)
-                    self._measure_pairs(scene, reach)
-                worst = chunks_for(model.grain_count)
-                find_missed(scene, lists.row, lists.partner, lists.gap, lists.normal, margin, reach, after, dt, worst)
-                missed = float(worst.max())
-            if missed == 0.0:
-                break
-            margin = max(2.0 * margin, 1.5 * dt * missed)
-        outcome.require_convergence(self.settings, state.step)
-        return self._finish(scene, contacts, after, outcome, reach, dt)
-
-    @property
-    def moved(self) -> tuple[Scene, StepContacts, Floats] | None:
-        """Shapes at q_m, contacts and velocities v⁺ of the last step, valid until the next; None if there is none."""
-        if self._last_scene is None or self._contacts is None:
-            return None
-        return self._last_scene, self._contacts, self._after
+        is_frozen = self.orders.is_frozen
+        if not is_frozen:
+            self.pass_grains()
+        state = self._gathered()
+        try:
+            report = self._stand_still() if is_frozen else self._move(dt, t, should_stop)
+            self._pass_heat(dt, t, should_stop)
+        except Interrupted:
+            if self._population is not None and self._population.go_back():
+                self._lay_out()
+            raise
+        state.step += 1
+        state.stage_step += 1
+        state.frozen_steps += is_frozen
+        state.time = state.stage_start + state.stage_step * dt
+        if self._population is not None:
+            self._population.scatter()
+        return report
 
     def contacts(self) -> ContactTable:
-        """Contacts of the last step, sorted by (i, j): those within reach, loaded or not.
+        """Contacts of the last step, sorted by (i, j): those within reach, loaded or not; in frozen stages those that stand still.
 
         Empty before the first step and after an interrupted one.
         """
-        return tabulate_contacts(self._last_scene, self._contacts, self._after)
+        heat, is_frozen = self._heat, self.orders.is_frozen and self._layout.model.grain_count > 0
+        table = heat.resting_table(self._laws()) if heat is not None and is_frozen else tabulate_contacts(self.moved)
+        if heat is not None:
+            none, known = np.zeros(table.i.size), heat.of_contacts
+            generated, conductance = (none, none) if known is None or known[0].size != none.size else known
+            table = replace(table, heat=generated, conductance=conductance)
+        if self._population is not None:
+            number = self._population.number
+            table = replace(table, i=number[table.i], j=number[table.j])
+        return table
 
     def next_start(self, dt: float, t: float) -> tuple[ContactProblem, Floats]:
         """The contact problem of the next step, without taking it: to save, compare and study. Arguments as `step`.
@@ -193,8 +267,8 @@ class Engine:
             ValueError: If there is rolling resistance, which a `ContactProblem` does not know.
         """
         scene, contacts = self._next_contacts(dt, t)
-        inverse = self._motion.inverse
-        problem = problem_of_step(scene, contacts, attract(scene, contacts, self._free, inverse), inverse, self.model.shape_factor)
+        inverse, free = self._motion.inverse, self._layout.free
+        problem = problem_of_step(scene, contacts, attract(scene, contacts, free, inverse), inverse, self.model.shape_factor)
         return problem, contacts.impulse
 
     def next_system(self, dt: float, t: float) -> OrderedSystem:
@@ -203,167 +277,267 @@ class Engine:
 
     def _next_contacts(self, dt: float, t: float) -> tuple[Scene, StepContacts]:
         """Shapes and contacts of the next step, as `step` finds them at first."""
-        scene, reach = self._predict(dt, t)
-        self._list.update(self._middle, scene.world, reach)
-        contacts, _ = self._gather(scene, self._margin(scene, reach, dt), dt)
-        return scene, contacts
+        step = self._predict(dt, t)
+        self._layout.pairs.update(self._layout.middle, step.scene.world, step.cutoff)
+        return step.scene, self._gather(step, self._margin(step))[0]
 
-    def _predict(self, dt: float, t: float) -> tuple[Scene, float]:
-        """Fill mid-step positions and free velocities; returns the shapes at q_m, and a gap that no pair closes in the step [m]."""
-        state, model = self.state, self.model
-        n = model.grain_count
-        speeds = chunks_for(n)
-        self._gravity_now = self._gravity.value(t + 0.5 * dt)
-        predict(
-            state.position, state.velocity, model.grains.radius, model.grains.mass, self._gravity_now, dt,
-            self._middle, self._start, self._free, speeds,
+    # ---- Parts that an engine may have
+
+    def _lay_out(self) -> None:
+        """Start anew with the grains that are present."""
+        population, (model, state), newcomers = self._population, (self.model, self.state), _NOBODY
+        if population is not None:
+            model, state, newcomers = population.present_model, population.present, population.newcomers
+        self._layout = Layout(model, state, newcomers, self._available)
+        self._heat = None if self.heat is None else HeatStep(model, state, self.heat)
+        self._begin_heat()
+        self.moved = None
+
+    def _begin_heat(self) -> None:
+        conditions = self.orders.conditions
+        if self._heat is not None:
+            self._heat.begin([WallHeat()] * self.model.wall_count if conditions is None else conditions)
+
+    def _gathered(self) -> State:
+        """The state of the grains that are present, between two steps."""
+        if self._population is not None:
+            self._population.gather()
+        return self._layout.state
+
+    def _laws(self) -> ContactLaws:
+        return self.model.laws if self.orders.laws is None else self.orders.laws
+
+    # ---- The mechanics of a step
+
+    def _stand_still(self) -> StepReport:
+        count = self._layout.state.contact_i.size
+        return StepReport(0.0, True, 0.0, 0.0, 0.0, count, count, 0.0)
+
+    def _move(self, dt: float, t: float, should_stop: Callable[[], bool] | None) -> StepReport:
+        """The mechanics of a step. Until the contacts are solved nothing of the state changes."""
+        layout, state = self._layout, self._layout.state
+        n, grains = layout.model.grain_count, layout.model.grains
+        numba.set_num_threads(layout.threading.favorite)
+        self.moved = None  # free the contacts of the last step before there are new ones
+        if state.step == 0:
+            open_books(state, layout.model, self._motion)
+        if n == 0:
+            return self._move_walls_alone(dt, t)
+        pairs, loaded = layout.pairs, (state.contact_i, state.contact_j)
+
+        with self._timed("predict"):
+            step = self._predict(dt, t)
+
+        # Contacts are the pairs up to a margin. Those that the solved velocities carry farther are solved once more with them.
+        cutoff, margin, missed = step.cutoff, -1.0, math.inf
+        while missed > 0.0:
+            with self._timed("detect"):
+                pairs.update(layout.middle, step.scene.world, cutoff)
+                if margin < 0.0:
+                    margin = self._margin(step)
+            with self._timed("prepare"):
+                contacts, scale = self._gather(step, margin)
+                ordered = self._assemble(step.scene, contacts)
+            with self._timed("solve"):
+                outcome = solve_system(ordered.system, scale, self.orders.settings, layout.threading, should_stop)
+            after = ordered.collect(contacts)
+            with self._timed("detect"):
+                cutoff = max(cutoff, self._cutoff_after(step, after))
+                missed = self._find_missed(step, margin, cutoff, after)
+            margin = max(2.0 * margin, 1.5 * dt * missed)
+        outcome.require_convergence(self.orders.settings, state.step)
+
+        with self._timed("account"):
+            sums = account_contacts(step.scene, contacts, after)
+        with self._timed("move"):
+            grain_sums = chunks_for(n, 2)
+            move(
+                layout.middle, layout.before, after, grains.radius, grains.mass, step.gravity, self.model.shape_factor, dt,
+                state.position, state.velocity, grain_sums,
+            )  # fmt: skip
+            kinetic, gravity_work = column_totals(grain_sums).tolist()
+            if not np.isfinite(kinetic):
+                self._refuse_state()
+            wall_after = np.where(self._motion.driven, after[n:, :3], layout.free[n:, :3])
+            self._move_walls(step.scene.wall_position, wall_after, dt)
+        with self._timed("correct"):
+            correction = self._correct(step, cutoff)
+        with self._timed("account"):
+            book_step(state, self._motion, sums, kinetic, gravity_work, correction, outcome, dt)
+            state.contact_i, state.contact_j, state.contact_impulse, state.contact_couple = warm_start_of(contacts)
+            state.last_dt = dt
+        layout.newcomers = _NOBODY
+        self.moved = Moved(step.scene, contacts, after, *loaded)
+        return StepReport(
+            outcome.sweeps, outcome.converged, outcome.rms, outcome.maximum, outcome.energy, int(state.contact_i.size),
+            int(contacts.i.size), correction.overlap, sums.wall_impulse,
         )  # fmt: skip
-        walls = self._motion.predict(state, self._gravity_now, t, dt)
-        before = self._motion.before
-        self._start[n:, :3] = before
-        self._free[n:, :3] = walls
-        self._start[n:, BELT], self._free[n:, BELT] = self._motion.belt_before, self._motion.belt
-        of_walls = np.concatenate([walls, before, state.wall_position], axis=None)
-        of_walls = np.append(of_walls, self._motion.belt_before)
+
+    def _move_walls_alone(self, dt: float, t: float) -> StepReport:
+        """The mechanics of a step without any grain: nothing meets the walls."""
+        state, motion, w = self._layout.state, self._motion, self.model.wall_count
+        walls = motion.predict(state, self._gravity.value(t + 0.5 * dt), t, dt)
+        self._require_sound(np.empty(0), walls)
+        self._move_walls(state.wall_position + 0.5 * dt * motion.before, walls, dt)
+        sums = ContactSums(np.zeros(SUMS), np.zeros((w, 3)), np.zeros(w))
+        book_step(state, motion, sums, 0.0, 0.0, _NOTHING_TO_CORRECT, _NOTHING_TO_SOLVE, dt)
+        state.last_dt = dt
+        return StepReport(0.0, True, 0.0, 0.0, 0.0, 0, 0, 0.0, sums.wall_impulse)
+
+    def _predict(self, dt: float, t: float) -> Prediction:
+        """Mid-step positions and free velocities, into the layout."""
+        layout, state, model, motion = self._layout, self._layout.state, self._layout.model, self._motion
+        n, grains = model.grain_count, model.grains
+        speeds, gravity = chunks_for(n), self._gravity.value(t + 0.5 * dt)
+        predict(
+            state.position, state.velocity, grains.radius, grains.mass, gravity, dt,
+            layout.middle, layout.before, layout.free, speeds,
+        )  # fmt: skip
+        walls = motion.predict(state, gravity, t, dt)
+        layout.before[n:, :3], layout.free[n:, :3] = motion.before, walls
+        layout.before[n:, BELT], layout.free[n:, BELT] = motion.belt_before, motion.belt
+        self._require_sound(speeds, walls)
+        temperature = _NO_TEMPERATURE
+        if self._heat is not None and self._laws().depends_on_temperature:
+            temperature = self._heat.shape_temperatures(t)
+        scene = scene_of(model, layout.middle, state.wall_position + 0.5 * dt * motion.before, temperature)
+        step = Prediction(dt, gravity, scene, self._cutoff_before(scene, gravity, walls, dt), None)
+        unseen = find_unseen(state, layout.newcomers, model, motion, dt)
+        if unseen is None:
+            return step
+        layout.pairs.update(layout.middle, scene.world, step.cutoff)
+        stopped = stop_unseen(state, model, motion, unseen, layout.pairs, dt, layout.middle)
+        if stopped is None:
+            return step
+        return step._replace(stopped=stopped, cutoff=self._cutoff_before(scene, gravity, walls, dt))
+
+    def _require_sound(self, speeds: Floats, walls: Floats) -> None:
+        """Raise `PhysicsError` if a speed of the grains, or what is known of the walls in the step, is not finite or absurd."""
+        state, motion = self._layout.state, self._motion
+        of_walls = np.concatenate([walls, motion.before, state.wall_position, motion.belt_before], axis=None)
         if not np.isfinite(speeds).all() or not (np.abs(of_walls) <= LARGEST).all():
-            raise PhysicsError(state.step, _name_absurd(state, model))
-        scene = scene_of(model, self._middle, state.wall_position + 0.5 * dt * before, self.shape_temperature)
-        reach = self._reach_before(scene, walls, dt)
-        self._stopped = None
-        unseen = find_unseen(state, self.newcomers, model, self._motion, dt)
-        if unseen is not None:
-            self._list.update(self._middle, scene.world, reach)
-            self._stopped = stop_unseen(state, model, self._motion, unseen, self._list, dt, self._middle)
-            if self._stopped is not None:
-                reach = self._reach_before(scene, walls, dt)
-        return scene, reach
+            self._refuse_state()
 
-    def _reach_before(self, scene: Scene, walls: Floats, dt: float) -> float:
+    def _refuse_state(self) -> NoReturn:
+        state = self._layout.state
+        raise PhysicsError(state.step, find_absurd_value(state, self._layout.model) or "a velocity is not finite")
+
+    def _cutoff_before(self, scene: Scene, gravity: Floats, walls: Floats, dt: float) -> float:
         """A gap that no pair closes in the step, as far as velocities before the solve tell [m]; ``walls`` are those of walls."""
-        drift = fit_drift(self._free, self._middle, self.model.period)
-        fall = dt * np.abs(self._gravity_now)  # between the velocities at the start and the free ones
+        layout, model = self._layout, self._layout.model
+        drift = fit_drift(layout.free, layout.middle, model.period)
+        fall = dt * np.abs(gravity)  # between the velocities at the start and the free ones
         drift = replace(drift, rest=drift.rest + hypot(*fall.tolist()), largest=drift.largest + fall)
-        reach = self._motion.closing(drift, scene, self._motion.before, walls).reach(dt, self._list.largest)
-        return max(reach, closing_distance(self.laws, self.model.grains, dt))
+        cutoff = self._motion.closing(drift, scene, self._motion.before, walls).reach(dt, layout.pairs.largest)
+        return max(cutoff, closing_distance(self._laws(), model.grains, dt))
 
-    def _margin(self, scene: Scene, reach: float, dt: float) -> float:
+    def _cutoff_after(self, step: Prediction, after: Floats) -> float:
+        """A gap that no pair closes in the step with the velocities v⁺ [m]."""
+        layout = self._layout
+        drift = fit_drift(after, layout.middle, self.model.period)
+        walls = after[layout.model.grain_count :, :3].copy()
+        return self._motion.closing(drift, step.scene, walls).reach(step.dt, layout.pairs.largest)
+
+    def _margin(self, step: Prediction) -> float:
         """Largest gap of the contacts of the step, as far as velocities before the solve tell [m]; measures the listed pairs."""
-        return max(dt * self._measure_pairs(scene, reach), closing_distance(self.laws, self.model.grains, dt))
+        fastest = self._measure_pairs(step, step.cutoff)
+        return max(step.dt * fastest, closing_distance(self._laws(), self._layout.model.grains, step.dt))
 
-    def _measure_pairs(self, scene: Scene, reach: float) -> float:
-        """Gaps of the listed pairs into the list; returns the largest approach speed of a pair nearer than ``reach`` [m/s]."""
-        lists, fastest = self._list, chunks_for(self.model.grain_count)
-        measure_pairs(scene, lists.row, lists.partner, self._start, self._free, reach, lists.gap, lists.normal, fastest)
+    def _measure_pairs(self, step: Prediction, cutoff: float) -> float:
+        """Gaps of the listed pairs into the list; returns the largest approach speed of a pair nearer than ``cutoff`` [m/s]."""
+        layout, pairs = self._layout, self._layout.pairs
+        fastest = chunks_for(layout.model.grain_count)
+        measure_pairs(step.scene, pairs.row, pairs.partner, layout.before, layout.free, cutoff, pairs.gap, pairs.normal, fastest)
         return float(fastest.max())
 
-    def _reach_after(self, scene: Scene, after: Floats, dt: float) -> float:
-        """A gap that no pair closes in the step with the velocities v⁺ [m]."""
-        drift = fit_drift(after, self._middle, self.model.period)
-        return self._motion.closing(drift, scene, after[self.model.grain_count :, :3].copy()).reach(dt, self._list.largest)
-
-    def _solve(
-        self, scene: Scene, margin: float, dt: float, should_stop: Callable[[], bool] | None
-    ) -> tuple[StepContacts, Floats, Outcome]:
-        """Contacts with a gap up to ``margin``, their impulses and the velocities v⁺."""
-        with self._timed("prepare"):
-            contacts, scale = self._gather(scene, margin, dt)
-            ordered = self._assemble(scene, contacts)
-        with self._timed("solve"):
-            outcome = solve_system(ordered.system, scale, self.settings, self._threading, should_stop)
-        return contacts, ordered.collect(contacts), outcome
+    def _find_missed(self, step: Prediction, margin: float, cutoff: float, after: Floats) -> float:
+        """Largest approach speed of a pair beyond ``margin`` that meets with the velocities v⁺ [m/s]; 0 if none does."""
+        layout, pairs = self._layout, self._layout.pairs
+        if cutoff > pairs.complete:
+            pairs.update(layout.middle, step.scene.world, cutoff)
+            self._measure_pairs(step, cutoff)
+        worst = chunks_for(layout.model.grain_count)
+        find_missed(step.scene, pairs.row, pairs.partner, pairs.gap, pairs.normal, margin, cutoff, after, step.dt, worst)
+        return float(worst.max())
 
     def _assemble(self, scene: Scene, contacts: StepContacts) -> OrderedSystem:
-        model, motion = self.model, self._motion
-        schedule = self._scheduler.schedule(scene, contacts, motion.is_free, model.mean_diameter)
-        free = attract(scene, contacts, self._free, motion.inverse)
+        layout, model, motion = self._layout, self._layout.model, self._motion
+        schedule = layout.scheduler.schedule(scene, contacts, motion.is_free, model.mean_diameter)
+        free = attract(scene, contacts, layout.free, motion.inverse)
         return assemble(scene, contacts, schedule, free, motion.inverse, model.shape_factor)
 
-    def _gather(self, scene: Scene, margin: float, dt: float) -> tuple[StepContacts, ResidualScale]:
+    def _gather(self, step: Prediction, margin: float) -> tuple[StepContacts, ResidualScale]:
         """Contacts with a gap up to ``margin``, with their warm start, and the scale of the residuals."""
-        state, model, lists = self.state, self.model, self._list
-        row = warm_rows(model.grain_count, state.contact_i)
+        layout, state, dt = self._layout, self._layout.state, step.dt
+        row = warm_rows(layout.model.grain_count, state.contact_i)
         warm = WarmStart(row, state.contact_j, state.contact_impulse, state.contact_couple)
         ratio = dt / state.last_dt if state.last_dt > 0.0 else 0.0
-        contacts, speeds = gather_contacts(scene, lists, margin, self.laws, self._start, dt, warm, ratio)
-        scale = self._scale(dt, float(contacts.attraction.max(initial=0.0)), *speeds)
+        contacts, speeds = gather_contacts(step.scene, layout.pairs, margin, self._laws(), layout.before, dt, warm, ratio)
+        scale = self._scale(step, float(contacts.attraction.max(initial=0.0)), *speeds)
         if scale.velocity == 0.0:
             # Nothing closes and nothing pushes: the impulses of the step before must not act once more.
             contacts.impulse[:] = 0.0
             contacts.rolling[:, COUPLE] = 0.0
         return contacts, scale
 
-    def _scale(self, dt: float, attraction: float, squares: float, closing: float, slip: float, loaded: float) -> ResidualScale:
+    def _scale(
+        self, step: Prediction, attraction: float, squares: float, closing: float, slip: float, loaded: float
+    ) -> ResidualScale:
         """What residuals are measured against (theory §5.3).
 
         Velocities: u_ref = max(u_load, 10 times the mean slip), and u_rms = max(u_load, 50 times the mean slip), with u_load =
         max(Δt |g|, Δt P d̄/m̄, rms of the closing velocities). Energies: ½ M u_load u_ref, or ½ M u_ref² where nothing loads. Where
         there is neither weight nor load, Δt F_a/m̄ stands in for them; ``attraction`` is the largest F_a Δt of a contact [N s].
         """
-        model = self.model
-        mean_mass = self._mass / model.grain_count
-        weight = dt * hypot(*self._gravity_now.tolist())
-        pressure = dt * self._motion.pressure() * model.mean_diameter / mean_mass
+        layout, model = self._layout, self._layout.model
+        mean_mass = layout.mass / model.grain_count
+        weight = step.dt * hypot(*step.gravity.tolist())
+        pressure = step.dt * self._motion.pressure() * model.mean_diameter / mean_mass
         load = max(
             max(weight, pressure) or attraction / mean_mass,
             math.sqrt(squares / closing) if closing else 0.0,
         )
         mean_slip = slip / loaded if loaded else 0.0
         reference = max(load, SLIPS * mean_slip)
-        return ResidualScale(
-            max(load, SLIPS_RMS * mean_slip), reference, 0.5 * self._mass * ((load or reference) * reference)
-        )  # fmt: skip
+        energy = 0.5 * layout.mass * ((load or reference) * reference)
+        return ResidualScale(max(load, SLIPS_RMS * mean_slip), reference, energy)
 
-    def _finish(self, scene: Scene, contacts: StepContacts, after: Floats, outcome: Outcome, reach: float, dt: float) -> StepReport:
-        """Books, motion and position correction; from here on the state changes."""
-        state, model = self.state, self.model
-        n = model.grain_count
-        with self._timed("account"):
-            sums = account.account_contacts(scene, contacts, after)
-        with self._timed("move"):
-            wall_after = np.where(self._motion.driven, after[n:, :3], self._free[n:, :3])
-            grain_sums = chunks_for(n, 2)
-            move(
-                self._middle, self._start, after, model.grains.radius, model.grains.mass, self._gravity_now,
-                model.shape_factor, dt, state.position, state.velocity, grain_sums,
-            )  # fmt: skip
-            kinetic, gravity_work = column_totals(grain_sums).tolist()
-            if not np.isfinite(kinetic):
-                raise PhysicsError(state.step, _name_absurd(state, model))
-            state.wall_velocity, state.wall_surface = wall_after, self._motion.surface_after(state)
-            state.wall_position = scene.wall_position + 0.5 * dt * wall_after
-        with self._timed("correct"):
-            # Not that of q_m with other positions: heat still looks at it.
-            end = scene_of(model, state.position, state.wall_position)
-            correction = correct_positions(
-                end, model, self._gravity_now, self._motion, self._list, reach, self._flagged, state.step
-            )
-            if self._stopped is not None:
-                pull = model.grains.mass[:, np.newaxis] * self._gravity_now
-                correction = replace(correction, gravity_work=correction.gravity_work + total(pull * self._stopped))
-            if model.period > 0.0:
-                wrap(state.position, state.image, model.period)
-        with self._timed("account"):
-            book_step(state, self._motion, sums, kinetic, gravity_work, correction, outcome, dt)
-            state.contact_i, state.contact_j, state.contact_impulse, state.contact_couple = account.warm_start_of(contacts)
-            state.last_dt = dt
-            self.newcomers = self.newcomers[:0]
-            state.step += 1
-            state.stage_step += 1
-            state.time = state.stage_start + state.stage_step * dt
-        # A copy of the mid-step scene: frames are those of q_m.
-        self._last_scene = scene._replace(position=self._middle)
-        self._contacts, self._after = contacts, after
-        return StepReport(
-            outcome.sweeps, outcome.converged, outcome.rms, outcome.maximum, outcome.energy, int(state.contact_i.size),
-            int(contacts.i.size), correction.overlap, sums.wall_impulse,
-        )  # fmt: skip
+    def _move_walls(self, middle: Floats, after: Floats, dt: float) -> None:
+        """Walls at the end of the step, from their positions at mid-step and their velocities V⁺."""
+        state = self._layout.state
+        state.wall_velocity, state.wall_surface = after, self._motion.surface_after(state)
+        state.wall_position = middle + 0.5 * dt * after
+
+    def _correct(self, step: Prediction, cutoff: float) -> Correction:
+        """Push overlaps apart, and bring the grains back into the period."""
+        layout, state, model = self._layout, self._layout.state, self._layout.model
+        end = scene_of(model, state.position, state.wall_position)  # beside that of q_m, which heat still looks at
+        correction = correct_positions(end, model, step.gravity, self._motion, layout.pairs, cutoff, layout.flagged, state.step)
+        if step.stopped is not None:
+            pull = model.grains.mass[:, np.newaxis] * step.gravity
+            correction = replace(correction, gravity_work=correction.gravity_work + total(pull * step.stopped))
+        if model.period > 0.0:
+            wrap(state.position, state.image, model.period)
+        return correction
+
+    # ---- The heat of a step
+
+    def _pass_heat(self, dt: float, t: float, should_stop: Callable[[], bool] | None) -> None:
+        heat = self._heat
+        if heat is None:
+            return
+        with self._timed("heat"):
+            if not self.orders.is_heat_on:
+                heat.skip(dt, t)
+            elif self._layout.model.grain_count == 0:
+                heat.flow_nowhere(dt, t)
+            elif self.moved is None or self.orders.is_frozen:
+                heat.flow_at_rest(dt, t, should_stop)
+            else:
+                heat.flow(self.moved, dt, t)
 
     @contextmanager
     def _timed(self, phase: str) -> Iterator[None]:
         started = time.perf_counter()
         yield
         self.timers[phase] += time.perf_counter() - started
-
-
-def _name_absurd(state: State, model: Model) -> str:
-    return find_absurd_value(state, model) or "a velocity is not finite"

@@ -23,7 +23,7 @@ from multicor_cli.model import Model, State
 from multicor_cli.model.columns import NORMAL, TANGENTIAL
 from multicor_cli.model.model import Floats, Ints
 from multicor_cli.running.conditions import is_due
-from multicor_cli.running.plan import RunPlan, StagePlan, resume_stage
+from multicor_cli.running.plan import RunPlan, StagePlan
 from multicor_cli.running.planning import make_plan
 from multicor_cli.running.session import make_engine
 from multicor_cli.scenario.load import parse_scenario
@@ -351,7 +351,7 @@ def frame_problem(run: Run, number: int = -1) -> FrameProblem:
 
 def _next_problem(scenario: Scenario, plan: RunPlan, model: Model, state: State, moment: _Moment) -> tuple[ContactProblem, Floats]:
     engine, stage = make_engine(scenario, model, state, threads=1), plan.stages[moment.stage]
-    resume_stage(engine, stage, moment.starts)
+    engine.resume(stage.orders(moment.starts))
     return engine.next_start(stage.step_after(moment.stage_step), stage.time_after(moment.stage_step))
 
 

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.engine.exchange.passage import note_presence
+from multicor_cli.engine.inflow.population import note_presence
 from multicor_cli.model import Grains, Model, Presence, ShapeKind, State, Thermal
 from multicor_cli.model.columns import RADIUS, X
 from multicor_cli.model.model import LEAST_DIAMETERS, LEAST_THROAT, SHAPE_FACTOR, Floats, Ints

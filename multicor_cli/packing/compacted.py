@@ -104,12 +104,12 @@ class _Press:
         self._start(model)
 
     def _start(self, model: Model) -> None:
-        from multicor_cli.engine import Engine, Settings
+        from multicor_cli.engine import Engine, Orders, Settings
 
         # The result is a place to start from, not a measurement: a step that needs very many sweeps may stay inexact.
         settings = Settings(tolerance_rms=3e-4, tolerance_max=5e-3, max_sweeps=300)
-        self._engine = Engine(model, self.state, settings)
-        self._engine.set_drives(self._drives)
+        self._engine = Engine(model, self.state)
+        self._engine.begin(Orders(self._drives, settings))
 
     def _advance(self) -> tuple[float, float]:
         """One step; returns the kinetic energy over its peak, and how far the lid is from carrying its load, over the load."""

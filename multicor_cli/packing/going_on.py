@@ -14,8 +14,8 @@ import numpy as np
 
 from multicor_cli.arithmetic.sums import total
 from multicor_cli.engine.contact.contacts import resting_attraction
-from multicor_cli.engine.exchange.passage import note_presence
 from multicor_cli.engine.geometry.scene import scene_of
+from multicor_cli.engine.inflow.population import note_presence
 from multicor_cli.model import Model, Presence, State, Thermal, WallBody
 from multicor_cli.model.columns import NORMAL, Y
 from multicor_cli.model.model import SHAPE_FACTOR, Floats, Ints

@@ -6,24 +6,26 @@ import time
 from collections import deque
 from collections.abc import Callable, Sequence
 from dataclasses import replace
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from multicor_cli.engine.contact.solve import Interrupted
-from multicor_cli.engine.contact.step_report import PhysicsError, StepReport
+from multicor_cli.engine.orders import Interrupted, PhysicsError, StepReport
 from multicor_cli.model import State
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.model.faults import find_absurd_value
 from multicor_cli.running.conditions import StepDone, update_peak
 from multicor_cli.running.outcome import Observer, SilentObserver, StageTimeout, Status, StopReason
-from multicor_cli.running.plan import RunPlan, Staged, StagePlan, begin_stage, foresee_steps, resume_stage
+from multicor_cli.running.plan import RunPlan, StagePlan, begin_stage, foresee_steps
 from multicor_cli.running.signals import StopSignals
 from multicor_cli.running.steering import Steering
 from multicor_cli.store.documents import StageEnd
 from multicor_cli.store.rundir import RunDirectory
 from multicor_cli.store.segments import FrameWriter
 from multicor_cli.store.snapshot import Snapshot
+
+if TYPE_CHECKING:
+    from multicor_cli.engine import Engine
 
 # ---- From the controller to the files of a run directory
 
@@ -134,19 +136,6 @@ CHECKPOINT_SHARE = 20.0
 """Checkpoints are at least this many times as far apart as the last one took: they never cost more than a twentieth of a run."""
 
 
-class Stepper(Staged, Protocol):
-    """What the controller needs of `multicor_cli.engine.coupled.CoupledEngine`."""
-
-    def exchange(self) -> None:
-        """Let grains go and come before a step; nothing more happens if it is asked twice."""
-
-    def step(self, dt: float, t: float, should_stop: Callable[[], bool] | None = None) -> StepReport:
-        """Advance the state by one step."""
-
-    def contacts(self) -> ContactTable:
-        """Contacts of the last step."""
-
-
 class Recorder(Protocol):
     """Where the controller's results go: the files of a run."""
 
@@ -188,7 +177,7 @@ class Controller:
     def __init__(
         self,
         plan: RunPlan,
-        engine: Stepper,
+        engine: Engine,
         recorder: Recorder,
         *,
         observer: Observer | None = None,
@@ -248,7 +237,7 @@ class Controller:
         state = self._engine.state
         if 0 < state.stage < len(self._plan.stages) and state.stage_step == 0:
             # Left between two stages: books of walls go from the drives of the one to those of the other.
-            self._engine.resume_drives(self._plan.stages[state.stage - 1].drives.started(self._starts[:-1]))
+            self._engine.resume(self._plan.stages[state.stage - 1].orders(self._starts[:-1]))
         while state.stage < len(self._plan.stages):
             reason = self._run_stage(self._plan.stages[state.stage])
             if reason is not None:
@@ -265,7 +254,7 @@ class Controller:
             if stage.has_timed_out(state):
                 self._end_stage(stage)
                 return None
-            resume_stage(self._engine, stage, self._starts)
+            self._engine.resume(stage.orders(self._starts))
         while True:
             reason = self._reason_to_stop()
             if reason is not None:
@@ -274,7 +263,7 @@ class Controller:
             self._checkpoint_if_due()
             if self._steering is not None:
                 self._steering.keep(state)
-            report = self._first_step(stage) if state.stage_step == 0 else self._next_step(stage)
+            report = self._first_step(stage) if state.stage_step == 0 else self._step(stage)
             if report is not None and self._after_step(stage, report):
                 return None
 
@@ -282,7 +271,8 @@ class Controller:
         """The first step of a stage. If it is interrupted the state is what it was before the stage began."""
         state = self._engine.state
         books, origin = state.books.copy(), state.wall_origin
-        self._exchange(stage)
+        if not stage.is_frozen:
+            self._engine.pass_grains()
         begin_stage(self._engine, stage, self._starts)
         report = self._step(stage)
         if report is None:
@@ -291,14 +281,6 @@ class Controller:
             state.stage_peak = 0.0
             state.stage_notes = np.empty(0)
         return report
-
-    def _next_step(self, stage: StagePlan) -> StepReport | None:
-        self._exchange(stage)
-        return self._step(stage)
-
-    def _exchange(self, stage: StagePlan) -> None:
-        if not stage.is_frozen:
-            self._engine.exchange()
 
     def _step(self, stage: StagePlan) -> StepReport | None:
         """One step with its gauges; None if a signal interrupted it, which leaves the state as it was."""

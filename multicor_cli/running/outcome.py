@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Protocol, Self
 
 if TYPE_CHECKING:
-    from multicor_cli.engine.contact.step_report import StepReport
+    from multicor_cli.engine.orders import StepReport
     from multicor_cli.model import State
     from multicor_cli.store.documents import StageEnd
 

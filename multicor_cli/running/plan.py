@@ -5,14 +5,16 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING
 
 import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.arithmetic import hypot
 from multicor_cli.engine.heat.walls import WallHeat
+from multicor_cli.engine.inflow.rules import InflowRules, Outlet, Rectangle, Release
 from multicor_cli.engine.motion.drives import AnyGravity, Constant, Gravity, TiltedGravity, WallDrive
+from multicor_cli.engine.orders import Orders, Settings
 from multicor_cli.model import ContactLaws, Model, State
 from multicor_cli.model.model import Floats
 from multicor_cli.running.conditions import KINETIC, Condition, StrainReached, is_due
@@ -32,8 +34,7 @@ from multicor_cli.scenario.settings import Output
 from multicor_cli.store.documents import Reason, StageEnd
 
 if TYPE_CHECKING:  # a plan is read without Numba, which these load
-    from multicor_cli.engine.contact.solve import Settings
-    from multicor_cli.engine.exchange.rules import ExchangeRules, Rectangle, Release
+    from multicor_cli.engine import Engine
     from multicor_cli.engine.heat.conduction import ContactForce
     from multicor_cli.engine.heat.mechanism import HeatLaws
     from multicor_cli.engine.heat.settings import HeatSettings
@@ -202,17 +203,15 @@ TRIES = 100
 """Places tried for each release."""
 
 
-def exchange_rules(scenario: Scenario, model: Model) -> ExchangeRules:
+def inflow_rules(scenario: Scenario, model: Model) -> InflowRules:
     """The rules of a run.
 
     Args:
         scenario: What to do.
         model: All grains of the run.
     """
-    from multicor_cli.engine.exchange.rules import ExchangeRules, Outlet
-
     releases = (_release(scenario, number, group) for number, group in enumerate(scenario.particles))
-    return ExchangeRules(
+    return InflowRules(
         tuple(release for release in releases if release is not None),
         tuple(Outlet(_rectangle(outlet.region), outlet.then == "release") for outlet in scenario.outlets),
         None if scenario.domain.lost == "ignore" else _limits(scenario, 2.0 * float(model.grains.radius.max())),
@@ -221,22 +220,17 @@ def exchange_rules(scenario: Scenario, model: Model) -> ExchangeRules:
 
 
 def _rectangle(region: RectangleRegion) -> Rectangle:
-    from multicor_cli.engine.exchange.rules import Rectangle
-
     return Rectangle(region.min, region.max)
 
 
 def _limits(scenario: Scenario, margin: float) -> Rectangle:
     """The domain and a margin around it [m]; without limits in the direction of a period."""
-    from multicor_cli.engine.exchange.rules import Rectangle
-
     width, height = scenario.domain.size
     left, right = (-math.inf, math.inf) if scenario.domain.periodic else (-margin, width + margin)
     return Rectangle((left, -margin), (right, height + margin))
 
 
 def _release(scenario: Scenario, number: int, group: ParticleGroup) -> Release | None:
-    from multicor_cli.engine.exchange.rules import Release
     from multicor_cli.packing.sizes import Purpose, TableKind, stream
 
     table = group.release
@@ -312,6 +306,15 @@ class StagePlan:
     laws: ContactLaws | None = None
     stops_late: bool = False
     duration: float | None = None
+
+    def orders(self, starts: Sequence[float]) -> Orders:
+        """What an engine is told; ``starts`` are the times at which the stages up to this one have begun [s]."""
+        gravity = None if self.gravity is None else self.gravity.started(starts)
+        orders = Orders(self.drives.started(starts), self.settings, gravity, self.laws)
+        if self.heat is None:
+            return orders
+        conditions, is_new = self.heat.conditions.started(starts), self.heat.conditions.beginning()
+        return replace(orders, conditions=conditions, is_new=is_new, is_heat_on=self.heat.is_on, is_frozen=self.heat.is_frozen)
 
     def time_after(self, steps: int) -> float:
         """Time since the start of the stage after so many steps [s]."""
@@ -412,66 +415,19 @@ class RunPlan:
 # ---- Beginning a loading stage, or going on with one: what an engine is told, whoever carries the stage out
 
 
-class Staged(Protocol):
-    """What a stage needs of `multicor_cli.engine.coupled.CoupledEngine`."""
-
-    settings: Settings
-
-    @property
-    def state(self) -> State:
-        """What is advanced."""
-
-    def set_drives(self, drives: list[WallDrive]) -> None:
-        """Choose what the walls do, at the start of a stage."""
-
-    def resume_drives(self, drives: list[WallDrive]) -> None:
-        """Choose what the walls do, in the middle of a stage."""
-
-    def set_laws(self, laws: ContactLaws) -> None:
-        """Choose the contact laws, at the start of a stage or in its middle."""
-
-    def set_gravity(self, gravity: AnyGravity) -> None:
-        """Choose gravity, at the start of a stage or in its middle."""
-
-    def set_heat(self, conditions: list[WallHeat], *, is_on: bool, is_frozen: bool) -> None:
-        """Choose what heat does, at the start of a stage or in its middle."""
-
-    def begin_heat(self, is_new: NDArray[np.bool_]) -> None:
-        """Give walls with a heat capacity whose condition is new, shape ``(w,)``, the temperature with which they begin."""
-
-
-def begin_stage(engine: Staged, stage: StagePlan, starts: Sequence[float]) -> None:
-    """Tell an engine what a stage asks for, before its first step.
+def begin_stage(engine: Engine, stage: StagePlan, starts: Sequence[float]) -> None:
+    """Tell an engine what a stage orders, before its first step.
 
     Args:
         engine: What carries the stage out.
         stage: The stage.
         starts: Times at which the stages up to this one have begun [s].
     """
-    _choose(engine, stage, starts)
-    engine.set_drives(stage.drives.started(starts))
-    if stage.heat is not None:
-        engine.begin_heat(stage.heat.conditions.beginning())
+    engine.begin(stage.orders(starts))
     state = engine.state
     state.stage_peak = float(state.books[KINETIC]) if state.step > 0 else 0.0
     if stage.until is not None:
         state.stage_notes = stage.until.first_notes(state)
-
-
-def resume_stage(engine: Staged, stage: StagePlan, starts: Sequence[float]) -> None:
-    """As `begin_stage`, somewhere in the stage: the books and the peak are those of its steps so far."""
-    _choose(engine, stage, starts)
-    engine.resume_drives(stage.drives.started(starts))
-
-
-def _choose(engine: Staged, stage: StagePlan, starts: Sequence[float]) -> None:
-    engine.settings = stage.settings
-    if stage.laws is not None:
-        engine.set_laws(stage.laws)
-    if stage.gravity is not None:
-        engine.set_gravity(stage.gravity.started(starts))
-    if stage.heat is not None:
-        engine.set_heat(stage.heat.conditions.started(starts), is_on=stage.heat.is_on, is_frozen=stage.heat.is_frozen)
 
 
 # ---- How many steps the stages of a run will take, as far as their conditions can be foreseen

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import math
 
-from multicor_cli.engine.contact.solve import Settings
 from multicor_cli.engine.motion.drives import Shifted, Sine
 from multicor_cli.engine.motion.spacing import Spacing
+from multicor_cli.engine.orders import Settings
 from multicor_cli.model import Model
 from multicor_cli.model.columns import SPIN, X, Y
 from multicor_cli.model.state import State

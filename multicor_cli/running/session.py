@@ -16,18 +16,15 @@ import numpy as np
 
 from multicor_cli import __version__
 from multicor_cli.engine import Engine
-from multicor_cli.engine.contact.step_report import StepReport
-from multicor_cli.engine.coupled import CoupledEngine
-from multicor_cli.engine.exchange.engine import OpenEngine
-from multicor_cli.engine.heat.step import HeatEngine
 from multicor_cli.engine.jit.cache import is_compiled
+from multicor_cli.engine.orders import StepReport
 from multicor_cli.model import TALLY_NAMES, Model, State
 from multicor_cli.packing import Placed, place
 from multicor_cli.running.compiling import keep_freed_memory, shared_compilation
 from multicor_cli.running.controller import Controller, DirectoryRecorder
 from multicor_cli.running.differences import added_stages, find_differences, former_defaults
 from multicor_cli.running.outcome import ExitCode, Observer, RunOutcome, SilentObserver, StopReason, exit_code_of
-from multicor_cli.running.plan import RunPlan, begin_stage, exchange_rules, heat_settings
+from multicor_cli.running.plan import RunPlan, begin_stage, heat_settings, inflow_rules
 from multicor_cli.running.planning import make_plan, stage_name
 from multicor_cli.running.signals import StopSignals
 from multicor_cli.running.steering import Steer, Steering
@@ -243,7 +240,7 @@ class Session:
             first = 0.0 if directory.origin is None else directory.origin.time
             starts = [first] if state.stage == 0 else stage_starts(self._path, state, plan, first)
             writer = directory.writer(model)
-            engine = make_stepper(scenario, model, state, self._threads)
+            engine = make_engine(scenario, model, state, self._threads)
             self._announce(model, engine)
             self._signals.on_exit = functools.partial(self._leave, directory=directory, state=state)
             controller = Controller(
@@ -269,7 +266,7 @@ class Session:
         unconverged = round(float(state.tallies[_UNCONVERGED]))
         return RunOutcome(reason, self._path, state.step, state.time, unconverged, directory.stage_ends)
 
-    def _announce(self, model: Model, engine: CoupledEngine | OpenEngine) -> None:
+    def _announce(self, model: Model, engine: Engine) -> None:
         counts = ((model.grain_count, "grain"), (model.wall_count, "wall"), (engine.threads, "thread"))
         self._observer.message(", ".join(count_noun(number, noun) for number, noun in counts))
         if not is_compiled():
@@ -289,26 +286,14 @@ class Session:
             raise
 
 
-def make_engine(scenario: Scenario, model: Model, state: State, threads: int) -> CoupledEngine:
+def make_engine(scenario: Scenario, model: Model, state: State, threads: int) -> Engine:
     """The engine of a run; raises `ScenarioError` if the domain is too small for the grains."""
     keep_freed_memory()
+    inflow = None if model.outlets is None else inflow_rules(scenario, model)
     try:
-        mechanics = Engine(model, state, threads=threads)
+        return Engine(model, state, threads=threads, heat=heat_settings(scenario, model), inflow=inflow)
     except ValueError as error:
         raise scenario.refuse(Refused(("domain", "size"), str(error), "widen the domain")) from error
-    settings = heat_settings(scenario, model)
-    return CoupledEngine(mechanics, None if settings is None else HeatEngine(model, state, settings))
-
-
-def make_stepper(scenario: Scenario, model: Model, state: State, threads: int) -> CoupledEngine | OpenEngine:
-    """As `make_engine`; grains come and go as the scenario says."""
-    if model.outlets is None:
-        return make_engine(scenario, model, state, threads)
-
-    def make(model: Model, state: State) -> CoupledEngine:
-        return make_engine(scenario, model, state, threads)
-
-    return OpenEngine(model, state, exchange_rules(scenario, model), make)
 
 
 def stage_starts(path: Path, state: State, plan: RunPlan, first: float = 0.0) -> list[float]:
@@ -415,7 +400,7 @@ def try_step(scenario: Scenario, model: Model, state: State, threads: int) -> St
         PhysicsError: If the step fails.
     """
     stage = make_plan(scenario, model).stages[0]
-    engine = make_stepper(scenario, model, state, threads)
-    engine.exchange()
+    engine = make_engine(scenario, model, state, threads)
+    engine.pass_grains()
     begin_stage(engine, stage, [0.0])
     return engine.step(stage.step_after(0), 0.0)

@@ -3,13 +3,12 @@
 from dataclasses import replace
 
 import numpy as np
-from scene_parts import TIGHT, make_engine, make_model
+from scene_parts import TIGHT, make_model
 
-from multicor_cli.engine.coupled import CoupledEngine
+from multicor_cli.engine import Engine, Orders
 from multicor_cli.engine.heat.conduction import ContactForce
 from multicor_cli.engine.heat.laws import heat_laws
 from multicor_cli.engine.heat.settings import HeatSettings
-from multicor_cli.engine.heat.step import HeatEngine
 from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.engine.motion.drives import Constant
 from multicor_cli.model import HEAT_BOOK_NAMES, State, Thermal
@@ -39,18 +38,23 @@ def with_heat(model, start, *, capacity=None, specific=500.0):
 
 def coupled_engine(model, positions, velocities=None, conditions=None, *, laws=None, solver=TIGHT, drives=None, **settings):
     """Mechanics and heat together, both switched on."""
-    mechanics = make_engine(model, positions, velocities, settings=solver, drives=drives)
-    heat = HeatEngine(model, mechanics.state, HeatSettings(laws or make_heat_laws(), **settings))
-    engine = CoupledEngine(mechanics, heat)
-    engine.set_heat(conditions or [WallHeat()] * model.wall_count, is_on=True, is_frozen=False)
+    state = State.at_rest(model, np.asarray(positions, float))
+    if velocities is not None:
+        state.velocity[:] = velocities
+    engine = Engine(model, state, threads=1, heat=HeatSettings(laws or make_heat_laws(), **settings))
+    engine.begin(Orders(drives, solver, conditions=conditions))
     return engine
 
 
 def heat_engine(model, positions, *, conditions=None, laws=None, **settings):
     """Heat alone, of bodies that stand still."""
-    state = State.at_rest(model, np.asarray(positions, float))
-    engine = HeatEngine(model, state, HeatSettings(laws or make_heat_laws(), **settings))
-    engine.set_conditions(conditions or [WallHeat()] * model.wall_count)
+    return frozen_engine(model, State.at_rest(model, np.asarray(positions, float)), conditions, laws, **settings)
+
+
+def frozen_engine(model, state, conditions=None, laws=None, **settings):
+    """Heat alone, in a state."""
+    engine = Engine(model, state, threads=1, heat=HeatSettings(laws or make_heat_laws(), **settings))
+    engine.resume(Orders(conditions=conditions, is_frozen=True))
     return engine
 
 

@@ -21,7 +21,7 @@ from multicor_cli.store import open_run, verify
 
 
 def main(scenario: Path, directory: Path) -> None:
-    original = session_module.CoupledEngine.step
+    original = session_module.Engine.step
     case: list[Any] = []
     row = [0]
 
@@ -38,7 +38,7 @@ def main(scenario: Path, directory: Path) -> None:
                 setattr(self.state, field, value)
         return original(self, *arguments, **options)
 
-    session_module.CoupledEngine.step = step  # type: ignore[method-assign]
+    session_module.Engine.step = step  # type: ignore[method-assign]
     for line in sys.stdin:
         case[:] = json.loads(line)
         case[2] = float(case[2])

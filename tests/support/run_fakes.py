@@ -9,10 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from multicor_cli.engine.contact.solve import Interrupted, Settings
-from multicor_cli.engine.contact.step_report import StepReport
-from multicor_cli.engine.motion.drives import AnyGravity, Constant, DofDrive, WallDrive
+from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
 from multicor_cli.engine.motion.spacing import Spacing
+from multicor_cli.engine.orders import Interrupted, Orders, Settings, StepReport
 from multicor_cli.model import BOOK_NAMES, Model, State
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.running.conditions import Aim, RestReached, StrainReached
@@ -50,20 +49,19 @@ class FakeEngine:
         self.before_step: Callable[[int], None] = lambda step: None
         self._drives: list[WallDrive] = []
 
-    def set_drives(self, drives: list[WallDrive]) -> None:
-        self.calls.append("set")
-        self._drives = drives
+    def begin(self, orders: Orders) -> None:
+        self._take_up(orders, "begin")
         if self.state.step > 0:
             self.state.books[KINETIC] += 1.0  # the switch of a wall's kinetic energy: must happen once per stage
 
-    def set_gravity(self, gravity: AnyGravity) -> None:
-        self.calls.append("gravity")
+    def resume(self, orders: Orders) -> None:
+        self._take_up(orders, "resume")
 
-    def resume_drives(self, drives: list[WallDrive]) -> None:
-        self.calls.append("resume")
-        self._drives = drives
+    def _take_up(self, orders: Orders, call: str) -> None:
+        self.calls += [call] if orders.gravity is None else [call, "gravity"]
+        self.settings, self._drives = orders.settings, list(orders.drives or [])
 
-    def exchange(self) -> None:
+    def pass_grains(self) -> None:
         """No grain comes or goes."""
 
     def step(self, dt: float, t: float, should_stop: Callable[[], bool] | None = None) -> StepReport:

@@ -35,7 +35,7 @@ import tomli_w
 from multicor_cli.packing import build
 from multicor_cli.running.plan import begin_stage
 from multicor_cli.running.planning import make_plan
-from multicor_cli.running.session import make_stepper
+from multicor_cli.running.session import make_engine
 from multicor_cli.scenario import Scenario, parse_scenario
 
 _TABLES = tomllib.loads("""
@@ -147,7 +147,7 @@ def write(path: Path, text: str = "", **said: Any) -> Path:
 def engine(given: Scenario, *, threads: int = 1) -> Any:
     """The engine of a run, ready for ``step(dt, t)`` in the first stage."""
     model, state = build(given)
-    stepper = make_stepper(given, model, state, threads)
-    stepper.exchange()
+    stepper = make_engine(given, model, state, threads)
+    stepper.pass_grains()
     begin_stage(stepper, make_plan(given, model).stages[0], [0.0])
     return stepper

@@ -1,8 +1,10 @@
 """Small scenes built by hand."""
 
+from dataclasses import replace
+
 import numpy as np
 
-from multicor_cli.engine import Engine, Settings
+from multicor_cli.engine import Engine, Orders, Settings
 from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
 from multicor_cli.model import BOOK_NAMES, TALLY_NAMES, ContactLaws, Grains, Model, ShapeKind, State, Walls, WallShapes
 
@@ -73,9 +75,30 @@ def make_engine(model, positions, velocities=None, *, settings=None, drives=None
     state = State.at_rest(model, np.asarray(positions, float))
     if velocities is not None:
         state.velocity[:] = velocities
-    engine = Engine(model, state, settings or Settings(), threads=threads)
-    engine.set_drives(drives or [WallDrive()] * model.wall_count)
+    engine = Engine(model, state, threads=threads)
+    engine.begin(Orders(drives, settings or Settings()))
     return engine
+
+
+def begin(engine, **orders):
+    """Begin a stage with some other orders."""
+    engine.begin(replace(engine.orders, **orders))
+
+
+def resume(engine, **orders):
+    """Change some orders in the middle of a stage."""
+    engine.resume(replace(engine.orders, **orders))
+
+
+def copy_of(state):
+    return State.from_dict({name: np.array(value) for name, value in state.as_dict().items()})
+
+
+def continued(engine):
+    """Another engine that goes on from a copy of the state, as after a stop."""
+    other = Engine(engine.model, copy_of(engine.state), threads=1, heat=engine.heat)
+    other.resume(engine.orders)
+    return other
 
 
 def advance(engine, dt, steps):

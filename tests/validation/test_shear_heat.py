@@ -9,12 +9,10 @@ import numpy as np
 import pytest
 from heat_parts import at_temperature, heat_book, make_heat_laws, with_heat
 from recorded import keep
-from scene_parts import book, shear_scene
+from scene_parts import book, copy_of, shear_scene
 
-from multicor_cli.engine import Engine, Settings
-from multicor_cli.engine.coupled import CoupledEngine
+from multicor_cli.engine import Engine, Orders
 from multicor_cli.engine.heat.settings import HeatSettings
-from multicor_cli.engine.heat.step import HeatEngine
 from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.model import State
 
@@ -47,10 +45,8 @@ class Layer:
         self.settings = HeatSettings(laws, impact=True)
         self.state = State.at_rest(self.model, positions)
         self.state.wall_position[:] = origins
-        heat = HeatEngine(self.model, self.state, self.settings)
-        self.engine = CoupledEngine(Engine(self.model, self.state, Settings(), threads=1), heat)
-        self.engine.set_drives(drives)
-        self.engine.set_heat(conditions, is_on=True, is_frozen=False)
+        self.engine = Engine(self.model, self.state, threads=1, heat=self.settings)
+        self.engine.begin(Orders(drives, conditions=conditions))
         self.strain, self.steps = 0.0, 0
 
     def step(self):
@@ -80,14 +76,14 @@ class Layer:
 
         Grains that hang in no network take no part; in the flow they do, and count in its temperatures.
         """
-        state = State.from_dict({name: np.array(value) for name, value in self.state.as_dict().items()})
+        state = copy_of(self.state)
         state.heat[:] = 0.0
         model = replace(self.model, thermal=replace(self.model.thermal, start=np.full(self.model.grain_count, AMBIENT + 0.5)))
-        heat = HeatEngine(model, state, self.settings)
-        heat.set_conditions([at_temperature(AMBIENT), at_temperature(AMBIENT + 1.0)])
-        heat.advance(1e5, 0.0)
+        engine = Engine(model, state, threads=1, heat=self.settings)
+        engine.resume(Orders(conditions=[at_temperature(AMBIENT), at_temperature(AMBIENT + 1.0)], is_frozen=True))
+        engine.step(1e5, 0.0)
         before = state.wall_heat[1, 0]
-        heat.advance(1e4, 0.0)
+        engine.step(1e4, 0.0)
         taking_part = state.heat != 0.0
         rise = (state.temperature(model.thermal) - AMBIENT)[taking_part]
         where = self.bins()[taking_part]

@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 from places import ROOT
+from scene_parts import copy_of
 
 import multicor_cli as multicor
-from multicor_cli.engine import Engine, Settings
-from multicor_cli.model import State
+from multicor_cli.engine import Engine, Orders, Settings
 from multicor_cli.packing import build
 
 CONFIGS = ROOT / "configs"
@@ -16,9 +16,9 @@ def _sweeps_from(model, state, drives, dt, t):
     """Sweep-equivalents of one step from a copied state, accelerated and plain."""
     counts = []
     for method in ("accelerated", "gauss-seidel"):
-        copy = State.from_dict({name: np.array(value) for name, value in state.as_dict().items()})
-        engine = Engine(model, copy, Settings(method=method), threads=1)
-        engine.resume_drives(drives)
+        copy = copy_of(state)
+        engine = Engine(model, copy, threads=1)
+        engine.resume(Orders(drives, Settings(method=method)))
         counts.append(engine.step(dt, t).sweeps)
     return counts
 
@@ -29,14 +29,14 @@ def _sweeps_from(model, state, drives, dt, t):
 def test_accelerated_needs_no_more_sweeps(name):
     scenario = multicor.load_scenario(CONFIGS / f"{name}.toml")
     model, state = build(scenario)
-    engine = Engine(model, state, Settings(), threads=1)
+    engine = Engine(model, state, threads=1)
     counts, starts = [], []
     for number, stage in enumerate(scenario.loading):
         dt = scenario.stage_solver(number).dt
         state.stage, state.stage_start, state.stage_step = number, state.time, 0
         starts.append(state.time)
         drives = scenario.drives(model.walls.names)[number].started(starts)
-        engine.set_drives(drives)
+        engine.begin(Orders(drives))
         is_last = number == len(scenario.loading) - 1
         steps = 400 if is_last else round(stage.duration / dt)
         for k in range(steps):

@@ -5,7 +5,7 @@ import signal
 import numpy as np
 import pytest
 from heat_parts import coupled_engine, heat_book, make_heat_laws, touching_engine, with_heat
-from scene_parts import FLOOR, advance, make_model
+from scene_parts import FLOOR, advance, begin, make_model
 from scenes import WARM, changed, write_small
 
 import multicor_cli as multicor
@@ -30,7 +30,7 @@ def on_a_body(start, initial, **settings):
 
 def after(engine, total, count):
     for k in range(count):
-        engine.advance(total / count, k * total / count)
+        engine.step(total / count, k * total / count)
     return float(engine.state.temperature(engine.model.thermal)[0]), float(engine.state.wall_temperature[0])
 
 
@@ -63,7 +63,7 @@ def test_a_body_gets_its_share_of_the_heat_of_friction(conduction):
         model, [[0.0, 1e-2]], [[1.0, 0.0, 0.0]], [WallHeat("capacity", capacity=0.5, initial=310.0)],
         laws=make_heat_laws(), conduction=conduction,
     )  # fmt: skip
-    engine.begin_heat(np.array([True]))
+    begin(engine, is_new=np.array([True]))
     state = engine.state
     advance(engine, 1e-4, 2000)
     lost = 0.5 * float(model.grains.mass[0]) - float(0.5 * model.grains.mass[0] * (1.0 + 0.4) * state.velocity[0, 0] ** 2)

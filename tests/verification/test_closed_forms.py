@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 from recorded import keep
-from scene_parts import FIXED, FLOOR, TIGHT, G, advance, book, make_engine, make_model, tally
+from scene_parts import FIXED, FLOOR, TIGHT, G, advance, book, make_engine, make_model, resume, tally
 
 from multicor_cli.engine import Settings
 from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
@@ -161,7 +161,7 @@ def test_three_disc_pyramid_threshold():
 def test_frictionless_pyramid_accelerations():
     """μ = 0: the top disc falls with g/7, the base discs spread with √3 g/7; the ground carries 20/21 of the weight."""
     engine, _ = _pyramid(0.0)
-    engine.settings = TIGHT
+    resume(engine, settings=TIGHT)
     dt = 1e-6
     engine.step(dt, 0.0)
     state = engine.state

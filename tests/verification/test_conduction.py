@@ -20,7 +20,7 @@ def temperatures(engine):
 
 def run(engine, total, count):
     for k in range(count):
-        engine.advance(total / count, k * total / count)
+        engine.step(total / count, k * total / count)
     return temperatures(engine)
 
 

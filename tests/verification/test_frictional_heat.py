@@ -5,18 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from heat_parts import at_temperature, coupled_engine, heat_book, heat_engine, make_heat_laws, with_heat, with_softening
-from scene_parts import FLOOR, G, book, make_model, shear_scene
+from scene_parts import FLOOR, G, book, continued, make_model, resume, shear_scene
 
-from multicor_cli.engine import Engine, Settings
-from multicor_cli.engine.coupled import CoupledEngine
+from multicor_cli.engine import Settings
 from multicor_cli.engine.heat.conduction import ContactForce
 from multicor_cli.engine.heat.convection import Ambient
 from multicor_cli.engine.heat.gas import Gas
 from multicor_cli.engine.heat.radiation import Radiation
-from multicor_cli.engine.heat.step import HeatEngine
 from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.engine.motion.drives import Constant, Sine
-from multicor_cli.model import State
 
 MU = 0.3
 
@@ -34,7 +31,7 @@ def slide(shape="disc", dt=1e-3, conditions=None, model=None, duration=0.2, **se
 @pytest.mark.parametrize("dt", [1e-2, 3.7e-3, 1e-3])
 def test_slide_to_roll_heat_is_exact(shape, share, dt):
     engine = slide(shape, dt)
-    energy = 0.5 * engine.heat.model.grains.mass[0]
+    energy = 0.5 * engine.model.grains.mass[0]
     assert engine.state.heat[0] / energy == pytest.approx(share, abs=1e-12)
     assert engine.state.generated[0] == engine.state.heat[0]
     assert heat_book(engine.state, "friction") == pytest.approx(book(engine.state, "friction_loss"), rel=1e-14)
@@ -43,14 +40,14 @@ def test_slide_to_roll_heat_is_exact(shape, share, dt):
 @pytest.mark.parametrize(("dt", "share"), [(1e-2, 0.304474540), (1e-3, 0.330395371)])
 def test_the_paper_s_rule_misses_part_of_it(dt, share):
     engine = slide(dt=dt, friction="sliding")
-    assert engine.state.heat[0] / (0.5 * engine.heat.model.grains.mass[0]) == pytest.approx(share, abs=1e-9)
+    assert engine.state.heat[0] / (0.5 * engine.model.grains.mass[0]) == pytest.approx(share, abs=1e-9)
     assert heat_book(engine.state, "closure") < 1e-14
 
 
 def test_a_wall_of_known_temperature_takes_its_share():
     laws = make_heat_laws()._replace(share=np.full((1, 1), 0.25))
     engine = slide(conditions=[at_temperature(300.0)], laws=laws, conduction="none")
-    total = 0.5 * engine.heat.model.grains.mass[0] / 3.0
+    total = 0.5 * engine.model.grains.mass[0] / 3.0
     assert engine.state.generated[0] == pytest.approx(0.25 * total, rel=1e-12)
     assert engine.state.wall_heat[0, 1] == pytest.approx(0.75 * total, rel=1e-12)
     assert heat_book(engine.state, "to_walls") == pytest.approx(0.75 * total, rel=1e-12)
@@ -64,7 +61,7 @@ def test_wear_is_archard_s():
     """V = K F s/H with F s = m g · v0²/(6 μ g) (theory §15.1), whatever Δt."""
     for dt in (1e-2, 1e-3):
         engine = slide(dt=dt, laws=make_heat_laws(wear=1e-4 / 2e9))
-        mass = engine.heat.model.grains.mass[0]
+        mass = engine.model.grains.mass[0]
         expected = 1e-4 / 2e9 * mass / (6.0 * MU)
         assert engine.state.wear[0] == pytest.approx(expected, rel=1e-12)
         assert engine.state.wall_wear[0] == pytest.approx(expected, rel=1e-12)
@@ -103,7 +100,7 @@ def impact(**settings):
 def test_impacts_heat_where_asked():
     """−p_n ½(u_n⁻+u_n⁺) = ½(1−e²) u_n²/W_nn, half to each of two like grains."""
     engine = impact(impact=True, conduction="none")
-    mass = engine.heat.model.grains.mass[0]
+    mass = engine.model.grains.mass[0]
     assert engine.state.heat == pytest.approx(np.full(2, 0.25 * mass * 0.75 * 0.5), rel=1e-12)
     assert heat_book(engine.state, "impact") == pytest.approx(book(engine.state, "impact_loss"), rel=1e-14)
     assert np.abs(impact(conduction="none").state.heat).max() == 0.0
@@ -114,7 +111,7 @@ def test_a_collision_conducts_by_its_own_law():
     from multicor_cli.engine.heat.friction import impact_exchange
 
     engine = impact(collisional=True)
-    mass = engine.heat.model.grains.mass[0]
+    mass = engine.model.grains.mass[0]
     laws = make_heat_laws()
     exchange = impact_exchange(0.5 * mass, 0.5, laws.modulus[0, 0], 1.0, 15.0, 3.75e6, 15.0, 3.75e6)
     assert engine.state.heat[0] == pytest.approx(100.0 * exchange, rel=1e-6)
@@ -190,16 +187,10 @@ def test_a_state_goes_on_to_the_bit_from_a_copy():
     settings = {**ALL_ON, "force": ContactForce("average", 0.1), "integrator": "implicit", "collisional": True}
     through = shear(steps=40, **settings)
     half = shear(steps=20, **settings)
-    copied = State.from_dict({name: np.array(value) for name, value in half.state.as_dict().items()})
-    model, _, _, drives = shear_scene(columns=8, rows=6, gravity=(0.0, -0.02))
-    model = replace(model, thermal=half.heat.model.thermal)
-    heat = HeatEngine(model, copied, half.heat.settings)
-    engine = CoupledEngine(Engine(model, copied, Settings(max_sweeps=300), threads=1), heat)
-    engine.mechanics.resume_drives(drives)
-    engine.set_heat([WallHeat("temperature", Sine(320.0, 30.0, 0.3)), WallHeat("flow", Constant(5.0))], is_on=True, is_frozen=False)
+    engine = continued(half)
     for k in range(20, 40):
         engine.step(0.02, k * 0.02)
-    assert copied.digest() == through.state.digest()
+    assert engine.state.digest() == through.state.digest()
 
 
 def test_radiation_of_one_grain_to_the_surroundings():
@@ -207,7 +198,7 @@ def test_radiation_of_one_grain_to_the_surroundings():
     model = with_heat(make_model([1.0], (), (), shape="sphere", gravity=(0.0, 0.0)), 1000.0, capacity=1.0)
     laws, radiation = make_heat_laws(emissivity=0.5), Radiation(surroundings=1e-3)
     engine = coupled_engine(model, [[0.0, 0.0]], laws=laws, mechanisms=(radiation,), tolerance=1e-9)
-    engine.set_heat([], is_on=True, is_frozen=True)
+    resume(engine, is_frozen=True)
     t = 20.0e-3
     engine.step(t, 0.0)
     coefficient = 0.5 * 5.670374419e-8 * 4.0 * np.pi
@@ -218,7 +209,7 @@ def test_convection_of_one_grain():
     """T_f − T decays with C/(h A)."""
     model = with_heat(make_model([1.0], (), (), shape="sphere", gravity=(0.0, 0.0)), 300.0, capacity=8.0 * np.pi)
     heat = heat_engine(model, [[0.0, 0.0]], mechanisms=(Ambient(400.0, coefficient=2.0),), tolerance=1e-8)
-    heat.advance(1.0, 0.0)
+    heat.step(1.0, 0.0)
     state = heat.state
     assert state.temperature(model.thermal)[0] == pytest.approx(400.0 - 100.0 * np.exp(-1.0), rel=1e-6)
     assert heat_book(state, "from_ambient") == pytest.approx(state.heat[0], rel=1e-14)

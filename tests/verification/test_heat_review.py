@@ -15,7 +15,7 @@ from heat_parts import (
     with_heat,
     with_softening,
 )
-from scene_parts import FLOOR, book, make_model
+from scene_parts import FLOOR, book, make_model, resume
 
 from multicor_cli.engine import PhysicsError
 from multicor_cli.engine.heat import integration
@@ -63,7 +63,7 @@ def cooled(start, sink, rate, t):
 def test_a_hot_grain_cools_to_a_wall_however_long_the_step(start, dt):
     """Radiation is stiff where the grain is far hotter than what it sees: the stages must be solved, or the step refused."""
     engine = radiating_grain(start, 300.0)
-    engine.advance(dt, 0.0)
+    engine.step(dt, 0.0)
     capacity = engine.model.thermal.capacity[0]
     rate = STEFAN_BOLTZMANN * np.pi * RADIUS**2 / (2.0 / 0.8 - 1.0) / capacity
     assert temperatures(engine)[0] == pytest.approx(cooled(start, 300.0, rate, dt), abs=2e-3 * (start - 300.0))
@@ -74,7 +74,7 @@ def test_explicit_steps_stay_in_range_while_radiation_heats(wall, surroundings):
     """ΣH grows 4-fold (wall) or 1000-fold (surroundings) on the way from 300 K to 3000 K."""
     engine = radiating_grain(300.0, wall, surroundings=surroundings, integrator="explicit")
     for k in range(20):
-        engine.advance(0.3, 0.3 * k)
+        engine.step(0.3, 0.3 * k)
         assert 300.0 <= temperatures(engine)[0] <= 3000.0 * (1.0 + 1e-12)
 
 
@@ -85,7 +85,7 @@ def test_no_grain_below_absolute_zero(integrator):
         [[0.0, 1.0]], 300.0, shapes=FLOOR, walls=("floor",), conditions=[WallHeat("flow", Constant(-10.0))], integrator=integrator
     )
     with pytest.raises(PhysicsError, match="absolute zero"):
-        engine.advance(100.0, 0.0)
+        engine.step(100.0, 0.0)
 
 
 @pytest.mark.parametrize("start", [300.0, [300.0, 301.0, 302.0]])
@@ -97,7 +97,7 @@ def test_nothing_depends_on_memory_that_nobody_wrote(start, monkeypatch):
         fake.empty = lambda *shape: np.full(*shape, fill)
         monkeypatch.setattr(integration, "np", fake)
         engine = touching_engine(chain(3), start, integrator="implicit", tolerance=1e-2)
-        engine.advance(5e-6, 0.0)
+        engine.step(5e-6, 0.0)
         return engine.state.heat.tolist(), engine.state.heat_dt
 
     assert heat(np.nan) == heat(0.0)
@@ -116,7 +116,7 @@ def test_a_pulse_between_two_steps_is_felt(kind):
         capacity=1e6,
         integrator="implicit",
     )
-    engine.advance(60.0, 0.0)
+    engine.step(60.0, 0.0)
     expected = 60.0 if kind == "flow" else 60.0 * 2.0 ** (1.0 / 3.0)
     assert engine.state.heat[0] == pytest.approx(expected, rel=1e-2)
 
@@ -131,7 +131,7 @@ def test_sub_steps_of_a_grain_that_is_alone():
         conditions=[WallHeat("flow", Sine(1.0, 5.0, 60.0))],
         integrator="implicit",
     )
-    engine.advance(60.0, 0.0)
+    engine.step(60.0, 0.0)
     assert engine.state.heat[0] == pytest.approx(60.0, abs=1.0)
     assert heat_book(engine.state, "sub_steps") < 500
 
@@ -163,7 +163,7 @@ def test_gas_conducts_no_more_where_grains_press_less():
     radius = 1.5e-3
     model = with_heat(make_model([radius] * 2, (), (), shape="sphere", density=7500.0), [300.0, 400.0])
     engine = heat_engine(model, [[0.0, 0.0], [2.0 * radius, 0.0]], conduction="none", mechanisms=(Gas(0.026),))
-    engine.advance(1e-6, 0.0)
+    engine.step(1e-6, 0.0)
     assert engine.state.heat[0] / 1e-6 / 100.0 == pytest.approx(batchelor_conductance(0.026, 15.0, 0.75e-3, 0.0, 0.0), rel=0.05)
 
 
@@ -173,7 +173,7 @@ def test_the_biot_number_counts_the_gas():
     model = with_heat(make_model([radius] * 2, (), (), shape="sphere", density=2500.0), [300.0, 400.0])
     laws, force = make_heat_laws(conductivity=0.2, density=2500.0, capacity=800.0), ContactForce("prescribed", 1e-3)
     engine = heat_engine(model, [[0.0, 0.0], [2.0 * radius, 0.0]], laws=laws, mechanisms=(Gas(0.026),), force=force)
-    engine.advance(1e-6, 0.0)
+    engine.step(1e-6, 0.0)
     whole = engine.state.heat[0] / 1e-6 / 100.0
     assert heat_book(engine.state, "max_biot") == pytest.approx(whole / (0.2 * radius), rel=1e-3)
 
@@ -183,7 +183,7 @@ def test_frozen_grains_stand_still_in_the_fluid():
     model = with_heat(make_model([1e-3], (), (), shape="sphere", gravity=(0.0, 0.0), density=7500.0), 300.0)
     ambient = Ambient(400.0, correlation="ranz-marshall", conductivity=0.026, viscosity=1.6e-5, prandtl=0.7)
     engine = coupled_engine(model, [[0.0, 0.0]], [[5.0, 0.0, 0.0]], mechanisms=(ambient,))
-    engine.set_heat([], is_on=True, is_frozen=True)
+    resume(engine, is_frozen=True)
     engine.step(1e-3, 0.0)
     expected = 1e-3 * 100.0 * 0.026 / 1e-3 * model.thermal.surface[0]
     assert engine.state.heat[0] == pytest.approx(expected, rel=1e-3)
@@ -197,7 +197,7 @@ def test_frozen_frames_keep_the_forces_beside_averages():
     carried = state.contact_impulse[0, 0]
     # Grain 1 has left the floor: an average without a force.
     state.contact_i, state.contact_j, state.contact_impulse = state.contact_i[:1], state.contact_j[:1], state.contact_impulse[:1]
-    engine.set_heat([WallHeat()], is_on=True, is_frozen=True)
+    resume(engine, is_frozen=True)
     engine.step(1.0, 0.0)
     table = engine.contacts()
     assert state.mean_i.tolist() == [0, 1]
@@ -213,7 +213,7 @@ def test_friction_knows_the_wall_from_the_first_step():
     model = replace(model, laws=with_softening(model.laws, 1e-3 * one, 300.0 * one, 0.0 * one, one))
     engine = coupled_engine(model, [[0.0, 1.0]], [[1.0, 0.0, 0.0]], [at_temperature(900.0)], conduction="none")
     engine.step(1e-3, 0.0)
-    assert engine.mechanics.moved[1].frame[0, 4] == pytest.approx(0.21, rel=1e-12)
+    assert engine.moved.contacts.frame[0, 4] == pytest.approx(0.21, rel=1e-12)
 
 
 @pytest.mark.parametrize("restitution", [0.0, 0.5])
@@ -241,7 +241,7 @@ def test_mechanisms_of_one_kind_add_up(integrator):
     single = touching_engine(chain(2), [300.0, 900.0], emissivity=0.8, mechanisms=(*fluid, near), **choices)
     for engine in (several, single):
         for k in range(5):
-            engine.advance(1e-3, k * 1e-3)
+            engine.step(1e-3, k * 1e-3)
     assert several.state.heat == pytest.approx(single.state.heat, rel=1e-6)  # sub-steps differ
     assert several.state.heat[0] > 1.0
     assert heat_book(several.state, "from_ambient") == pytest.approx(several.state.heat.sum(), rel=1e-10)

@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scene_parts import TIGHT, advance, book, make_engine, make_model, shear_engine, shear_scene, tally
+from scene_parts import TIGHT, advance, begin, book, continued, make_engine, make_model, resume, shear_engine, tally
 
-from multicor_cli.engine import Engine, PhysicsError, Settings
+from multicor_cli.engine import PhysicsError, Settings
 from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
-from multicor_cli.model import ShapeKind, State
+from multicor_cli.model import ShapeKind
 
 
 def _cluster(restitution):
@@ -48,8 +48,8 @@ def test_energy_books_close(restitution, gravity, damping):
     engine = shear_engine(restitution=restitution, gravity=(0.0, gravity))
     model = engine.model
     load = DofDrive(force=Constant(-model.period), damping=damping)
-    engine.set_drives([WallDrive(), WallDrive(x=DofDrive(velocity=Constant(1.5)), y=load)])
-    engine.settings = replace(engine.settings, max_sweeps=15)  # deliberately unconverged
+    begin(engine, drives=[WallDrive(), WallDrive(x=DofDrive(velocity=Constant(1.5)), y=load)])
+    resume(engine, settings=replace(engine.orders.settings, max_sweeps=15))  # deliberately unconverged
     state = advance(engine, 0.1, 300)
     assert tally(state, "unconverged_steps") > 0
     assert book(state, "closure") < 1e-12
@@ -73,7 +73,7 @@ def test_switching_a_moving_wall_from_prescribed_to_driven_is_booked():
     engine = shear_engine()
     advance(engine, 0.1, 20)
     load = DofDrive(force=Constant(0.0))
-    engine.set_drives([WallDrive(), WallDrive(x=load, y=DofDrive(force=Constant(-engine.model.period)))])
+    begin(engine, drives=[WallDrive(), WallDrive(x=load, y=DofDrive(force=Constant(-engine.model.period)))])
     state = advance(engine, 0.1, 50)
     assert book(state, "closure") < 1e-12
 
@@ -129,9 +129,7 @@ def test_age_of_the_neighbor_list_does_not_matter():
     """A new engine on a copied state (a resume) goes on bit for bit."""
     engine = shear_engine(restitution=0.3)
     advance(engine, 0.1, 57)
-    copy = State.from_dict({name: np.array(value) for name, value in engine.state.as_dict().items()})
-    other = Engine(engine.model, copy, engine.settings, threads=1)
-    other.resume_drives(shear_scene()[3])
+    other = continued(engine)
     for k in range(57, 120):
         engine.step(0.1, k * 0.1)
         other.step(0.1, k * 0.1)
@@ -166,7 +164,7 @@ def test_solver_failure_is_an_error_only_on_request():
     engine = shear_engine(settings=Settings(max_sweeps=2))
     advance(engine, 0.1, 40)
     assert tally(engine.state, "unconverged_steps") > 0
-    engine.settings = replace(engine.settings, on_failure="error")
+    resume(engine, settings=replace(engine.orders.settings, on_failure="error"))
     with pytest.raises(PhysicsError, match="did not converge"):
         advance(engine, 0.1, 40)
 

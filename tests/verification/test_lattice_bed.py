@@ -2,16 +2,12 @@
 
 import numpy as np
 import pytest
-from heat_parts import at_temperature, heat_book, make_heat_laws, with_heat
+from heat_parts import at_temperature, frozen_engine, heat_book, with_heat
 from recorded import keep
 from scene_parts import FLOOR, make_engine, make_model
 
-from multicor_cli.engine import Engine, Settings
-from multicor_cli.engine.coupled import CoupledEngine
+from multicor_cli.engine import Settings
 from multicor_cli.engine.heat.gas import Gas
-from multicor_cli.engine.heat.settings import HeatSettings
-from multicor_cli.engine.heat.step import HeatEngine
-from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.model import State
 
 RADIUS, ROWS, COLUMNS, HEIGHT = 1.5e-3, 116, 4, 0.304
@@ -44,15 +40,12 @@ def settled():
 def theta(model, data, **settings):
     """θ by row after half an hour on a floor 25 K warmer."""
     state = State.from_dict({name: value.copy() for name, value in data.items()})
-    heat = HeatEngine(model, state, HeatSettings(make_heat_laws(), **settings))
-    coupled = CoupledEngine(Engine(model, state), heat)
-    coupled.set_heat([at_temperature(323.15)], is_on=True, is_frozen=True)
-    coupled.step(1800.0, 0.0)
+    frozen_engine(model, state, [at_temperature(323.15)], **settings).step(1800.0, 0.0)
     assert heat_book(state, "closure") < 1e-13
     rise = (state.temperature(model.thermal) - 298.15) / 25.0
     by_row = rise.reshape(ROWS, COLUMNS)
     assert np.ptp(by_row, axis=1).max() < 2e-3
-    return by_row.mean(axis=1), heat
+    return by_row.mean(axis=1), state
 
 
 def test_forces_grow_from_row_to_row(settled):
@@ -94,15 +87,13 @@ def test_explicit_and_implicit_give_the_same_profile(settled):
 def test_the_paper_s_condition_on_the_gas_fails_in_air(settled):
     """λ_s s/(λ_f a) = 2.66 for a contact of 62 mN, below 1 near the top (theory §15.3)."""
     model, data = settled
-    _, heat = theta(model, data, mechanisms=(Gas(0.026),))
-    assert 0.0 < heat_book(heat.state, "solid_gas_min") < 1.0
-    assert 2.0 < heat_book(heat.state, "solid_gas_max") < 5.0
+    _, state = theta(model, data, mechanisms=(Gas(0.026),))
+    assert 0.0 < heat_book(state, "solid_gas_min") < 1.0
+    assert 2.0 < heat_book(state, "solid_gas_max") < 5.0
 
 
 def test_insulated_walls_keep_everything(settled):
     model, data = settled
     state = State.from_dict({name: value.copy() for name, value in data.items()})
-    heat = HeatEngine(model, state, HeatSettings(make_heat_laws()))
-    heat.set_conditions([WallHeat()])
-    heat.advance(1800.0, 0.0)
+    frozen_engine(model, state).step(1800.0, 0.0)
     assert np.abs(state.heat).max() == 0.0

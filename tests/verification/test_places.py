@@ -5,7 +5,7 @@ import itertools
 import numpy as np
 import pytest
 from heat_parts import at_temperature, coupled_engine, heat_book, heat_engine, make_heat_laws, with_heat
-from scene_parts import TIGHT, G, advance, book, make_engine, make_model
+from scene_parts import TIGHT, G, advance, book, make_engine, make_model, resume
 
 from multicor_cli.engine.geometry.places import RISE
 from multicor_cli.engine.heat.conduction import ContactForce, hertz_conductance
@@ -94,7 +94,7 @@ def closed_form(mechanism, radius=1.0):
 
 def conductances(engine, warm=300.0001, t=1e-3):
     """What each wall gives per degree [W/K]."""
-    engine.advance(t, 0.0)
+    engine.step(t, 0.0)
     return engine.state.wall_heat[:, 0] / t / (warm - 300.0)
 
 
@@ -227,14 +227,14 @@ def test_a_flow_goes_to_grains_in_proportion_to_places():
     engine = heat_engine(
         model, [[-4.0, 1.0], [0.0, 1.0]], conditions=conditions, laws=LAWS, force=ContactForce("prescribed", FORCE)
     )
-    engine.advance(1.0, 0.0)
+    engine.step(1.0, 0.0)
     assert engine.state.heat == pytest.approx([2.0, 1.5], rel=1e-9)
 
 
 def test_the_biot_number_is_that_of_a_place():
     for name in ("one piece", "coincident", "tiles on an edge"):
         engine = resting(*walls_of(FLOORS[name]), [[0.0, 1.0]])
-        engine.advance(1e-3, 0.0)
+        engine.step(1e-3, 0.0)
         assert heat_book(engine.state, "max_biot") == pytest.approx(2.0 * SPOT, rel=1e-9)
 
 
@@ -336,7 +336,7 @@ def test_tension_in_a_frozen_stage_counts_the_adhesion_of_a_joint_once():
     model = with_heat(make_model([1.0], shapes, names, shape="sphere", adhesion=3.0 * weight), 300.0)
     engine = coupled_engine(model, [[0.0, -1.0]])
     for is_frozen in (False, True):
-        engine.set_heat([WallHeat()] * 2, is_on=True, is_frozen=is_frozen)
+        resume(engine, is_frozen=is_frozen)
         advance(engine, 1e-3, 5)
         assert engine.contacts().impulse[:, 0].sum() == pytest.approx(-1e-3 * weight, rel=1e-9)
 

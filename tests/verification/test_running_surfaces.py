@@ -4,11 +4,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scene_parts import FLOOR, TIGHT, G, advance, book, make_engine, make_model
+from scene_parts import FLOOR, TIGHT, G, advance, begin, book, continued, make_engine, make_model
 
-from multicor_cli.engine import Engine, Settings, solve_contacts
+from multicor_cli.engine import Settings, solve_contacts
 from multicor_cli.engine.motion.drives import Constant, DofDrive, Ramp, Sine, WallDrive
-from multicor_cli.model import ShapeKind, State
+from multicor_cli.model import ShapeKind
 from multicor_cli.model.contacts import ContactTable
 
 SPEED = 1.5
@@ -220,11 +220,9 @@ def test_threads_and_a_new_engine_on_the_state_change_no_bit(monkeypatch):
     digests = set()
     for threads, parallel_from in ((1, 1), (2, 1), (2, 10**9)):
         monkeypatch.setattr(solve, "PARALLEL_FROM", parallel_from)
-        engine, drives = sheared(threads=threads, columns=40, rows=20)
+        engine, _ = sheared(threads=threads, columns=40, rows=20)
         advance(engine, 2e-3, 10)
-        copy = State.from_dict({name: np.array(value) for name, value in engine.state.as_dict().items()})
-        other = Engine(engine.model, copy, engine.settings, threads=1)
-        other.resume_drives(drives)
+        other = continued(engine)
         for k in range(10, 20):
             engine.step(2e-3, 2e-3 * k)
             other.step(2e-3, 2e-3 * k)
@@ -269,7 +267,7 @@ def test_a_drive_that_ends_leaves_the_surface_to_slow_down_within_a_step():
     model = make_model([1.0], FLOOR, friction=0.3)
     engine = make_engine(model, [[0.0, 1.0]], drives=[running()])
     advance(engine, 1e-3, 10)
-    engine.set_drives([WallDrive()])
+    begin(engine, drives=[WallDrive()])
     engine.step(1e-3, 0.0)
     assert engine.state.wall_surface.tolist() == [0.0]
     assert book(engine.state, "closure") < 1e-13

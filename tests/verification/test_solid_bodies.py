@@ -12,7 +12,7 @@ from scene_parts import TIGHT, advance, book, make_engine, make_model, tally
 
 from multicor_cli import open_run
 from multicor_cli import run as run_scenario
-from multicor_cli.engine import Engine, Settings
+from multicor_cli.engine import Engine, Orders
 from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
 from multicor_cli.model import Model, ShapeKind, State
 from multicor_cli.packing import build
@@ -44,8 +44,8 @@ def test_a_free_body_falls_as_everything_does(name: str) -> None:
     """x = x₀ − g t²/2, exactly in this scheme; its own mass is in the books."""
     model, state = one_grain(BODIES[name], "min=[0.0,0.0],max=[0.01,0.01]", "domain.gravity=[0.0,-9.81]", rest="gravity = true")
     start = state.wall_position[0].copy()
-    engine = Engine(model, state, TIGHT, threads=1)
-    engine.set_drives([CHANGEABLE])
+    engine = Engine(model, state, threads=1)
+    engine.begin(Orders([CHANGEABLE], TIGHT))
     advance(engine, 1e-3, 50)
     assert state.wall_position[0] - start == pytest.approx([0.0, -0.5 * 9.81 * 0.05**2, 0.0], rel=1e-12, abs=1e-15)
     mass = float(model.walls.mass[0]) + float(model.grains.mass[0])
@@ -64,8 +64,8 @@ def test_a_collision_conserves_momentum_and_without_losses_energy(name: str) -> 
     state.velocity[0] = 0.4, 0.05, 3.0
     state.wall_velocity[0] = -0.1, -0.02, 4.0
     before = _invariants(model, state)
-    engine = Engine(model, state, TIGHT, threads=1)
-    engine.set_drives([CHANGEABLE])
+    engine = Engine(model, state, threads=1)
+    engine.begin(Orders([CHANGEABLE], TIGHT))
     advance(engine, 1e-4, 600)
     assert abs(state.velocity[0, 0] - 0.4) > 0.05  # they have met
     assert abs(state.wall_velocity[0, 0] + 0.1) > 1e-3
@@ -78,8 +78,8 @@ def test_friction_keeps_the_momentum_and_takes_energy(name: str) -> None:
     model, state = one_grain(BODIES[name], "min=[0.011,0.0452],max=[0.0131,0.0473]", WEIGHTLESS)
     state.velocity[0] = 0.4, 0.05, 300.0
     before = _invariants(model, state)
-    engine = Engine(model, state, Settings(), threads=1)
-    engine.set_drives([CHANGEABLE])
+    engine = Engine(model, state, threads=1)
+    engine.begin(Orders([CHANGEABLE]))
     advance(engine, 1e-4, 600)
     after = _invariants(model, state)
     assert after[:2] == pytest.approx(before[:2], abs=1e-9 * _scales(model)[0])

@@ -11,7 +11,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from scene_parts import FLOOR, TIGHT, advance, make_engine, make_model
+from scene_parts import FLOOR, TIGHT, advance, make_engine, make_model, resume
 from scenes import SMALL, changed, write_small
 
 from multicor_cli import run as run_scenario
@@ -35,7 +35,7 @@ TILTED = changed(
 def flight(dt: float, duration: float) -> np.ndarray:
     """Displacement of a free grain from rest under g = (3 sin(4πt), −2 + 3t)."""
     engine = make_engine(make_model([0.1]), [[0.0, 5.0]])
-    engine.set_gravity(Gravity(Sine(0.0, 3.0, 0.5), Ramp(-2.0, 4.0, 2.0)))
+    resume(engine, gravity=Gravity(Sine(0.0, 3.0, 0.5), Ramp(-2.0, 4.0, 2.0)))
     advance(engine, dt, round(duration / dt))
     return np.asarray(engine.state.position[0, :2] - [0.0, 5.0])
 
@@ -58,7 +58,7 @@ def test_a_block_slips_when_the_tangent_of_the_tilt_is_the_friction(dt: float) -
     mu, rate = 0.3, math.radians(20.0)
     model = dataclasses.replace(make_model([0.1], FLOOR, friction=mu), shape_factor=1e-12)
     engine = make_engine(model, [[0.0, 0.1]], settings=TIGHT)
-    engine.set_gravity(TiltedGravity(Ramp(0.0, 90.0, 4.5), Constant(G)))
+    resume(engine, gravity=TiltedGravity(Ramp(0.0, 90.0, 4.5), Constant(G)))
     speeds = []
     for k in range(math.ceil(1.5 / dt)):
         engine.step(dt, k * dt)

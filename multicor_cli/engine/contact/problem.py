@@ -10,10 +10,11 @@ import numpy as np
 
 from multicor_cli.arithmetic.sums import mean, total
 from multicor_cli.engine.contact.contacts import StepContacts
-from multicor_cli.engine.contact.solve import ResidualScale, Settings, ThreadChoice, solve_system
+from multicor_cli.engine.contact.solve import ResidualScale, ThreadChoice, solve_system
 from multicor_cli.engine.contact.sweep import System, add_impulses
 from multicor_cli.engine.contact.system import Batches, OneByOne, batch, by_slot
 from multicor_cli.engine.geometry.scene import Scene
+from multicor_cli.engine.orders import Settings
 from multicor_cli.model.columns import (
     BELT,
     BIAS,

@@ -1,4 +1,4 @@
-"""The global solve of one contact problem: its settings, slices short enough to be interrupted, on one thread or several."""
+"""The global solve of one contact problem, in slices short enough to be interrupted, on one thread or several."""
 
 from __future__ import annotations
 
@@ -6,7 +6,6 @@ import math
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Literal
 
 import numba
 import numpy as np
@@ -25,8 +24,8 @@ from multicor_cli.engine.contact.acceleration import (
     step_back,
 )
 from multicor_cli.engine.contact.patches import BLOCKS, SIZES, choose_patch, has_clusters, hold, release, solve_patch
-from multicor_cli.engine.contact.step_report import PhysicsError
 from multicor_cli.engine.contact.sweep import BIPOTENTIAL, EXACT, System
+from multicor_cli.engine.orders import Interrupted, PhysicsError, Settings
 from multicor_cli.model.model import Floats
 
 # ---- One thread or several: whichever has been faster lately. Results do not depend on it, so it may follow the clock
@@ -97,33 +96,7 @@ class ThreadChoice:
         self._work = 0.0 if was_try or math.isnan(before) else self._work + relaxations / SLICE
 
 
-# ---- The global solve of one contact problem, in slices short enough to be interrupted, and what can be chosen about it
-
-Method = Literal["accelerated", "gauss-seidel"]
-Local = Literal["exact", "bipotential"]
-
-
-@dataclass(frozen=True)
-class Settings:
-    """Choices of the contact solver, named as the keys of ``[solver]``.
-
-    Attributes:
-        method: Global method: Gauss–Seidel sweeps, accelerated or plain.
-        local: Solution of one contact: exact, or one predictor–corrector step of the bipotential.
-        tolerance_rms: Largest rms velocity correction e_c over u_rms.
-        tolerance_max: Largest velocity correction e_c of a contact over u_ref.
-        tolerance_energy: Largest energy residual G.
-        max_sweeps: Cap on the number of sweeps of one step.
-        on_failure: What an unconverged step does: it is counted ("warn"), or stops the run ("error").
-    """
-
-    method: Method = "accelerated"
-    local: Local = "exact"
-    tolerance_rms: float = 1e-3
-    tolerance_max: float = 5e-2
-    tolerance_energy: float = 5e-3
-    max_sweeps: int = 50_000
-    on_failure: Literal["warn", "error"] = "warn"
+# ---- The global solve of one contact problem, in slices short enough to be interrupted
 
 
 @dataclass(frozen=True)
@@ -160,10 +133,6 @@ class Outcome:
             f"rms {self.rms:.2e}, max {self.maximum:.2e}, energy {self.energy:.2e} of their scale"
         )
         raise PhysicsError(step, message)
-
-
-class Interrupted(Exception):
-    """The solve was abandoned because a signal asked for it; nothing has been changed."""
 
 
 def solve_system(

@@ -317,6 +317,24 @@ def assemble(
 # ---- From the contacts of a step, as the solver has them, to a table that can be stored or looked at
 
 
+class Moved(NamedTuple):
+    """A step of the mechanics that has been taken.
+
+    Attributes:
+        scene: Shapes at q_m.
+        contacts: Contacts with their impulses.
+        after: Body velocities v⁺, shape ``(bodies, 4)``.
+        loaded_i: First shapes of the contacts that carried an impulse in the step before, ascending.
+        loaded_j: Their second shapes.
+    """
+
+    scene: Scene
+    contacts: StepContacts
+    after: Floats
+    loaded_i: Ints
+    loaded_j: Ints
+
+
 @kernel
 def _slips(scene: Scene, contacts: StepContacts, after: Floats) -> Floats:
     slip = np.empty(contacts.i.size)
@@ -325,10 +343,11 @@ def _slips(scene: Scene, contacts: StepContacts, after: Floats) -> Floats:
     return slip
 
 
-def tabulate_contacts(scene: Scene | None, contacts: StepContacts | None, after: Floats) -> ContactTable:
+def tabulate_contacts(moved: Moved | None) -> ContactTable:
     """Make the table; empty if there has been no step."""
-    if scene is None or contacts is None:
+    if moved is None:
         return ContactTable.empty()
+    scene, contacts, after = moved[:3]
     q_n, p_t = contacts.impulse.T
     # The local solve cuts p_t to ±μ q_n exactly, so equality means sliding; only a rounding of the product is allowed for.
     sliding = (q_n > 0.0) & (np.abs(p_t) >= contacts.frame[:, MU] * q_n * (1.0 - 1e-12))

@@ -13,9 +13,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from multicor_cli.engine.contact.solve import Interrupted
 from multicor_cli.engine.heat.radiation import linear_coefficient
 from multicor_cli.engine.jit.compile import kernel
+from multicor_cli.engine.orders import Interrupted
 from multicor_cli.model.model import Floats, Ints
 
 OUTSIDE_BOOKS = ("from_ambient", "from_surroundings")

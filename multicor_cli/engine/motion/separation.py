@@ -19,13 +19,13 @@ from numpy.typing import NDArray
 
 from multicor_cli.arithmetic.sums import total
 from multicor_cli.engine.contact.acceleration import choose_factor, extrapolate, restart, start_loop
-from multicor_cli.engine.contact.step_report import PhysicsError
 from multicor_cli.engine.geometry.neighbors import NeighborList
 from multicor_cli.engine.geometry.scene import Scene, pair_geometry, place_shapes
 from multicor_cli.engine.jit.chunks import CHUNK, chunks_for, copy_into
 from multicor_cli.engine.jit.compile import kernel, parallel_kernel, prange
 from multicor_cli.engine.jit.formulas import formula
 from multicor_cli.engine.motion.walls import WallMotion
+from multicor_cli.engine.orders import PhysicsError
 from multicor_cli.model.columns import FIRST, GAP, NX, NY, SECOND, X, Y
 from multicor_cli.model.model import Floats, Ints, Model
 

@@ -20,13 +20,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.arithmetic import cos, sin
-from multicor_cli.engine.contact.step_report import PhysicsError
 from multicor_cli.engine.geometry.neighbors import NeighborList
 from multicor_cli.engine.geometry.radii import smaller_radius
 from multicor_cli.engine.geometry.scene import Scene, disc_disc, distance_to_whole, nearest_image, placed_shape, scene_of
 from multicor_cli.engine.jit.compile import kernel
 from multicor_cli.engine.motion.separation import ALLOWED
 from multicor_cli.engine.motion.walls import WallMotion
+from multicor_cli.engine.orders import PhysicsError
 from multicor_cli.model.columns import ANGLE, SPIN, X, Y
 from multicor_cli.model.model import Floats, Ints, Model
 from multicor_cli.model.state import State

@@ -22,9 +22,9 @@ from multicor_cli.bench.scenes import SCENES
 from multicor_cli.bench.session import HEADINGS, Benchmark, notes, row
 from multicor_cli.bench.yardsticks import ReferenceStep, SweepTimes, compile_sweep, time_sweep
 from multicor_cli.cli.bench_command import bench
-from multicor_cli.engine import Engine
-from multicor_cli.engine.contact.step_report import PhysicsError
+from multicor_cli.engine import Engine, Orders
 from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
+from multicor_cli.engine.orders import PhysicsError
 from multicor_cli.model import BOOK_NAMES, TALLY_NAMES
 from multicor_cli.model.state import VARIABLE
 from multicor_cli.running.outcome import ExitCode
@@ -42,8 +42,8 @@ def test_copies_of_a_sheared_layer_move_like_the_original() -> None:
     advance(engine, DT, 200)
     assert engine.state.contact_i.size > 100
     model, state = repeat_scene(engine.model, engine.state, 3)
-    wide = Engine(model, state, engine.settings, threads=1)
-    wide.set_drives(drives_of(model.period))
+    wide = Engine(model, state, threads=1)
+    wide.begin(Orders(drives_of(model.period), engine.orders.settings))
     n = engine.model.grain_count
     reports = [(engine.step(DT, 0.0), wide.step(DT, 0.0)) for _ in range(3)]
     for narrow, broad in reports:
@@ -66,8 +66,8 @@ def test_the_warm_start_of_copies_is_that_of_the_original() -> None:
     model, state = repeat_scene(engine.model, engine.state, 4)
     pairs = np.column_stack([state.contact_i, state.contact_j]).tolist()
     assert pairs == sorted(pairs)
-    wide = Engine(model, state, engine.settings, threads=1)
-    wide.set_drives(drives_of(model.period))
+    wide = Engine(model, state, threads=1)
+    wide.begin(Orders(drives_of(model.period), engine.orders.settings))
     narrow_problem, narrow_start = engine.next_start(DT, 0.0)
     wide_problem, wide_start = wide.next_start(DT, 0.0)
     assert len(wide_problem.pair) == 4 * len(narrow_problem.pair)

@@ -9,7 +9,6 @@ import pytest
 from packing_support import scenario as cold_scenario
 from scenes import HEATED, SHEAR, WARM, changed
 
-from multicor_cli.engine.contact.solve import Settings
 from multicor_cli.engine.heat.conduction import ContactForce
 from multicor_cli.engine.heat.convection import Ambient
 from multicor_cli.engine.heat.gas import Gas
@@ -17,6 +16,7 @@ from multicor_cli.engine.heat.radiation import Radiation
 from multicor_cli.engine.heat.settings import MECHANISMS, HeatSettings
 from multicor_cli.engine.heat.walls import WallHeat
 from multicor_cli.engine.motion.drives import Constant, Ramp, Shifted, Sine
+from multicor_cli.engine.orders import Settings
 from multicor_cli.packing import build
 from multicor_cli.running.plan import heat_settings, laws_of_scenario, wall_heat
 from multicor_cli.running.planning import make_plan

@@ -11,9 +11,8 @@ import pytest
 from run_fakes import FakeEngine, MemoryRecorder, make_plan, rest_reached, shear, strain_reached
 from scene_parts import between_planes
 
-from multicor_cli.engine.contact.solve import Settings
-from multicor_cli.engine.contact.step_report import PhysicsError
 from multicor_cli.engine.motion.spacing import Spacing, wall_places
+from multicor_cli.engine.orders import PhysicsError, Settings
 from multicor_cli.model import BOOK_NAMES, State
 from multicor_cli.running.conditions import StepDone, update_peak
 from multicor_cli.running.controller import WARM_UP_STEPS, Controller, Pace
@@ -75,7 +74,7 @@ def test_times_are_products_not_sums(reference: tuple[FakeEngine, MemoryRecorder
 
 def test_settings_and_drives_of_each_stage_reach_the_engine(reference: tuple[FakeEngine, MemoryRecorder]) -> None:
     engine, _ = reference
-    assert engine.calls == ["set", "set", "set", "set"]  # those of the first stage before the first row, too
+    assert engine.calls == ["begin", "begin", "begin", "begin"]  # those of the first stage before the first row, too
     assert engine.settings.max_sweeps == 50_000
     assert engine.state.wall_position[1, 0] == pytest.approx(-0.5)
 

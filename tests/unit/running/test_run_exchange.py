@@ -21,7 +21,7 @@ from multicor_cli.post import PostError
 from multicor_cli.report.pack import view_of
 from multicor_cli.running.plan import begin_stage
 from multicor_cli.running.planning import make_plan
-from multicor_cli.running.session import Session, make_stepper
+from multicor_cli.running.session import Session, make_engine
 from multicor_cli.scenario.load import parse_scenario
 from multicor_cli.scenario.problems import ScenarioError
 from multicor_cli.store import open_run, run_info, schema, verify
@@ -492,11 +492,11 @@ def test_a_step_that_is_interrupted_takes_the_release_before_it_back():
     def started():
         whole = shelf(50.0, 1e-3)
         model, state = build(whole)
-        engine = make_stepper(whole, model, state, 1)
+        engine = make_engine(whole, model, state, 1)
         stage = make_plan(whole, model).stages[0]
         begin_stage(engine, stage, [0.0])
         before = engine.state.digest()
-        engine.exchange()
+        engine.pass_grains()
         return engine, before
 
     engine, before = started()
@@ -504,7 +504,7 @@ def test_a_step_that_is_interrupted_takes_the_release_before_it_back():
     with pytest.raises(Interrupted):
         engine.step(1e-3, 0.0, lambda: True)
     assert engine.state.digest() == before
-    engine.exchange()
+    engine.pass_grains()
     engine.step(1e-3, 0.0)
     other, _ = started()
     other.step(1e-3, 0.0)

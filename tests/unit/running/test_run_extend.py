@@ -12,7 +12,7 @@ from cut_runs import shortened, written
 from scenes import SMALL, WARM, changed
 
 from multicor_cli import run as run_scenario
-from multicor_cli.engine.contact.solve import Interrupted
+from multicor_cli.engine.orders import Interrupted
 from multicor_cli.running import session as session_module
 from multicor_cli.running.outcome import StopReason
 from multicor_cli.scenario.problems import ScenarioError

@@ -14,10 +14,10 @@ from run_fakes import FakeDrives, make_plan, strain_reached
 from scene_parts import between_planes
 from scenes import SMALL, changed, write_small
 
-from multicor_cli.engine.contact.solve import Settings
 from multicor_cli.engine.heat.hertz import relative_deflection
 from multicor_cli.engine.motion.drives import Constant, DofDrive, Ramp, Sine, WallDrive
 from multicor_cli.engine.motion.spacing import Spacing
+from multicor_cli.engine.orders import Settings
 from multicor_cli.model import State
 from multicor_cli.running.compiling import available_cores, reserve_threads
 from multicor_cli.running.differences import find_differences, former_defaults

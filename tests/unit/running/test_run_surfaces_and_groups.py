@@ -177,12 +177,12 @@ def test_grains_are_released_in_a_wall_that_they_do_not_meet() -> None:
     text = text.replace(
         'kind = "polyline", points = [[0.0, 0.008], [0.012, 0.007]]', 'kind = "plane", point = [0.0, 0.01], normal = [0.0, 1.0]'
     )
-    from multicor_cli.engine.exchange.passage import find_room
-    from multicor_cli.running.plan import exchange_rules
+    from multicor_cli.engine.inflow.population import find_room
+    from multicor_cli.running.plan import inflow_rules
 
     scenario = parse_scenario(text, "sieve.toml")
     model, state = build(scenario)
-    rules = exchange_rules(scenario, model)
+    rules = inflow_rules(scenario, model)
     grain = int(np.flatnonzero(model.grains.group == 1)[0])
     assert find_room(rules.releases[0], 0, grain, model, state) is not None
     everybody = replace(model, walls=replace(model.walls, meets=np.zeros((0, 0), np.bool_)))

@@ -219,7 +219,7 @@ def test_extrapolation_has_the_bits_of_the_scalar_one(factor):
 FALLBACK = """
 import sys
 from multicor_cli.engine.contact.problem import ContactProblem, solve_contacts
-from multicor_cli.engine.contact.solve import Settings
+from multicor_cli.engine.orders import Settings
 from multicor_cli.engine.jit.vectors import HAS_VECTORS
 assert not HAS_VECTORS
 solution = solve_contacts(ContactProblem.load(sys.argv[1]), Settings(max_sweeps=6))
@@ -229,7 +229,7 @@ sys.stdout.buffer.write(solution.impulse.tobytes() + solution.velocity.tobytes()
 
 @needs_vectors
 def test_without_compilation_the_bits_are_the_same():
-    from multicor_cli.engine.contact.solve import Settings
+    from multicor_cli.engine.orders import Settings
 
     path = DATA / "two-solutions.npz"
     expected = solve_contacts(ContactProblem.load(path), Settings(max_sweeps=6))

@@ -4,7 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
-from scene_parts import FLOOR, TIGHT, G, advance, book, make_engine, make_model, shear_engine, tally
+from scene_parts import FLOOR, TIGHT, G, advance, book, continued, copy_of, make_engine, make_model, resume, shear_engine, tally
 
 from multicor_cli.engine import Settings
 from multicor_cli.engine.contact import law as law
@@ -12,7 +12,7 @@ from multicor_cli.engine.contact.patches import choose_patch, solve_patch
 from multicor_cli.engine.contact.residual import measure_residual
 from multicor_cli.engine.contact.sweep import add_impulses
 from multicor_cli.engine.motion.drives import Constant, DofDrive, Gravity, WallDrive
-from multicor_cli.model import ContactLaws, ShapeKind, State
+from multicor_cli.model import ContactLaws, ShapeKind
 
 
 @pytest.mark.parametrize(
@@ -101,7 +101,7 @@ def test_two_discs_come_apart_in_the_first_step_in_which_the_pull_exceeds_adhesi
     object.__setattr__(model, "laws", _laws_of_two(strong=1e3 * mass, weak=(last + 0.5) * rise * mass))
     engine = make_engine(model, [[0.0, 0.9], [0.0, 0.65]], settings=TIGHT)
     for k in range(60):
-        engine.set_gravity(Gravity.constant(np.array([0.0, -k * rise])))
+        resume(engine, gravity=Gravity.constant(np.array([0.0, -k * rise])))
         engine.step(1e-3, k * 1e-3)
         assert (abs(engine.state.velocity[1, 1]) < 1e-12) == (k <= last)
         assert abs(engine.state.velocity[0, 1]) < 1e-12
@@ -282,15 +282,15 @@ def sheared(request):
     tight = Settings(tolerance_rms=1e-9, tolerance_max=1e-8, tolerance_energy=1e-9, max_sweeps=50_000, local=request.param)
     engine = shear_engine(columns=8, rows=8, adhesion=1.0, rolling=0.3)
     advance(engine, 0.02, 150)
-    before = State.from_dict({name: np.array(value) for name, value in engine.state.as_dict().items()})
-    engine.settings = tight
+    before = copy_of(engine.state)
+    resume(engine, settings=tight)
     engine.step(0.02, 0.0)
     return before, engine
 
 
 def _bodies(engine, before, after):
     """Grain i, grain or -1 - wall j, lever of j, and both spins before and after of each contact, in plain Python."""
-    scene, contacts, _ = engine.moved
+    scene, contacts, *_ = engine.moved
     n = engine.model.grain_count
     for c, (i, j) in enumerate(zip(contacts.i, contacts.j, strict=True)):
         wall = int(scene.wall[j - n]) if j >= n else -1
@@ -302,7 +302,7 @@ def _bodies(engine, before, after):
 def test_couples_of_a_flow_obey_their_law(sheared):
     """|M| ≤ μ_r a* q_n, and equal to it, against the relative spin, where contacts roll."""
     before, engine = sheared
-    contacts, count = engine.moved[1], 0
+    contacts, count = engine.moved.contacts, 0
     for c, _, _, arm, (_, (first, second)) in _bodies(engine, before, engine.state):
         bound = 0.3 * arm * contacts.impulse[c, 0]
         couple = contacts.rolling[c, 1] * contacts.rolling[c, 3]
@@ -384,8 +384,7 @@ def test_stopped_and_continued_is_the_same_to_the_bit():
     advance(whole, 0.02, 60)
     first = shear_engine(columns=8, rows=8, adhesion=1.0, rolling=0.3)
     advance(first, 0.02, 30)
-    second = shear_engine(columns=8, rows=8, adhesion=1.0, rolling=0.3)
-    second.state = State.from_dict({name: np.array(value) for name, value in first.state.as_dict().items()})
+    second = continued(first)
     for k in range(30, 60):
         second.step(0.02, k * 0.02)
     assert second.state.contact_couple.any()
@@ -397,7 +396,7 @@ def test_threads_do_not_change_bits():
     found = []
     for threads in (1, 2):
         engine = shear_engine(columns=80, rows=60, adhesion=1.0, rolling=0.3, threads=threads)
-        engine._threading.choose = lambda count, threads=threads: threads > 1
+        engine._layout.threading.choose = lambda count, threads=threads: threads > 1
         advance(engine, 0.02, 15)
         assert engine.state.contact_couple.any()
         found.append(engine.state.digest())

@@ -13,11 +13,12 @@ from multicor_cli.engine.contact.law import solve_full
 from multicor_cli.engine.contact.patches import choose_patch, solve_complementarity, solve_patch
 from multicor_cli.engine.contact.problem import ContactProblem, _general_system
 from multicor_cli.engine.contact.residual import measure_residual
-from multicor_cli.engine.contact.solve import ResidualScale, Settings, ThreadChoice, solve_system
+from multicor_cli.engine.contact.solve import ResidualScale, ThreadChoice, solve_system
 from multicor_cli.engine.contact.sweep import EXACT, NO_COUPLES, System, add_impulses, push_general, push_lane
 from multicor_cli.engine.contact.vector_sweep import TANGENTIAL_, impulse_place
 from multicor_cli.engine.jit.chunks import aligned
 from multicor_cli.engine.jit.compile import kernel
+from multicor_cli.engine.orders import Settings
 
 
 def solved(matrix, vector):

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scene_parts import FLOOR, G, advance, book, make_engine, make_model, shear_engine
+from scene_parts import FLOOR, G, advance, begin, book, make_engine, make_model, shear_engine
 
 from multicor_cli.checks.books import CLOSURE_LIMIT
 from multicor_cli.engine import Engine
@@ -35,7 +35,7 @@ def sheared(fast=0.0):
     load = DofDrive(force=Constant(-model.period), damping=3.0)
     if fast:
         state.position[-1, 1], state.velocity[-1, 0] = 1e6, fast
-    engine.set_drives([WallDrive(), WallDrive(x=DofDrive(velocity=Constant(1.5)), y=load)])
+    begin(engine, drives=[WallDrive(), WallDrive(x=DofDrive(velocity=Constant(1.5)), y=load)])
     return engine
 
 
@@ -156,7 +156,7 @@ def test_an_opened_book_says_how_the_first_step_will_begin():
     state.velocity[:] = [0.5, -0.25, 0.0]
     state.velocity[:, 2] = rng.normal(size=1300)
     engine = Engine(model, state)
-    engine.set_drives([])
+    begin(engine, drives=[])
     opened = book(state, "kinetic")
     engine.step(1e-3, 0.0)
     assert book(state, "kinetic") == pytest.approx(opened, rel=1e-14)

@@ -307,7 +307,7 @@ def test_a_crowd_stays_in_its_box(way, seed):
     """Whatever they meet on their ways, at mid-step no grain is in a wall, or deeper in another one than a first look finds."""
     engine = crowd(way, seed=seed)
     engine.step(DT, 0.0)
-    x, radius = engine.moved[0].position[:, :2], engine.model.grains.radius[:, None]
+    x, radius = engine.moved.scene.position[:, :2], engine.model.grains.radius[:, None]
     deep = 1e-3 if way > 10.0 else 1.0
     assert (x >= radius * (1.0 - deep)).all()
     assert (x <= 10.0 - radius * (1.0 - deep)).all()

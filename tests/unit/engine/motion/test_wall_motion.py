@@ -4,7 +4,7 @@ import math
 
 import numpy as np
 import pytest
-from scene_parts import FLOOR, TIGHT, advance, book, make_engine, make_model, tally
+from scene_parts import FLOOR, TIGHT, advance, begin, book, make_engine, make_model, tally
 
 from multicor_cli.engine.motion.drives import (
     Constant,
@@ -31,7 +31,7 @@ def positions(signal, dt, steps):
     """Positions and velocities of a wall after each step, and the state at the end."""
     engine = make_engine(free_wall(), FAR, drives=[WallDrive(y=DofDrive(position=signal))])
     engine.state.wall_position[0, 1] = 0.7
-    engine.set_drives([WallDrive(y=DofDrive(position=signal))])
+    begin(engine, drives=[WallDrive(y=DofDrive(position=signal))])
     found = []
     for k in range(steps):
         engine.step(dt, k * dt)
@@ -69,13 +69,13 @@ def test_a_kept_position_goes_on_and_one_named_again_starts_where_the_wall_is():
     engine = make_engine(free_wall(), FAR, drives=[WallDrive(spin=DofDrive(position=signal))])
     state = advance(engine, dt, 100)
     assert state.wall_position[0, 2] == pytest.approx(0.03, rel=1e-12)
-    engine.set_drives([WallDrive(spin=DofDrive(position=Shifted(signal, 0.1), is_kept=True))])
+    begin(engine, drives=[WallDrive(spin=DofDrive(position=Shifted(signal, 0.1), is_kept=True))])
     advance(engine, dt, 100)
     assert state.wall_position[0, 2] == pytest.approx(0.06, rel=1e-12)
-    engine.set_drives([WallDrive(spin=DofDrive(position=signal))])
+    begin(engine, drives=[WallDrive(spin=DofDrive(position=signal))])
     advance(engine, dt, 50)
     assert state.wall_position[0, 2] == pytest.approx(0.075, rel=1e-12)
-    engine.set_drives([WallDrive()])
+    begin(engine, drives=[WallDrive()])
     assert state.wall_origin.size == 0
 
 
@@ -168,7 +168,7 @@ def test_work_of_a_spring_on_corrected_positions_is_booked():
     engine = make_engine(model, [[0.0, 0.499]])
     state = engine.state
     state.wall_position[1, 1] = 0.998
-    engine.set_drives([WallDrive(), WallDrive(y=DofDrive(spring=Spring(1e3, Constant(-0.01))))])
+    begin(engine, drives=[WallDrive(), WallDrive(y=DofDrive(spring=Spring(1e3, Constant(-0.01))))])
     engine.step(1e-4, 0.0)
     assert tally(state, "corrected_steps") == 1.0
     shift = state.wall_position[1, 1] - 0.998
@@ -185,7 +185,7 @@ def stressed(drive, lid=0.0):
     engine = make_engine(model, [[9.0, 1.0]])
     engine.state.wall_position[1, 1] = 3.0
     engine.state.wall_velocity[1, 1] = lid
-    engine.set_drives([WallDrive(), WallDrive(y=DofDrive(velocity=Constant(lid))), WallDrive(x=drive)])
+    begin(engine, drives=[WallDrive(), WallDrive(y=DofDrive(velocity=Constant(lid))), WallDrive(x=drive)])
     return engine
 
 

@@ -1,4 +1,8 @@
-"""Who comes and who goes before a step, where there is room, and the books of it: a function of the state alone."""
+"""Grains that come and go: who comes and goes before a step, where there is room, the books of it, and who is present.
+
+Who comes and goes is a function of the state alone. The step itself knows only grains that are present: those that wait or have
+gone cost nothing, and no loop can meet one.
+"""
 
 from __future__ import annotations
 
@@ -8,13 +12,13 @@ import numpy as np
 from numpy.typing import NDArray
 
 from multicor_cli.arithmetic.sums import total
-from multicor_cli.engine.contact.step_report import PhysicsError
 from multicor_cli.engine.energy.account import book_exchange
-from multicor_cli.engine.exchange.rules import ExchangeRules, Outlet, Release
 from multicor_cli.engine.geometry.scene import gap_to_shape, minimum_image, scene_of
 from multicor_cli.engine.heat.books import book_heat_out
+from multicor_cli.engine.inflow.rules import InflowRules, Outlet, Release
 from multicor_cli.engine.jit.compile import kernel
-from multicor_cli.model.books import EXCHANGE_NAMES
+from multicor_cli.engine.orders import PhysicsError
+from multicor_cli.model.books import EXCHANGE_NAMES, stored_fields
 from multicor_cli.model.columns import RADIUS, SPIN, X, Y
 from multicor_cli.model.model import Floats, Ints, Model
 from multicor_cli.model.state import Presence, State
@@ -161,7 +165,7 @@ ROUNDING = 1e-9
 _GRAINS, _MASS = 0, 1  # columns of State.released and State.outlet_flow
 
 
-def pass_grains(rules: ExchangeRules, model: Model, state: State, keep: Callable[[], None]) -> NDArray[np.int64] | None:
+def pass_grains(rules: InflowRules, model: Model, state: State, keep: Callable[[], None]) -> NDArray[np.int64] | None:
     """Let grains go, then let grains come.
 
     Args:
@@ -193,7 +197,7 @@ def pass_grains(rules: ExchangeRules, model: Model, state: State, keep: Callable
     return came
 
 
-def _lose(rules: ExchangeRules, model: Model, state: State, keep: Callable[[], None]) -> None:
+def _lose(rules: InflowRules, model: Model, state: State, keep: Callable[[], None]) -> None:
     if rules.limits is None:
         return
     here = np.flatnonzero(state.presence == Presence.THERE)
@@ -214,7 +218,7 @@ def _describe_lost(lost: NDArray[np.int64], state: State) -> str:
     return f"{', '.join(places)}{more} {verb} beyond the domain; {remedy}"
 
 
-def _let_out(rules: ExchangeRules, number: int, outlet: Outlet, model: Model, state: State, keep: Callable[[], None]) -> None:
+def _let_out(rules: InflowRules, number: int, outlet: Outlet, model: Model, state: State, keep: Callable[[], None]) -> None:
     here = np.flatnonzero(state.presence == Presence.THERE)
     leaving = here[outlet.region.holds(state.position[here])]
     if not leaving.size:
@@ -275,3 +279,102 @@ def _among(first: NDArray[np.int32], second: NDArray[np.int32], chosen: NDArray[
     """Which pairs are of chosen grains, or of one of them and a wall shape."""
     last = chosen.size - 1
     return np.asarray(chosen[first] & ((second > last) | chosen[np.minimum(second, last)]))
+
+
+# ---- The grains that are present, and their state, beside that of all grains
+
+
+def _fields_of(*dims: str) -> tuple[str, ...]:
+    return tuple(name for name, about in stored_fields(State).items() if about.dims[0] in dims)
+
+
+_OF_GRAINS = _fields_of("grain", "heat_grain")
+_SHAPES = ("contact_i", "contact_j", "mean_i", "mean_j")
+_SHARED = tuple(
+    name for name in stored_fields(State) if name not in (*_OF_GRAINS, *_SHAPES, *_fields_of("exchange_grain", "exchange_group"))
+)
+"""What the state of the grains that are present has in common with that of all grains."""
+
+
+class Population:
+    """Grains that come and go between steps, and the state of those that are present.
+
+    Attributes:
+        present_model: The model of the grains that are present.
+        present: Their state; `gather` and `scatter` carry it from and to the state of all grains.
+        newcomers: Which of them have come since the last step.
+        number: Numbers of their shapes among all shapes, grains first.
+    """
+
+    def __init__(self, model: Model, state: State, rules: InflowRules) -> None:
+        self._model, self._state, self._rules = model, state, rules
+        self._came: NDArray[np.int64] = np.empty(0, np.int64)
+        self._before: State | None = None
+        self._has_passed = False
+        self._select()
+
+    def pass_grains(self) -> bool:
+        """Let grains go and come, once before each step; returns whether any did. Raises as `pass_grains`."""
+        if self._has_passed:
+            return False
+        came = pass_grains(self._rules, self._model, self._state, self._keep)
+        self._has_passed = True
+        if came is not None:
+            self._came = came
+            self._select()
+        return came is not None
+
+    def gather(self) -> None:
+        """Let the grains that are present know what has changed in the state of all grains, but for grains themselves."""
+        _share(self._state, self.present)
+
+    def scatter(self) -> None:
+        """Enter into the state of all grains what has become of those that are present, at the end of a step."""
+        state, present = self._state, self.present
+        _share(present, state)
+        for name in _OF_GRAINS:
+            values = getattr(state, name)
+            if values.size:
+                values[self.number[: present.position.shape[0]]] = getattr(present, name)
+        for name in _SHAPES:
+            setattr(state, name, self.number[getattr(present, name)])
+        self._settle()
+
+    def go_back(self) -> bool:
+        """Undo what `pass_grains` did before a step that was interrupted; returns whether there was anything."""
+        before = self._before
+        if before is not None:
+            vars(self._state).update(vars(before))
+        self._settle()
+        if before is not None:
+            self._select()
+        return before is not None
+
+    def _settle(self) -> None:
+        self._came, self._before, self._has_passed = self._came[:0], None, False
+
+    def _keep(self) -> None:
+        """Remember the state before grains come and go."""
+        if self._before is None:
+            self._before = State.from_dict({name: value.copy() for name, value in self._state.as_dict().items()})
+
+    def _select(self) -> None:
+        model, state = self._model, self._state
+        here = np.flatnonzero(state.presence == Presence.THERE)
+        shapes = np.arange(model.grain_count, model.grain_count + model.shape_count)
+        self.number: NDArray[np.int32] = np.concatenate([here, shapes]).astype(np.int32)
+        self.newcomers = np.searchsorted(here, self._came)
+        self.present_model, self.present = model.with_grains(here), State()
+        self.gather()
+        for name in _OF_GRAINS:
+            values = getattr(state, name)
+            setattr(self.present, name, values[here] if values.size else values)
+        place = np.full(model.grain_count + model.shape_count, -1, np.int32)
+        place[self.number] = np.arange(self.number.size, dtype=np.int32)
+        for name in _SHAPES:
+            setattr(self.present, name, place[getattr(state, name)])
+
+
+def _share(source: State, target: State) -> None:
+    for name in _SHARED:
+        setattr(target, name, getattr(source, name))

@@ -77,7 +77,7 @@ class Outlet:
 
 
 @dataclass(frozen=True)
-class ExchangeRules:
+class InflowRules:
     """How grains come and go.
 
     Attributes:
