@@ -8,9 +8,9 @@ from .running.outcome import RunOutcome as RunOutcome
 from .running.outcome import StageTimeout as StageTimeout
 from .running.outcome import Status as Status
 from .running.steering import LiveRun as LiveRun
-from .scenario.load import load_scenario as load_scenario
 from .scenario.problems import ScenarioError as ScenarioError
 from .scenario.scenario import Scenario as Scenario
+from .scenario.scenario import load_scenario as load_scenario
 from .store.errors import StoreError as StoreError
 from .store.frames import Contacts as Contacts
 from .store.frames import Frame as Frame

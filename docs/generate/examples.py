@@ -10,7 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from multicor_cli.scenario.base import Table
-from multicor_cli.scenario.load import load_scenario
+from multicor_cli.scenario.scenario import load_scenario
 from multicor_cli.scenario.values import in_line
 
 ROOT = Path(__file__).resolve().parents[2]

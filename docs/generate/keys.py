@@ -9,7 +9,7 @@ from typing import Any
 
 from examples import Example, examples
 
-from multicor_cli.scenario.schema import scenario_schema
+from multicor_cli.scenario.model import scenario_schema
 from multicor_cli.scenario.values import in_line
 
 SINCE = "0.1"

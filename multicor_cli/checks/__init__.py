@@ -66,7 +66,7 @@ def check_scenario(scenario: Scenario | str | Path, threads: int = 1) -> list[Ch
     """
     from multicor_cli.packing import build
     from multicor_cli.running.planning import make_plan
-    from multicor_cli.scenario.load import load_scenario
+    from multicor_cli.scenario.scenario import load_scenario
 
     loaded = scenario if isinstance(scenario, Scenario) else load_scenario(scenario)
     model, state = build(loaded)

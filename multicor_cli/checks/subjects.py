@@ -20,9 +20,8 @@ from multicor_cli.running.estimate import Estimate, estimate
 from multicor_cli.running.plan import RunPlan
 from multicor_cli.running.planning import make_plan
 from multicor_cli.running.time_step import StepReview, largest_gravity, review_steps
-from multicor_cli.scenario.load import parse_scenario
 from multicor_cli.scenario.problems import ScenarioError
-from multicor_cli.scenario.scenario import Scenario
+from multicor_cli.scenario.scenario import Scenario, parse_scenario
 from multicor_cli.store import Run
 from multicor_cli.store.documents import Origin
 

@@ -86,7 +86,7 @@ class _Job(NamedTuple):
 def _prepare(path: Path, overrides: Sequence[str], threads: int) -> _Job:
     """Load the scenario, and the engine with room for the threads: most of the time before a run can begin."""
     from multicor_cli.running.compiling import reserve_threads
-    from multicor_cli.scenario.load import load_scenario
+    from multicor_cli.scenario.scenario import load_scenario
 
     scenario = load_scenario(path, overrides)
     count = reserve_threads(threads or scenario.solver.threads)

@@ -63,7 +63,7 @@ def validate(
 ) -> None:
     """Check a scenario, place its grains, and estimate what a run will cost. Nothing is written."""
     from multicor_cli.running.compiling import reserve_threads
-    from multicor_cli.scenario.load import load_scenario
+    from multicor_cli.scenario.scenario import load_scenario
 
     loaded = load_scenario(scenario, overrides or ())
     cores = reserve_threads(threads or loaded.solver.threads)
@@ -88,7 +88,7 @@ def validate(
 
 def schema() -> None:
     """Print the JSON Schema of scenario files, for editors that complete and check TOML."""
-    from multicor_cli.scenario.schema import scenario_schema
+    from multicor_cli.scenario.model import scenario_schema
 
     emit_json(scenario_schema())
 

@@ -26,8 +26,7 @@ from multicor_cli.running.conditions import is_due
 from multicor_cli.running.plan import RunPlan, StagePlan
 from multicor_cli.running.planning import make_plan
 from multicor_cli.running.session import make_engine
-from multicor_cli.scenario.load import parse_scenario
-from multicor_cli.scenario.scenario import Scenario
+from multicor_cli.scenario.scenario import Scenario, parse_scenario
 from multicor_cli.store import Frame, Run
 from multicor_cli.store.atomic import GuardedFile, commit_file, make_directory, temporary_beside
 from multicor_cli.store.errors import DamagedRun, StorageError
@@ -298,7 +297,7 @@ def export_fclib(
     check_output(path, is_overwriting=is_overwriting)
     with computing or nullcontext():
         found = frame_problem(run, frame)
-    name = parse_scenario(run.scenario_resolved, run.path).model.scenario.name
+    name = parse_scenario(run.scenario_resolved, run.path).name
     after = ", one step after the end of the run" if found.is_beyond else ""
     write_fclib(
         found.problem,

@@ -21,20 +21,20 @@ from multicor_cli.packing.random import DEFAULT_ATTEMPTS, random_packing
 from multicor_cli.packing.sizes import Purpose, SizeDistribution, Stream, TableKind, disc_area, draw_to_total, sizes_of, stream
 from multicor_cli.packing.walls import Obstacles
 from multicor_cli.scenario import Scenario
-from multicor_cli.scenario.models import (
+from multicor_cli.scenario.particles import (
+    MAX_FILL,
     CompactedPacking,
     DepositedPacking,
     FilePacking,
     LatticePacking,
     ParticleGroup,
     RandomPacking,
-    RectangleRegion,
     RunPacking,
     StartPacking,
     TilePacking,
 )
-from multicor_cli.scenario.particles import MAX_FILL
 from multicor_cli.scenario.problems import Refused
+from multicor_cli.scenario.region import RectangleRegion
 from multicor_cli.text import count_noun
 
 _MOST_FILLED = 1.5
@@ -127,7 +127,7 @@ def _waiting(scenario: Scenario, group: ParticleGroup, index: int) -> InitialGra
 
 def region_of_group(scenario: Scenario, group: ParticleGroup) -> PackingRegion:
     """The rectangle of a group, or around its region; periodic if the domain is and the rectangle spans it."""
-    table, domain = scenario.region(group), scenario.domain
+    table, domain = group.placed_in(scenario.domain), scenario.domain
     if not isinstance(table, RectangleRegion):
         (left, bottom), (right, top) = table.area().corners().tolist()
         return PackingRegion(left, bottom, right, top)
@@ -154,7 +154,7 @@ def _place(scenario: Scenario, group: ParticleGroup, index: int, region: Packing
     sizes = sizes_of(group.sizes, group.shape)
     if isinstance(packing, TilePacking):
         return _tile(scenario, group, packing, sizes, region, random)
-    table, solid = scenario.region(group), obstacles.around(region, scenario.domain.period)
+    table, solid = group.placed_in(scenario.domain), obstacles.around(region, scenario.domain.period)
     area = None if isinstance(table, RectangleRegion) else table.area()
     if area is not None:
         solid = solid.with_boundary(area)

@@ -14,7 +14,7 @@ from multicor_cli.packing.file import read_temperatures
 from multicor_cli.packing.initial_grains import InitialGrains, masses
 from multicor_cli.scenario import Scenario
 from multicor_cli.scenario.base import KELVIN_BOUNDS
-from multicor_cli.scenario.models import (
+from multicor_cli.scenario.particles import (
     AnyTemperature,
     FileTemperature,
     GradientTemperature,

@@ -22,9 +22,9 @@ from multicor_cli.model.shapes import TAIL, Annulus, Area, Polygon, Room, ShapeK
 from multicor_cli.packing.initial_grains import PackingRegion, Shape, inertias, masses, prism_inertia
 from multicor_cli.packing.sizes import Purpose, SizeDistribution, Stream, TableKind, diameter, draw_to_total, sizes_of, stream
 from multicor_cli.scenario import Scenario
-from multicor_cli.scenario.models import ParticleGroup, Wall
+from multicor_cli.scenario.particles import ParticleGroup
 from multicor_cli.scenario.problems import Refused
-from multicor_cli.scenario.walls import ClusterGeometry, Glued, PolygonGeometry, Ring, Row, Sides, prism_height
+from multicor_cli.scenario.walls import ClusterGeometry, Glued, PolygonGeometry, Ring, Row, Sides, Wall, prism_height
 
 # ---- Rows of touching glued grains: along a line, and inside or around a circle
 

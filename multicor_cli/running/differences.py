@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from typing import Any, NamedTuple
 
 from multicor_cli.scenario.base import CHANGEABLE, Formerly
-from multicor_cli.scenario.models import ScenarioModel
+from multicor_cli.scenario.model import ScenarioModel
 from multicor_cli.scenario.problems import KeyPath, show
 from multicor_cli.scenario.translate import find_field, find_location
 

@@ -28,7 +28,8 @@ from multicor_cli.scenario.loading import (
     TiltedGravityTable,
 )
 from multicor_cli.scenario.materials import AverageForce, Heat
-from multicor_cli.scenario.models import ParticleGroup, RectangleRegion
+from multicor_cli.scenario.particles import ParticleGroup
+from multicor_cli.scenario.region import RectangleRegion
 from multicor_cli.scenario.scenario import Scenario
 from multicor_cli.scenario.settings import Output
 from multicor_cli.store.documents import Reason, StageEnd

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import contextlib
-import dataclasses
 import functools
 import os
 import time
@@ -28,9 +27,9 @@ from multicor_cli.running.plan import RunPlan, begin_stage, heat_settings, inflo
 from multicor_cli.running.planning import make_plan, stage_name
 from multicor_cli.running.signals import StopSignals
 from multicor_cli.running.steering import Steer, Steering
-from multicor_cli.scenario.load import apply_overrides, parse_scenario
+from multicor_cli.scenario.load import apply_overrides
 from multicor_cli.scenario.problems import Refused, ScenarioError
-from multicor_cli.scenario.scenario import Scenario
+from multicor_cli.scenario.scenario import Scenario, parse_scenario
 from multicor_cli.store import DirectoryRefused, RunDirectory, StoreError, collect_provenance, open_run
 from multicor_cli.store.documents import Origin, read_run_document, read_scenario
 from multicor_cli.store.extension import Extension
@@ -130,7 +129,7 @@ class Session:
         provenance = collect_provenance(current_command(), seed=self._scenario.seed, threads=self._threads)
         with RunDirectory.create(
             self._path,
-            self._scenario.source,
+            self._scenario.sources.text,
             self._scenario.resolved_toml(),
             provenance,
             stages=[stage.name for stage in plan.stages],
@@ -192,7 +191,7 @@ class Session:
                 make_plan(scenario, run.model)
         self._observer.message(f"adding {stages} to the run")
         names = [stage_name(stage, number) for number, stage in enumerate(scenario.loading)]
-        return Extension(scenario.source, resolved, names)
+        return Extension(scenario.sources.text, resolved, names)
 
     def _steering_record(self) -> dict[str, Any] | None:
         """What ``run.json`` says at first of the program that steers the run."""
@@ -338,8 +337,8 @@ def _with_seed_of(scenario: Scenario, seed: int) -> Scenario:
     """The scenario with the seed that the run drew at its start, if it leaves the seed to chance."""
     if _given(scenario)["scenario"]["seed"] != "random":
         return scenario
-    header = scenario.model.scenario.model_copy(update={"seed": seed})
-    return dataclasses.replace(scenario, model=scenario.model.model_copy(update={"scenario": header}))
+    header = scenario.scenario.model_copy(update={"seed": seed})
+    return scenario.model_copy(update={"scenario": header})
 
 
 def _with_groups_of(scenario: Scenario, before: str) -> Scenario:
@@ -347,7 +346,7 @@ def _with_groups_of(scenario: Scenario, before: str) -> Scenario:
     if scenario.start is None or "particles" in _given(scenario):
         return scenario
     groups = parse_scenario(before, scenario.path).particles
-    return dataclasses.replace(scenario, model=scenario.model.model_copy(update={"particles": groups}))
+    return scenario.model_copy(update={"particles": groups})
 
 
 def _refuse_own_start(scenario: Scenario, path: Path) -> None:
@@ -368,7 +367,7 @@ def _refuse_other_origin(scenario: Scenario, before: Origin | None, now: Origin 
 
 def _given(scenario: Scenario) -> dict[str, Any]:
     """What the user has written, in the file and in overrides: no defaults."""
-    data = tomllib.loads(scenario.source)
+    data = tomllib.loads(scenario.sources.text)
     apply_overrides(data, scenario.sources.overrides)
     return data
 

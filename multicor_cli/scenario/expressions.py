@@ -17,7 +17,7 @@ from functools import partial
 from typing import Any, NamedTuple
 
 from multicor_cli.scenario.functions import CONSTANTS, FUNCTIONS, Value, raised
-from multicor_cli.scenario.models import ScenarioModel
+from multicor_cli.scenario.model import ScenarioModel
 from multicor_cli.scenario.problems import KeyPath, Refused, name_list, show
 from multicor_cli.scenario.translate import did_you_mean, types_inside
 

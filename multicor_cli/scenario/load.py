@@ -18,10 +18,9 @@ from multicor_cli.files import Unfit, read_regular
 from multicor_cli.scenario.checks import PartialScenario, check_all
 from multicor_cli.scenario.csv_columns import DIRECTORY
 from multicor_cli.scenario.expressions import evaluate_expressions, unused_overrides
-from multicor_cli.scenario.models import ScenarioModel
+from multicor_cli.scenario.model import ScenarioModel
 from multicor_cli.scenario.particles import take_groups
 from multicor_cli.scenario.problems import OVERRIDE, KeyPath, Problem, Refused, ScenarioError, format_key, name_list, show
-from multicor_cli.scenario.scenario import Scenario
 from multicor_cli.scenario.sources import MAX_NESTING, Lines, Sources, find_deep_nesting, parse_key
 from multicor_cli.scenario.translate import translate
 
@@ -141,34 +140,19 @@ _QUOTED_PART = re.compile(r"'([^']*)'")
 _LONG_NUMBER = re.compile(r"[0-9_]{1000,}")
 
 
-def load_scenario(path: str | Path, overrides: Sequence[str] = ()) -> Scenario:
-    """Load and check a scenario file.
-
-    Args:
-        path: The TOML file.
-        overrides: Values set on the command line, each ``key=value`` as in ``loading.1.duration=2.0``.
-
-    Raises:
-        ScenarioError: The file cannot be read or the scenario is wrong; its ``problems`` say all that is wrong.
-    """
-    path = Path(path)
-    return parse_scenario(read_text(path), path, overrides)
-
-
-def parse_scenario(text: str, path: str | Path, overrides: Sequence[str] = (), *, file: str | None = None) -> Scenario:
-    """Check the text of a scenario file; as `load_scenario`, with ``path`` used for messages and relative paths only.
+def read_tables(text: str, path: Path, overrides: Sequence[str], file: str) -> tuple[ScenarioModel, Sources]:
+    """The tables of a text, and what gives later problems their positions.
 
     Args:
         text: The text.
-        path: The file.
+        path: The file, to whose directory paths in it are relative.
         overrides: Values set on the command line.
-        file: What messages call the file, if that is not its path; empty: they name keys only.
+        file: What messages call the file; empty: they name keys only.
 
     Raises:
         ScenarioError: The scenario is wrong.
     """
-    file = str(path) if file is None else file
-    path, text = Path(path), text.removeprefix("\ufeff").replace("\r\n", "\n")
+    text = text.removeprefix("\ufeff").replace("\r\n", "\n")
     data = deepcopy(parse_toml(text, file))
     applied, problems = apply_overrides(data, overrides)
     evaluated = evaluate_expressions(data)
@@ -181,7 +165,7 @@ def parse_scenario(text: str, path: str | Path, overrides: Sequence[str] = (), *
     findings = _add_new(findings, unused_overrides(data, applied, evaluated.used))
     if model is None or problems or findings:
         raise ScenarioError([*problems, *sources.problems(findings)])
-    return Scenario(model, path, sources)
+    return model, sources
 
 
 def _about_start(finding: Refused) -> Refused:

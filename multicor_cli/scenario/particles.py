@@ -24,7 +24,8 @@ from multicor_cli.scenario.base import (
     one_of,
 )
 from multicor_cli.scenario.problems import Refused
-from multicor_cli.scenario.region import AnnulusRegion, AnyRegion, CircleRegion, PolygonRegion, RectangleRegion, tag_kind
+from multicor_cli.scenario.region import AnnulusRegion, AnyRegion, CircleRegion, PolygonRegion, RectangleRegion, Region, tag_kind
+from multicor_cli.scenario.settings import Domain
 from multicor_cli.scenario.sizes import Sizes
 
 # ---- How the grains of a group are placed at the start
@@ -350,6 +351,10 @@ class ParticleGroup(Table):
         description="initial temperature [K]: a number, or a table with gradient, regions, values or file; default: that of the "
         "frame for a packing from a run with heat, else that of [heat]",
     )
+
+    def placed_in(self, domain: Domain) -> Region:
+        """Where it is placed: its region, or the whole domain."""
+        return self.region or RectangleRegion(min=(0.0, 0.0), max=domain.size)
 
     @property
     def brings_grains(self) -> bool:

@@ -4,21 +4,21 @@ from __future__ import annotations
 
 import secrets
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from multicor_cli.scenario.checks.grains import region_of
+from pydantic import ConfigDict, Field
+
 from multicor_cli.scenario.drives import StageDrives, stage_drives
-from multicor_cli.scenario.loading import KeptCondition, Stage, frozen_dt, resolve_conditions
-from multicor_cli.scenario.materials import ContactPair, Heat, Material
-from multicor_cli.scenario.models import ScenarioModel
-from multicor_cli.scenario.particles import Outlet, ParticleGroup, Start
+from multicor_cli.scenario.load import read_tables, read_text
+from multicor_cli.scenario.loading import KeptCondition, frozen_dt, resolve_conditions
+from multicor_cli.scenario.materials import ContactPair
+from multicor_cli.scenario.model import ScenarioModel
 from multicor_cli.scenario.problems import Refused, ScenarioError
-from multicor_cli.scenario.region import Region
-from multicor_cli.scenario.settings import Domain, Output, Solver
+from multicor_cli.scenario.settings import Solver
 from multicor_cli.scenario.sizes import AnySizes
 from multicor_cli.scenario.sources import Sources
+from multicor_cli.scenario.values import to_document, to_override
 from multicor_cli.scenario.walls import Wall
 from multicor_cli.text import count_noun
 
@@ -27,28 +27,21 @@ NO_FILE = "scenario.toml"
 """Name of the file of a scenario that comes from none."""
 
 
-@dataclass(frozen=True, repr=False)
-class Scenario:
+class Scenario(ScenarioModel):
     """A valid scenario.
 
-    The tables are attributes, named as in the file: ``scenario.domain.size``, ``scenario.particles[0].packing.kind``.
-    Two scenarios are equal if their tables are, wherever they come from.
+    The tables are attributes, named as in the file: ``scenario.domain.size``, ``scenario.particles[0].packing.kind``; all
+    defaults are filled in. Two scenarios are equal if their tables are, wherever they come from.
 
     Attributes:
-        model: All tables, defaults filled in. A seed ``"random"`` has been replaced by the number drawn.
         path: The file it comes from; of a scenario that comes from none the name that one would have.
-        sources: Gives problems found later their positions.
+        sources: Its text and what has changed it; gives problems found later their positions.
     """
 
-    model: ScenarioModel
-    path: Path = field(compare=False)
-    sources: Sources = field(compare=False, repr=False)
+    model_config = ConfigDict(arbitrary_types_allowed=True)
 
-    def __post_init__(self) -> None:
-        """Draw the seed once if it is ``"random"``."""
-        if self.model.scenario.seed == "random":
-            header = self.model.scenario.model_copy(update={"seed": secrets.randbits(SEED_BITS)})
-            object.__setattr__(self, "model", self.model.model_copy(update={"scenario": header}))
+    path: Path = Field(exclude=True)
+    sources: Sources = Field(exclude=True)
 
     @classmethod
     def from_dict(cls, data: Mapping[str, Any], directory: str | Path = ".") -> Scenario:
@@ -63,9 +56,6 @@ class Scenario:
         Raises:
             ScenarioError: The scenario is wrong, or holds what TOML has no value for; its ``problems`` say all that is wrong.
         """
-        from multicor_cli.scenario.load import parse_scenario
-        from multicor_cli.scenario.values import to_document
-
         return parse_scenario(to_document(data), Path(directory) / NO_FILE, file="")
 
     def with_(self, changes: Mapping[str, Any]) -> Scenario:
@@ -80,101 +70,37 @@ class Scenario:
         Raises:
             ScenarioError: There is no such key, or the changed scenario is wrong.
         """
-        from multicor_cli.scenario.values import to_override
-
         drawn = to_override("scenario.seed", self.seed)  # it may be "random" in the file
         return self.with_overrides([drawn, *(to_override(key, value) for key, value in changes.items())])
 
     def with_overrides(self, overrides: Sequence[str]) -> Scenario:
         """As `with_`; the changes as ``--set`` takes them, each ``key=value``."""
-        from multicor_cli.scenario.load import parse_scenario
-
-        return parse_scenario(self.source, self.path, [*self.sources.overrides, *overrides], file=self.sources.file)
-
-    @property
-    def source(self) -> str:
-        """Text of the file, as it was read (line ends as in Unix, no byte order mark)."""
-        return self.sources.text
+        return parse_scenario(self.sources.text, self.path, [*self.sources.overrides, *overrides], file=self.sources.file)
 
     @property
     def name(self) -> str:
         """Name of the scenario and of its run directory."""
-        return self.model.scenario.name
+        return self.scenario.name
 
     @property
     def description(self) -> str:
         """What the scenario is about."""
-        return self.model.scenario.description
+        return self.scenario.description
 
     @property
     def seed(self) -> int:
-        """Seed of all random numbers."""
-        return int(self.model.scenario.seed)
+        """Seed of all random numbers; where the file says ``"random"``, the one that was drawn."""
+        return int(self.scenario.seed)
 
     @property
     def variables(self) -> dict[str, float]:
         """``[variables]``: the values that expressions have used."""
-        return self.model.variables or {}
-
-    @property
-    def domain(self) -> Domain:
-        """``[domain]``."""
-        return self.model.domain
-
-    @property
-    def materials(self) -> dict[str, Material]:
-        """``[materials.NAME]`` by name, in the order of the file."""
-        return self.model.materials
-
-    @property
-    def contacts(self) -> tuple[ContactPair, ...]:
-        """``[[contacts]]``."""
-        return self.model.contacts
-
-    @property
-    def start(self) -> Start | None:
-        """``[start]``; None if the run does not go on from another."""
-        return self.model.start
-
-    @property
-    def particles(self) -> tuple[ParticleGroup, ...]:
-        """``[[particles]]``."""
-        return self.model.particles
-
-    @property
-    def walls(self) -> tuple[Wall, ...]:
-        """``[[walls]]``."""
-        return self.model.walls
-
-    @property
-    def outlets(self) -> tuple[Outlet, ...]:
-        """``[[outlets]]``."""
-        return self.model.outlets
+        return self.given_variables or {}
 
     @property
     def is_open(self) -> bool:
         """Whether grains may come or go, or end the run by getting lost."""
         return bool(self.outlets) or self.domain.lost != "ignore" or any(group.release for group in self.particles)
-
-    @property
-    def loading(self) -> tuple[Stage, ...]:
-        """``[[loading]]``."""
-        return self.model.loading
-
-    @property
-    def heat(self) -> Heat | None:
-        """``[heat]``; None if there is no heat."""
-        return self.model.heat
-
-    @property
-    def solver(self) -> Solver:
-        """``[solver]``; see `stage_solver` for what holds in a stage."""
-        return self.model.solver
-
-    @property
-    def output(self) -> Output:
-        """``[output]``."""
-        return self.model.output
 
     def law(self, a: str, b: str, stage: int | None = None) -> ContactPair:
         """The contact law of the materials ``a`` and ``b``: of the entries that cover the pair the most specific.
@@ -193,10 +119,6 @@ class Scenario:
             if changes:
                 law = law.model_copy(update={"friction": max(changes, key=lambda entry: entry.specificity).friction})
         return law
-
-    def region(self, group: ParticleGroup) -> Region:
-        """Where a group is placed: its region, or the whole domain."""
-        return region_of(group, self.domain)
 
     def glued_sizes(self, wall: Wall) -> AnySizes | None:
         """Sizes of the glued grains of a wall; ``None`` if it has no glued grains."""
@@ -242,7 +164,7 @@ class Scenario:
 
     def as_dict(self) -> dict[str, Any]:
         """All tables with defaults and changes filled in and expressions evaluated; `from_dict` makes an equal scenario of them."""
-        return self.model.model_dump(by_alias=True, exclude_none=True)
+        return self.model_dump(by_alias=True, exclude_none=True)
 
     def resolved_toml(self) -> str:
         """What `as_dict` holds, as TOML; loads back to an equal scenario."""
@@ -250,6 +172,46 @@ class Scenario:
 
         return tomli_w.dumps(self.as_dict())
 
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, Scenario) and all(getattr(self, key) == getattr(other, key) for key in ScenarioModel.model_fields)
+
+    __hash__ = None  # type: ignore[assignment]  # tables hold dictionaries
+
     def __repr__(self) -> str:
         counts = ((self.particles, "group"), (self.walls, "wall"), (self.loading, "stage"))
         return f"<Scenario {self.name}: {', '.join(count_noun(len(tables), noun) for tables, noun in counts)}, seed {self.seed}>"
+
+    __str__ = __repr__
+
+
+def load_scenario(path: str | Path, overrides: Sequence[str] = ()) -> Scenario:
+    """Load and check a scenario file.
+
+    Args:
+        path: The TOML file.
+        overrides: Values set on the command line, each ``key=value`` as in ``loading.1.duration=2.0``.
+
+    Raises:
+        ScenarioError: The file cannot be read or the scenario is wrong; its ``problems`` say all that is wrong.
+    """
+    path = Path(path)
+    return parse_scenario(read_text(path), path, overrides)
+
+
+def parse_scenario(text: str, path: str | Path, overrides: Sequence[str] = (), *, file: str | None = None) -> Scenario:
+    """Check the text of a scenario file; as `load_scenario`, with ``path`` used for messages and relative paths only.
+
+    Args:
+        text: The text.
+        path: The file.
+        overrides: Values set on the command line.
+        file: What messages call the file, if that is not its path; empty: they name keys only.
+
+    Raises:
+        ScenarioError: The scenario is wrong.
+    """
+    model, sources = read_tables(text, Path(path), overrides, str(path) if file is None else file)
+    tables = dict(model)
+    if model.scenario.seed == "random":
+        tables["scenario"] = model.scenario.model_copy(update={"seed": secrets.randbits(SEED_BITS)})
+    return Scenario.model_construct(**tables, path=Path(path), sources=sources)

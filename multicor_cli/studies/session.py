@@ -13,8 +13,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from multicor_cli.running.outcome import StopReason
-from multicor_cli.scenario.load import load_scenario
 from multicor_cli.scenario.problems import Problem, Refused, ScenarioError
+from multicor_cli.scenario.scenario import load_scenario
 from multicor_cli.studies.axes import SEED, Case, check_case, expand
 from multicor_cli.studies.clusters import Cluster, Needs, connected, existing, require_libraries
 from multicor_cli.studies.computing import Computation, Progress, WarningsOnly, Watcher

@@ -17,7 +17,7 @@ runner = CliRunner()
 
 @pytest.mark.parametrize("template", TEMPLATES)
 def test_new_scenarios_are_valid(template: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    from multicor_cli.scenario.load import load_scenario
+    from multicor_cli.scenario import load_scenario
 
     monkeypatch.chdir(tmp_path)
     done = runner.invoke(app, ["new", "mine", "--template", template])

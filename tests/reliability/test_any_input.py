@@ -28,9 +28,9 @@ from multicor_cli.running.estimate import estimate
 from multicor_cli.running.plan import begin_stage
 from multicor_cli.running.planning import make_plan
 from multicor_cli.running.session import make_engine
-from multicor_cli.scenario.load import parse_scenario
+from multicor_cli.scenario import parse_scenario
+from multicor_cli.scenario.model import scenario_schema
 from multicor_cli.scenario.problems import ScenarioError
-from multicor_cli.scenario.schema import scenario_schema
 
 SOON = 1.0
 """Time in which a scenario is checked [s]."""
@@ -134,7 +134,7 @@ def test_any_text_is_right_or_refused(tmp_path: Path, count: int) -> None:
         try:
             problems_of(data.decode())
         except UnicodeDecodeError:
-            from multicor_cli.scenario.load import load_scenario
+            from multicor_cli.scenario import load_scenario
 
             with pytest.raises(ScenarioError, match="UTF-8"):
                 load_scenario(path)

@@ -7,8 +7,16 @@ from collections.abc import Iterator, Sequence
 
 from multicor_cli.model.model import LEAST_DIAMETERS
 from multicor_cli.scenario.checks.partial import PartialScenario
-from multicor_cli.scenario.models import GradientTemperature, RegionsTemperature
-from multicor_cli.scenario.particles import CompactedPacking, DepositedPacking, Outlet, ParticleGroup, StartPacking, TilePacking
+from multicor_cli.scenario.particles import (
+    CompactedPacking,
+    DepositedPacking,
+    GradientTemperature,
+    Outlet,
+    ParticleGroup,
+    RegionsTemperature,
+    StartPacking,
+    TilePacking,
+)
 from multicor_cli.scenario.problems import KeyPath, Refused, name_list, show
 from multicor_cli.scenario.region import RectangleRegion, Region
 from multicor_cli.scenario.settings import Domain
@@ -65,13 +73,8 @@ def _unlike_starts(draft: PartialScenario) -> Iterator[Refused]:
         yield Refused(("particles", k, "packing"), what, remedy)
 
 
-def region_of(group: ParticleGroup, domain: Domain) -> Region:
-    """Where a group is placed: its region, or the whole domain."""
-    return group.region or RectangleRegion(min=(0.0, 0.0), max=domain.size)
-
-
 def _check_group(path: KeyPath, group: ParticleGroup, domain: Domain) -> Iterator[Refused]:
-    region = region_of(group, domain)
+    region = group.placed_in(domain)
     if domain.periodic and not (region.left >= 0.0 and region.right <= domain.size[0]):
         what = f"reaches from x = {region.left:g} to {region.right:g}, beyond the period from 0 to {domain.size[0]:g}"
         yield Refused((*path, "region"), what, "keep it inside [domain] size")
@@ -145,7 +148,7 @@ def _least_count(group: ParticleGroup, domain: Domain) -> float:
     if isinstance(packing, TilePacking):
         one = packing.tile_count or (packing.tile_fill or 0.0) * packing.tile[0] * packing.tile[1] / largest_area
         return one * packing.repeat[0] * packing.repeat[1]
-    region = region_of(group, domain)
+    region = group.placed_in(domain)
     return group.count or (group.fill or 0.0) * region.area().size / largest_area
 
 

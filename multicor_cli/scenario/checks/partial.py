@@ -11,7 +11,7 @@ from pydantic import ValidationError
 from multicor_cli.scenario.base import Table
 from multicor_cli.scenario.loading import Stage
 from multicor_cli.scenario.materials import ContactPair, Heat, Material
-from multicor_cli.scenario.models import ScenarioModel
+from multicor_cli.scenario.model import ScenarioModel
 from multicor_cli.scenario.particles import Outlet, ParticleGroup
 from multicor_cli.scenario.settings import Domain, Output, Solver
 from multicor_cli.scenario.translate import without_unknown_keys

@@ -17,7 +17,7 @@ from multicor_cli.checks.floor import escape_share
 from multicor_cli.checks.resolution import impact_deflection
 from multicor_cli.engine.heat.hertz import contact_modulus
 from multicor_cli.packing import build
-from multicor_cli.scenario.load import load_scenario
+from multicor_cli.scenario import load_scenario
 
 OK, WARNING, BAD = Verdict.OK, Verdict.WARNING, Verdict.BAD
 

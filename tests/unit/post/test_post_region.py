@@ -13,7 +13,7 @@ from multicor_cli.post import PostError, Selection, in_region, profile
 from multicor_cli.post.bins import find_extent
 from multicor_cli.post.region import part_inside
 from multicor_cli.post.sums import plane_width
-from multicor_cli.scenario.load import parse_scenario
+from multicor_cli.scenario import parse_scenario
 from multicor_cli.store import Run, open_run
 
 ALL = Selection(start=0.0)

@@ -15,7 +15,7 @@ from multicor_cli.checks import Verdict, check_run
 from multicor_cli.model import Model
 from multicor_cli.model.model import Floats
 from multicor_cli.running.session import Session
-from multicor_cli.scenario.load import parse_scenario
+from multicor_cli.scenario import parse_scenario
 from multicor_cli.store import run_info
 
 MOVING = changed(

@@ -19,9 +19,8 @@ from multicor_cli.running import session as session_module
 from multicor_cli.running.outcome import ExitCode, RunOutcome, SilentObserver, Status, StopReason, exit_code_of
 from multicor_cli.running.planning import make_plan
 from multicor_cli.running.session import stage_starts
-from multicor_cli.scenario.load import load_scenario, parse_scenario
+from multicor_cli.scenario import Scenario, load_scenario, parse_scenario
 from multicor_cli.scenario.problems import ScenarioError
-from multicor_cli.scenario.scenario import Scenario
 from multicor_cli.store import DirectoryRefused, StorageFull, open_run, run_info
 
 KEPT = """

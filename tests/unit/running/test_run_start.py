@@ -19,7 +19,7 @@ from multicor_cli.model import State
 from multicor_cli.packing import place
 from multicor_cli.running import session as session_module
 from multicor_cli.running.outcome import StopReason
-from multicor_cli.scenario.load import load_scenario, parse_scenario
+from multicor_cli.scenario import load_scenario, parse_scenario
 from multicor_cli.scenario.problems import ScenarioError
 from multicor_cli.store import open_run, run_info, verify
 

@@ -24,7 +24,7 @@ from multicor_cli.running.differences import find_differences, former_defaults
 from multicor_cli.running.estimate import estimate
 from multicor_cli.running.plan import RunPlan, StagePlan, foresee_steps
 from multicor_cli.running.planning import make_plan as plan_of
-from multicor_cli.scenario.load import load_scenario, parse_scenario
+from multicor_cli.scenario import load_scenario, parse_scenario
 from multicor_cli.scenario.settings import Output
 
 

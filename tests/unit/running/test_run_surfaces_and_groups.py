@@ -17,8 +17,7 @@ from multicor_cli.engine import Engine
 from multicor_cli.export import frame_problem
 from multicor_cli.model.faults import find_misfit
 from multicor_cli.packing import build, place
-from multicor_cli.scenario import ScenarioError, parse_scenario
-from multicor_cli.scenario.load import load_scenario
+from multicor_cli.scenario import ScenarioError, load_scenario, parse_scenario
 from multicor_cli.store import Run, run_info, verify
 
 HEIGHT = 0.0075

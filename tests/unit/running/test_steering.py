@@ -20,7 +20,7 @@ from scenes import SMALL, WARM, write_small
 
 from multicor_cli import LiveRun, Scenario, ScenarioError, open_run, run
 from multicor_cli.running.outcome import StopReason
-from multicor_cli.scenario.load import parse_scenario
+from multicor_cli.scenario import parse_scenario
 from multicor_cli.store import DirectoryRefused, run_info, verify
 
 SHORT = """

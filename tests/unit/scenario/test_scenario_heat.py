@@ -5,7 +5,7 @@ from scenario_problems import place_of, problems_of
 from scenes import HEATED, SHEAR, changed
 
 from multicor_cli.scenario import parse_scenario
-from multicor_cli.scenario.models import FrictionTable, SofteningFriction
+from multicor_cli.scenario.materials import FrictionTable, SofteningFriction
 
 GRAINS = "temperature = { value = 300.0, gradient = [0.0, 100.0], at = [0.0, 0.025] }"
 FLOOR = "thermal = { temperature = { ramp = [300.0, 350.0], duration = 2.0 } }"

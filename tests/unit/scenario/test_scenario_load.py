@@ -37,7 +37,7 @@ def test_the_tables_of_the_file_are_attributes(write):
     assert scenario.loading[0].drives["top"].y.force == -0.015
     assert scenario.solver.max_sweeps == 50_000
     assert scenario.output.series_interval == 0.01 / 10
-    assert scenario.source == SHEAR
+    assert scenario.sources.text == SHEAR
 
 
 def test_what_other_packages_ask(write):
@@ -51,7 +51,7 @@ def test_what_other_packages_ask(write):
     assert scenario.glued_sizes(scenario.walls[0]) == scenario.particles[0].sizes
     assert scenario.glued_sizes(scenario.walls[1]) == scenario.particles[0].sizes
     assert scenario.glued_sizes(scenario.walls[2]) is None
-    assert scenario.region(scenario.particles[0]).height == pytest.approx(0.048)
+    assert scenario.particles[0].placed_in(scenario.domain).height == pytest.approx(0.048)
     assert scenario.stage_solver(0) == scenario.solver
     assert scenario.stage_solver(1).dt == 1e-4
     assert scenario.stage_solver(1).tolerance_rms == 1e-4
@@ -304,7 +304,7 @@ def test_keys_and_tables_that_are_missing_are_added():
 
 
 def test_the_text_of_the_file_is_not_changed():
-    assert with_set("solver.dt=1e-4").source == SHEAR
+    assert with_set("solver.dt=1e-4").sources.text == SHEAR
 
 
 @pytest.mark.parametrize(

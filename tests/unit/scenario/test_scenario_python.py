@@ -13,7 +13,7 @@ from places import ROOT
 from scenes import SMALL
 
 from multicor_cli import Scenario, ScenarioError, load_scenario
-from multicor_cli.scenario.load import parse_scenario
+from multicor_cli.scenario import parse_scenario
 from multicor_cli.scenario.values import to_override
 
 CONFIGS = sorted((ROOT / "configs").glob("*.toml"))

@@ -7,7 +7,7 @@ import pytest
 from places import ROOT
 
 from multicor_cli.scenario import TEMPLATES, new_scenario, parse_scenario, scenario_schema, schema_text
-from multicor_cli.scenario.models import ScenarioModel
+from multicor_cli.scenario.model import ScenarioModel
 from multicor_cli.scenario.templates import COOKBOOK, template_table
 
 SCHEMA_FILE = ROOT / "schema" / "multicor.schema.json"
@@ -21,7 +21,7 @@ def test_the_schema_file_is_fresh():
 def test_the_schema_says_what_the_models_say():
     schema = json.loads(schema_text())
     assert schema == scenario_schema()
-    assert set(schema["properties"]) == set(ScenarioModel.model_fields)
+    assert set(schema["properties"]) == {field.alias or key for key, field in ScenarioModel.model_fields.items()}
     assert schema["additionalProperties"] is False
     rough = schema["$defs"]["RoughGeometry"]
     assert {"from", "to"} <= set(rough["properties"])

@@ -13,7 +13,7 @@ from scenes import SMALL, WARM
 
 from multicor_cli import Run, Scenario, open_run, picture, run
 from multicor_cli.optional import MissingLibrary
-from multicor_cli.scenario.load import parse_scenario
+from multicor_cli.scenario import parse_scenario
 
 
 def computed(text: str, path: Path) -> Path:
