@@ -10,8 +10,8 @@ from pathlib import Path
 from typing import Any
 
 from multicor_cli.scenario.base import Table
+from multicor_cli.scenario.documents import in_line
 from multicor_cli.scenario.scenario import load_scenario
-from multicor_cli.scenario.values import in_line
 
 ROOT = Path(__file__).resolve().parents[2]
 FOLDERS = ("configs", "docs/reference/examples")

@@ -9,8 +9,8 @@ from typing import Any
 
 from examples import Example, examples
 
+from multicor_cli.scenario.documents import in_line
 from multicor_cli.scenario.model import scenario_schema
-from multicor_cli.scenario.values import in_line
 
 SINCE = "0.1"
 """Version of keys that say none (``json_schema_extra={"since": "0.2"}`` of a field does)."""

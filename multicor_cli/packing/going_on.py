@@ -22,7 +22,7 @@ from multicor_cli.model.model import SHAPE_FACTOR, Floats, Ints
 from multicor_cli.model.shapes import TAIL, Room, Tail
 from multicor_cli.packing.groups import with_motion
 from multicor_cli.packing.initial_grains import InitialGrains
-from multicor_cli.packing.source import Source
+from multicor_cli.packing.other_run import Source
 from multicor_cli.packing.walls import BuiltWalls
 from multicor_cli.scenario import Scenario
 from multicor_cli.scenario.problems import Refused

@@ -14,9 +14,9 @@ from multicor_cli.model.shapes import Area
 from multicor_cli.packing.compacted import compact
 from multicor_cli.packing.deposited import deposit
 from multicor_cli.packing.file import read_grains
-from multicor_cli.packing.from_run import read_frame
 from multicor_cli.packing.initial_grains import InitialGrains, PackingRegion, Shape
 from multicor_cli.packing.lattice import lattice, lattice_capacity, repeat_tile
+from multicor_cli.packing.other_run import read_frame
 from multicor_cli.packing.random import DEFAULT_ATTEMPTS, random_packing
 from multicor_cli.packing.sizes import Purpose, SizeDistribution, Stream, TableKind, disc_area, draw_to_total, sizes_of, stream
 from multicor_cli.packing.walls import Obstacles

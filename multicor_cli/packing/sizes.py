@@ -24,7 +24,7 @@ from multicor_cli.arithmetic import normal_cdf, sums
 from multicor_cli.engine.jit import elementwise
 from multicor_cli.model.model import Floats
 from multicor_cli.packing.initial_grains import Shape
-from multicor_cli.scenario.sizes import AnySizes, ListSizes, LognormalSizes, NormalSizes, PowerSizes, TableSizes
+from multicor_cli.scenario.particles import AnySizes, ListSizes, LognormalSizes, NormalSizes, PowerSizes, TableSizes
 
 # ---- Independent random streams: one for each table of the scenario and purpose, all from one seed.
 #

@@ -10,7 +10,7 @@ from multicor_cli.engine.orders import Settings
 from multicor_cli.model import Model
 from multicor_cli.model.columns import SPIN, X, Y
 from multicor_cli.model.state import State
-from multicor_cli.packing.laws import stage_laws
+from multicor_cli.packing.materials import stage_laws
 from multicor_cli.running.conditions import (
     BLOCKS,
     Aim,

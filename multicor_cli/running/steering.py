@@ -1,7 +1,7 @@
 """A program of the user's that looks at a run after its steps, and may end a stage, add the next one, or end the run.
 
 What it decides is kept with the checkpoints, and so are its notes. Between two decisions the run is that of a scenario, which
-`multicor_cli.scenario.steered` writes down.
+`multicor_cli.scenario.documents` writes down.
 """
 
 from __future__ import annotations
@@ -21,8 +21,8 @@ from multicor_cli.model import BOOK_NAMES, HEAT_BOOK_NAMES, Model, State
 from multicor_cli.model.contacts import ContactTable
 from multicor_cli.running.plan import RunPlan, StagePlan
 from multicor_cli.running.planning import make_plan, stage_name
+from multicor_cli.scenario.documents import Decision, steered_document
 from multicor_cli.scenario.scenario import Scenario
-from multicor_cli.scenario.steered import Decision, steered_document
 from multicor_cli.store.documents import record_of
 from multicor_cli.store.frames import GrainFacts
 from multicor_cli.store.rundir import RunDirectory

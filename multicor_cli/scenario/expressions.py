@@ -7,6 +7,7 @@ bounded, integers too, and every intermediate result is a finite number. Nothing
 from __future__ import annotations
 
 import ast
+import keyword
 import math
 import operator
 import re
@@ -14,12 +15,125 @@ import warnings
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from functools import partial
-from typing import Any, NamedTuple
+from typing import Annotated, Any, NamedTuple
 
-from multicor_cli.scenario.functions import CONSTANTS, FUNCTIONS, Value, raised
-from multicor_cli.scenario.model import ScenarioModel
+from pydantic import AfterValidator, BaseModel, Field
+
+from multicor_cli.arithmetic import acos, asin, atan2, cbrt, cos, exp, log, power, sin
 from multicor_cli.scenario.problems import KeyPath, Refused, name_list, show
 from multicor_cli.scenario.translate import did_you_mean, types_inside
+
+# ---- The words: functions, constants, and what a variable may be called
+#
+# The functions are those of `multicor_cli.arithmetic`, or rounded by IEEE 754: an expression has the same bits on every machine.
+
+Value = int | float
+
+_MANY_BITS = 2048
+_MANY = 100
+
+
+class Function(NamedTuple):
+    """A function, and how many arguments it takes."""
+
+    compute: Callable[..., Value]
+    fewest: int = 1
+    most: int = 1
+
+
+def raised(x: Value, y: Value) -> Value:
+    """x^y: of whole exponents exact for integers and rounded once for others, `power` where that takes too many digits.
+
+    nan where it is not a real number.
+
+    Raises:
+        OverflowError: It is larger than any number.
+        ZeroDivisionError: Zero to a negative power.
+    """
+    if y == int(y) and _is_short(x, int(y)):
+        return _whole_power(x, int(y))
+    if x == 0 and y < 0:
+        raise ZeroDivisionError
+    size = power(float(abs(x)), float(y))
+    if x >= 0 or y % 2 == 0:
+        return size
+    return -size if y % 2 == 1 else math.nan
+
+
+def _is_short(x: Value, n: int) -> bool:
+    above, below = x.as_integer_ratio()
+    return max(above.bit_length(), below.bit_length()) * abs(n) <= _MANY_BITS
+
+
+def _whole_power(x: Value, n: int) -> Value:
+    above, below = x.as_integer_ratio() if n >= 0 else reversed(x.as_integer_ratio())
+    above, below = math.prod([above] * abs(n)), math.prod([below] * abs(n))
+    return above if isinstance(x, int) and n >= 0 else above / below  # Python rounds a quotient of integers once
+
+
+def _sqrt(x: Value) -> float:
+    return math.sqrt(x) if x >= 0 else math.nan
+
+
+def _cbrt(x: Value) -> float:
+    return math.copysign(cbrt(abs(x)), x)
+
+
+def _tan(x: Value) -> float:
+    return sin(x) / cos(x)
+
+
+def _atan(x: Value) -> float:
+    return atan2(x, 1.0)
+
+
+def _radians(x: Value) -> float:
+    return x * math.pi / 180.0
+
+
+def _degrees(x: Value) -> float:
+    return x * 180.0 / math.pi
+
+
+FUNCTIONS = {
+    "sqrt": Function(_sqrt),
+    "cbrt": Function(_cbrt),
+    "exp": Function(exp),
+    "log": Function(log),
+    "sin": Function(sin),
+    "cos": Function(cos),
+    "tan": Function(_tan),
+    "asin": Function(asin),
+    "acos": Function(acos),
+    "atan": Function(_atan),
+    "atan2": Function(atan2, 2, 2),
+    "radians": Function(_radians),
+    "degrees": Function(_degrees),
+    "abs": Function(abs),
+    "min": Function(min, 2, _MANY),
+    "max": Function(max, 2, _MANY),
+    "floor": Function(math.floor),
+    "ceil": Function(math.ceil),
+    "round": Function(round),
+}
+CONSTANTS = {"pi": math.pi}
+
+
+def _not_reserved(name: str) -> str:
+    if name in FUNCTIONS or name in CONSTANTS:
+        raise Refused((), f"'{name}' is a {'function' if name in FUNCTIONS else 'constant'} of expressions", "choose another name")
+    if keyword.iskeyword(name):
+        raise Refused((), f"'{name}' cannot stand in an expression", f"choose another name, as {name}_")
+    return name
+
+
+VariableName = Annotated[str, Field(pattern=r"^[A-Za-z][A-Za-z0-9_]*$", max_length=64), AfterValidator(_not_reserved)]
+"""A name that can stand in an expression."""
+
+Variable = Annotated[float, Field(ge=-1e100, le=1e100)]
+
+
+# ---- Expressions
 
 MAX_LENGTH = 200
 MAX_DEPTH = 60
@@ -182,7 +296,7 @@ def _depth(tree: ast.AST) -> int:
     return depth
 
 
-# ---- Numbers in place of the expressions of a document: between reading and validation
+# -- Numbers in place of the expressions of a document: between reading and validation
 
 MAX_EXPRESSIONS = 500
 """Most expressions of a scenario: what is evaluated in a fraction of a second."""
@@ -208,15 +322,16 @@ class Evaluated:
     failed: set[KeyPath] = field(default_factory=set)
 
 
-def evaluate_expressions(data: dict[str, Any]) -> Evaluated:
+def evaluate_expressions(data: dict[str, Any], model: type[BaseModel]) -> Evaluated:
     """Replace the expressions of a parsed document by their values.
 
     A string is an expression if it begins with ``=`` and stands where the models take a number; others are left alone.
 
     Args:
         data: The document. **Modified.**
+        model: What it is a document of.
     """
-    places = list(_places((), data))
+    places = list(_places((), data, [model]))
     return _Document(data).evaluate(places) if places else Evaluated()
 
 
@@ -240,23 +355,15 @@ class _Place(NamedTuple):
     is_whole: bool
 
 
-def _places(path: KeyPath, node: Any) -> Iterator[_Place]:
-    """The expressions in a node, in the order of the document."""
+def _places(path: KeyPath, node: Any, types: list[Any]) -> Iterator[_Place]:
+    """The expressions in a node that may be of these types, in the order of the document."""
     for key, value in enumerate(node) if isinstance(node, list) else node.items():
         if isinstance(value, dict | list):
-            yield from _places((*path, key), value)
+            yield from _places((*path, key), value, types_inside(types, key))
         elif isinstance(value, str) and value.startswith("="):
-            types = _types_at((*path, key))
-            if int in types or float in types:
-                yield _Place((*path, key), value, float not in types)
-
-
-def _types_at(path: KeyPath) -> list[Any]:
-    """The types that the models allow at a place."""
-    types: list[Any] = [ScenarioModel]
-    for part in path:
-        types = types_inside(types, part)
-    return types
+            inside = types_inside(types, key)
+            if int in inside or float in inside:
+                yield _Place((*path, key), value, float not in inside)
 
 
 def _is_number(value: Any) -> bool:

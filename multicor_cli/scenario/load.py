@@ -15,8 +15,8 @@ from typing import Any
 from pydantic import ValidationError
 
 from multicor_cli.files import Unfit, read_regular
+from multicor_cli.scenario.base import DIRECTORY
 from multicor_cli.scenario.checks import PartialScenario, check_all
-from multicor_cli.scenario.csv_columns import DIRECTORY
 from multicor_cli.scenario.expressions import evaluate_expressions, unused_overrides
 from multicor_cli.scenario.model import ScenarioModel
 from multicor_cli.scenario.particles import take_groups
@@ -155,7 +155,7 @@ def read_tables(text: str, path: Path, overrides: Sequence[str], file: str) -> t
     text = text.removeprefix("\ufeff").replace("\r\n", "\n")
     data = deepcopy(parse_toml(text, file))
     applied, problems = apply_overrides(data, overrides)
-    evaluated = evaluate_expressions(data)
+    evaluated = evaluate_expressions(data, ScenarioModel)
     sources = Sources(file, text, applied, evaluated.shown, overrides)
     has_taken = take_groups(data, path.parent)
     model, invalid = check_document(data, path.parent)

@@ -11,7 +11,7 @@ from typing import Annotated, Any
 from pydantic import Field, Strict, ValidationInfo, field_validator
 
 from multicor_cli.scenario.base import CHANGEABLE, Name, Table
-from multicor_cli.scenario.functions import Variable, VariableName
+from multicor_cli.scenario.expressions import Variable, VariableName
 from multicor_cli.scenario.loading import Stage
 from multicor_cli.scenario.materials import MAX_MATERIALS, ContactPair, Heat, Material
 from multicor_cli.scenario.particles import Outlet, ParticleGroup, Start

@@ -9,16 +9,16 @@ from typing import Any
 
 from pydantic import ConfigDict, Field
 
+from multicor_cli.scenario.documents import to_document, to_override
 from multicor_cli.scenario.drives import StageDrives, stage_drives
 from multicor_cli.scenario.load import read_tables, read_text
 from multicor_cli.scenario.loading import KeptCondition, frozen_dt, resolve_conditions
 from multicor_cli.scenario.materials import ContactPair
 from multicor_cli.scenario.model import ScenarioModel
+from multicor_cli.scenario.particles import AnySizes
 from multicor_cli.scenario.problems import Refused, ScenarioError
 from multicor_cli.scenario.settings import Solver
-from multicor_cli.scenario.sizes import AnySizes
 from multicor_cli.scenario.sources import Sources
-from multicor_cli.scenario.values import to_document, to_override
 from multicor_cli.scenario.walls import Wall
 from multicor_cli.text import count_noun
 

@@ -7,8 +7,19 @@ from typing import Annotated, Any, Self
 from pydantic import Field, Strict, Tag, ValidationInfo, field_validator, model_validator
 
 from multicor_cli.arithmetic import sin
-from multicor_cli.scenario.base import NUMBER_BOUNDS, TIME_BOUNDS, Number, Table, Time, Vector, one_of, require_ascending
-from multicor_cli.scenario.csv_columns import Column, read_columns, refuse_both
+from multicor_cli.scenario.base import (
+    NUMBER_BOUNDS,
+    TIME_BOUNDS,
+    Column,
+    Number,
+    Table,
+    Time,
+    Vector,
+    one_of,
+    read_columns,
+    refuse_both,
+    require_ascending,
+)
 from multicor_cli.scenario.problems import Refused
 
 

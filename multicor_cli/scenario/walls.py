@@ -22,11 +22,10 @@ from multicor_cli.model.model import Floats
 from multicor_cli.model.shapes import Discs, Polygon, Room, outlines
 from multicor_cli.scenario.base import Coordinate, Length, Name, Point, Radius, Table, Vector, tag_table
 from multicor_cli.scenario.loading import WallCondition
-from multicor_cli.scenario.particles import ParticleGroup
+from multicor_cli.scenario.particles import ParticleGroup, Sizes
 from multicor_cli.scenario.problems import Refused
 from multicor_cli.scenario.region import MAX_CORNERS, Corners, above_min, simple_polygon
 from multicor_cli.scenario.settings import Domain
-from multicor_cli.scenario.sizes import Sizes
 
 # ---- Where grains are glued to walls: in a row on a line, in a ring inside or around a circle, or along the sides of a polygon
 

@@ -16,7 +16,7 @@ from pydantic import AfterValidator, BaseModel, ConfigDict, Strict, TypeAdapter,
 
 from multicor_cli.files import LARGEST_RECORD, read_regular
 from multicor_cli.model import EXCHANGE_NAMES
-from multicor_cli.scenario.steered import Count, Decision
+from multicor_cli.scenario.documents import Count, Decision
 from multicor_cli.store import layout
 from multicor_cli.store.atomic import commit_bytes, is_regular, storage_errors
 from multicor_cli.store.errors import DamagedRun, NothingStored, UnsupportedVersion

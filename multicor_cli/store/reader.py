@@ -18,7 +18,7 @@ from numpy.typing import NDArray
 from multicor_cli.engine.heat.hertz import largest_deflection
 from multicor_cli.files import open_regular, read_regular
 from multicor_cli.model import Model, State
-from multicor_cli.scenario.steered import steered_text
+from multicor_cli.scenario.documents import steered_text
 from multicor_cli.store import layout, schema
 from multicor_cli.store.atomic import is_regular
 from multicor_cli.store.checkpoint import Identity, committed_segments, load_newest

@@ -16,7 +16,7 @@ from typing import Any, Literal
 
 from multicor_cli.model import Model, State
 from multicor_cli.model.books import Version
-from multicor_cli.scenario.steered import steered_text
+from multicor_cli.scenario.documents import steered_text
 from multicor_cli.store import layout
 from multicor_cli.store.atomic import (
     commit_bytes,

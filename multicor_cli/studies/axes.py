@@ -15,7 +15,7 @@ from pathlib import Path
 
 from multicor_cli.files import read_regular
 from multicor_cli.optional import library
-from multicor_cli.scenario.csv_columns import MAX_BYTES
+from multicor_cli.scenario.base import MAX_BYTES
 from multicor_cli.scenario.problems import Refused, ScenarioError
 from multicor_cli.scenario.scenario import Scenario, load_scenario
 from multicor_cli.studies.study_file import MAX_CASES, OPTIONS, Range, Sampled, Study, Vary, arguments

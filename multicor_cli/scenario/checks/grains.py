@@ -8,6 +8,7 @@ from collections.abc import Iterator, Sequence
 from multicor_cli.model.model import LEAST_DIAMETERS
 from multicor_cli.scenario.checks.partial import PartialScenario
 from multicor_cli.scenario.particles import (
+    AnySizes,
     CompactedPacking,
     DepositedPacking,
     GradientTemperature,
@@ -20,7 +21,6 @@ from multicor_cli.scenario.particles import (
 from multicor_cli.scenario.problems import KeyPath, Refused, name_list, show
 from multicor_cli.scenario.region import RectangleRegion, Region
 from multicor_cli.scenario.settings import Domain
-from multicor_cli.scenario.sizes import AnySizes
 from multicor_cli.scenario.translate import did_you_mean
 from multicor_cli.scenario.walls import Glued, Wall
 

@@ -24,7 +24,7 @@ from equations import math_font, set_equations  # noqa: E402
 from examples import FOLDERS, examples, shortened  # noqa: E402
 from keys import SINCE, key_pages  # noqa: E402
 
-from multicor_cli.scenario.values import in_line  # noqa: E402
+from multicor_cli.scenario.documents import in_line  # noqa: E402
 
 SCHEMA = json.loads((ROOT / "schema" / "multicor.schema.json").read_text(encoding="utf-8"))
 KEYS = [(model, key, node) for model, table in SCHEMA["$defs"].items() for key, node in table.get("properties", {}).items()]

@@ -13,7 +13,7 @@ from multicor_cli.engine.motion.drives import Constant, DofDrive, Ramp, Shifted,
 from multicor_cli.export.fclib_file import frame_problem
 from multicor_cli.model.faults import find_misfit
 from multicor_cli.packing import build
-from multicor_cli.packing.laws import stage_laws
+from multicor_cli.packing.materials import stage_laws
 from multicor_cli.running.plan import foresee_steps
 from multicor_cli.running.planning import make_plan
 from multicor_cli.running.time_step import find_scales

@@ -11,7 +11,7 @@ import multicor_cli as multicor
 from multicor_cli.checks import Verdict, check_scenario
 from multicor_cli.engine.motion.drives import Constant, DofDrive, Ramp, Sine, WallDrive
 from multicor_cli.packing import build
-from multicor_cli.packing.start_speed import start_speed
+from multicor_cli.packing.assembly import start_speed
 from multicor_cli.running.planning import make_plan
 from multicor_cli.running.session import Session
 from multicor_cli.running.time_step import (

@@ -10,8 +10,7 @@ from hypothesis import strategies as st
 
 from multicor_cli import arithmetic
 from multicor_cli.scenario import Refused
-from multicor_cli.scenario.expressions import MAX_LENGTH, Expression
-from multicor_cli.scenario.functions import CONSTANTS, FUNCTIONS, raised
+from multicor_cli.scenario.expressions import CONSTANTS, FUNCTIONS, MAX_LENGTH, Expression, raised
 
 VALUES = {"d": 1.5e-3, "n": 7, "g": 9.81}
 

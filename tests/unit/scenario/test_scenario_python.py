@@ -14,7 +14,7 @@ from scenes import SMALL
 
 from multicor_cli import Scenario, ScenarioError, load_scenario
 from multicor_cli.scenario import parse_scenario
-from multicor_cli.scenario.values import to_override
+from multicor_cli.scenario.documents import to_override
 
 CONFIGS = sorted((ROOT / "configs").glob("*.toml"))
 
