@@ -22,7 +22,7 @@ from multicor_cli.report.pack import view_of
 from multicor_cli.running.plan import begin_stage
 from multicor_cli.running.planning import make_plan
 from multicor_cli.running.session import Session, make_engine
-from multicor_cli.scenario.load import parse_scenario
+from multicor_cli.scenario import parse_scenario
 from multicor_cli.scenario.problems import ScenarioError
 from multicor_cli.store import open_run, run_info, schema, verify
 
