@@ -118,8 +118,7 @@ def _of_frame(frame: Frame, model: Model) -> tuple[Model, State, str]:
     """
     here = frame.number
     state = State.at_rest(model, np.zeros((model.grain_count, 3)))
-    state.position[here] = np.column_stack([frame.position, frame.angle])
-    state.velocity[here] = np.column_stack([frame.velocity, frame.spin])
+    state.position[here], state.velocity[here] = _motion(frame)
     state.image[here] = frame.image
     if frame.is_open:
         state.presence = np.array(frame.column("particles/presence"), np.uint8)
@@ -136,6 +135,12 @@ def _of_frame(frame: Frame, model: Model) -> tuple[Model, State, str]:
         state.wall_temperature = np.array(frame.wall_temperature, float)
         digest.update(temperature.tobytes())
     return model, state, digest.hexdigest()
+
+
+def _motion(frame: Frame) -> tuple[Floats, Floats]:
+    """Centers with angles [m, rad], velocities with spins [m/s, rad/s] of the grains in a frame, shapes ``(n, 3)``."""
+    bodies = np.column_stack([frame.position, frame.angle]), np.column_stack([frame.velocity, frame.spin])
+    return bodies[0].astype(float), bodies[1].astype(float)
 
 
 def _take_contacts(frame: Frame, model: Model, state: State) -> None:
@@ -174,14 +179,10 @@ def read_frame(path: Path, frame: int) -> InitialGrains:
     Raises:
         Refused: There is no readable run, or no such frame, or it holds what no grain can have.
     """
-    from multicor_cli.store import StoreError, open_run
-    from multicor_cli.store.errors import NoFrame
-
     try:
         with open_run(path) as run:
             chosen = run.frames[frame]
-            position = np.column_stack([chosen.position, chosen.angle]).astype(float)
-            velocity = np.column_stack([chosen.velocity, chosen.spin]).astype(float)
+            position, velocity = _motion(chosen)
             warmth = chosen.temperature
             temperature = None if warmth is None else np.array(warmth, float)
             radius = np.array(chosen.model.grains.radius, float)

@@ -193,26 +193,17 @@ AnyUntil = UntilStrain | UntilRest | UntilAxialStrain | UntilDisplacement | Unti
 
 def window_of(until: AnyUntil | None) -> float | None:
     """Time after which the first window of a condition ends [s]; None if it has none."""
-    if isinstance(until, UntilForce):
-        return until.force.window
-    if isinstance(until, UntilSteady):
-        return until.steady.after + until.steady.window
-    return until.stress.window if isinstance(until, UntilStress) else None
+    _, end = next(iter(until)) if until is not None else ("", None)
+    return getattr(end, "after", 0.0) + end.window if isinstance(end, ForceEnd | StressEnd | SteadyEnd) else None
 
 
 def walls_of(until: AnyUntil | None) -> dict[tuple[str | int, ...], str]:
     """Walls that a condition names, by the keys inside ``until`` that name them."""
-    if isinstance(until, UntilStrain):
-        return {("strain", "walls", k): name for k, name in enumerate(until.strain.walls)}
-    if isinstance(until, UntilAxialStrain):
-        return {("axial_strain", "walls", k): name for k, name in enumerate(until.axial_strain.walls)}
-    if isinstance(until, UntilDisplacement):
-        return {("displacement", "wall"): until.displacement.wall}
-    if isinstance(until, UntilForce):
-        return {("force", "wall"): until.force.wall}
-    if isinstance(until, UntilSteady):
-        return {} if until.steady.wall is None else {("steady", "wall"): until.steady.wall}
-    return {("stress", "wall"): until.stress.wall} if isinstance(until, UntilStress) else {}
+    key, end = next(iter(until)) if until is not None else ("", None)
+    if isinstance(end, StrainEnd | AxialStrainEnd):
+        return {(key, "walls", k): name for k, name in enumerate(end.walls)}
+    wall = getattr(end, "wall", None)  # a few conditions are about all grains
+    return {} if wall is None else {(key, "wall"): wall}
 
 
 # ---- What moves a degree of freedom of a wall: a table of `drives.NAME`

@@ -70,7 +70,6 @@ class Region(Table):
         return min(self.width, self.height)
 
     def __str__(self) -> str:
-        """What it is, for messages."""
         return f"region of {self.width:g} × {self.height:g} m"
 
 
@@ -100,7 +99,6 @@ class CircleRegion(Region):
         return Annulus(self.center, self.radius)
 
     def __str__(self) -> str:
-        """What it is, for messages."""
         return f"circle of radius {self.radius:g} m"
 
 
@@ -130,7 +128,6 @@ class AnnulusRegion(Region):
         return self.outer - self.inner
 
     def __str__(self) -> str:
-        """What it is, for messages."""
         return f"annulus from radius {self.inner:g} to {self.outer:g} m"
 
 
@@ -147,7 +144,6 @@ class PolygonRegion(Region):
         return Polygon(np.array(self.points))
 
     def __str__(self) -> str:
-        """What it is, for messages."""
         return f"polygon of {len(self.points)} corners, {self.width:g} × {self.height:g} m"
 
 

@@ -64,7 +64,6 @@ class Row(NamedTuple):
         return 1.0
 
     def __str__(self) -> str:
-        """What it is, for messages."""
         return f"the line is {self.length:g} m long"
 
 
@@ -92,7 +91,6 @@ class Ring(NamedTuple):
         return 2.0 * math.pi if self.is_outside else 4.0 * math.pi
 
     def __str__(self) -> str:
-        """What it is, for messages."""
         return f"the circle has a radius of {self.radius:g} m"
 
 
@@ -112,7 +110,6 @@ class Sides(NamedTuple):
         return self.length / float(self.polygon.side_lengths().min())
 
     def __str__(self) -> str:
-        """What it is, for messages."""
         return f"the shortest side is {float(self.polygon.side_lengths().min()):g} m long"
 
 

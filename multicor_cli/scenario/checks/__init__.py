@@ -9,7 +9,7 @@ from multicor_cli.scenario.problems import Refused
 __all__ = ["PartialScenario", "check_all"]
 
 
-def check_all(draft: PartialScenario) -> list[Refused]:
+def check_all(tables: PartialScenario) -> list[Refused]:
     """All findings about how the tables fit together; tables that are invalid on their own are passed over."""
     checks = (
         laws.check,
@@ -22,4 +22,4 @@ def check_all(draft: PartialScenario) -> list[Refused]:
         laws.check_heat,
         laws.check_thermal_materials,
     )
-    return [finding for check in checks for finding in check(draft)]
+    return [finding for check in checks for finding in check(tables)]

@@ -31,15 +31,15 @@ MAX_GRAINS = 50_000_000
 _SLACK = 1e-9
 
 
-def check(draft: PartialScenario) -> Iterator[Refused]:
+def check(tables: PartialScenario) -> Iterator[Refused]:
     """Findings about the groups of grains."""
-    yield from double_names(draft.group_names, "particles")
-    yield from _unlike_shapes(draft)
-    yield from _unlike_starts(draft)
-    yield from _too_many(draft)
-    for k, group in enumerate(draft.particles):
-        if group and draft.domain:
-            yield from _check_group(("particles", k), group, draft.domain)
+    yield from double_names(tables.group_names, "particles")
+    yield from _unlike_shapes(tables)
+    yield from _unlike_starts(tables)
+    yield from _too_many(tables)
+    for k, group in enumerate(tables.particles):
+        if group and tables.domain:
+            yield from _check_group(("particles", k), group, tables.domain)
 
 
 def double_names(names: Sequence[str | None], table: str) -> Iterator[Refused]:
@@ -50,8 +50,8 @@ def double_names(names: Sequence[str | None], table: str) -> Iterator[Refused]:
             yield Refused((table, k, "name"), f"{show(name)} is also the name of {table}.{first[name]}", "give another name")
 
 
-def _unlike_shapes(draft: PartialScenario) -> Iterator[Refused]:
-    groups = [(k, group) for k, group in enumerate(draft.particles) if group]
+def _unlike_shapes(tables: PartialScenario) -> Iterator[Refused]:
+    groups = [(k, group) for k, group in enumerate(tables.particles) if group]
     for k, group in groups[1:]:
         first = groups[0][1]
         if group.shape != first.shape:
@@ -59,12 +59,12 @@ def _unlike_shapes(draft: PartialScenario) -> Iterator[Refused]:
             yield Refused(("particles", k, "shape"), what, "use the same shape for all groups")
 
 
-def _unlike_starts(draft: PartialScenario) -> Iterator[Refused]:
+def _unlike_starts(tables: PartialScenario) -> Iterator[Refused]:
     """With ``[start]`` all grains come from its run, and without it none do."""
-    for k, group in enumerate(draft.particles):
-        if group is None or isinstance(group.packing, StartPacking) == draft.has_start:
+    for k, group in enumerate(tables.particles):
+        if group is None or isinstance(group.packing, StartPacking) == tables.has_start:
             continue
-        if draft.has_start:
+        if tables.has_start:
             kind = "no packing" if group.packing is None else f'kind = "{group.packing.kind}"'
             what = f"{kind} beside a table [start], whose run has all the grains"
             remedy = 'remove [[particles]], or [start]; packing = { kind = "start" } names a group of the run'
@@ -127,13 +127,13 @@ def _no_weight(path: KeyPath, domain: Domain) -> Refused:
     return Refused(path, what, "use gravity that points down in [domain], or another packing")
 
 
-def _too_many(draft: PartialScenario) -> Iterator[Refused]:
+def _too_many(tables: PartialScenario) -> Iterator[Refused]:
     """The total number of grains is bounded; counted from below where it follows from an area fraction."""
     total = 0.0
-    for k, group in enumerate(draft.particles):
-        if group is None or draft.domain is None:
+    for k, group in enumerate(tables.particles):
+        if group is None or tables.domain is None:
             continue
-        total += _least_count(group, draft.domain)
+        total += _least_count(group, tables.domain)
         if total > MAX_GRAINS:
             what = f"there would be at least {total:.3g} grains, more than {MAX_GRAINS:.3g}"
             yield Refused(("particles", k), what, "use fewer or larger grains; radii and lengths are in meters")
@@ -155,15 +155,15 @@ def _least_count(group: ParticleGroup, domain: Domain) -> float:
 # ---- Grains that come and go find their places: releases and outlets fit into the domain, and to each other
 
 
-def check_exchange(draft: PartialScenario) -> Iterator[Refused]:
+def check_exchange(tables: PartialScenario) -> Iterator[Refused]:
     """Findings about releases and outlets."""
-    yield from double_names([outlet.name if outlet else None for outlet in draft.outlets], "outlets")
-    for k, group in enumerate(draft.particles):
-        if group is not None and group.release is not None and draft.domain is not None:
-            yield from _check_release(("particles", k), group, draft.domain)
-    for k, outlet in enumerate(draft.outlets):
+    yield from double_names([outlet.name if outlet else None for outlet in tables.outlets], "outlets")
+    for k, group in enumerate(tables.particles):
+        if group is not None and group.release is not None and tables.domain is not None:
+            yield from _check_release(("particles", k), group, tables.domain)
+    for k, outlet in enumerate(tables.outlets):
         if outlet is not None:
-            yield from _check_outlet(("outlets", k), outlet, draft)
+            yield from _check_outlet(("outlets", k), outlet, tables)
 
 
 def _check_release(path: KeyPath, group: ParticleGroup, domain: Domain) -> Iterator[Refused]:
@@ -182,16 +182,16 @@ def _check_release(path: KeyPath, group: ParticleGroup, domain: Domain) -> Itera
         yield Refused((*path, "temperature"), what, "give one temperature [K], or one for each grain")
 
 
-def _check_outlet(path: KeyPath, outlet: Outlet, draft: PartialScenario) -> Iterator[Refused]:
-    groups = [(k, group) for k, group in enumerate(draft.particles) if group is not None]
+def _check_outlet(path: KeyPath, outlet: Outlet, tables: PartialScenario) -> Iterator[Refused]:
+    groups = [(k, group) for k, group in enumerate(tables.particles) if group is not None]
     for k, group in groups:
         if group.release is not None and _overlap(outlet.region, group.release.region):
             what = f"overlaps the release region of particles.{k}: grains would leave where they come"
             yield Refused((*path, "region"), what, "move one of the two")
-    if outlet.then == "release" and len(groups) == len(draft.particles) and not any(group.release for _, group in groups):
+    if outlet.then == "release" and len(groups) == len(tables.particles) and not any(group.release for _, group in groups):
         what = "grains are to be released again, but no group has a release"
         yield Refused((*path, "then"), what, 'give a group release = { rate = ..., region = ... }, or use then = "remove"')
-    domain = draft.domain
+    domain = tables.domain
     if domain is not None and domain.periodic and not (outlet.region.min[0] >= 0.0 and outlet.region.max[0] <= domain.size[0]):
         what = (
             f"reaches from x = {outlet.region.min[0]:g} to {outlet.region.max[0]:g}, beyond the period from 0 to {domain.size[0]:g}"
@@ -208,55 +208,55 @@ def _overlap(a: RectangleRegion, b: RectangleRegion) -> bool:
 _MAX_GLUED = 10_000_000
 
 
-def check_walls(draft: PartialScenario) -> Iterator[Refused]:
+def check_walls(tables: PartialScenario) -> Iterator[Refused]:
     """Findings about the walls."""
-    yield from double_names(draft.wall_names, "walls")
-    for k, wall in enumerate(draft.walls):
+    yield from double_names(tables.wall_names, "walls")
+    for k, wall in enumerate(tables.walls):
         if wall is None:
             continue
-        yield from _unknown_groups(("walls", k, "groups"), wall, draft)
+        yield from _unknown_groups(("walls", k, "groups"), wall, tables)
         path, glued = ("walls", k, "geometry"), wall.geometry.glued()
         if glued is not None:
-            yield from _check_glued((*path, glued.key), glued, draft)
-        if draft.domain:
-            for found in wall.geometry.misfits(draft.domain):
+            yield from _check_glued((*path, glued.key), glued, tables)
+        if tables.domain:
+            for found in wall.geometry.misfits(tables.domain):
                 yield found.within(*path)
 
 
-def _unknown_groups(path: KeyPath, wall: Wall, draft: PartialScenario) -> Iterator[Refused]:
+def _unknown_groups(path: KeyPath, wall: Wall, tables: PartialScenario) -> Iterator[Refused]:
     """Groups that a wall is to meet."""
-    if None in draft.group_names or not draft.group_names:
+    if None in tables.group_names or not tables.group_names:
         return  # the group that is meant may be one without a name
-    known = [name for name in draft.group_names if name]
+    known = [name for name in tables.group_names if name]
     for e, name in enumerate(wall.groups or ()):
         if name not in known:
             remedy = did_you_mean(name, known) or f"the groups are {name_list(known)}"
             yield Refused((*path, e), f"there is no group of particles {show(name)}", remedy)
 
 
-def _check_glued(path: KeyPath, glued: Glued, draft: PartialScenario) -> Iterator[Refused]:
+def _check_glued(path: KeyPath, glued: Glued, tables: PartialScenario) -> Iterator[Refused]:
     named = glued.sizes
     if named is not None and not isinstance(named, str):
         yield from _check_room(path, glued, named)
-    elif named is not None and named not in draft.group_names:
-        known = [name for name in draft.group_names if name]
-        if not known or len(known) < len(draft.group_names):  # the group that is meant may be one without a name
+    elif named is not None and named not in tables.group_names:
+        known = [name for name in tables.group_names if name]
+        if not known or len(known) < len(tables.group_names):  # the group that is meant may be one without a name
             return
         remedy = did_you_mean(named, known) or f"use one of {name_list(known)}, or a table of sizes"
         yield Refused(path, f"there is no group of particles {show(named)}", remedy)
-    elif draft.particles:
-        group = draft.particles[0 if named is None else draft.group_names.index(named)]
-        yield from _check_borrowed(path, glued, group, draft)
+    elif tables.particles:
+        group = tables.particles[0 if named is None else tables.group_names.index(named)]
+        yield from _check_borrowed(path, glued, group, tables)
 
 
-def _check_borrowed(path: KeyPath, glued: Glued, group: ParticleGroup | None, draft: PartialScenario) -> Iterator[Refused]:
+def _check_borrowed(path: KeyPath, glued: Glued, group: ParticleGroup | None, tables: PartialScenario) -> Iterator[Refused]:
     """Glued grains with the sizes of a group of free grains."""
     if group is None:
         return
     if group.sizes is None:
         what = f"the group '{group.name}' has no sizes that the glued grains could have"
         yield Refused(path, what, 'give them here, as { kind = "uniform", min = 0.4e-3, max = 0.6e-3 }')
-    elif draft.domain and 2.0 * group.sizes.largest <= min(draft.domain.size):  # if larger, the group itself is told
+    elif tables.domain and 2.0 * group.sizes.largest <= min(tables.domain.size):  # if larger, the group itself is told
         yield from _check_room(path, glued, group.sizes)
 
 

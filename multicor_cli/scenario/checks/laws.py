@@ -18,32 +18,32 @@ _MAX_NAMED_PAIRS = 5
 Entries = Sequence[PairFriction | None]
 
 
-def check(draft: PartialScenario) -> Iterator[Refused]:
+def check(tables: PartialScenario) -> Iterator[Refused]:
     """Findings about materials and contact laws."""
-    if len(draft.material_names) > MAX_MATERIALS:
+    if len(tables.material_names) > MAX_MATERIALS:
         return
-    yield from _undefined_materials(draft)
-    for path, entries in _lists(draft):
+    yield from _undefined_materials(tables)
+    for path, entries in _lists(tables):
         yield from _double_entries(path, entries)
-        yield from _ambiguous_pairs(path, entries, draft)
-    yield from _uncovered_pairs(draft)
+        yield from _ambiguous_pairs(path, entries, tables)
+    yield from _uncovered_pairs(tables)
 
 
-def _lists(draft: PartialScenario) -> Iterator[tuple[KeyPath, Entries]]:
+def _lists(tables: PartialScenario) -> Iterator[tuple[KeyPath, Entries]]:
     """``[[contacts]]``, and what stages say of friction."""
-    yield ("contacts",), draft.contacts
-    for k, stage in enumerate(draft.loading):
+    yield ("contacts",), tables.contacts
+    for k, stage in enumerate(tables.loading):
         if stage:
             yield ("loading", k, "contacts"), stage.contacts
 
 
-def _undefined_materials(draft: PartialScenario) -> Iterator[Refused]:
+def _undefined_materials(tables: PartialScenario) -> Iterator[Refused]:
     used: list[tuple[KeyPath, str]] = []
-    for path, entries in _lists(draft):
+    for path, entries in _lists(tables):
         used += [((*path, k, "pair", e), name) for k, c in _given(entries) for e, name in enumerate(c.pair) if name != "*"]
-    used += [(("particles", k, "material"), group.material) for k, group in enumerate(draft.particles) if group]
-    used += [(("walls", k, "material"), wall.material) for k, wall in enumerate(draft.walls) if wall]
-    known = draft.material_names
+    used += [(("particles", k, "material"), group.material) for k, group in enumerate(tables.particles) if group]
+    used += [(("walls", k, "material"), wall.material) for k, wall in enumerate(tables.walls) if wall]
+    known = tables.material_names
     for path, name in used:
         if known and name not in known:
             remedy = did_you_mean(name, known) or f"add [materials.{name}], or use one of {name_list(known)}"
@@ -79,12 +79,12 @@ def _double_entries(path: KeyPath, entries: Entries) -> Iterator[Refused]:
             yield Refused((*path, k, "pair"), what, "remove one of the two")
 
 
-def touching_pairs(draft: PartialScenario) -> list[tuple[str, str]]:
+def touching_pairs(tables: PartialScenario) -> list[tuple[str, str]]:
     """Pairs of defined materials that can touch: grains with grains and with the walls that they meet."""
-    known, groups = set(draft.material_names), [group for group in draft.particles if group]
+    known, groups = set(tables.material_names), [group for group in tables.particles if group]
     grains = sorted({group.material for group in groups} & known)
     pairs = set(combinations_with_replacement(grains, 2))
-    for wall in draft.walls:
+    for wall in tables.walls:
         if wall and wall.material in known:
             met = {group.material for group in groups if wall.groups is None or group.name in wall.groups}
             pairs |= {_key(material, wall.material) for material in met & known}
@@ -99,11 +99,11 @@ def _dotted(path: KeyPath) -> str:
     return ".".join(map(str, path))
 
 
-def _ambiguous_pairs(path: KeyPath, entries: Entries, draft: PartialScenario) -> Iterator[Refused]:
+def _ambiguous_pairs(path: KeyPath, entries: Entries, tables: PartialScenario) -> Iterator[Refused]:
     """Pairs that two entries such as ["a", "*"] and ["b", "*"] cover, without an entry of their own."""
     first = _by_pair(entries)
     told: set[int] = set()
-    for a, b in touching_pairs(draft):
+    for a, b in touching_pairs(tables):
         rivals = sorted(first[key] for key in {("*", a), ("*", b)} if key in first)
         if len(rivals) == 2 and (a, b) not in first and rivals[1] not in told:
             told.add(rivals[1])
@@ -112,13 +112,13 @@ def _ambiguous_pairs(path: KeyPath, entries: Entries, draft: PartialScenario) ->
             yield Refused((*path, rivals[1], "pair"), what, f"add an entry with pair = {_show_pair((a, b))}")
 
 
-def _uncovered_pairs(draft: PartialScenario) -> Iterator[Refused]:
+def _uncovered_pairs(tables: PartialScenario) -> Iterator[Refused]:
     """One finding for all pairs without a law, unless an entry that is wrong may be the one that is meant for them."""
-    named = {name for _, entry in _given(draft.contacts) for name in entry.pair if name != "*"}
-    if None in draft.contacts or not named <= set(draft.material_names):
+    named = {name for _, entry in _given(tables.contacts) for name in entry.pair if name != "*"}
+    if None in tables.contacts or not named <= set(tables.material_names):
         return
-    given = _by_pair(draft.contacts).keys()
-    uncovered = [pair for pair in touching_pairs(draft) if not given & _covering(*pair)]
+    given = _by_pair(tables.contacts).keys()
+    uncovered = [pair for pair in touching_pairs(tables) if not given & _covering(*pair)]
     if not uncovered:
         return
     pairs = ", ".join(_show_pair(pair) for pair in uncovered[:_MAX_NAMED_PAIRS])
@@ -130,31 +130,31 @@ def _uncovered_pairs(draft: PartialScenario) -> Iterator[Refused]:
 # ---- Thermal keys have an effect: `[heat]` is there where it is needed, and stages, walls and gas can do what is asked of them
 
 
-def check_heat(draft: PartialScenario) -> Iterator[Refused]:
+def check_heat(tables: PartialScenario) -> Iterator[Refused]:
     """Findings about heat, but for the properties of materials."""
-    if not draft.has_heat:
-        yield from _without_heat(draft)
+    if not tables.has_heat:
+        yield from _without_heat(tables)
         return
-    yield from _never_on(draft)
-    if draft.heat is not None:
-        yield from _check_frozen(draft, draft.heat)
-        yield from _check_conditions(draft, draft.heat)
-        yield from _check_sizes(draft, draft.heat)
+    yield from _never_on(tables)
+    if tables.heat is not None:
+        yield from _check_frozen(tables, tables.heat)
+        yield from _check_conditions(tables, tables.heat)
+        yield from _check_sizes(tables, tables.heat)
 
 
-def _without_heat(draft: PartialScenario) -> Iterator[Refused]:
+def _without_heat(tables: PartialScenario) -> Iterator[Refused]:
     """Keys that mean nothing without ``[heat]``."""
-    for path in _thermal_keys(draft):
+    for path in _thermal_keys(tables):
         yield Refused(path, f"there is no heat in this scenario, but {path[-1]} needs it", "add a table [heat], or remove the key")
 
 
-def _thermal_keys(draft: PartialScenario) -> Iterator[KeyPath]:
-    for k, entry in enumerate(draft.contacts):
+def _thermal_keys(tables: PartialScenario) -> Iterator[KeyPath]:
+    for k, entry in enumerate(tables.contacts):
         for keys in entry.thermal_keys if entry else ():
             yield ("contacts", k, *keys)
-    yield from (("particles", k, "temperature") for k, group in enumerate(draft.particles) if group and group.temperature)
-    yield from (("walls", k, "thermal") for k, wall in enumerate(draft.walls) if wall and wall.thermal)
-    for k, stage in enumerate(draft.loading):
+    yield from (("particles", k, "temperature") for k, group in enumerate(tables.particles) if group and group.temperature)
+    yield from (("walls", k, "thermal") for k, wall in enumerate(tables.walls) if wall and wall.thermal)
+    for k, stage in enumerate(tables.loading):
         if stage is None:
             continue
         for e, softer in enumerate(stage.contacts):
@@ -164,16 +164,16 @@ def _thermal_keys(draft: PartialScenario) -> Iterator[KeyPath]:
         yield from (("loading", k, key) for key, is_given in given.items() if is_given)
 
 
-def _never_on(draft: PartialScenario) -> Iterator[Refused]:
+def _never_on(tables: PartialScenario) -> Iterator[Refused]:
     """A table ``[heat]`` that no stage uses."""
-    if draft.loading and all(stage is not None and stage.heat is False for stage in draft.loading):
+    if tables.loading and all(stage is not None and stage.heat is False for stage in tables.loading):
         yield Refused(("heat",), "all stages have heat = false: no temperature ever changes", "remove [heat], or one heat = false")
 
 
-def _check_frozen(draft: PartialScenario, heat: Heat) -> Iterator[Refused]:
+def _check_frozen(tables: PartialScenario, heat: Heat) -> Iterator[Refused]:
     """Contact spots need forces, which only a step of the mechanics finds out, here or in the run of ``[start]``."""
-    knows_spots = draft.has_start or not heat.needs_forces
-    for k, stage in enumerate(draft.loading):
+    knows_spots = tables.has_start or not heat.needs_forces
+    for k, stage in enumerate(tables.loading):
         if stage is None or not stage.frozen:
             return
         if not knows_spots:
@@ -183,12 +183,12 @@ def _check_frozen(draft: PartialScenario, heat: Heat) -> Iterator[Refused]:
             return
 
 
-def _check_conditions(draft: PartialScenario, heat: Heat) -> Iterator[Refused]:
+def _check_conditions(tables: PartialScenario, heat: Heat) -> Iterator[Refused]:
     """What is prescribed at a wall reaches the grains somehow."""
     if heat.has_spots:
         return
     has_effect = heat.has_sources or heat.crosses_gaps
-    for path, condition in _conditions(draft):
+    for path, condition in _conditions(tables):
         if isinstance(condition, FlowCondition):
             what = 'no heat can flow from the wall into grains with conduction = "none" and without gas'
             yield Refused((*path, "flow"), what, "let contacts conduct, or prescribe the temperature of the wall")
@@ -197,18 +197,18 @@ def _check_conditions(draft: PartialScenario, heat: Heat) -> Iterator[Refused]:
             yield Refused((*path, "temperature"), what, "let contacts conduct, or remove it")
 
 
-def _conditions(draft: PartialScenario) -> Iterator[tuple[KeyPath, AnyCondition]]:
-    for k, wall in enumerate(draft.walls):
+def _conditions(tables: PartialScenario) -> Iterator[tuple[KeyPath, AnyCondition]]:
+    for k, wall in enumerate(tables.walls):
         if wall and wall.thermal:
             yield ("walls", k, "thermal"), wall.thermal
-    for k, stage in enumerate(draft.loading):
+    for k, stage in enumerate(tables.loading):
         for name, condition in stage.thermal.items() if stage else ():
             yield ("loading", k, "thermal", name), condition
 
 
-def _check_sizes(draft: PartialScenario, heat: Heat) -> Iterator[Refused]:
+def _check_sizes(tables: PartialScenario, heat: Heat) -> Iterator[Refused]:
     """The gas model for equal grains; groups that bring their grains are checked when they are made."""
-    sizes = [group.sizes for group in draft.particles if group and group.sizes]
+    sizes = [group.sizes for group in tables.particles if group and group.sizes]
     if heat.gas is None or not sizes:
         return
     yield from heat.gas.misfits(min(table.smallest for table in sizes), max(table.largest for table in sizes))
@@ -217,20 +217,20 @@ def _check_sizes(draft: PartialScenario, heat: Heat) -> Iterator[Refused]:
 # ---- Materials have the properties that the chosen heat mechanisms and contact laws need, and are fit for them
 
 
-def check_thermal_materials(draft: PartialScenario) -> Iterator[Refused]:
+def check_thermal_materials(tables: PartialScenario) -> Iterator[Refused]:
     """Findings about thermal properties of materials."""
-    if draft.heat is None:
+    if tables.heat is None:
         return
-    of_grains = {group.material for group in draft.particles if group}
-    of_walls = {wall.material for wall in draft.walls if wall}
-    laws = _laws(draft)
-    for name, material in draft.materials.items():
+    of_grains = {group.material for group in tables.particles if group}
+    of_walls = {wall.material for wall in tables.walls if wall}
+    laws = _laws(tables)
+    for name, material in tables.materials.items():
         if material is None or name not in of_grains | of_walls:
             continue
-        needs = list(draft.heat.needs(is_of_grains=name in of_grains))
+        needs = list(tables.heat.needs(is_of_grains=name in of_grains))
         needs += [need for pair, law in laws.items() if name in pair for need in law.needs]
         yield from _missing(name, material, needs)
-        for mechanism in draft.heat.mechanisms.values():
+        for mechanism in tables.heat.mechanisms.values():
             yield from mechanism.check_material(name, material)
 
 
@@ -244,8 +244,8 @@ def _missing(name: str, material: Material, needs: Iterable[Need]) -> Iterator[R
         yield Refused(("materials", name), what, f"add {', '.join(map(Material.with_unit, missing))}")
 
 
-def _laws(draft: PartialScenario) -> dict[tuple[str, str], ContactPair]:
+def _laws(tables: PartialScenario) -> dict[tuple[str, str], ContactPair]:
     """The laws of the pairs of materials that can touch, as far as they are known."""
-    entries = [entry for entry in draft.contacts if entry]
-    covering = {pair: [entry for entry in entries if entry.covers(*pair)] for pair in touching_pairs(draft)}
+    entries = [entry for entry in tables.contacts if entry]
+    covering = {pair: [entry for entry in entries if entry.covers(*pair)] for pair in touching_pairs(tables)}
     return {pair: max(found, key=lambda entry: entry.specificity) for pair, found in covering.items() if found}

@@ -25,22 +25,14 @@ Context = dict[str, Any]
 class PartialScenario:
     """Tables of a scenario; ``None`` stands for a table that is missing or invalid on its own.
 
+    Attributes are named as the tables. Besides:
+
     Attributes:
-        domain: ``[domain]``.
         material_names: Names of all materials, right or wrong.
-        materials: ``[materials.NAME]`` by name.
-        contacts: ``[[contacts]]``.
         has_start: Whether there is a table ``[start]``, right or wrong.
-        particles: ``[[particles]]``.
         group_names: Names of the groups; ``None`` where there is no name.
-        walls: ``[[walls]]``.
         wall_names: Names of the walls; ``None`` where there is no name.
-        outlets: ``[[outlets]]``.
-        loading: ``[[loading]]``.
         has_heat: Whether there is a table ``[heat]``, right or wrong.
-        heat: ``[heat]``.
-        solver: ``[solver]``.
-        output: ``[output]``.
     """
 
     domain: Domain | None
@@ -61,7 +53,7 @@ class PartialScenario:
 
     @classmethod
     def of_model(cls, model: ScenarioModel) -> PartialScenario:
-        """The draft of a scenario whose tables are all valid on their own."""
+        """That of a scenario whose tables are all valid on their own."""
         return cls(
             model.domain,
             list(model.materials),
@@ -82,7 +74,7 @@ class PartialScenario:
 
     @classmethod
     def of_document(cls, data: dict[str, Any], context: Context) -> PartialScenario:
-        """The draft of a parsed document of which some tables are wrong; ``context`` is that of the validation."""
+        """That of a parsed document of which some tables are wrong; ``context`` is that of the validation."""
         raw = data.get("materials")
         materials = dict(itertools.islice(raw.items(), _MAX_TABLES)) if isinstance(raw, dict) else {}
         return cls(

@@ -30,28 +30,28 @@ from multicor_cli.scenario.walls import Wall, prism_height
 _LEVEL = 1e-9  # distance over the size of the domain that counts as none
 
 
-def check(draft: PartialScenario) -> Iterator[Refused]:
+def check(tables: PartialScenario) -> Iterator[Refused]:
     """Findings about the loading stages."""
-    yield from double_names([stage.name if stage else None for stage in draft.loading], "loading")
-    yield from _nothing_to_tilt(draft)
-    if len(set(draft.wall_names) - {None}) < len(draft.wall_names):
+    yield from double_names([stage.name if stage else None for stage in tables.loading], "loading")
+    yield from _nothing_to_tilt(tables)
+    if len(set(tables.wall_names) - {None}) < len(tables.wall_names):
         return  # a name is missing or double, and may be the one that is meant below
-    unknown = [finding for k, stage in _stages(draft) for finding in _unknown_walls(("loading", k), stage, draft)]
+    unknown = [finding for k, stage in _stages(tables) for finding in _unknown_walls(("loading", k), stage, tables)]
     yield from unknown
     if not unknown:
-        for index, wall in enumerate(draft.walls):
+        for index, wall in enumerate(tables.walls):
             if wall is not None:
-                yield from _check_inertia(("walls", index), wall, draft)
-                yield from _check_turning(wall, draft)
-                yield from _check_lengths(wall, draft)
+                yield from _check_inertia(("walls", index), wall, tables)
+                yield from _check_turning(wall, tables)
+                yield from _check_lengths(wall, tables)
 
 
-def _stages(draft: PartialScenario) -> Iterator[tuple[int, Stage]]:
-    return ((k, stage) for k, stage in enumerate(draft.loading) if stage)
+def _stages(tables: PartialScenario) -> Iterator[tuple[int, Stage]]:
+    return ((k, stage) for k, stage in enumerate(tables.loading) if stage)
 
 
-def _unknown_walls(path: KeyPath, stage: Stage, draft: PartialScenario) -> Iterator[Refused]:
-    known = [name for name in draft.wall_names if name]
+def _unknown_walls(path: KeyPath, stage: Stage, tables: PartialScenario) -> Iterator[Refused]:
+    known = [name for name in tables.wall_names if name]
     used: list[tuple[KeyPath, str]] = [((*path, "drives", name), name) for name in stage.drives]
     used += [((*path, "thermal", name), name) for name in stage.thermal]
     used += [((*path, "until", *keys), name) for keys, name in walls_of(stage.until).items()]
@@ -72,12 +72,12 @@ def _loads(stage: Stage) -> Iterator[tuple[str, str, LoadDof]]:
                 yield name, dof, table
 
 
-def _check_lengths(wall: Wall, draft: PartialScenario) -> Iterator[Refused]:
+def _check_lengths(wall: Wall, tables: PartialScenario) -> Iterator[Refused]:
     """A stress acts between two other walls that lie apart across its axis."""
-    if draft.domain is None:
+    if tables.domain is None:
         return
-    origins = {other.name: other.geometry.body(draft.domain).origin for other in draft.walls if other}
-    for k, stage in _stages(draft):
+    origins = {other.name: other.geometry.body(tables.domain).origin for other in tables.walls if other}
+    for k, stage in _stages(tables):
         for name, dof, load in _loads(stage):
             if name != wall.name or load.between is None or not set(load.between) <= origins.keys():
                 continue
@@ -87,26 +87,31 @@ def _check_lengths(wall: Wall, draft: PartialScenario) -> Iterator[Refused]:
                 yield Refused(
                     path, f"the stress on '{name}' cannot act between '{name}' and another wall", "name its two neighbors"
                 )
-            elif abs(first - second) <= _LEVEL * max(draft.domain.size):
+            elif abs(first - second) <= _LEVEL * max(tables.domain.size):
                 what = f"there is no length between '{load.between[0]}' and '{load.between[1]}': both lie at {across} = {first:g}"
                 yield Refused(path, what, f"name two walls apart in {across}, or remove it: the length is then that of '{name}'")
 
 
-def _nothing_to_tilt(draft: PartialScenario) -> Iterator[Refused]:
+def _nothing_to_tilt(tables: PartialScenario) -> Iterator[Refused]:
     """Gravity of the magnitude of the domain's, where there is none."""
-    for k, stage in _stages(draft):
+    for k, stage in _stages(tables):
         gravity = stage.gravity
-        if isinstance(gravity, TiltedGravityTable) and gravity.magnitude is None and draft.domain and not any(draft.domain.gravity):
+        if (
+            isinstance(gravity, TiltedGravityTable)
+            and gravity.magnitude is None
+            and tables.domain
+            and not any(tables.domain.gravity)
+        ):
             what = "[domain] has gravity = [0, 0], which no angle turns"
             yield Refused(("loading", k, "gravity"), what, "add magnitude [m/s²], as magnitude = 9.81")
 
 
-def _check_turning(wall: Wall, draft: PartialScenario) -> Iterator[Refused]:
+def _check_turning(wall: Wall, tables: PartialScenario) -> Iterator[Refused]:
     """A wall that reaches from one period to the next has no center to turn about."""
     geometry = wall.geometry
-    if draft.domain is None or any(geometry.misfits(draft.domain)) or not geometry.spans_period(draft.domain):
+    if tables.domain is None or any(geometry.misfits(tables.domain)) or not geometry.spans_period(tables.domain):
         return
-    for k, stage in _stages(draft):
+    for k, stage in _stages(tables):
         drives = stage.drives.get(wall.name)
         if drives is not None and drives.spin is not None and moves(drives.spin):
             what = f"the wall '{wall.name}' cannot turn: it reaches from one period to the next"
@@ -114,11 +119,11 @@ def _check_turning(wall: Wall, draft: PartialScenario) -> Iterator[Refused]:
             yield Refused(("loading", k, "drives", wall.name, "spin"), what, remedy)
 
 
-def _check_inertia(path: KeyPath, wall: Wall, draft: PartialScenario) -> Iterator[Refused]:
+def _check_inertia(path: KeyPath, wall: Wall, tables: PartialScenario) -> Iterator[Refused]:
     """A wall that forces drive has a mass; gravity acts only on such walls."""
     driven: dict[str, int] = {}
-    weighs = _weighs(wall, draft)
-    for k, stage in _stages(draft):
+    weighs = _weighs(wall, tables)
+    for k, stage in _stages(tables):
         drives = stage.drives.get(wall.name)
         for dof in DOF_NAMES:
             if drives is not None and isinstance(getattr(drives, dof), LoadDof):
@@ -130,15 +135,15 @@ def _check_inertia(path: KeyPath, wall: Wall, draft: PartialScenario) -> Iterato
     if "spin" in driven and wall.inertia is None and not weighs:
         what = f"the wall '{wall.name}' has no moment of inertia, but a torque drives its spin in loading.{driven['spin']}"
         yield Refused((*path, "inertia"), what, "add inertia [kg m²]")
-    if wall.gravity and not moved and None not in draft.loading:
+    if wall.gravity and not moved and None not in tables.loading:
         what = f"no force drives the wall '{wall.name}' in any stage, so that gravity cannot act on it"
         yield Refused((*path, "gravity"), what, "remove gravity = true, or drive x or y by a force (which may be 0)")
 
 
-def _weighs(wall: Wall, draft: PartialScenario) -> bool:
+def _weighs(wall: Wall, tables: PartialScenario) -> bool:
     """Whether mass and inertia of a wall follow from its geometry and material."""
     if wall.geometry.substance == "prism":
-        first = draft.particles[0] if draft.particles else None
+        first = tables.particles[0] if tables.particles else None
         return first is None or prism_height(first) is not None
     return wall.geometry.substance is not None
 
@@ -146,11 +151,11 @@ def _weighs(wall: Wall, draft: PartialScenario) -> bool:
 # ---- Stages that wait for something of walls wait for what can come
 
 
-def check_ends(draft: PartialScenario) -> Iterator[Refused]:
+def check_ends(tables: PartialScenario) -> Iterator[Refused]:
     """Findings about the conditions that end stages."""
-    stages = [stage for stage in draft.loading if stage]
-    walls = [wall for wall in draft.walls if wall]
-    if len(stages) < len(draft.loading) or len(walls) < len(draft.walls):
+    stages = [stage for stage in tables.loading if stage]
+    walls = [wall for wall in tables.walls if wall]
+    if len(stages) < len(tables.loading) or len(walls) < len(tables.walls):
         return
     by_name = {wall.name: wall for wall in walls}
     names = list(by_name)
@@ -207,37 +212,37 @@ MAX_ROWS = 1e8
 _SLACK = 1e-9
 
 
-def check_timing(draft: PartialScenario) -> Iterator[Refused]:
+def check_timing(tables: PartialScenario) -> Iterator[Refused]:
     """Findings about times."""
-    durations = list(_check_durations(draft))
+    durations = list(_check_durations(tables))
     yield from durations
-    yield from _check_intervals(draft)
+    yield from _check_intervals(tables)
     if not durations:
-        yield from _check_amounts(draft)
+        yield from _check_amounts(tables)
 
 
-def _time_steps(draft: PartialScenario) -> list[float]:
+def _time_steps(tables: PartialScenario) -> list[float]:
     """Time steps of the stages in which something moves, as far as they are known.
 
     A frozen stage is left out: its time step is the interval at which temperatures are evaluated, and output waits for it.
     """
-    steps = [_time_step(draft, stage) for stage in draft.loading if stage and not stage.frozen]
+    steps = [_time_step(tables, stage) for stage in tables.loading if stage and not stage.frozen]
     return [dt for dt in steps if dt is not None]
 
 
-def _time_step(draft: PartialScenario, stage: Stage) -> float | None:
+def _time_step(tables: PartialScenario, stage: Stage) -> float | None:
     """Time step of a stage; None if it is not known yet: an automatic one suits the output whatever it is."""
     dt = stage.dt
     if dt is None:
         if stage.frozen:
-            return frozen_dt(stage, draft.output) if draft.output else None
-        dt = draft.solver.dt if draft.solver else None
+            return frozen_dt(stage, tables.output) if tables.output else None
+        dt = tables.solver.dt if tables.solver else None
     return None if dt == "auto" else dt
 
 
-def _check_durations(draft: PartialScenario) -> Iterator[Refused]:
-    for k, stage in enumerate(draft.loading):
-        dt = _time_step(draft, stage) if stage else None
+def _check_durations(tables: PartialScenario) -> Iterator[Refused]:
+    for k, stage in enumerate(tables.loading):
+        dt = _time_step(tables, stage) if stage else None
         if stage is None or stage.duration is None or dt is None:
             continue
         path = ("loading", k, "duration")
@@ -248,8 +253,8 @@ def _check_durations(draft: PartialScenario) -> Iterator[Refused]:
             yield Refused(path, what, f"stay below {MAX_STEPS:g} steps; times are in seconds")
 
 
-def _check_intervals(draft: PartialScenario) -> Iterator[Refused]:
-    output, steps = draft.output, _time_steps(draft)
+def _check_intervals(tables: PartialScenario) -> Iterator[Refused]:
+    output, steps = tables.output, _time_steps(tables)
     if output is None or not steps:
         return
     longest = max(steps)
@@ -261,12 +266,12 @@ def _check_intervals(draft: PartialScenario) -> Iterator[Refused]:
         yield Refused(("output", "series_interval"), what, "make it at least dt, or remove it")
 
 
-def _check_amounts(draft: PartialScenario) -> Iterator[Refused]:
+def _check_amounts(tables: PartialScenario) -> Iterator[Refused]:
     """A mistaken interval must not fill the disk."""
-    output = draft.output
+    output = tables.output
     if output is None:
         return
-    stages = [stage for stage in draft.loading if stage]
+    stages = [stage for stage in tables.loading if stage]
     limits = (("frame_interval", output.frame_interval, MAX_FRAMES), ("series_interval", output.series_interval, MAX_ROWS))
     for key, interval, most in limits:
         times = math.fsum((stage.duration or 0.0) / _between(stage, interval) for stage in stages)
