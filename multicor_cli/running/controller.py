@@ -92,13 +92,7 @@ class Pace:
         self._progress = 0.0
 
     def note(self, now: float, steps: int, progress: float) -> None:
-        """Note a point; points of the warm-up, and those too close to the one before, are left out.
-
-        Args:
-            now: Monotonic clock [s].
-            steps: Steps done since this process began.
-            progress: Share of the run that is done, 0 to 1.
-        """
+        """Note a point; points of the warm-up, and those too close to the one before, are left out."""
         if steps < WARM_UP_STEPS or (self._samples and now - self._samples[-1][0] < SPACING):
             return
         if self._start is None:
@@ -189,17 +183,9 @@ class Controller:
     ) -> None:
         """Set up; nothing is written yet.
 
-        Args:
-            plan: What to do.
-            engine: What advances the state.
-            recorder: Where results go.
-            observer: Who is told.
-            stop_signals: Where signals arrive.
-            deadline: Reading of ``clock`` at which to stop.
-            stage_starts: Times at which the stages up to that of the state have begun [s]; for a run that goes on from another on
-                the clock of that one, so that what signals are kept from stage to stage by has the same bits.
-            steering: Asks the program that steers the run; not in frozen stages.
-            clock: Monotonic clock [s].
+        The run stops when the ``clock`` reads ``deadline`` [s]; the program that steers is not asked in frozen stages.
+        ``stage_starts`` are the times at which the stages up to that of the state have begun [s]; for a run that goes on from
+        another on the clock of that one, so that what signals are kept from stage to stage by has the same bits.
         """
         self._plan = plan
         self._engine = engine
@@ -244,7 +230,7 @@ class Controller:
                 return reason
         if self._has_moved_on:
             self._checkpoint()
-        self._beat()
+        self._recorder.heartbeat({"step": state.step, "time": state.time, "progress": 1.0})
         return StopReason.FINISHED
 
     def _run_stage(self, stage: StagePlan) -> StopReason | None:
@@ -386,25 +372,8 @@ class Controller:
         self._observer.stepped(status)
         if now - self._last_heartbeat >= HEARTBEAT:
             self._last_heartbeat = now
-            self._recorder.heartbeat(heartbeat(status))
-
-    def _beat(self) -> None:
-        state = self._engine.state
-        self._recorder.heartbeat({"step": state.step, "time": state.time, "progress": 1.0})
-
-
-def heartbeat(status: Status) -> dict[str, Any]:
-    """What ``progress.json`` holds."""
-    report = status.report
-    return {
-        "step": status.state.step,
-        "time": status.state.time,
-        "stage": status.stage,
-        "stage_count": status.stage_count,
-        "progress": status.progress,
-        "steps_per_second": status.speed,
-        "remaining_seconds": status.remaining,
-        "contacts": report.contacts,
-        "sweeps": report.sweeps,
-        "residual_rms": report.rms,
-    }
+            self._recorder.heartbeat({
+                "step": state.step, "time": state.time, "stage": stage.name, "stage_count": status.stage_count,
+                "progress": progress, "steps_per_second": status.speed, "remaining_seconds": status.remaining,
+                "contacts": report.contacts, "sweeps": report.sweeps, "residual_rms": report.rms,
+            })  # fmt: skip

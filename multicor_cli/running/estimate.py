@@ -57,12 +57,7 @@ SECONDS_PER_FROZEN_STEP, SECONDS_PER_FROZEN_GRAIN = 0.5e-3, 0.5e-6
 
 
 def sweeps_of_stage(scales: Scales, tolerance: float) -> float:
-    """Rough number of sweeps of a step.
-
-    Args:
-        scales: Times that the stage has to resolve.
-        tolerance: ``tolerance_rms`` of the stage.
-    """
+    """Rough number of sweeps of a step at a ``tolerance_rms``."""
     slowness = 1.0
     if scales.pressure < math.inf and scales.strain < math.inf:
         slowness = power(scales.pressure / scales.strain / INERTIAL_NUMBER, -SLOWNESS)
@@ -132,7 +127,7 @@ def estimate(scenario: Scenario, plan: RunPlan, model: Model, state: State, thre
     """Estimate the cost of a run that starts in ``state``."""
     n = model.grain_count
     steps = foresee_steps(plan, state)
-    paces = _paces(scenario, plan, model, threads)
+    costs = _costs(scenario, plan, model, threads)
     known = None if None in steps else [count for count in steps if count is not None]
     frame = _frame_bytes(model, plan.output)
     frames = rows = disk = peak = seconds = None
@@ -141,9 +136,9 @@ def estimate(scenario: Scenario, plan: RunPlan, model: Model, state: State, thre
         rows = 1 + sum(math.ceil(count / stage.series_every) for count, stage in zip(known, plan.stages, strict=True))
         series = rows * _row_bytes(schema.SERIES, model, is_single=False)
         results = frames * frame + series + n * 32.0
-        disk = results + 2.0 * _checkpoint_bytes(model)
+        disk = results + 2.0 * n * (7 * 8.0 + LOADED_PER_GRAIN * 24.0)  # two checkpoints
         peak = disk + results
-        seconds = SECONDS_TO_START + math.fsum(count * pace.seconds for count, pace in zip(known, paces, strict=True))
+        seconds = SECONDS_TO_START + math.fsum(count * cost.seconds for count, cost in zip(known, costs, strict=True))
     return Estimate(
         steps=None if known is None else sum(known),
         frames=frames,
@@ -153,11 +148,11 @@ def estimate(scenario: Scenario, plan: RunPlan, model: Model, state: State, thre
         disk_peak=peak,
         seconds=seconds,
         deflection=_deflection(scenario, plan, model),
-        basis=_basis(paces) + (", as if all of them were there from the start" if model.outlets is not None else ""),
+        basis=_basis(costs) + (", as if all of them were there from the start" if model.outlets is not None else ""),
     )
 
 
-class _Pace(NamedTuple):
+class _StepCost(NamedTuple):
     """What a step of a stage will take: sweeps and time [s]."""
 
     name: str
@@ -165,19 +160,19 @@ class _Pace(NamedTuple):
     seconds: float
 
 
-def _paces(scenario: Scenario, plan: RunPlan, model: Model, threads: int) -> list[_Pace]:
-    paces, zeros = [], [0.0] * len(plan.stages)
+def _costs(scenario: Scenario, plan: RunPlan, model: Model, threads: int) -> list[_StepCost]:
+    costs, zeros = [], [0.0] * len(plan.stages)
     for stage in plan.stages:
         scales = find_scales(scenario, model, stage.drives.started(zeros), largest_gravity(stage, model), stage.laws)
         sweeps = 0.0 if stage.is_frozen else sweeps_of_stage(scales, stage.settings.tolerance_rms)
         seconds = seconds_per_step(model.grain_count, sweeps, stage, threads, comes_and_goes=model.outlets is not None)
-        paces.append(_Pace(stage.name, sweeps, seconds))
-    return paces
+        costs.append(_StepCost(stage.name, sweeps, seconds))
+    return costs
 
 
-def _basis(paces: list[_Pace]) -> str:
+def _basis(costs: list[_StepCost]) -> str:
     """What the time of the slowest stage rests on."""
-    slowest = max(paces, key=lambda pace: pace.seconds)
+    slowest = max(costs, key=lambda cost: cost.seconds)
     step = f"{1e3 * slowest.seconds:.2g} ms" + (f" and {slowest.sweeps:.2g} sweeps" if slowest.sweeps else "")
     return (
         f"rough, to a factor of 1.5 in most shipped scenarios: {step} a step in stage {slowest.name}; "
@@ -193,10 +188,6 @@ def _frame_bytes(model: Model, output: Output) -> float:
     return size + _row_bytes(schema.STEPS + schema.OFFSETS + schema.WALLS, model, is_single=is_single)
 
 
-def _checkpoint_bytes(model: Model) -> float:
-    return model.grain_count * (7 * 8.0 + LOADED_PER_GRAIN * 24.0)
-
-
 def _row_bytes(table: tuple[Dataset, ...], model: Model, *, is_single: bool) -> float:
     """Bytes of one row of all datasets of a table that a run of this model has."""
     total = 0.0
@@ -209,17 +200,11 @@ def _row_bytes(table: tuple[Dataset, ...], model: Model, *, is_single: bool) -> 
 
 
 def _deflection(scenario: Scenario, plan: RunPlan, model: Model) -> float | None:
-    """Deflection under the largest pressure, weight or load, of the softest material with its smallest grain."""
-    force = _typical_force(scenario, plan, model)
+    """Deflection under the largest pressure of any stage, weight or load, of the softest material with its smallest grain."""
+    zeros = [0.0] * len(plan.stages)
+    pressure = max(
+        largest_pressure(scenario, model, stage.drives.started(zeros), largest_gravity(stage, model)) for stage in plan.stages
+    )
     tables = {name: (table.young, table.poisson) for name, table in scenario.materials.items()}
     elastic = {name: (young, poisson) for name, (young, poisson) in tables.items() if young is not None and poisson is not None}
-    return largest_deflection(model, force, elastic) if force > 0.0 else None
-
-
-def _typical_force(scenario: Scenario, plan: RunPlan, model: Model) -> float:
-    """The largest pressure of any stage times the mean diameter [N]."""
-    zeros = [0.0] * len(plan.stages)
-    pressures = [
-        largest_pressure(scenario, model, stage.drives.started(zeros), largest_gravity(stage, model)) for stage in plan.stages
-    ]
-    return max(pressures) * model.mean_diameter
+    return largest_deflection(model, pressure * model.mean_diameter, elastic) if pressure > 0.0 else None

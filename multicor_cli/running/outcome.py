@@ -6,7 +6,7 @@ import signal
 from dataclasses import dataclass
 from enum import Enum, IntEnum
 from pathlib import Path
-from typing import TYPE_CHECKING, Protocol, Self
+from typing import TYPE_CHECKING, Any, Protocol, Self
 
 if TYPE_CHECKING:
     from multicor_cli.engine.orders import StepReport
@@ -22,8 +22,7 @@ class Status:
 
     Attributes:
         state: The state; not to be kept or changed.
-        stage: Name of the loading stage of the step.
-        stage_count: Number of stages.
+        stage: Name of the loading stage of the step; there are ``stage_count`` of them.
         report: What the contact solver did.
         progress: Share of the run that is done, 0 to 1.
         speed: Recent speed, compilation left out [steps/s]; None at the beginning.
@@ -56,19 +55,12 @@ class Observer(Protocol):
 
 
 class SilentObserver:
-    """Shows nothing."""
+    """Shows nothing; to derive an observer from that is told of some things only."""
 
-    def message(self, text: str) -> None:
-        """Ignore it."""
+    def _ignore(self, *_: Any, **__: Any) -> None:
+        pass
 
-    def warning(self, text: str) -> None:
-        """Ignore it."""
-
-    def stepped(self, status: Status) -> None:
-        """Ignore it."""
-
-    def closed(self) -> None:
-        """Ignore it."""
+    message = warning = stepped = closed = _ignore
 
 
 # ---- How it has ended

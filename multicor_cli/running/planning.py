@@ -132,12 +132,9 @@ def _steady(end: SteadyEnd, model: Model, dt: float) -> Condition:
 
 
 def make_plan(scenario: Scenario, model: Model, state: State | None = None) -> RunPlan:
-    """The plan of a run.
+    """The plan of a run that begins, or that goes on from ``state``.
 
-    Args:
-        scenario: What to do.
-        model: Grains and walls of the run.
-        state: Where a run stands that goes on. The stage under way keeps its time step, even if an earlier version has chosen it.
+    The stage under way keeps its time step, even if an earlier version has chosen it.
 
     Raises:
         ScenarioError: If nothing sets the scale of an automatic time step, or it is too short for the duration of its stage; if the

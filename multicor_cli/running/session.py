@@ -63,18 +63,8 @@ class Session:
     ) -> None:
         """Set up; nothing is read or written yet.
 
-        Args:
-            scenario: What to do.
-            path: The run directory.
-            threads: Number of threads of the solver.
-            max_seconds: Wall-clock time from now at which to stop with a checkpoint.
-            overwrite: Whether a run that is there may be removed.
-            extend: Whether stages that the scenario has more than the run at its end are added to the run.
-            observer: Who is told.
-            steer: Program that steers the run.
-            steer_every: Number of steps from call to call of it.
-            stop_signals: Where signals arrive, if the caller has installed one already.
-            review: Looks at a new run before anything is written; what it raises ends the run there.
+        Arguments are those of `multicor_cli.run`, with all defaults filled in. ``stop_signals`` are those that the caller has
+        installed already; ``review`` looks at a new run before anything is written, and what it raises ends the run there.
         """
         self._scenario = scenario
         self._path = path
@@ -165,7 +155,9 @@ class Session:
                     placed = self._build(scenario)
                     _refuse_other_origin(scenario, directory.origin, placed.origin)
                     return self._carry_on(directory, scenario, placed.model, placed.state, is_new=True)
-                self._compare_versions(str(directory.provenance.get("multicor_version", "")))
+                if (version := str(directory.provenance.get("multicor_version", ""))) != __version__:
+                    told = f"the run began with multicor {version}, this is {__version__}"
+                    self._observer.warning(f"{told}: its bits may differ from here on")
                 for warning in checkpoint.warnings:
                     self._observer.warning(warning)
                 model = directory.load_model() or place(scenario).model
@@ -197,7 +189,8 @@ class Session:
         """What ``run.json`` says at first of the program that steers the run."""
         if self._steer is None:
             return None
-        return {"by": _name_of(self._steer), "every": self._steer_every, "decisions": [], "notes": {}}
+        named = self._steer if hasattr(self._steer, "__qualname__") else type(self._steer)  # an object that is called
+        return {"by": f"{named.__module__}.{named.__qualname__}", "every": self._steer_every, "decisions": [], "notes": {}}
 
     def _refuse_other_program(self, document: dict[str, Any]) -> None:
         """A run that is steered goes on with its program only, and one that is not with none; raises `DirectoryRefused`."""
@@ -215,10 +208,6 @@ class Session:
         if now is not None and before is not None and now["every"] != before["every"]:
             remedy = "go on with that, or choose another directory"
             raise DirectoryRefused(f"{self._path}: this run began with steer_every={before['every']}; {remedy}")
-
-    def _compare_versions(self, before: str) -> None:
-        if before != __version__:
-            self._observer.warning(f"the run began with multicor {before}, this is {__version__}: its bits may differ from here on")
 
     def _build(self, scenario: Scenario) -> Placed:
         self._observer.message("placing the grains" if scenario.start is None else "taking the grains from another run")
@@ -279,9 +268,12 @@ class Session:
         except Exception as error:
             if directory.status == "running":
                 with contextlib.suppress(StoreError, MemoryError):
-                    is_program = self._steering is not None and self._steering.has_failed
-                    reason = f"the program that steers the run: {type(error).__name__}: {error}" if is_program else _describe(error)
-                    directory.finish("failed", stop_reason=reason, exit_code=exit_code_of(error))
+                    code, reason = exit_code_of(error), str(error)
+                    if self._steering is not None and self._steering.has_failed:
+                        reason = f"the program that steers the run: {type(error).__name__}: {error}"
+                    elif code is ExitCode.BUG:
+                        reason = f"internal error: {type(error).__name__}: {error}"
+                    directory.finish("failed", stop_reason=reason, exit_code=code)
             raise
 
 
@@ -298,11 +290,7 @@ def make_engine(scenario: Scenario, model: Model, state: State, threads: int) ->
 def stage_starts(path: Path, state: State, plan: RunPlan, first: float = 0.0) -> list[float]:
     """Times at which the stages up to that of ``state`` have begun [s]: each stage but the last has left a frame of its end.
 
-    Args:
-        path: The run directory.
-        state: Where the run stands.
-        plan: Its plan.
-        first: Time at which the first stage began: not 0 on the clock of a run from which this one goes on.
+    The ``first`` stage did not begin at 0 on the clock of a run from which this one goes on.
     """
     with open_run(path) as run:
         stages, steps, lengths = run.frames.stage, run.frames.step, run.frames.column("steps/dt")
@@ -315,16 +303,6 @@ def stage_starts(path: Path, state: State, plan: RunPlan, first: float = 0.0) ->
         starts.append(starts[-1] + (stage.time_after(count) if is_planned else count * float(lengths[end])))
         done = int(steps[end])
     return starts
-
-
-def _name_of(steer: Steer) -> str:
-    """What ``run.json`` calls a program: module and name of the function, or of the class of an object that is called."""
-    named = steer if hasattr(steer, "__qualname__") else type(steer)
-    return f"{named.__module__}.{named.__qualname__}"
-
-
-def _describe(error: Exception) -> str:
-    return str(error) if exit_code_of(error) is not ExitCode.BUG else f"internal error: {type(error).__name__}: {error}"
 
 
 def _with_defaults_of(scenario: Scenario, before: str) -> Scenario:
@@ -386,13 +364,7 @@ def _refuse_changes(scenario: Scenario, before: str, path: Path) -> None:
 
 
 def try_step(scenario: Scenario, model: Model, state: State, threads: int) -> StepReport:
-    """Do the first step of a run; nothing is written.
-
-    Args:
-        scenario: The scenario.
-        model: Its grains and walls.
-        state: Its initial state. **Modified.**
-        threads: Number of threads.
+    """Do the first step of a run; nothing is written. **Modifies** the initial ``state``.
 
     Raises:
         ScenarioError: If the domain is too small.

@@ -176,14 +176,7 @@ class Steering:
     """
 
     def __init__(self, steer: Steer, scenario: Scenario, model: Model, directory: RunDirectory) -> None:
-        """Set up; decisions that the run has kept are carried out once more.
-
-        Args:
-            steer: The program.
-            scenario: What the run began with.
-            model: Grains and walls.
-            directory: The run; says how often the program is asked.
-        """
+        """Set up: decisions that the run has kept are carried out once more on the scenario with which it began."""
         self._steer, self._model, self._directory = steer, model, directory
         self._record = directory.steering or {}
         self._kept: tuple[State, dict[str, Any]] | None = None
@@ -194,8 +187,10 @@ class Steering:
 
     def keep(self, state: State) -> None:
         """Before a step: if the program is to be asked after it, keep what a checkpoint needs should it fail."""
-        is_due = (state.stage_step + 1) % int(self._record["every"]) == 0
-        self._kept = (_copied(state), copy.deepcopy(self._record["notes"])) if is_due else None
+        self._kept = None
+        if (state.stage_step + 1) % int(self._record["every"]) == 0:
+            copied = State.from_dict({name: values.copy() for name, values in state.as_dict().items()})
+            self._kept = copied, copy.deepcopy(self._record["notes"])
 
     @property
     def is_due(self) -> bool:
@@ -242,10 +237,6 @@ def _changed(scenario: Scenario, document: dict[str, Any]) -> Scenario:
 
 def _names(scenario: Scenario) -> list[str]:
     return [stage_name(stage, number) for number, stage in enumerate(scenario.loading)]
-
-
-def _copied(state: State) -> State:
-    return State.from_dict({name: values.copy() for name, values in state.as_dict().items()})
 
 
 def _read_only(values: Array) -> Array:

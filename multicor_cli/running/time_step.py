@@ -65,12 +65,7 @@ class Cycle(NamedTuple):
 
 
 class Window(NamedTuple):
-    """How long a stage looks at its signals [s].
-
-    Attributes:
-        own: At those that it has named: as long as it lasts.
-        kept: At those of earlier stages, from where these are at the earliest when it begins.
-    """
+    """How long a stage looks at signals [s]: at its own while it lasts, at kept ones from where they are at the earliest."""
 
     own: float = math.inf
     kept: float = math.inf
@@ -89,16 +84,14 @@ def wall_cycles(model: Model, drives: Sequence[WallDrive], window: Window | None
             way = f"of wall '{name}' in {axis}"
             if dof.spring is not None:
                 yield Cycle(2.0 * math.pi * math.sqrt(float(mass) / dof.spring.stiffness), f"the spring {way}")
-            for what, signal in _signals(dof).items():
+            signals = {"velocity": dof.velocity, "position": dof.position, "force": dof.force, "stress": dof.stress}
+            if dof.spring is not None:
+                signals["anchor"] = dof.spring.anchor
+            for what, signal in signals.items():
                 if signal is not None:
                     yield window.cycle(signal, f"the {what} {way}")
         if drive.surface is not None:
             yield window.cycle(drive.surface, f"the surface of wall '{name}'")
-
-
-def _signals(dof: DofDrive) -> dict[str, Signal | None]:
-    anchor = None if dof.spring is None else dof.spring.anchor
-    return {"velocity": dof.velocity, "position": dof.position, "force": dof.force, "stress": dof.stress, "anchor": anchor}
 
 
 class Acting(NamedTuple):
@@ -371,18 +364,14 @@ def automatic_step(scales: Scales, output: Output) -> float | None:
 
 @dataclass(frozen=True)
 class StepReview:
-    """How a time step compares with what its stage needs; ratios are None where nothing sets their scale.
+    """How a time step compares with the `Scales` of its stage; ratios are None where nothing sets their scale.
 
     Attributes:
-        is_automatic: Whether it was chosen automatically.
         of_pressure: Δt over √(m̄/P).
         strain: Strain in a step, γ̇ Δt: the sliding distance over the diameter, and the angle by which contacts turn.
-        travel: Distance in a step over d̄, at the speed in `Scales.travel`.
-        of_period: Δt over the period in `Scales.period`.
-        automatic: What the automatic time step would be [s].
-        set_by: What sets that.
-        fastest: What moves at the speed in `Scales.travel`.
-        cycle: What has the period in `Scales.period`.
+        travel: Distance in a step over d̄.
+        of_period: Δt over the period.
+        automatic: What the automatic time step would be [s]; ``set_by`` says what sets it.
     """
 
     is_automatic: bool

@@ -121,14 +121,11 @@ class Computation:
                 self._fill()
                 self._warn_without_workers()
                 self._watcher.looked(self._running)
-                self._require_scheduler()
+                if self._site.client.status in ("closed", "closing"):
+                    raise LostScheduler(_LOST)
         except OSError as error:
             raise LostScheduler(f"{_LOST} ({error})") from None
         return tally
-
-    def _require_scheduler(self) -> None:
-        if self._site.client.status in ("closed", "closing"):
-            raise LostScheduler(_LOST)
 
     def _fill(self) -> None:
         """Give the workers enough to do, but no more: of ten thousand cases the scheduler knows a few."""
