@@ -5,10 +5,12 @@ from __future__ import annotations
 import copy
 import signal
 from collections.abc import Callable, Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from multicor_cli import run
 from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
 from multicor_cli.engine.motion.spacing import Spacing
 from multicor_cli.engine.orders import Interrupted, Orders, Settings, StepReport
@@ -17,22 +19,41 @@ from multicor_cli.model.contacts import ContactTable
 from multicor_cli.running.conditions import Aim, RestReached, StrainReached
 from multicor_cli.running.outcome import SilentObserver
 from multicor_cli.running.plan import RunPlan, StagePlan
+from multicor_cli.scenario import Scenario
 from multicor_cli.scenario.settings import Output
+from multicor_cli.store import run_info
 from multicor_cli.store.documents import StageEnd
 
 KINETIC = BOOK_NAMES.index("kinetic")
 
 
 class StopAt(SilentObserver):
-    """Sends the signal to stop after a step."""
+    """Sends the signal to stop after a step; 0: before the first one."""
 
-    def __init__(self, step: int) -> None:
-        self.step = step
+    def __init__(self, step: int, number: signal.Signals = signal.SIGTERM) -> None:
+        self.step, self.number = step, number
+
+    def message(self, text: str) -> None:
+        if self.step == 0 and "grains, " in text:
+            signal.raise_signal(self.number)
 
     def stepped(self, status: Any) -> None:
-        """Told after every step."""
         if status.state.step == self.step:
-            signal.raise_signal(signal.SIGTERM)
+            signal.raise_signal(self.number)
+
+
+def digests(directory: Path) -> tuple[str, str]:
+    """Of the state and of the data of a run: the same for the same bits."""
+    info = run_info(directory)
+    return info["state_digest"], info["data_digest"]
+
+
+def in_pieces(given: Scenario | Path, directory: Path, *steps: int, **options: Any) -> tuple[str, str]:
+    """Carry a run out, stopped after each of these steps; its digests at the end."""
+    for step in steps:
+        assert not run(given, directory, observer=StopAt(step), **options).is_finished
+    assert run(given, directory, **options).is_finished
+    return digests(directory)
 
 
 class FakeEngine:

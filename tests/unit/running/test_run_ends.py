@@ -4,55 +4,21 @@ import math
 
 import numpy as np
 import pytest
-from run_fakes import StopAt
+from run_fakes import digests, in_pieces
+from scenarios import plane, scenario
 
 import multicor_cli as multicor
 from multicor_cli.packing import build
 from multicor_cli.running.outcome import StageTimeout
 from multicor_cli.running.planning import make_plan
-from multicor_cli.running.session import Session
-from multicor_cli.scenario import parse_scenario
-from multicor_cli.store import run_info
 
-SCENE = """\
-[scenario]
-name = "ends"
-seed = 1
-[domain]
-size = [1.0, 1.0]
-gravity = [0.0, GRAVITY]
-[materials.m]
-density = 2500.0
-[[contacts]]
-pair = ["*", "*"]
-friction = 0.3
-[[particles]]
-name = "g"
-material = "m"
-shape = "disc"
-thickness = 1e-2
-packing = { kind = "file", path = "grains.csv" }
-[[walls]]
-name = "floor"
-material = "m"
-geometry = { kind = "plane", point = [0.0, 0.0], normal = [0.0, 1.0] }
-[[walls]]
-name = "lid"
-material = "m"
-mass = 1.0
-geometry = { kind = "plane", point = [0.0, 0.1], normal = [0.0, -1.0] }
-STAGES
-[solver]
-dt = 1e-3
-[output]
-frame_interval = 0.01
-"""
 DT = 1e-3
 
 
-def scene(folder, stages, *overrides, grains="0.5,0.01,0.01", gravity=-9.81):
-    (folder / "grains.csv").write_text(f"x,y,radius\n{grains}\n")
-    return parse_scenario(SCENE.replace("STAGES", stages).replace("GRAVITY", str(gravity)), folder / "ends.toml", overrides)
+def scene(stages, *overrides, grain=(0.5, 0.01, 0.01), gravity=-9.81, **more):
+    walls = {"floor": plane(), "lid": {"geometry": plane(0.1, -1), "mass": 1.0}}
+    said = {"grains": [grain], "size": [1.0, 1.0], "gravity": [0.0, gravity], "dt": DT, "frame_interval": 0.01} | more
+    return scenario(stages, walls=walls, overrides=overrides, **said)
 
 
 def stage(duration, more=""):
@@ -68,8 +34,8 @@ SHAKEN = "drives.lid = { x = { velocity = { sine = { amplitude = 0.02, period = 
 )
 def test_a_stage_lasts_for_its_duration(duration, steps, last, tmp_path):
     """To the bit, in frames, rows and what is said; a signal that goes on in the next stage is where it should be."""
-    scenario = scene(tmp_path, stage(duration * DT, SHAKEN) + stage(10.6 * DT))
-    outcome = multicor.run(scenario, tmp_path / "run", threads=1)
+    given = scene(stage(duration * DT, SHAKEN) + stage(10.6 * DT))
+    outcome = multicor.run(given, tmp_path / "run")
     assert outcome.stage_ends[0].why == f"its duration of {duration * DT:.6g} s was over"
     with multicor.open_run(outcome.directory) as run:
         first = [frame for frame in run.frames if frame.stage == 0][-1]
@@ -86,22 +52,17 @@ def test_a_stage_lasts_for_its_duration(duration, steps, last, tmp_path):
 
 def test_a_run_that_is_cut_anywhere_gives_the_same_bits(tmp_path):
     stages = stage(3.5 * DT, SHAKEN) + stage(2.3 * DT, "frozen = false") + stage(4.7 * DT, SHAKEN.replace("0.06", "0.05"))
-    whole = multicor.run(scene(tmp_path, stages), tmp_path / "whole", threads=1)
-    info = run_info(whole.directory)
+    whole = multicor.run(scene(stages), tmp_path / "whole")
     assert whole.step == 4 + 3 + 5
     for step in range(1, 12):
-        Session(scene(tmp_path, stages), tmp_path / f"cut-{step}", threads=1, observer=StopAt(step)).run()
-        Session(scene(tmp_path, stages), tmp_path / f"cut-{step}", threads=1).run()
-        other = run_info(tmp_path / f"cut-{step}")
-        assert (other["state_digest"], other["data_digest"]) == (info["state_digest"], info["data_digest"])
+        assert in_pieces(scene(stages), tmp_path / f"cut-{step}", step) == digests(whole.directory)
 
 
 def test_stages_that_are_added_go_on_from_a_cut_step(tmp_path):
     first, second = stage(3.5 * DT, SHAKEN), stage(2.3 * DT)
-    whole = run_info(multicor.run(scene(tmp_path, first + second), tmp_path / "whole", threads=1).directory)
-    multicor.run(scene(tmp_path, first), tmp_path / "pieces", threads=1)
-    other = run_info(multicor.run(scene(tmp_path, first + second), tmp_path / "pieces", threads=1, extend=True).directory)
-    assert (other["state_digest"], other["data_digest"]) == (whole["state_digest"], whole["data_digest"])
+    multicor.run(scene(first), tmp_path / "pieces")
+    whole = in_pieces(scene(first + second), tmp_path / "whole")
+    assert in_pieces(scene(first + second), tmp_path / "pieces", extend=True) == whole
 
 
 @pytest.mark.parametrize("dt", ["auto", "1e-3"])
@@ -110,19 +71,17 @@ def test_a_stage_that_has_timed_out_after_a_cut_step_is_over(dt, tmp_path):
     until = "until = { displacement = { wall = 'lid', axis = 'x', above = 1.0 } }\n" + SHAKEN
     stages = stage(10.37e-3, until) + stage(2.3 * DT)
     late = [f"solver.dt={dt}", 'loading.0.on_timeout="stop"']
-    whole = run_info(multicor.run(scene(tmp_path, stages, late[0]), tmp_path / "whole", threads=1).directory)
     with pytest.raises(StageTimeout):
-        Session(scene(tmp_path, stages, *late), tmp_path / "pieces", threads=1).run()
-    Session(scene(tmp_path, stages, late[0]), tmp_path / "pieces", threads=1).run()
-    other = run_info(tmp_path / "pieces")
-    assert (other["state_digest"], other["data_digest"]) == (whole["state_digest"], whole["data_digest"])
+        multicor.run(scene(stages, *late), tmp_path / "pieces")
+    whole = in_pieces(scene(stages, late[0]), tmp_path / "whole")
+    assert in_pieces(scene(stages, late[0]), tmp_path / "pieces") == whole
 
 
 @pytest.mark.parametrize("every", [2.5, 3.3, 1.5, 4.0])
 def test_frames_and_rows_come_when_they_are_wanted(every, tmp_path):
     """Within half a step, however long the stage."""
     wanted = [f"output.frame_interval={2.0 * every * DT!r}", f"output.series_interval={every * DT!r}"]
-    with multicor.open_run(multicor.run(scene(tmp_path, stage(0.2), *wanted), tmp_path / "run", threads=1).directory) as run:
+    with multicor.open_run(multicor.run(scene(stage(0.2), *wanted), tmp_path / "run").directory) as run:
         for times, interval in ((run.frames.time, 2.0 * every), (run.series["time"], every)):
             here = np.asarray(times)[1:-1] / DT
             assert np.abs(here - interval * np.arange(1, here.size + 1)).max() <= 0.5 + 1e-9
@@ -130,17 +89,17 @@ def test_frames_and_rows_come_when_they_are_wanted(every, tmp_path):
 
 
 def test_what_is_said_before_a_run(tmp_path):
-    scenario = scene(tmp_path, stage(1.5 * DT))
-    plan = make_plan(scenario, build(scenario)[0])
+    given = scene(stage(1.5 * DT))
+    plan = make_plan(given, build(given)[0])
     assert plan.stages[0].length == 1.5 * DT
     assert [plan.stages[0].step_after(k) for k in range(2)] == [DT, 0.5 * DT]
 
 
 PUSH = "drives.lid = { y = { velocity = { times = [0.0, 0.05, 0.051], values = [-1.0, -1.0, 0.0] } } }"
 COMING = "drives.lid = { y = { velocity = -1.0 } }"
-AWAY = "0.5,0.05,0.01"
+AWAY = (0.5, 0.05, 0.01)
 ENDS = {
-    "rest": (0.02, "until = { kinetic_energy_ratio = 1e-300 }\n" + COMING, "0.5,0.01,0.01", "condition", 0.02, "was 0"),
+    "rest": (0.02, "until = { kinetic_energy_ratio = 1e-300 }\n" + COMING, (0.5, 0.01, 0.01), "condition", 0.02, "was 0"),
     "rest without gravity": (0.02, "until = { kinetic_energy_ratio = 0.5 }", AWAY, "condition", 0.02, "was 0"),
     "rest that comes later": (0.2, "until = { kinetic_energy_ratio = 1e-6 }\n" + PUSH, AWAY, "condition", 0.08, ""),
     "steady": (
@@ -176,7 +135,7 @@ ENDS = {
 def test_ends_of_stages_in_which_nothing_happens(case, tmp_path):
     duration, keys, grain, reason, at, said = ENDS[case]
     gravity = -9.81 if case == "rest" else 0.0
-    outcome = multicor.run(scene(tmp_path, stage(duration, keys), grains=grain, gravity=gravity), tmp_path / "run", threads=1)
+    outcome = multicor.run(scene(stage(duration, keys), grain=grain, gravity=gravity), tmp_path / "run")
     (end,) = outcome.stage_ends
     assert end.reason == reason
     assert end.duration == pytest.approx(at, abs=0.01 if case == "rest that comes later" else 1e-12)
@@ -185,10 +144,10 @@ def test_ends_of_stages_in_which_nothing_happens(case, tmp_path):
 
 def test_nothing_is_at_rest_before_it_has_come(tmp_path):
     """A grain that is let in later has not been at rest before."""
-    release = "release = { rate = 100.0, start = 0.02, region = { min = [0.4, 0.03], max = [0.6, 0.06] } }"
-    sizes = 'sizes = { kind = "uniform", min = 0.01, max = 0.01 }\ncount = 1\n'
-    text = SCENE.replace('packing = { kind = "file", path = "grains.csv" }', sizes + release)
-    text = text.replace("STAGES", stage(1.0, "until = { kinetic_energy_ratio = 1e-6 }")).replace("GRAVITY", "-9.81")
-    (end,) = multicor.run(parse_scenario(text, tmp_path / "ends.toml"), tmp_path / "run", threads=1).stage_ends
+    particles = {"sizes": {"kind": "uniform", "min": 0.01, "max": 0.01}, "count": 1}
+    particles["release"] = {"rate": 100.0, "start": 0.02, "region": {"min": [0.4, 0.03], "max": [0.6, 0.06]}}
+    stages = stage(1.0, "until = { kinetic_energy_ratio = 1e-6 }")
+    given = scene(stages, grains=None, particles=[particles])
+    (end,) = multicor.run(given, tmp_path / "run").stage_ends
     assert end.reason == "condition"
     assert 0.05 < end.time < 0.5

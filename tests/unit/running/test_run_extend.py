@@ -9,6 +9,7 @@ from pathlib import Path
 import pytest
 from command_line import call
 from cut_runs import shortened, written
+from run_fakes import StopAt, digests
 from scenes import SMALL, WARM, changed
 
 from multicor_cli import run as run_scenario
@@ -26,23 +27,6 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     run_scenario(written(path / "whole.toml", SMALL), path / "whole")
     run_scenario(written(path / "first.toml", shortened(SMALL, 1)), path / "first")
     return path
-
-
-def digests(directory: Path) -> tuple[str, str]:
-    info = run_info(directory)
-    return info["data_digest"], info["state_digest"]
-
-
-def stop_at(patch: pytest.MonkeyPatch, step: int) -> None:
-    """Stop when the engine is about to take a step."""
-    original = session_module.Engine.step
-
-    def stepping(self: session_module.Engine, *arguments: object, **options: object) -> object:
-        if self.state.step == step:
-            signal.raise_signal(signal.SIGTERM)
-        return original(self, *arguments, **options)  # type: ignore[arg-type]
-
-    patch.setattr(session_module.Engine, "step", stepping)
 
 
 def test_a_finished_run_is_extended_twice(folder: Path, tmp_path: Path) -> None:
@@ -66,24 +50,19 @@ def test_heat_and_a_frozen_stage_are_added(tmp_path: Path) -> None:
 
 
 @pytest.mark.parametrize("step", [0, 20])
-def test_a_run_that_was_stopped_is_extended(step: int, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with monkeypatch.context() as patch:
-        stop_at(patch, step)
-        assert run_scenario(folder / "first.toml", tmp_path / "run").reason is StopReason.TERMINATED
+def test_a_run_that_was_stopped_is_extended(step: int, folder: Path, tmp_path: Path) -> None:
+    assert run_scenario(folder / "first.toml", tmp_path / "run", observer=StopAt(step)).reason is StopReason.TERMINATED
     assert run_scenario(folder / "whole.toml", tmp_path / "run", extend=True).is_finished
     assert digests(tmp_path / "run") == digests(folder / "whole")
 
 
-def test_an_extended_run_is_continued_without_the_option(folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_an_extended_run_is_continued_without_the_option(folder: Path, tmp_path: Path) -> None:
     """Stopped after the extension, it is a run of the longer scenario like any other; asking for it again adds nothing."""
     shutil.copytree(folder / "first", tmp_path / "run")
     steps = run_info(tmp_path / "run")["step"]
-    with monkeypatch.context() as patch:
-        stop_at(patch, steps + 5)
-        assert run_scenario(folder / "whole.toml", tmp_path / "run", extend=True).reason is StopReason.TERMINATED
-    with monkeypatch.context() as patch:
-        stop_at(patch, steps + 15)
-        assert run_scenario(folder / "whole.toml", tmp_path / "run").reason is StopReason.TERMINATED
+    stopped = run_scenario(folder / "whole.toml", tmp_path / "run", extend=True, observer=StopAt(steps + 5))
+    assert stopped.reason is StopReason.TERMINATED
+    assert run_scenario(folder / "whole.toml", tmp_path / "run", observer=StopAt(steps + 15)).reason is StopReason.TERMINATED
     assert run_scenario(folder / "whole.toml", tmp_path / "run", extend=True).is_finished
     assert run_scenario(folder / "whole.toml", tmp_path / "run", extend=True).reason is StopReason.ALREADY_FINISHED
     assert digests(tmp_path / "run") == digests(folder / "whole")

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
+from run_fakes import StopAt
 from scenes import SMALL, changed, write_small
 
 from multicor_cli import run as run_scenario
@@ -51,13 +52,13 @@ class Recorder(SilentObserver):
         self.is_closed = True
 
 
-def stop_at(monkeypatch: pytest.MonkeyPatch, step: int, act: Callable[[], Any]) -> None:
+def stop_at(monkeypatch: pytest.MonkeyPatch, step: int, act: Callable[[Any], Any]) -> None:
     """Do something when the engine is about to take a step."""
     original = session_module.Engine.step
 
     def stepping(self: Any, *arguments: Any, **options: Any) -> Any:
         if self.state.step == step:
-            act()
+            act(self)
         return original(self, *arguments, **options)
 
     monkeypatch.setattr(session_module.Engine, "step", stepping)
@@ -83,12 +84,10 @@ def digest(directory: Path) -> str:
 
 @pytest.mark.parametrize("step", [0, 1, 17])
 def test_stopped_run_goes_on_as_if_nothing_had_happened(
-    step: int, scenario_path: Path, reference: RunOutcome, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    step: int, scenario_path: Path, reference: RunOutcome, tmp_path: Path
 ) -> None:
     directory = tmp_path / "run"
-    with monkeypatch.context() as patch:
-        stop_at(patch, step, lambda: signal.raise_signal(signal.SIGTERM))
-        outcome = run_scenario(scenario_path, directory)
+    outcome = run_scenario(scenario_path, directory, observer=StopAt(step))
     assert outcome.reason is StopReason.TERMINATED
     assert outcome.step <= step + 1
     assert run_info(directory)["status"] == "stopped"
@@ -100,13 +99,12 @@ def test_stopped_run_goes_on_as_if_nothing_had_happened(
 
 @pytest.mark.parametrize("back", [1, 5, 25])
 def test_signals_kept_from_an_earlier_stage_survive_a_resume(
-    back: int, scenario_path: Path, reference: RunOutcome, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    back: int, scenario_path: Path, reference: RunOutcome, tmp_path: Path
 ) -> None:
     """In the last stages the lid follows a ramp that began two stages before, at a time that only the frames tell."""
     directory = tmp_path / "run"
-    with monkeypatch.context() as patch:
-        stop_at(patch, reference.step - back, lambda: signal.raise_signal(signal.SIGINT))
-        assert run_scenario(scenario_path, directory).reason is StopReason.INTERRUPTED
+    stopped = run_scenario(scenario_path, directory, observer=StopAt(reference.step - back, signal.SIGINT))
+    assert stopped.reason is StopReason.INTERRUPTED
     assert run_scenario(scenario_path, directory).is_finished
     assert digest(directory) == digest(reference.directory)
 
@@ -155,12 +153,10 @@ def test_a_changed_variable_is_refused_in_terms_of_the_keys_that_it_changes(scen
     assert 'is 0.5 now ("= mu")' in problem.message
 
 
-def test_random_seed_is_drawn_once(scenario_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_random_seed_is_drawn_once(scenario_path: Path, tmp_path: Path) -> None:
     path = write_small(tmp_path, changed(SMALL, ("seed = 3", 'seed = "random"')))
     directory = tmp_path / "run"
-    with monkeypatch.context() as patch:
-        stop_at(patch, 5, lambda: signal.raise_signal(signal.SIGINT))
-        run_scenario(path, directory)
+    assert not run_scenario(path, directory, observer=StopAt(5)).is_finished
     seed = run_info(directory)["provenance"]["seed"]
     assert load_scenario(path).seed != seed
     assert run_scenario(path, directory).is_finished
@@ -171,7 +167,7 @@ def test_random_seed_is_drawn_once(scenario_path: Path, tmp_path: Path, monkeypa
 
 
 def test_physics_error_keeps_checkpoint_and_frames(scenario_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    def fail() -> None:
+    def fail(_engine: Any) -> None:
         raise PhysicsError(25, "the velocity of grain 7 is not finite")
 
     directory = tmp_path / "run"
@@ -190,14 +186,11 @@ def test_physics_error_keeps_checkpoint_and_frames(scenario_path: Path, tmp_path
 
 def test_nan_in_the_state_stops_the_run(scenario_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     """The real engine, with a velocity that becomes nan behind its back."""
-    original = session_module.Engine.step
 
-    def poison(self: Any, *arguments: Any, **options: Any) -> Any:
-        if self.state.step == 7:
-            self.state.velocity[4, 1] = float("nan")
-        return original(self, *arguments, **options)
+    def poison(engine: Any) -> None:
+        engine.state.velocity[4, 1] = float("nan")
 
-    monkeypatch.setattr(session_module.Engine, "step", poison)
+    stop_at(monkeypatch, 7, poison)
     with pytest.raises(PhysicsError, match="grain 4"):
         run_scenario(scenario_path, tmp_path / "run")
     assert run_info(tmp_path / "run")["exit_code"] == 4
@@ -210,7 +203,7 @@ def test_nan_in_the_state_stops_the_run(scenario_path: Path, tmp_path: Path, mon
 def test_other_failures_are_recorded(
     error: Exception, code: int, scenario_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    def fail() -> None:
+    def fail(_engine: Any) -> None:
         raise error
 
     stop_at(monkeypatch, 3, fail)
@@ -277,7 +270,7 @@ def test_observer_and_heartbeat(scenario_path: Path, tmp_path: Path) -> None:
 
 def test_another_version_may_continue_with_a_warning(scenario_path: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     with monkeypatch.context() as patch:
-        stop_at(patch, 3, lambda: signal.raise_signal(signal.SIGINT))
+        stop_at(patch, 3, lambda _engine: signal.raise_signal(signal.SIGINT))
         run_scenario(scenario_path, tmp_path / "run")
     monkeypatch.setattr(session_module, "__version__", "9.9.9")
     observer = Recorder()

@@ -12,6 +12,7 @@ import numpy as np
 import pytest
 from command_line import call
 from cut_runs import BELT, BODY, BOX, HOT, NAMED, STICKY, going_on, shortened, unlike, written
+from run_fakes import StopAt
 from scenes import changed
 
 from multicor_cli import run as run_scenario
@@ -79,23 +80,12 @@ def test_a_run_cut_in_two_is_the_run_that_was_not_cut(case: str, place_of: Calla
     assert verify(folder / "second") == []
 
 
-def test_a_run_that_goes_on_can_be_stopped_and_gone_on_from(
-    place_of: Callable[[str], Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_run_that_goes_on_can_be_stopped_and_gone_on_from(place_of: Callable[[str], Path], tmp_path: Path) -> None:
     """Stopped in its last stage, where a signal is kept; the run that it came from is gone by then. A third part follows."""
     folder = place_of("after frozen")
     shutil.copytree(folder / "first", tmp_path / "first")
     second = written(tmp_path / "second.toml", going_on(HOT, 2, "first"))
-    original = session_module.Engine.step
-
-    def stopping(self: session_module.Engine, *arguments: object, **options: object) -> object:
-        if self.state.step == 12:
-            signal.raise_signal(signal.SIGTERM)
-        return original(self, *arguments, **options)  # type: ignore[arg-type]
-
-    with monkeypatch.context() as patch:
-        patch.setattr(session_module.Engine, "step", stopping)
-        outcome = run_scenario(second, tmp_path / "second")
+    outcome = run_scenario(second, tmp_path / "second", observer=StopAt(12))
     assert (outcome.reason, run_info(tmp_path / "second")["stage"]) == (StopReason.TERMINATED, 1)
     shutil.rmtree(tmp_path / "first")
     assert run_scenario(second, tmp_path / "second").is_finished

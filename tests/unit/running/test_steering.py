@@ -15,7 +15,7 @@ import numpy as np
 import pytest
 from command_line import call
 from places import ROOT
-from run_fakes import StopAt
+from run_fakes import StopAt, digests
 from scenes import SMALL, WARM, write_small
 
 from multicor_cli import LiveRun, Scenario, ScenarioError, open_run, run
@@ -47,11 +47,6 @@ MIDDLE = 0.01
 def scenario(loading: str = SHORT, of: str = SMALL) -> Scenario:
     data = tomllib.loads(of)
     return Scenario.from_dict(data | tomllib.loads(loading))
-
-
-def digests(directory: Path) -> tuple[str, str]:
-    info = run_info(directory)
-    return info["data_digest"], info["state_digest"]
 
 
 def at(step: int, do: Callable[[LiveRun], None]) -> Callable[[LiveRun], None]:
