@@ -45,25 +45,16 @@ if TYPE_CHECKING:  # a plan is read without Numba, which these load
 
 @dataclass(frozen=True)
 class StageGravity:
-    """Gravity of one stage.
-
-    Attributes:
-        stage: Index of the stage.
-        gravity: What the stage says that named it, as a function of the time since the start of that stage.
-        named_by: Index of that stage; the stage itself if none has named it.
-    """
+    """Gravity of a stage, as a function of the time since the start of the stage that named it; itself if none has."""
 
     stage: int
     gravity: AnyGravity
     named_by: int
 
     def started(self, stage_starts: Sequence[float]) -> AnyGravity:
-        """Gravity as a function of the time since the start of this stage.
+        """Gravity as a function of the time since the start of this stage, given when the stages up to it have begun [s].
 
         A stage that says nothing keeps what there was at the end of the stage that named gravity last: a tilted chute stays tilted.
-
-        Args:
-            stage_starts: Times at which the stages up to this one have begun [s].
         """
         if self.named_by == self.stage:
             return self.gravity
@@ -94,12 +85,7 @@ def _engine_gravity(gravity: AnyStageGravity, magnitude: float) -> AnyGravity:
 
 
 def heat_settings(scenario: Scenario, model: Model) -> HeatSettings | None:
-    """The choices about heat; None if the scenario has no ``[heat]``.
-
-    Args:
-        scenario: What to do.
-        model: Grains and walls of the run; materials come in its order.
-    """
+    """The choices about heat, with materials in the order of the model; None if the scenario has no ``[heat]``."""
     from multicor_cli.engine.heat.settings import MECHANISMS, HeatSettings
 
     heat = scenario.heat
@@ -120,12 +106,7 @@ def _force(heat: Heat) -> ContactForce:
 
 
 def laws_of_scenario(scenario: Scenario, materials: Sequence[str]) -> HeatLaws:
-    """Thermal properties of the materials and of their pairs, as `multicor_cli.engine.heat.laws.heat_laws`.
-
-    Args:
-        scenario: A scenario with heat.
-        materials: Names of the materials, in the order of the model.
-    """
+    """Thermal properties of the materials, named in the order of the model, and of their pairs; see `heat_laws`."""
     from multicor_cli.engine.heat.laws import heat_laws
 
     if scenario.heat is None:
@@ -144,13 +125,7 @@ def _wear(scenario: Scenario, a: str, b: str) -> float:
 
 @dataclass(frozen=True)
 class StageWallHeat:
-    """The thermal conditions of the walls in one stage.
-
-    Attributes:
-        stage: Index of the stage.
-        walls: One condition per wall; signals are functions of the time since the start of the stage that named them.
-        named_by: For each wall the index of the stage from whose start its signal counts.
-    """
+    """The thermal conditions of the walls in a stage, one per wall; signals count from the start of the stage that named them."""
 
     stage: int
     walls: tuple[WallHeat, ...]
@@ -161,11 +136,7 @@ class StageWallHeat:
         return np.array([named_by == self.stage for named_by in self.named_by], np.bool_)
 
     def started(self, stage_starts: Sequence[float]) -> list[WallHeat]:
-        """The conditions as functions of the time since the start of this stage.
-
-        Args:
-            stage_starts: Times at which the stages up to this one have begun [s].
-        """
+        """The conditions as functions of the time since the start of this stage, given when the stages up to it have begun [s]."""
         return [
             replace(wall, signal=kept_signal(wall.signal, named_by, self.stage, stage_starts))
             for wall, named_by in zip(self.walls, self.named_by, strict=True)
@@ -173,12 +144,7 @@ class StageWallHeat:
 
 
 def wall_heat(scenario: Scenario, wall_names: Sequence[str]) -> list[StageWallHeat]:
-    """The thermal conditions of all walls in all stages.
-
-    Args:
-        scenario: What to do.
-        wall_names: Names of the walls, in the order of the engine.
-    """
+    """The thermal conditions of all walls, named in the order of the engine, in all stages."""
     fallback = math.nan if scenario.heat is None else scenario.heat.temperature
     found = []
     for number, walls in enumerate(scenario.wall_conditions(tuple(wall_names))):
@@ -260,13 +226,7 @@ def _release(scenario: Scenario, number: int, group: ParticleGroup) -> Release |
 
 @dataclass(frozen=True)
 class StageHeat:
-    """What heat does in a stage.
-
-    Attributes:
-        conditions: Thermal conditions of the walls.
-        is_on: Whether temperatures change.
-        is_frozen: Whether grains and walls stand still.
-    """
+    """What heat does in a stage: whether temperatures change, and whether grains and walls stand still meanwhile."""
 
     conditions: StageWallHeat
     is_on: bool = True
@@ -391,13 +351,7 @@ class StagePlan:
 
 @dataclass(frozen=True)
 class RunPlan:
-    """All stages of a run, and what is written.
-
-    Attributes:
-        name: Name of the scenario.
-        stages: The stages in order of time, at least one.
-        output: The table ``[output]``.
-    """
+    """All stages of a run, at least one, and what is written of it."""
 
     name: str
     stages: Sequence[StagePlan]

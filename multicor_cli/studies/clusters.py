@@ -54,7 +54,6 @@ class Cluster(NamedTuple):
     """Where cases are computed.
 
     Attributes:
-        client: Of the Dask scheduler, or its like here.
         threads: Of a case.
         slots: Cases that can run at a time, as far as that is known beforehand.
         asked: Resources that a case takes of a worker.
@@ -85,13 +84,7 @@ def _queue_of(compute: Compute) -> tuple[str, Queue] | None:
 
 @contextlib.contextmanager
 def connected(compute: Compute, logs: Path, needs: Needs, *, most: int) -> Iterator[Cluster]:
-    """Workers, started if need be and ended afterwards.
-
-    Args:
-        compute: Table of the study.
-        logs: Directory for the messages of jobs.
-        needs: What a case takes.
-        most: Number of cases: more workers are not started.
+    """Workers, started if need be and ended afterwards: as many as there are cases at ``most``. Jobs leave messages in ``logs``.
 
     Raises:
         Refused: A case needs more memory than the machine, a job or the workers have.
