@@ -2,13 +2,18 @@
 
 from __future__ import annotations
 
+import os
+import shlex
+import shutil
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack
 from pathlib import Path
+from subprocess import CompletedProcess
 from typing import Any
 
 import pytest
 from command_line import call
+from heat_run import write_heated_run
 from scenes import write_small
 
 import multicor_cli as multicor
@@ -16,6 +21,13 @@ import multicor_cli as multicor
 PLACES = {"digests": -3, "unit/project/test_types.py": -2, "unit/store": -1, "unit": 1, "verification": 2}
 """Folders that come before others, or after: one process compiles the kernels with the first, for all, while another does without
 kernels what comes next. Folders of many short tests are last, so that no process is left with a long one at the end."""
+
+MEMORY = Path("/dev/shm")
+"""Where files of tests lie if there is room, and programs may be: they outlive no power cut, and ``fsync`` costs nothing. Another
+place is chosen with ``PYTEST_DEBUG_TEMPROOT``."""
+
+if MEMORY.is_dir() and shutil.disk_usage(MEMORY).free > 4 << 30 and not os.statvfs(MEMORY).f_flag & os.ST_NOEXEC:
+    os.environ.setdefault("PYTEST_DEBUG_TEMPROOT", str(MEMORY))
 
 
 def _place(item: pytest.Item) -> int:
@@ -49,3 +61,30 @@ def run(tmp_path: Path) -> Iterator[Callable[..., multicor.Run]]:
             return opened.enter_context(multicor.open_run(tmp_path / name))
 
         yield run_and_open
+
+
+@pytest.fixture(scope="session")
+def heated(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Directory of a run with known temperatures (`heat_run`)."""
+    path = tmp_path_factory.mktemp("heated") / "run"
+    write_heated_run(path)
+    return path
+
+
+@pytest.fixture
+def typed(request: pytest.FixtureRequest, tmp_path: Path) -> Callable[..., CompletedProcess[str]]:
+    """``typed("post map RUN")`` is a command as typed in an empty folder, which ends with ``code``.
+
+    RUN and HEATED are the runs of the fixtures `finished` and `heated`, SMALL is the scenario of the first.
+    """
+    places = {"RUN": ("finished", ""), "HEATED": ("heated", ""), "SMALL": ("finished", "../small.toml")}
+
+    def typed(line: str, code: int = 0) -> CompletedProcess[str]:
+        for word, (fixture, below) in places.items():
+            if word in line:
+                line = line.replace(word, str((request.getfixturevalue(fixture) / below).resolve()))
+        done = call(*shlex.split(line), cwd=tmp_path)
+        assert done.returncode == code, f"{line}: {done.stderr}"
+        return done
+
+    return typed

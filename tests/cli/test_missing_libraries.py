@@ -1,10 +1,7 @@
 """What needs a library of an extra says so where it is missing, in one way; everything else does without."""
 
-from __future__ import annotations
-
 import sys
 import tomllib
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -30,7 +27,7 @@ DRAWN = 'sample = { kind = "KIND", count = 4 }\n"contacts.0.friction" = { from =
 LISTED = '"contacts.0.friction" = [0.2, 0.5]'
 
 
-def remove(monkeypatch: pytest.MonkeyPatch, name: str) -> str:
+def remove(monkeypatch, name: str) -> str:
     """Let a library be missing; what is then said of it."""
     for module in {name, *(module for module in sys.modules if module.startswith(f"{name}."))}:
         monkeypatch.setitem(sys.modules, module, None)
@@ -38,7 +35,7 @@ def remove(monkeypatch: pytest.MonkeyPatch, name: str) -> str:
     return f"{wanted.use} need {wanted.name}, which is not installed: pip install 'multicor-cli[{wanted.extra}]'"
 
 
-def test_the_list_is_that_of_the_extras() -> None:
+def test_the_list_is_that_of_the_extras():
     extras = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]["optional-dependencies"]
     named = {(extra, need.partition(">")[0]) for extra in ("plots", "gsd", "study") for need in extras[extra]}
     assert {(each.extra, each.name) for each in LIBRARIES.values()} == named
@@ -60,9 +57,7 @@ def test_the_list_is_that_of_the_extras() -> None:
         ("distributed", "study run dask.toml"),
     ],
 )
-def test_a_command_names_the_extra(
-    missing: str, words: str, finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_a_command_names_the_extra(missing, words, finished, tmp_path, monkeypatch):
     (tmp_path / "small.toml").write_text(SMALL)
     for kind in ("sobol", "latin-hypercube"):
         (tmp_path / f"{kind}.toml").write_text(STUDY.format(vary=DRAWN.replace("KIND", kind), more=""))
@@ -86,9 +81,7 @@ TEXTS = (
 
 
 @pytest.mark.parametrize("words", TEXTS)
-def test_the_terminal_needs_matplotlib_for_pictures_only(
-    words: str, finished: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
+def test_the_terminal_needs_matplotlib_for_pictures_only(words, finished, tmp_path, monkeypatch):
     said = remove(monkeypatch, "matplotlib")
     for more in ([], ["--plot", "term"]):
         done = call(*words.replace("RUN", str(finished)).split(), *more, cwd=tmp_path)
@@ -96,7 +89,7 @@ def test_the_terminal_needs_matplotlib_for_pictures_only(
 
 
 @pytest.mark.parametrize("missing", ["pandas", "pyarrow"])
-def test_parquet_names_the_extra(missing: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_parquet_names_the_extra(missing, tmp_path, monkeypatch):
     (tmp_path / "small.toml").write_text(SMALL)
     (tmp_path / "s.toml").write_text(STUDY.format(vary=LISTED, more="[compute]\nworkers = 1\n"))
     (tmp_path / "studies" / "s").mkdir(parents=True)
@@ -109,7 +102,7 @@ def test_parquet_names_the_extra(missing: str, tmp_path: Path, monkeypatch: pyte
 
 
 @pytest.mark.parametrize("kind", FITS)
-def test_a_fit_names_the_extra(kind: str, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_fit_names_the_extra(kind, monkeypatch):
     x = np.linspace(1.0, 2.0, 5)
     series = Series("", x, 1.0 + x, np.full(5, np.nan), np.full(5, np.nan))
     fit("line", series)
@@ -119,7 +112,7 @@ def test_a_fit_names_the_extra(kind: str, monkeypatch: pytest.MonkeyPatch) -> No
     assert str(caught.value) == said
 
 
-def test_a_library_that_is_broken_is_not_called_missing(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_library_that_is_broken_is_not_called_missing(tmp_path, monkeypatch):
     remove(monkeypatch, "gsd")
     monkeypatch.delitem(sys.modules, "gsd")
     (tmp_path / "gsd.py").write_text("import no_such_thing")

@@ -1,11 +1,8 @@
 """The README and the pages that belong to it tell the truth: their Python runs as it stands, what they name exists."""
 
-from __future__ import annotations
-
 import re
 import subprocess
 import sys
-from pathlib import Path
 
 import pytest
 from command_line import environment
@@ -14,15 +11,16 @@ from scenes import ONE, SMALL, changed
 
 from multicor_cli.cli.post_commands import COMMANDS
 from multicor_cli.scenario import parse_scenario
+from multicor_cli.scenario.particles import Start
 
-README = (ROOT / "README.md").read_text(encoding="utf-8")
-LANGUAGE = (ROOT / "docs" / "reference" / "scenario-language.md").read_text(encoding="utf-8")
-PYTHON = (ROOT / "docs" / "reference" / "python" / "index.md").read_text(encoding="utf-8")
-FILES = (ROOT / "docs" / "how-to" / "reading-files.md").read_text(encoding="utf-8")
-RESULTS = (ROOT / "docs" / "how-to" / "looking-at-results.md").read_text(encoding="utf-8")
+PAGES = (
+    "README.md", "docs/reference/scenario-language.md", "docs/reference/python/index.md", "docs/how-to/reading-files.md",
+    "docs/how-to/looking-at-results.md", "docs/how-to/going-on.md",
+)  # fmt: skip
+README, LANGUAGE, PYTHON, FILES, RESULTS, GOING_ON = ((ROOT / page).read_text(encoding="utf-8") for page in PAGES)
 
 
-def test_python_example_runs(tmp_path: Path) -> None:
+def test_python_example_runs(tmp_path):
     (code,) = re.findall(r"```python\n(.*?)```", PYTHON, re.DOTALL)
     (tmp_path / "configs").symlink_to(ROOT / "configs")
     done = subprocess.run(
@@ -37,18 +35,18 @@ def test_python_example_runs(tmp_path: Path) -> None:
     assert re.match(r"\d+ frames, the last at [\d.]+ s; mean v_x -?[\d.e-]+ m/s\n", done.stdout), done.stderr
 
 
-def test_the_readme_is_short() -> None:
+def test_the_readme_is_short():
     assert len(README.splitlines()) <= 134  # half of what it once was
 
 
-def test_example_of_variables_is_right() -> None:
+def test_example_of_variables_is_right():
     text, _ = re.findall(r"```toml\n(.*?)```", LANGUAGE, re.DOTALL)
     scenario = parse_scenario(changed(SMALL, ("[domain]\nsize = [0.02, 0.02]\nperiodic = true\n", text)), "README.md")
     assert scenario.domain.size == pytest.approx((0.06, 0.06))
     assert scenario.domain.gravity == pytest.approx((3.990, -8.962), abs=1e-3)
 
 
-def test_example_of_stages_is_right() -> None:
+def test_example_of_stages_is_right():
     _, stages = re.findall(r"```toml\n(.*?)```", LANGUAGE, re.DOTALL)
     before, after = ONE.split("[[loading]]", 1)[0], ONE[ONE.index("[solver]") :]
     walls = before.replace('"floor"', '"bottom"').replace('"lid"', '"top"').replace("[[walls]]", "[[walls]]\nmass = 1.0")
@@ -61,7 +59,15 @@ def test_example_of_stages_is_right() -> None:
     assert shake[2].x.between == ("bottom", "top")
 
 
-def test_what_it_names_exists() -> None:
+def test_example_of_going_on_is_right():
+    (text,) = re.findall(r"```toml\n(.*?)```", GOING_ON, re.DOTALL)
+    before, after = SMALL[: SMALL.index("[[particles]]")], SMALL[SMALL.index("[[walls]]") :]
+    assert parse_scenario(before + text + after, "going-on.md").start == Start(run="runs/bed", at="end")
+    numbered = changed(text, ('at = "end"', "frame = 40"))
+    assert parse_scenario(before + numbered + after, "going-on.md").start == Start(run="runs/bed", frame=40)
+
+
+def test_what_it_names_exists():
     for path in re.findall(r"\]\(([\w./-]+)\)", README) + re.findall(r"`(configs/[\w-]+\.toml)`", README):
         assert (ROOT / path).exists(), path
     for path in re.findall(r"python (benchmarks/[\w./]+)", README):

@@ -1,24 +1,24 @@
 """The commands ``study …`` with real worker processes."""
 
-from __future__ import annotations
-
 import csv
 import io
 import json
 import os
+import re
+import shlex
 import shutil
 import signal
 import subprocess
 import time
-from pathlib import Path
 from urllib.parse import quote
 
 import pytest
 from command_line import call, call_outside, start
 from places import ROOT
-from scenes import SMALL
+from scenes import SMALL, changed
 
 import multicor_cli as multicor
+from multicor_cli.store import run_info
 from multicor_cli.studies.axes import Case
 from multicor_cli.studies.directory import CaseStatus, StudyDirectory
 
@@ -53,72 +53,66 @@ workers = 2
 NAMES = [f"friction={friction}_seed={seed}" for friction in (0.2, 0.4) for seed in (3, 4)]
 
 
+def write(folder, *changes, scenario=("", "")):
+    (folder / "s.toml").write_text(changed(STUDY, *changes))
+    (folder / "small.toml").write_text(changed(SMALL, scenario))
+
+
+def ask(folder, line, code=0, call=call):
+    """A command about a study: ``call_outside`` where it starts cases."""
+    done = call("study", *shlex.split(line), cwd=folder)
+    assert done.returncode == code, done.stderr
+    return done
+
+
+def rows(folder, *options):
+    return list(csv.DictReader(io.StringIO(ask(folder, " ".join(["table s.toml --csv", *options])).stdout)))
+
+
+def states(folder):
+    directory = StudyDirectory(folder / "studies" / "s")
+    return {case.name: directory.state(case).status for case in directory.cases()}
+
+
+def digests_of(folder):
+    return {row["directory"].rsplit("/", 1)[1]: row["digest"] for row in rows(folder)}
+
+
 @pytest.fixture(scope="module")
-def digests(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
+def digests(tmp_path_factory):
     """Of the ends of the cases, each run alone."""
     folder = tmp_path_factory.mktemp("alone")
-    found = {}
-    for friction in (0.2, 0.4):
-        for seed in (3, 4):
-            changes = [f"contacts.0.friction={friction}", f"scenario.seed={seed}"]
-            (folder / "small.toml").write_text(SMALL)
-            path = folder / f"{friction}-{seed}"
-            multicor.run(folder / "small.toml", path, overrides=changes)
-            found[f"friction={friction}_seed={seed}"] = json.loads((path / "run.json").read_text())["summary"]["state_digest"]
-    return found
+    write(folder)
+    for name in NAMES:
+        friction, seed = re.findall(r"[\d.]+", name)
+        changes = [f"contacts.0.friction={friction}", f"scenario.seed={seed}"]
+        multicor.run(folder / "small.toml", folder / name, overrides=changes)
+    return {name: run_info(folder / name)["state_digest"] for name in NAMES}
 
 
 @pytest.fixture(scope="module")
-def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
+def finished(tmp_path_factory):
     """A folder with a study that is finished."""
     folder = tmp_path_factory.mktemp("finished")
     write(folder)
-    done = call_outside("study", "run", "s.toml", cwd=folder)
-    assert done.returncode == 0, done.stderr
+    done = ask(folder, "run s.toml", call=call_outside)
     assert "4 cases: 4 finished" in done.stderr
     assert "multicor study table s.toml" in done.stderr
     return folder
 
 
-def write(folder: Path, *changes: tuple[str, str], scenario: tuple[str, str] = ("", "")) -> None:
-    text = STUDY
-    for before, after in changes:
-        assert before in text
-        text = text.replace(before, after)
-    (folder / "s.toml").write_text(text)
-    (folder / "small.toml").write_text(SMALL.replace(*scenario))
-
-
-def rows(folder: Path, *options: str) -> list[dict[str, str]]:
-    done = call("study", "table", "s.toml", "--csv", *options, cwd=folder)
-    assert done.returncode == 0, done.stderr
-    return list(csv.DictReader(io.StringIO(done.stdout)))
-
-
-def states(folder: Path) -> dict[str, CaseStatus]:
-    directory = StudyDirectory(folder / "studies" / "s")
-    return {case.name: directory.state(case).status for case in directory.cases()}
-
-
-def digests_of(folder: Path) -> dict[str, str]:
-    return {row["directory"].rsplit("/", 1)[1]: row["digest"] for row in rows(folder)}
-
-
-def test_cases_are_the_runs_that_they_would_be_alone(finished: Path, digests: dict[str, str]) -> None:
+def test_cases_are_the_runs_that_they_would_be_alone(finished, digests):
     assert digests_of(finished) == digests
-    for name in NAMES:
-        done = call("info", f"studies/s/cases/{name}", cwd=finished)
-        assert done.returncode == 0
+    assert all(run_info(finished / "studies" / "s" / "cases" / name)["status"] == "finished" for name in NAMES)
 
 
-def test_the_same_command_does_nothing_more(finished: Path) -> None:
+def test_the_same_command_does_nothing_more(finished):
     before = {path: path.stat().st_mtime_ns for path in (finished / "studies").rglob("run.json")}
-    done = call_outside("study", "run", "s.toml", cwd=finished)
-    assert done.returncode == 0, done.stderr
+    ask(finished, "run s.toml", call=call_outside)
     assert before == {path: path.stat().st_mtime_ns for path in (finished / "studies").rglob("run.json")}
 
 
-def test_table(finished: Path) -> None:
+def test_table(finished):
     found = rows(finished)
     assert [(row["friction"], row["seed"], row["status"]) for row in found] == [
         (friction, seed, "finished") for friction in ("0.2", "0.4") for seed in ("3", "4")
@@ -142,43 +136,34 @@ def test_table(finished: Path) -> None:
     assert mean[0]["mu_seeds"] == "2"
 
 
-def test_table_as_pandas_and_parquet(finished: Path) -> None:
+def test_table_as_pandas_and_parquet(finished):
     pandas = pytest.importorskip("pandas")
     pytest.importorskip("pyarrow")
-    done = call("study", "table", "s.toml", "--parquet", "t.parquet", cwd=finished)
-    assert done.returncode == 0, done.stderr
+    ask(finished, "table s.toml --parquet t.parquet")
     found = pandas.read_parquet(finished / "t.parquet")
     assert list(found["seed"]) == [3, 4, 3, 4]
     assert found["mu"].notna().all()
 
 
-def test_figures(finished: Path) -> None:
-    done = call("study", "plot", "s.toml", "f.png", "--of", "mu", "--against", "friction", cwd=finished)
-    assert done.returncode == 0, done.stderr
+def test_figures(finished):
+    ask(finished, "plot s.toml f.png --of mu --against friction")
     assert (finished / "f.png").read_bytes().startswith(b"\x89PNG")
-    done = call("study", "plot", "s.toml", "term", "--of", "steps", "--against", "seed", cwd=finished)
-    assert done.returncode != 0
-    assert "varies no seed" in done.stderr  # means over seeds have none
-    done = call("study", "plot", "s.toml", "term", "--of", "mu", "--against", "friction", cwd=finished)
-    assert "friction" in done.stdout
+    said = ask(finished, "plot s.toml term --of steps --against seed", 5).stderr
+    assert "varies no seed" in said  # means over seeds have none
+    assert "friction" in ask(finished, "plot s.toml term --of mu --against friction").stdout
 
 
-def test_figures_in_panels_and_against_a_measured_number(finished: Path) -> None:
-    options = ("--of", "mu", "--against", "kinetic", "--curve", "a law: 0.3 + x")
-    done = call("study", "plot", "s.toml", "g.svg", *options, cwd=finished)
-    assert done.returncode == 0, done.stderr
+def test_figures_in_panels_and_against_a_measured_number(finished):
+    line = "plot s.toml g.svg --of mu --against kinetic --curve 'a law: 0.3 + x'"
+    ask(finished, line)
     assert "a law" in (finished / "g.svg").read_text()
-    again = call("study", "plot", "s.toml", "g.svg", *options, cwd=finished)
-    assert again.returncode == 6
-    assert "--overwrite" in again.stderr
-    assert call("study", "plot", "s.toml", "g.svg", *options, "--overwrite", cwd=finished).returncode == 0
-    done = call("study", "plot", "s.toml", "term", "--of", "mu", "--against", "friction", "--where", "friction=0.4", cwd=finished)
-    assert done.returncode == 0, done.stderr
+    assert "--overwrite" in ask(finished, line, 6).stderr
+    ask(finished, f"{line} --overwrite")
+    ask(finished, "plot s.toml term --of mu --against friction --where friction=0.4")
 
 
-def test_report(finished: Path) -> None:
-    done = call("study", "report", "s.toml", "--runs", "--frames", "2", cwd=finished)
-    assert done.returncode == 0, done.stderr
+def test_report(finished):
+    done = ask(finished, "report s.toml --runs --frames 2")
     assert "wrote 4 pages about runs" in done.stderr
     page = (finished / "studies" / "s" / "s-report.html").read_text()
     for name in NAMES:
@@ -186,47 +171,38 @@ def test_report(finished: Path) -> None:
         assert f'href="cases/{quote(name)}"' in page
         assert (finished / "studies" / "s" / "pages" / f"{name}.html").is_file()
     assert "4: 4 finished" in page
-    again = call("study", "report", "s.toml", cwd=finished)
-    assert again.returncode == 6
+    ask(finished, "report s.toml", 6)
 
 
-def test_status(finished: Path) -> None:
-    done = call("study", "status", "s.toml", "--json", cwd=finished)
-    found = json.loads(done.stdout)["cases"]
+def test_status(finished):
+    found = json.loads(ask(finished, "status s.toml --json").stdout)["cases"]
     assert [case["name"] for case in found] == NAMES
     assert {case["status"] for case in found} == {"finished"}
     assert call("study", "cancel", "s.toml", cwd=finished).stderr.startswith("nobody")
 
 
-def test_more_cases_are_added_and_changed_ones_refused(finished: Path, tmp_path: Path) -> None:
+def test_more_cases_are_added_and_changed_ones_refused(finished, tmp_path):
     shutil.copytree(finished, tmp_path, dirs_exist_ok=True)
     write(tmp_path, ("seeds = 2", "seeds = [4, 5]"))
-    done = call_outside("study", "run", "s.toml", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
+    done = ask(tmp_path, "run s.toml", call=call_outside)
     assert "2 cases with" in done.stderr
-    assert {path.name for path in (tmp_path / "studies/s/cases").iterdir()} == {
-        *NAMES,
-        "friction=0.2_seed=5",
-        "friction=0.4_seed=5",
-    }
+    new = {"friction=0.2_seed=5", "friction=0.4_seed=5"}
+    assert {path.name for path in (tmp_path / "studies/s/cases").iterdir()} == {*NAMES, *new}
     write(tmp_path, scenario=("count = 60", "count = 61"))
-    done = call("study", "run", "s.toml", cwd=tmp_path)
-    assert done.returncode == 3
+    done = ask(tmp_path, "run s.toml", 3)
     assert "it had 60 when the study began" in done.stderr
 
 
-def test_a_case_that_fails_is_listed_and_tried_again_only_if_asked(tmp_path: Path) -> None:
+def test_a_case_that_fails_is_listed_and_tried_again_only_if_asked(tmp_path):
     """Of a stage that has to come further to rest than it can in its time."""
     late = ("until = { kinetic_energy_ratio = 1e-2 }", 'until = { kinetic_energy_ratio = 1e-12 }\non_timeout = "stop"')
     write(tmp_path, ("[0.2, 0.4]", "[0.2]"), ("seeds = 2", "seeds = 1"), scenario=late)
-    done = call_outside("study", "run", "s.toml", cwd=tmp_path)
-    assert done.returncode == 4
+    done = ask(tmp_path, "run s.toml", 4, call=call_outside)
     assert "friction=0.2_seed=3: " in done.stderr
     assert states(tmp_path) == {"friction=0.2_seed=3": CaseStatus.FAILED}
     done = call("study", "status", "s.toml", cwd=tmp_path)
     assert "failed   friction=0.2_seed=3: stage settle" in done.stdout
-    again = call_outside("study", "run", "s.toml", cwd=tmp_path)
-    assert again.returncode == 4
+    again = ask(tmp_path, "run s.toml", 4, call_outside)
     assert "--retry" in again.stderr
     assert "with 1 worker" not in again.stderr
     assert "with 1 worker" in call_outside("study", "run", "s.toml", "--retry", cwd=tmp_path).stderr
@@ -235,7 +211,7 @@ def test_a_case_that_fails_is_listed_and_tried_again_only_if_asked(tmp_path: Pat
 LONG = ("value = 0.15", "value = 2.0")
 
 
-def wait_until_running(folder: Path, process: subprocess.Popen[str]) -> None:
+def wait_until_running(folder, process: subprocess.Popen[str]):
     """Until a case has done a step."""
     directory = StudyDirectory(folder / "studies" / "s")
     for _ in range(1200):
@@ -254,7 +230,7 @@ def undisturbed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
     """Digests of the long cases."""
     folder = tmp_path_factory.mktemp("undisturbed")
     write(folder, ("seeds = 2", "seeds = 1"), scenario=LONG)
-    assert call_outside("study", "run", "s.toml", cwd=folder).returncode == 0
+    ask(folder, "run s.toml", call=call_outside)
     return digests_of(folder)
 
 
@@ -262,23 +238,20 @@ ENDS = {signal.SIGINT: 130, signal.SIGTERM: 143, signal.SIGKILL: -signal.SIGKILL
 
 
 @pytest.mark.parametrize("number", ENDS)
-def test_a_client_that_stops_or_dies_loses_nothing(number: signal.Signals, tmp_path: Path, undisturbed: dict[str, str]) -> None:
+def test_a_client_that_stops_or_dies_loses_nothing(number, tmp_path, undisturbed):
     write(tmp_path, ("seeds = 2", "seeds = 1"), scenario=LONG)
     process = start("study", "run", "s.toml", cwd=tmp_path)
     wait_until_running(tmp_path, process)
-    second = call("study", "run", "s.toml", cwd=tmp_path)
-    assert second.returncode == 6
-    assert str(process.pid) in second.stderr
+    assert str(process.pid) in ask(tmp_path, "run s.toml", 6).stderr
     os.kill(process.pid, number)
     _, err = process.communicate(timeout=120)
     assert process.returncode == ENDS[number], err
     assert CaseStatus.FAILED not in states(tmp_path).values()
-    done = call_outside("study", "run", "s.toml", cwd=tmp_path)
-    assert done.returncode == 0, done.stderr
+    ask(tmp_path, "run s.toml", call=call_outside)
     assert digests_of(tmp_path) == undisturbed
 
 
-def test_a_case_whose_process_is_killed_goes_on(tmp_path: Path) -> None:
+def test_a_case_whose_process_is_killed_goes_on(tmp_path):
     write(tmp_path, ("[0.2, 0.4]", "[0.2]"), ("seeds = 2", "seeds = 1"), scenario=LONG)
     process = start("study", "run", "s.toml", cwd=tmp_path)
     wait_until_running(tmp_path, process)
@@ -289,20 +262,18 @@ def test_a_case_whose_process_is_killed_goes_on(tmp_path: Path) -> None:
     assert list(states(tmp_path).values()) == [CaseStatus.FINISHED]
 
 
-def test_a_time_limit_stops_with_its_exit_code(tmp_path: Path) -> None:
+def test_a_time_limit_stops_with_its_exit_code(tmp_path):
     write(tmp_path, scenario=("value = 0.15", "value = 1000.0"))
-    done = call_outside("study", "run", "s.toml", "--max-hours", "0.003", "--json", cwd=tmp_path)
-    assert done.returncode == 75, done.stderr
+    done = ask(tmp_path, "run s.toml --max-hours 0.003 --json", 75, call=call_outside)
     assert json.loads(done.stdout)["reason"] == "time limit reached"
     assert set(states(tmp_path).values()) <= {CaseStatus.STOPPED, CaseStatus.WAITING}
     assert CaseStatus.STOPPED in states(tmp_path).values()
 
 
-def test_without_space_nothing_is_started(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_space_nothing_is_started(tmp_path, monkeypatch):
     write(tmp_path)
     monkeypatch.setattr("shutil.disk_usage", lambda _: shutil._ntuple_diskusage(10, 9, 1))
-    done = call("study", "run", "s.toml", cwd=tmp_path)
-    assert done.returncode == 3
+    done = ask(tmp_path, "run s.toml", 3)
     assert "s.toml:3:" in done.stderr
     assert "4 runs will take about" in done.stderr
     assert not (tmp_path / "studies").exists()
@@ -315,16 +286,15 @@ def test_without_space_nothing_is_started(tmp_path: Path, monkeypatch: pytest.Mo
         ('slurm = { memory = "1MB" }', ": compute.slurm.memory: a case takes about"),
     ],
 )
-def test_without_memory_nothing_is_started(compute: str, what: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+def test_without_memory_nothing_is_started(compute, what, tmp_path, monkeypatch):
     write(tmp_path, ("workers = 2", compute))
     monkeypatch.setattr("multicor_cli.studies.clusters.available_memory", lambda: 1000)
-    done = call("study", "run", "s.toml", cwd=tmp_path)
-    assert done.returncode == 3, done.stderr
+    done = ask(tmp_path, "run s.toml", 3)
     assert what in done.stderr
     assert not list((tmp_path / "studies" / "s" / "cases").iterdir())
 
 
-def test_from_python_with_a_client_of_ones_own(tmp_path: Path, digests: dict[str, str]) -> None:
+def test_from_python_with_a_client_of_ones_own(tmp_path, digests):
     distributed = pytest.importorskip("distributed")
     write(tmp_path)
     with (
@@ -340,23 +310,22 @@ def test_from_python_with_a_client_of_ones_own(tmp_path: Path, digests: dict[str
     assert found["mu"].between(0.1, 1.0).all()
 
 
-def test_a_directory_with_something_else_is_refused(tmp_path: Path) -> None:
+def test_a_directory_with_something_else_is_refused(tmp_path):
     write(tmp_path)
     (tmp_path / "studies" / "s").mkdir(parents=True)
     (tmp_path / "studies" / "s" / "thesis.tex").write_text("")
-    done = call("study", "run", "s.toml", cwd=tmp_path)
-    assert done.returncode == 6
+    done = ask(tmp_path, "run s.toml", 6)
     assert "holds no study" in done.stderr
 
 
-def test_shipped_studies_are_valid() -> None:
+def test_shipped_studies_are_valid():
     for path in sorted((ROOT / "configs" / "studies").glob("*.toml")):
         done = call("study", "validate", path, "--json", cwd=ROOT)
         assert done.returncode == 0, done.stderr
         assert json.loads(done.stdout)["cases"]
 
 
-def test_the_quick_study_that_is_shipped(tmp_path: Path) -> None:
+def test_the_quick_study_that_is_shipped(tmp_path):
     file = ROOT / "configs" / "studies" / "quick.toml"
     done = call_outside("study", "run", file, "-o", tmp_path / "quick", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
@@ -367,5 +336,5 @@ def test_the_quick_study_that_is_shipped(tmp_path: Path) -> None:
     assert 0.25 < friction[0] < friction[1] + 0.05 < friction[2] + 0.1 < 0.6
 
 
-def test_a_case_in_words() -> None:
+def test_a_case_in_words():
     assert Case("a", {"x.y": "b c", "z.w": True}).overrides == ['x.y="b c"', "z.w=true"]

@@ -5,10 +5,12 @@ A body on a plane rests on slopes of tan α ≤ μ_r, a disc hangs if F_a ≥ m 
 
 import math
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from places import ROOT
+from scenarios import plane, scenario
 
 import multicor_cli as multicor
 
@@ -53,98 +55,46 @@ def test_slopes_grow_with_adhesion_and_with_rolling_resistance(tmp_path: Path) -
         assert mean[name] - mean["neither"] > 2.0 * math.hypot(error[name], error["neither"])
 
 
-ONE = """\
-[scenario]
-name = "one"
-seed = 1
-
-[variables]
-adhesion = 0.0
-rolling = 0.0
-angle = 0.0
-weight = "= 2500 * 9.81 * pi / 4 * 1e-9"
-
-[domain]
-size = [0.01, 0.01]
-gravity = ["= 9.81 * sin(angle)", "= -9.81 * cos(angle)"]
-
-[materials.glass]
-density = 2500.0
-
-[materials.glue]
-density = 2500.0
-
-[[contacts]]
-pair = ["*", "*"]
-friction = 0.5
-rolling_friction = "= rolling"
-adhesion = "= adhesion * weight"
-
-[[contacts]]
-pair = ["glass", "glue"]
-friction = 0.5
-adhesion = "= 10 * weight"
-
-[[particles]]
-name = "grains"
-material = "glass"
-shape = "disc"
-thickness = 1e-3
-packing = { kind = "file", path = "grains.csv" }
-
-[[walls]]
-name = "floor"
-material = "glass"
-geometry = { kind = "plane", point = [0.0, 0.0], normal = [0.0, 1.0] }
-
-[[walls]]
-name = "ceiling"
-material = "glue"
-geometry = { kind = "plane", point = [0.0, 0.01], normal = [0.0, -1.0] }
-
-[[loading]]
-duration = 0.2
-
-[solver]
-dt = 1e-4
-
-[output]
-frame_interval = 0.01
-"""
-"""Discs with a diameter of 1 mm between a floor and a ceiling that holds them ten times."""
+WEIGHT = 2500.0 * 9.81 * math.pi / 4.0 * 1e-9  # of a disc with a diameter of 1 mm [N]
 
 
-def ends(directory: Path, heights: list[float], **variables: float) -> tuple[np.ndarray, np.ndarray, float]:
-    """Positions and velocities of the discs at the end, and the time of the run."""
-    directory.mkdir(exist_ok=True)
-    rows = [f"0.0,{height!r},0.5e-3" for height in heights]
-    (directory / "grains.csv").write_text("\n".join(["x,y,radius", *rows]))
-    (directory / "one.toml").write_text(ONE)
-    changes = [f"variables.{name}={value!r}" for name, value in variables.items()]
-    multicor.run(directory / "one.toml", directory / "run", overrides=changes)
-    with multicor.open_run(directory / "run") as run:
-        end = run.frames[-1]
-        return end.unwrapped[:, :2], end.velocity[:, :2], end.time
+def ends(
+    run: Any, name: str, heights: list[float], *, rolling: float = 0.0, adhesion: float = 0.0, angle: float = 0.0
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """Positions and velocities of discs at the end, and the time of the run; a ceiling holds them with ten weights."""
+    ceiling = {"geometry": plane(0.01, -1), "material": "glue"}
+    one = scenario(
+        size=[0.01, 0.01], gravity=[9.81 * math.sin(angle), -9.81 * math.cos(angle)],
+        materials={"glass": {"density": 2500.0}, "glue": {"density": 2500.0}},
+        contacts=[
+            {"friction": 0.5, "rolling_friction": rolling, "adhesion": adhesion * WEIGHT},
+            {"pair": ["glass", "glue"], "friction": 0.5, "adhesion": 10.0 * WEIGHT},
+        ],
+        grains=[[0.0, height, 0.5e-3] for height in heights], walls={"floor": plane(), "ceiling": ceiling},
+        duration=0.2, dt=1e-4,
+    )  # fmt: skip
+    end = run(one, name).frames[-1]
+    return end.unwrapped[:, :2], end.velocity[:, :2], end.time
 
 
 @pytest.mark.parametrize("rolling", [0.05, 0.2])
-def test_a_disc_rolls_down_slopes_above_the_coefficient_of_rolling_resistance(rolling: float, tmp_path: Path) -> None:
+def test_a_disc_rolls_down_slopes_above_the_coefficient_of_rolling_resistance(rolling: float, run: Any) -> None:
     limit = math.atan(rolling)
-    _, velocity, _ = ends(tmp_path / "below", [0.5e-3], rolling=rolling, angle=0.995 * limit)
+    _, velocity, _ = ends(run, "below", [0.5e-3], rolling=rolling, angle=0.995 * limit)
     assert abs(velocity[0, 0]) < 1e-9
     angle = 1.005 * limit
-    _, velocity, time = ends(tmp_path / "above", [0.5e-3], rolling=rolling, angle=angle)
+    _, velocity, time = ends(run, "above", [0.5e-3], rolling=rolling, angle=angle)
     acceleration = 9.81 * (math.sin(angle) - rolling * math.cos(angle)) * 2.0 / 3.0
     assert velocity[0, 0] == pytest.approx(acceleration * time, rel=1e-6)
 
 
-def test_a_pair_separates_above_its_adhesion(tmp_path: Path) -> None:
+def test_a_pair_separates_above_its_adhesion(run: Any) -> None:
     """The ceiling holds the upper disc, which holds the lower one if F_a ≥ m g."""
     heights = [9.5e-3, 8.5e-3]
-    place, velocity, time = ends(tmp_path / "holds", heights, adhesion=1.005)
+    place, velocity, time = ends(run, "holds", heights, adhesion=1.005)
     assert place[:, 1] == pytest.approx(heights, abs=1e-6)
     assert np.abs(velocity).max() < 1e-6
-    place, velocity, _ = ends(tmp_path / "separates", heights, adhesion=0.995)
+    place, velocity, _ = ends(run, "separates", heights, adhesion=0.995)
     assert place[0, 1] == pytest.approx(heights[0], abs=1e-6)
     assert place[1, 1] == pytest.approx(0.5e-3, abs=1e-6)  # on the floor, as it is 8 mm below and 0.2 s are five times the fall
     assert time == pytest.approx(0.2)

@@ -33,15 +33,19 @@ def command(*arguments: object) -> list[str]:
     return [sys.executable, "-m", "multicor_cli", *map(str, arguments)]
 
 
+_ASKED_INSIDE = {"COLUMNS", "_MULTICOR_COMPLETE", "COMP_WORDS", "COMP_CWORD"}
+"""Variables of the environment that are read at each call, not when modules are loaded."""
+
+
 def call(*arguments: object, cwd: Path, **extra: str) -> subprocess.CompletedProcess[str]:
     """Run a command to its end: in this process, which need not start another, or in one of its own if it is to be different."""
-    if extra or "--threads" in arguments:
+    if extra.keys() - _ASKED_INSIDE or "--threads" in arguments:
         return call_outside(*arguments, cwd=cwd, **extra)
     words, out, err = ["multicor", *map(str, arguments)], io.StringIO(), io.StringIO()
     set_crash_directory(None)
     with (
         contextlib.chdir(cwd),
-        mock.patch.dict(os.environ, environment(), clear=True),
+        mock.patch.dict(os.environ, environment(**extra), clear=True),
         mock.patch.object(sys, "argv", words),
         mock.patch.object(typer.main, "get_command", _parser),
         contextlib.redirect_stdout(out),

@@ -3,7 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
-from scene_parts import TIGHT, make_model
+from scene_parts import FLOOR, TIGHT, make_model
 
 from multicor_cli.engine import Engine, Orders
 from multicor_cli.engine.heat.conduction import ContactForce
@@ -34,6 +34,12 @@ def with_heat(model, start, *, capacity=None, specific=500.0):
     c = np.full(radius.size, capacity, float) if capacity is not None else specific * mass
     start = np.broadcast_to(np.asarray(start, float), radius.shape).copy()
     return replace(model, thermal=Thermal(c, start, 4.0 * np.pi * radius**2))
+
+
+def warm_model(radius=(1.0,), start=300.0, shapes=(), *, capacity=None, **choices):
+    """Spheres at ``start`` [K] on a floor, or on nothing."""
+    model = make_model(radius, shapes, ("floor",) if shapes else (), **{"shape": "sphere", **choices})
+    return with_heat(model, start, capacity=capacity)
 
 
 def coupled_engine(model, positions, velocities=None, conditions=None, *, laws=None, solver=TIGHT, drives=None, **settings):
@@ -70,6 +76,22 @@ def touching_engine(positions, start, *, conditions=None, capacity=1.0, shapes=(
     force = spot**3 * 4.0 * laws.modulus[0, 0] / (3.0 * 0.5 * radius)
     force = ContactForce("prescribed", force)
     return heat_engine(model, positions, conditions=conditions, laws=laws, force=force, **settings)
+
+
+def on_floor(condition, start=300.0, positions=((0.0, 1.0),), **settings):
+    """A heat engine over grains that stand on a floor; between it and a grain H is 2^⅓ W/K, as a* = a."""
+    return touching_engine(positions, start, conditions=[condition], shapes=FLOOR, walls=("floor",), **settings)
+
+
+def temperatures(engine):
+    return engine.state.temperature(engine.model.thermal)
+
+
+def advanced(engine, total, count=1):
+    """Temperatures after so many steps [K]."""
+    for k in range(count):
+        engine.step(total / count, k * total / count)
+    return temperatures(engine)
 
 
 def chain(count, radius=1.0):

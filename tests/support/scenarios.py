@@ -32,11 +32,13 @@ from typing import Any
 
 import tomli_w
 
+from multicor_cli.model import Model
 from multicor_cli.packing import build
 from multicor_cli.running.plan import begin_stage
 from multicor_cli.running.planning import make_plan
 from multicor_cli.running.session import make_engine
 from multicor_cli.scenario import Scenario, parse_scenario
+from multicor_cli.store import run_info
 
 _TABLES = tomllib.loads("""
 scenario = { name = "scene", seed = 1 }
@@ -144,10 +146,16 @@ def write(path: Path, text: str = "", **said: Any) -> Path:
     return path
 
 
-def engine(given: Scenario, *, threads: int = 1) -> Any:
-    """The engine of a run, ready for ``step(dt, t)`` in the first stage."""
+def engine(given: Scenario, *, threads: int = 1) -> tuple[Any, Model]:
+    """The engine of a run, ready for ``step(dt, t)`` in the first stage, and its model."""
     model, state = build(given)
     stepper = make_engine(given, model, state, threads)
     stepper.pass_grains()
     begin_stage(stepper, make_plan(given, model).stages[0], [0.0])
-    return stepper
+    return stepper, model
+
+
+def digests(directory: Path) -> tuple[str, str]:
+    """What two runs have in common whose ends, frames and series are the same to the bit."""
+    info = run_info(directory)
+    return info["state_digest"], info["data_digest"]

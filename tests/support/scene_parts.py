@@ -12,6 +12,8 @@ G = 9.81
 FLOOR = [(ShapeKind.PLANE, 0, (0.0, 0.0, 0.0, 1.0))]
 TIGHT = Settings(tolerance_rms=1e-12, tolerance_max=1e-10, tolerance_energy=1e-12, max_sweeps=200_000)
 FIXED = DofDrive()
+SPEED = 1.5
+"""Of walls, and of surfaces that run along them [m/s]."""
 
 
 def make_laws(friction=0.5, restitution=0.0, table=None, *, adhesion=0.0, rolling=0.0):
@@ -101,8 +103,9 @@ def continued(engine):
     return other
 
 
-def advance(engine, dt, steps):
-    for k in range(steps):
+def advance(engine, dt, steps, first=0):
+    """Do steps ``first`` to ``first + steps``; the state after them."""
+    for k in range(first, first + steps):
         engine.step(dt, k * dt)
     return engine.state
 
@@ -116,7 +119,7 @@ def tally(state, name):
 
 
 def shear_scene(
-    columns=16, rows=14, *, seed=0, friction=0.4, restitution=0.0, spread=0.2, gravity=(0.0, 0.0), load=1.0, speed=1.5,
+    columns=16, rows=14, *, seed=0, friction=0.4, restitution=0.0, spread=0.2, gravity=(0.0, 0.0), load=1.0, speed=SPEED,
     adhesion=0.0, rolling=0.0,
 ):  # fmt: skip
     """Loose discs of mean mass and diameter 1 between two rough walls; the upper one is sheared under a load per length.
@@ -150,4 +153,30 @@ def shear_engine(settings=None, threads=1, **kwargs):
     model, positions, origins, drives = shear_scene(**kwargs)
     engine = make_engine(model, positions, settings=settings, drives=drives, threads=threads)
     engine.state.wall_position[:] = origins
+    return engine
+
+
+def running(speed=SPEED, **dofs):
+    """The drive of a wall whose surface runs: with a speed [m/s], or as a signal says."""
+    return WallDrive(surface=Constant(speed) if isinstance(speed, float) else speed, **dofs)
+
+
+def bed(seed=1, columns=8, rows=3, **keys):
+    """Grains of several sizes that fall onto a floor, periodic in x."""
+    rng = np.random.default_rng(seed)
+    n = columns * rows
+    k = np.arange(n)
+    radius = rng.uniform(0.3, 0.45, n)
+    positions = np.column_stack([k % columns + 0.5 + 0.02 * rng.random(n), 0.47 + 0.95 * (k // columns)])
+    return make_model(radius, FLOOR, period=float(columns), **keys), positions
+
+
+def surface_engine(settings=None, threads=1, columns=8, rows=3, load=120.0, speed=SPEED, **laws):
+    """A bed between a running floor and a lid under a load whose surface runs too."""
+    model, positions = bed(columns=columns, rows=rows)
+    planes = [*FLOOR, (ShapeKind.PLANE, 1, (0.0, 0.0, 0.0, -1.0))]
+    model = make_model(model.grains.radius, planes, ("floor", "lid"), period=model.period, mass=2.0, gravity=(0.0, 0.0), **laws)
+    drives = [running(speed), running(-0.5 * speed, y=DofDrive(force=Constant(-load)))]
+    engine = make_engine(model, positions, settings=settings, drives=drives, threads=threads)
+    engine.state.wall_position[1, 1] = 0.95 * rows + 0.1
     return engine

@@ -4,9 +4,24 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scene_parts import TIGHT, advance, begin, book, continued, make_engine, make_model, resume, shear_engine, tally
+from scene_parts import (
+    SPEED,
+    TIGHT,
+    advance,
+    begin,
+    book,
+    continued,
+    make_engine,
+    make_model,
+    resume,
+    shear_engine,
+    surface_engine,
+    tally,
+)
 
-from multicor_cli.engine import PhysicsError, Settings
+from multicor_cli.engine import Interrupted, PhysicsError, Settings
+from multicor_cli.engine import step as engine_module
+from multicor_cli.engine.contact import solve
 from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
 from multicor_cli.model import ShapeKind
 
@@ -78,19 +93,22 @@ def test_switching_a_moving_wall_from_prescribed_to_driven_is_booked():
     assert book(state, "closure") < 1e-12
 
 
-def test_scaling_of_gravity_free_shear_is_exact():
+@pytest.mark.parametrize(
+    ("make", "load", "dt", "laws"),
+    [(shear_engine, 1.0, 0.1, {}), (surface_engine, 120.0, 2e-3, {"friction": 0.5, "rolling": 0.1})],
+)
+def test_scaling_of_gravity_free_shear_is_exact(make, load, dt, laws):
     """V/2, loads/4, 2Δt: the same positions to the bit at equal strain (rigid grains know the inertial number alone)."""
-    first, second = (
-        shear_engine(load=1.0, speed=1.5, restitution=0.25),
-        shear_engine(load=0.25, speed=0.75, restitution=0.25),
-    )
+    first = make(load=load, speed=SPEED, restitution=0.25, **laws)
+    second = make(load=0.25 * load, speed=0.5 * SPEED, restitution=0.25, **laws)
     for _ in range(4):
-        advance(first, 0.1, 60)
-        advance(second, 0.2, 60)
-        assert np.array_equal(first.state.position, second.state.position)
-        assert np.array_equal(first.state.wall_position, second.state.wall_position)
-        assert np.array_equal(first.state.velocity, 2.0 * second.state.velocity)
-    assert len(first.state.contact_i) > 100
+        one, two = advance(first, dt, 60), advance(second, 2.0 * dt, 60)
+        assert np.array_equal(one.position, two.position)
+        assert np.array_equal(one.wall_position, two.wall_position)
+        assert np.array_equal(one.velocity, 2.0 * two.velocity)
+        assert np.array_equal(one.wall_surface, 2.0 * two.wall_surface)
+    assert book(one, "friction_loss") > 0.0
+    assert len(one.contact_i) > (100 if make is shear_engine else 0)
 
 
 def test_reflection_gives_the_mirror_image():
@@ -111,29 +129,26 @@ def test_reflection_gives_the_mirror_image():
     assert left.velocity[:, 2] == pytest.approx(-right.velocity[:, 2], abs=1e-5)
 
 
-def test_thread_count_does_not_change_a_bit(monkeypatch):
-    """Tiled sweeps, chunked sums: one digest for 1, 2 and more threads, and for the parallel and the serial sweep."""
-    from multicor_cli.engine import step as engine_module
-    from multicor_cli.engine.contact import solve
-
+@pytest.mark.parametrize(("make", "dt", "columns", "rows"), [(shear_engine, 0.1, 40, 36), (surface_engine, 2e-3, 40, 20)])
+def test_neither_threads_nor_a_new_engine_change_a_bit(make, dt, columns, rows, monkeypatch):
+    """Tiled sweeps, chunked sums: one digest for 1 and 2 threads, for the parallel and the serial sweep, and after a resume."""
     monkeypatch.setattr(engine_module, "PARALLEL_GRAINS", 1)
     digests = set()
     for threads, parallel_from in ((1, 1), (2, 1), (2, 10**9)):
         monkeypatch.setattr(solve, "PARALLEL_FROM", parallel_from)
-        engine = shear_engine(threads=threads, columns=40, rows=36)
-        digests.add(advance(engine, 0.1, 40).digest())
+        engine = make(threads=threads, columns=columns, rows=rows)
+        advance(engine, dt, 20)
+        other = continued(engine)
+        digests |= {advance(each, dt, 20, first=20).digest() for each in (engine, other)}
     assert len(digests) == 1
 
 
 def test_age_of_the_neighbor_list_does_not_matter():
-    """A new engine on a copied state (a resume) goes on bit for bit."""
+    """A new engine on a copied state, in the middle of the life of a list, goes on bit for bit."""
     engine = shear_engine(restitution=0.3)
     advance(engine, 0.1, 57)
     other = continued(engine)
-    for k in range(57, 120):
-        engine.step(0.1, k * 0.1)
-        other.step(0.1, k * 0.1)
-    assert engine.state.digest() == other.state.digest()
+    assert advance(engine, 0.1, 63, first=57).digest() == advance(other, 0.1, 63, first=57).digest()
 
 
 def test_overlaps_stay_small_in_a_long_shear():
@@ -170,8 +185,6 @@ def test_solver_failure_is_an_error_only_on_request():
 
 
 def test_interrupted_step_leaves_the_state_alone():
-    from multicor_cli.engine import Interrupted
-
     engine = shear_engine()
     advance(engine, 0.1, 30)
     before = engine.state.digest()

@@ -21,6 +21,8 @@ FORCE, GAS = 1e5, 0.5
 LAWS = make_heat_laws(emissivity=0.9)
 """Of one material: grains of 1 m radius, λ 15 W/(m K), in a gas of 0.5 W/(m K)."""
 SPOT = contact_radius(FORCE, 1.0, LAWS.modulus[0, 0])
+WEIGHT = make_model([1.0], shape="sphere").grains.mass[0] * G
+WARM = at_temperature(300.0001)
 
 
 def outline(points, wall, first, *, closed=False):
@@ -39,6 +41,13 @@ def walls_of(lines, *, closed=False):
     for wall, points in enumerate(lines):
         shapes += outline(points, wall, len(shapes), closed=closed)
     return shapes, tuple(f"wall {wall}" for wall in range(len(lines)))
+
+
+def heavy(lines, **choices):
+    """A sphere of 1 m at 300 K, of heat capacity 1 GJ/K, between walls; and what they are kept at."""
+    shapes, names = walls_of(lines)
+    model = make_model([1.0], shapes, names, **{"shape": "sphere", **choices})
+    return with_heat(model, 300.0, capacity=1e9), [WARM] * len(names)
 
 
 def level(*x):
@@ -92,16 +101,16 @@ def closed_form(mechanism, radius=1.0):
     }[mechanism]
 
 
-def conductances(engine, warm=300.0001, t=1e-3):
+def conductances(engine):
     """What each wall gives per degree [W/K]."""
-    engine.step(t, 0.0)
-    return engine.state.wall_heat[:, 0] / t / (warm - 300.0)
+    engine.step(1e-3, 0.0)
+    return engine.state.wall_heat[:, 0] / 1e-3 / (300.0001 - 300.0)
 
 
 def resting(shapes, names, positions, *, conditions=None, shape="sphere", period=0.0, pose=None, **settings):
     """Heat of one grain at 300 K, of heat capacity 1 GJ/K, between walls that are a little warmer."""
     model = with_heat(make_model([1.0], shapes, names, period=period, shape=shape), 300.0, capacity=1e9)
-    conditions = conditions or [at_temperature(300.0001)] * len(names)
+    conditions = conditions or [WARM] * len(names)
     settings = {"force": ContactForce("prescribed", FORCE), **settings}
     engine = heat_engine(model, positions, conditions=conditions, laws=LAWS, **settings)
     if pose is not None:
@@ -144,20 +153,12 @@ def test_a_cylinder_sees_a_floor_once(gap):
         assert conductances(engine).sum() == pytest.approx(linear_coefficient(view, 300.0, 300.0), rel=1e-6)
 
 
-@pytest.mark.parametrize("inside", [60, 90, 120, 150])
+@pytest.mark.parametrize(("count", "insides"), [(2, (60, 90, 120, 150)), (1, (165, 170, 175, 179))])
 @pytest.mark.parametrize("of_walls", [1, 2])
 @pytest.mark.parametrize("mechanism", MECHANISMS)
-def test_a_concave_corner_is_two_places(mechanism, of_walls, inside):
-    found = conductances(resting(*corner(inside, of_walls), **MECHANISMS[mechanism]))
-    assert found.sum() == pytest.approx(2.0 * closed_form(mechanism), rel=1e-6)
-
-
-@pytest.mark.parametrize("inside", [165, 170, 175, 179])
-@pytest.mark.parametrize("of_walls", [1, 2])
-@pytest.mark.parametrize("mechanism", MECHANISMS)
-def test_a_corner_as_flat_as_that_of_a_round_polygon_is_one_place(mechanism, of_walls, inside):
-    found = conductances(resting(*corner(inside, of_walls), **MECHANISMS[mechanism]))
-    assert found.sum() == pytest.approx(closed_form(mechanism), rel=1e-6)
+def test_a_concave_corner_is_two_places_and_one_if_it_is_as_flat_as_that_of_a_round_polygon(mechanism, of_walls, count, insides):
+    found = [conductances(resting(*corner(inside, of_walls), **MECHANISMS[mechanism])).sum() for inside in insides]
+    assert found == pytest.approx([count * closed_form(mechanism)] * 4, rel=1e-6)
 
 
 def corner(inside, of_walls):
@@ -210,8 +211,8 @@ def test_walls_that_meet_below_a_grain_share_what_they_give():
     for mechanism in MECHANISMS:
         whole, choices = closed_form(mechanism), MECHANISMS[mechanism]
         for conditions, expected in (
-            ([at_temperature(300.0001), WallHeat()], [0.5, 0.0]),
-            ([at_temperature(300.0001), at_temperature(299.9999)], [0.5, -0.5]),
+            ([WARM, WallHeat()], [0.5, 0.0]),
+            ([WARM, at_temperature(299.9999)], [0.5, -0.5]),
         ):
             found = conductances(resting(shapes, names, [[0.0, 1.0]], conditions=conditions, **choices))
             assert found == pytest.approx(whole * np.array(expected), rel=1e-6)
@@ -240,13 +241,11 @@ def test_the_biot_number_is_that_of_a_place():
 
 def rolling(lines, **settings):
     """Heat that a grain has got that rolls over walls, which carry its weight."""
-    shapes, names = walls_of(lines)
-    model = with_heat(make_model([1.0], shapes, names, shape="sphere"), 300.0, capacity=1e9)
-    conditions = [at_temperature(300.0001)] * len(names)
-    engine = coupled_engine(model, [[-1.0, 1.0]], [[0.3, 0.0, -0.3]], conditions, laws=LAWS, friction="none", **settings)
+    model, conditions = heavy(lines)
+    engine = coupled_engine(model, [[-0.5, 1.0]], [[0.3, 0.0, -0.3]], conditions, laws=LAWS, friction="none", **settings)
     first = advance(engine, 0.01, 1).heat[0]  # in which the contact is new
-    advance(engine, 0.01, 400)
-    assert engine.state.position[0, 0] > 0.0
+    advance(engine, 0.01, 220)
+    assert engine.state.position[0, 0] > 0.1
     return engine.state.heat[0] - first
 
 
@@ -274,13 +273,11 @@ def test_a_grain_that_rolls_over_pieces_gets_what_it_gets_on_one(settings):
 @pytest.mark.parametrize("name", ["one piece", "two walls, 0.0 beside", "tiles on an edge", "coincident"])
 def test_an_impact_on_a_joint_conducts_as_one(name):
     """Sun & Chen's formula once, with the mass of the grain and its speed."""
-    shapes, names = walls_of(FLOORS[name])
-    model = with_heat(make_model([1.0], shapes, names, shape="sphere", gravity=(0.0, 0.0), restitution=0.5), 300.0, capacity=1e9)
-    conditions = [at_temperature(301.0)] * len(names)
-    engine = coupled_engine(model, [[0.0, 1.001]], [[0.0, -0.5, 0.0]], conditions, laws=LAWS, friction="none", collisional=True)
+    model, conditions = heavy(FLOORS[name], gravity=(0.0, 0.0), restitution=0.5)
+    hot = [at_temperature(301.0)] * len(conditions)
+    engine = coupled_engine(model, [[0.0, 1.001]], [[0.0, -0.5, 0.0]], hot, laws=LAWS, friction="none", collisional=True)
     advance(engine, 0.005, 4)
-    m = model.grains.mass[0]
-    expected = impact_exchange(m, 1.0, LAWS.modulus[0, 0], 0.5, 15.0, 7500.0 * 500.0, 15.0, 7500.0 * 500.0)
+    expected = impact_exchange(model.grains.mass[0], 1.0, LAWS.modulus[0, 0], 0.5, 15.0, 7500.0 * 500.0, 15.0, 7500.0 * 500.0)
     assert engine.state.heat[0] == pytest.approx(expected, rel=1e-6)
 
 
@@ -296,8 +293,7 @@ def test_a_grain_hangs_by_one_adhesion_for_each_place(name, factor, hangs):
     """From any cutting of a ceiling; in a flat corner the forces lie 0.1 off the vertical."""
     shapes, names = walls_of(CEILINGS[name])
     tilt, start = (np.cos(0.1), -1.0 / np.cos(0.1)) if name == "a flat corner" else (1.0, -1.0)
-    weight = make_model([1.0], shape="sphere").grains.mass[0] * G
-    model = make_model([1.0], shapes, names, shape="sphere", adhesion=factor * weight / tilt)
+    model = make_model([1.0], shapes, names, shape="sphere", adhesion=factor * WEIGHT / tilt)
     state = advance(make_engine(model, [[0.0, start]], settings=TIGHT), 1e-3, 100)
     if hangs:
         assert state.position[0, :2] == pytest.approx([0.0, start], abs=1e-9)
@@ -310,10 +306,9 @@ def test_a_grain_hangs_by_one_adhesion_for_each_place(name, factor, hangs):
 @pytest.mark.parametrize("of_walls", [1, 2])
 def test_adhesion_in_a_concave_corner_counts_its_places(of_walls, inside, count):
     shapes, names, ((_, height),) = corner(inside, of_walls)
-    weight = make_model([1.0], shape="sphere").grains.mass[0] * G
     tilt = np.sin(np.radians(0.5 * inside))  # of each force against the middle line
     for factor, holds in ((1.01, True), (0.99, False)):
-        adhesion = factor * weight / (count * tilt)
+        adhesion = factor * WEIGHT / (count * tilt)
         model = make_model([1.0], shapes, names, shape="sphere", adhesion=adhesion, gravity=(0.0, G), friction=0.0)
         state = advance(make_engine(model, [[0.0, height]], settings=TIGHT), 1e-3, 50)
         assert (abs(state.velocity[0, 1]) < 1e-9) == holds
@@ -323,8 +318,7 @@ def test_adhesion_in_a_concave_corner_counts_its_places(of_walls, inside, count)
 def test_a_grain_that_rolls_along_a_ceiling_of_pieces_stays_up(name):
     """Until the contact with the next piece is known, adhesion is that of the place, not that of the piece left behind."""
     shapes, names = walls_of(CEILINGS[name])
-    weight = make_model([1.0], shape="sphere").grains.mass[0] * G
-    model = make_model([1.0], shapes, names, shape="sphere", adhesion=1.2 * weight)
+    model = make_model([1.0], shapes, names, shape="sphere", adhesion=1.2 * WEIGHT)
     state = advance(make_engine(model, [[-2.0, -1.0]], [[0.5, 0.0, 0.5]], settings=TIGHT), 0.01, 700)
     assert state.position[0, 0] > 1.0
     assert state.position[0, 1] == pytest.approx(-1.0, abs=1e-4)
@@ -332,25 +326,24 @@ def test_a_grain_that_rolls_along_a_ceiling_of_pieces_stays_up(name):
 
 def test_tension_in_a_frozen_stage_counts_the_adhesion_of_a_joint_once():
     shapes, names = walls_of(CEILINGS["two walls, 0.0 beside"])
-    weight = make_model([1.0], shape="sphere").grains.mass[0] * G
-    model = with_heat(make_model([1.0], shapes, names, shape="sphere", adhesion=3.0 * weight), 300.0)
+    model = with_heat(make_model([1.0], shapes, names, shape="sphere", adhesion=3.0 * WEIGHT), 300.0)
     engine = coupled_engine(model, [[0.0, -1.0]])
     for is_frozen in (False, True):
         resume(engine, is_frozen=is_frozen)
         advance(engine, 1e-3, 5)
-        assert engine.contacts().impulse[:, 0].sum() == pytest.approx(-1e-3 * weight, rel=1e-9)
+        assert engine.contacts().impulse[:, 0].sum() == pytest.approx(-1e-3 * WEIGHT, rel=1e-9)
 
 
 def test_a_moving_and_turning_floor_of_tiles_conducts_as_one():
     """It carries the grain along as it rises, drifts and turns; at the ends of walls the grain is lifted a little, as above."""
     heats = []
     for name in ("one piece", "tiles on an edge", "two walls, 0.1 beside"):
-        shapes, names = walls_of(FLOORS[name])
-        model = with_heat(make_model([1.0], shapes, names, shape="sphere", friction=0.0), 300.0, capacity=1e9)
+        model, conditions = heavy(FLOORS[name], friction=0.0)
         x, y, spin = (DofDrive(velocity=Constant(value)) for value in (0.4, 0.3, 0.05))
         engine = coupled_engine(
-            model, [[0.0, 1.0]], [[0.0, 0.3, 0.0]], [at_temperature(300.0001)] * len(names), laws=LAWS, friction="none",
-            drives=[WallDrive(x=x, y=y, spin=spin)] * len(names), force=ContactForce("prescribed", 10.0), mechanisms=(Gas(GAS),),
+            model, [[0.0, 1.0]], [[0.0, 0.3, 0.0]], conditions, laws=LAWS, friction="none",
+            drives=[WallDrive(x=x, y=y, spin=spin)] * len(conditions), force=ContactForce("prescribed", 10.0),
+            mechanisms=(Gas(GAS),),
         )  # fmt: skip
         advance(engine, 0.01, 100)
         heats.append(engine.state.heat[0])

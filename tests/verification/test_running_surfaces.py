@@ -4,18 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scene_parts import FLOOR, TIGHT, G, advance, begin, book, continued, make_engine, make_model
+from scene_parts import FLOOR, SPEED, TIGHT, G, advance, bed, begin, book, make_engine, make_model, running, surface_engine
 
 from multicor_cli.engine import Settings, solve_contacts
 from multicor_cli.engine.motion.drives import Constant, DofDrive, Ramp, Sine, WallDrive
 from multicor_cli.model import ShapeKind
 from multicor_cli.model.contacts import ContactTable
-
-SPEED = 1.5
-
-
-def running(speed=SPEED, **dofs):
-    return WallDrive(surface=speed if not isinstance(speed, float) else Constant(speed), **dofs)
 
 
 def started(engine, *speeds):
@@ -65,21 +59,8 @@ def test_a_belt_carries_up_what_friction_holds_and_both_its_sides_run():
         gravity = (-G * np.sin(slope), -side * G * np.cos(slope))
         model = make_model([0.1], segment, friction=0.6, gravity=gravity, rolling=50.0)
         state = advance(make_engine(model, [[0.0, side * 0.1]], settings=TIGHT, drives=[running()]), 1e-3, 1500)
-        if side > 0.0:
-            assert state.velocity[0, 0] == pytest.approx(SPEED, abs=1e-9)
-        else:
-            assert state.velocity[0, 0] == pytest.approx(-SPEED, abs=1e-9)
+        assert state.velocity[0, 0] == pytest.approx(side * SPEED, abs=1e-9)
         assert book(state, "closure") < 1e-12
-
-
-def bed(seed=1, columns=8, rows=3, **keys):
-    """Grains of several sizes that fall onto a floor, periodic in x."""
-    rng = np.random.default_rng(seed)
-    n = columns * rows
-    k = np.arange(n)
-    radius = rng.uniform(0.3, 0.45, n)
-    positions = np.column_stack([k % columns + 0.5 + 0.02 * rng.random(n), 0.47 + 0.95 * (k // columns)])
-    return make_model(radius, FLOOR, period=float(columns), **keys), positions
 
 
 LAWS = [
@@ -123,10 +104,8 @@ def test_a_circle_whose_surface_runs_is_a_drum_that_turns(rolling):
     """V = Ω R of a smooth drum: to the right at its bottom, so counter-clockwise; with rolling resistance too, since its material
     turns as it runs round."""
     model, positions = in_a_circle(rolling)
-    turned = advance(
-        make_engine(model, positions, settings=TIGHT, drives=[WallDrive(spin=DofDrive(velocity=Constant(0.6)))]), 2e-3, 200
-    )
-    ran = advance(make_engine(model, positions, settings=TIGHT, drives=[running(0.6 * 2.5)]), 2e-3, 200)
+    drives = WallDrive(spin=DofDrive(velocity=Constant(0.6))), running(0.6 * 2.5)
+    turned, ran = (advance(make_engine(model, positions, settings=TIGHT, drives=[drive]), 2e-3, 200) for drive in drives)
     assert np.allclose(ran.position, turned.position, atol=1e-8)
     assert book(ran, "friction_loss") > 0.0
     for name in ("wall_work", "friction_loss", "impact_loss"):
@@ -142,11 +121,9 @@ def test_a_roll_that_is_pressed_down_is_one_that_turns_and_feels_the_reaction(ro
     clockwise, as Ω = −V/R."""
     shapes = [*FLOOR, (ShapeKind.DISC, 1, (0.0, 0.0, 0.8, 0.0))]
     model, positions = bed(friction=0.4)
-    model = replace(
-        make_model(
-            model.grains.radius, shapes, ("floor", "roll"), friction=0.4, period=model.period, mass=3.0, inertia=1.0,
-            wall_gravity=True, rolling=rolling,
-        )
+    model = make_model(
+        model.grains.radius, shapes, ("floor", "roll"), friction=0.4, period=model.period, mass=3.0, inertia=1.0,
+        wall_gravity=True, rolling=rolling,
     )  # fmt: skip
     press, ends = DofDrive(force=Constant(-20.0), damping=1.0), []
     for drive in (WallDrive(y=press, spin=DofDrive(velocity=Constant(-SPEED / 0.8))), running(SPEED, y=press)):
@@ -166,8 +143,7 @@ def test_a_roll_that_is_pressed_down_is_one_that_turns_and_feels_the_reaction(ro
 
 def test_a_free_plate_under_a_running_surface_recoils():
     """Without gravity, pressed between two grains of equal kind: momentum of plate and grain is that of the press alone, 0 in x."""
-    plate = [(ShapeKind.PLANE, 0, (0.0, 0.0, 0.0, 1.0))]
-    model = make_model([0.1], plate, friction=0.3, mass=0.2, inertia=1.0)
+    model = make_model([0.1], FLOOR, friction=0.3, mass=0.2, inertia=1.0)
     drive = running(SPEED, x=DofDrive(force=Constant(0.0)))
     state = advance(started(make_engine(model, [[0.0, 0.1]], settings=TIGHT, drives=[drive]), SPEED), 1e-3, 400)
     mass = model.grains.mass[0]
@@ -186,61 +162,16 @@ def test_it_adds_to_the_motion_of_the_wall():
     assert state.velocity[0, 0] == pytest.approx(SPEED - 0.4, abs=1e-9)
 
 
-def sheared(settings=None, threads=1, columns=8, rows=3, load=-120.0, speed=SPEED, **laws):
-    """A bed between a running floor and a lid under a load whose surface runs too."""
-    model, positions = bed(columns=columns, rows=rows)
-    planes = [*FLOOR, (ShapeKind.PLANE, 1, (0.0, 0.0, 0.0, -1.0))]
-    model = make_model(
-        model.grains.radius, planes, ("floor", "lid"), period=model.period, mass=2.0, gravity=(0.0, 0.0), **laws
-    )  # fmt: skip
-    drives = [running(speed), running(-0.5 * speed, y=DofDrive(force=Constant(load)))]
-    engine = make_engine(model, positions, settings=settings, drives=drives, threads=threads)
-    engine.state.wall_position[1, 1] = 0.95 * rows + 0.1
-    return engine, drives
-
-
-def test_scaling_is_exact():
-    """V/2, loads/4, 2Δt: the same positions to the bit."""
-    first, _ = sheared(restitution=0.25, friction=0.5, rolling=0.1)
-    second, _ = sheared(load=-30.0, speed=0.5 * SPEED, restitution=0.25, friction=0.5, rolling=0.1)
-    for _ in range(4):
-        advance(first, 2e-3, 60)
-        advance(second, 4e-3, 60)
-        assert np.array_equal(first.state.position, second.state.position)
-        assert np.array_equal(first.state.velocity, 2.0 * second.state.velocity)
-        assert np.array_equal(first.state.wall_surface, 2.0 * second.state.wall_surface)
-    assert book(first.state, "friction_loss") > 0.0
-
-
-def test_threads_and_a_new_engine_on_the_state_change_no_bit(monkeypatch):
-    from multicor_cli.engine import step as engine_module
-    from multicor_cli.engine.contact import solve
-
-    monkeypatch.setattr(engine_module, "PARALLEL_GRAINS", 1)
-    digests = set()
-    for threads, parallel_from in ((1, 1), (2, 1), (2, 10**9)):
-        monkeypatch.setattr(solve, "PARALLEL_FROM", parallel_from)
-        engine, _ = sheared(threads=threads, columns=40, rows=20)
-        advance(engine, 2e-3, 10)
-        other = continued(engine)
-        for k in range(10, 20):
-            engine.step(2e-3, 2e-3 * k)
-            other.step(2e-3, 2e-3 * k)
-        assert other.state.digest() == engine.state.digest()
-        digests.add(engine.state.digest())
-    assert len(digests) == 1
-
-
 @pytest.mark.parametrize("settings", [Settings(max_sweeps=15), Settings(method="gauss-seidel"), Settings(local="bipotential")])
 def test_books_close_whatever_the_solver_does(settings):
-    state = advance(sheared(settings, restitution=0.3, rolling=0.2)[0], 2e-3, 200)
+    state = advance(surface_engine(settings, restitution=0.3, rolling=0.2), 2e-3, 200)
     assert book(state, "closure") < 1e-12
     assert book(state, "friction_loss") > 0.0
 
 
 def test_the_problem_of_a_step_knows_it(tmp_path):
     """`solve_contacts` finds the impulses of the engine, from the problem as it is and as it is read from its file."""
-    engine, _ = sheared(TIGHT)
+    engine = surface_engine(TIGHT)
     advance(engine, 2e-3, 240)
     problem, start = engine.next_start(2e-3, 0.48)
     assert np.unique(problem.slide).tolist() == [-SPEED, 0.0, 0.5 * SPEED]

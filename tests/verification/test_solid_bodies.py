@@ -1,51 +1,38 @@
 """Bodies among the grains: free fall, collisions, a corner that a grain slides around, and shear between two cylinders."""
 
-from __future__ import annotations
-
 import math
-from pathlib import Path
 
 import numpy as np
 import pytest
-from packing_support import scenario, wall
-from scene_parts import TIGHT, advance, book, make_engine, make_model, tally
+from scenarios import engine as engine_of
+from scenarios import scenario
+from scene_parts import TIGHT, advance, book, make_engine, make_model, resume, tally
 
-from multicor_cli import open_run
-from multicor_cli import run as run_scenario
-from multicor_cli.engine import Engine, Orders
-from multicor_cli.engine.motion.drives import Constant, DofDrive, WallDrive
+from multicor_cli.engine import Engine, Settings
 from multicor_cli.model import Model, ShapeKind, State
-from multicor_cli.packing import build
-from multicor_cli.scenario import parse_scenario
-
-CHANGEABLE = WallDrive(x=DofDrive(force=Constant(0.0)), y=DofDrive(force=Constant(0.0)), spin=DofDrive(force=Constant(0.0)))
-DRIVEN = "loading.0.drives.body={x={force=0.0},y={force=0.0},spin={force=0.0}}"
-
-WEIGHTLESS = "domain.gravity=[0.0,0.0]"
 
 BODIES = {
-    "disc": 'kind = "disc", center = [0.03, 0.05], radius = 0.006',
-    "polygon": 'kind = "polygon", points = [[0.025, 0.045], [0.036, 0.045], [0.03, 0.056]], grains = "outside"',
-    "cluster": 'kind = "cluster", discs = [[0.03, 0.05, 2e-3], [0.034, 0.05, 2e-3], [0.032, 0.053, 1.5e-3]]',
+    "disc": {"kind": "disc", "center": [0.03, 0.05], "radius": 0.006},
+    "polygon": {"kind": "polygon", "points": [[0.025, 0.045], [0.036, 0.045], [0.03, 0.056]], "grains": "outside"},
+    "cluster": {"kind": "cluster", "discs": [[0.03, 0.05, 2e-3], [0.034, 0.05, 2e-3], [0.032, 0.053, 1.5e-3]]},
 }
 
 
-def one_grain(geometry: str, place: str, *more: str, rest: str = "") -> tuple[Model, State]:
-    """A body that is free to move, and a grain of radius 1 mm with its center where ``place`` says."""
-    grain = (
-        'particles.0={name="grains",material="glass",shape="disc",thickness=2e-3,sizes={kind="list",radii=[1e-3]},count=1,'
-        f'region={{{place}}},packing={{kind="random"}}}}'
-    )
-    return build(scenario(grain, DRIVEN, *more, extra=wall("body", geometry, rest)))
+def body_and_grain(name, place, *, motion=(0.0, 0.0, 0.0), settings=TIGHT, gravity=0.0, **said) -> tuple[Engine, Model, State]:
+    """A body that is free to move, and a grain of radius 1 mm."""
+    free = {dof: {"force": 0.0} for dof in ("x", "y", "spin")}
+    walls = {"body": {"geometry": BODIES[name], "gravity": gravity != 0.0}}
+    grains, gravity = [[*place, 1e-3, *motion]], [0.0, gravity]
+    engine, model = engine_of(scenario(grains=grains, walls=walls, drives={"body": free}, gravity=gravity, **said))
+    resume(engine, settings=settings)
+    return engine, model, engine.state
 
 
 @pytest.mark.parametrize("name", BODIES)
-def test_a_free_body_falls_as_everything_does(name: str) -> None:
+def test_a_free_body_falls_as_everything_does(name):
     """x = x₀ − g t²/2, exactly in this scheme; its own mass is in the books."""
-    model, state = one_grain(BODIES[name], "min=[0.0,0.0],max=[0.01,0.01]", "domain.gravity=[0.0,-9.81]", rest="gravity = true")
+    engine, model, state = body_and_grain(name, (0.005, 0.005), gravity=-9.81)
     start = state.wall_position[0].copy()
-    engine = Engine(model, state, threads=1)
-    engine.begin(Orders([CHANGEABLE], TIGHT))
     advance(engine, 1e-3, 50)
     assert state.wall_position[0] - start == pytest.approx([0.0, -0.5 * 9.81 * 0.05**2, 0.0], rel=1e-12, abs=1e-15)
     mass = float(model.walls.mass[0]) + float(model.grains.mass[0])
@@ -53,19 +40,11 @@ def test_a_free_body_falls_as_everything_does(name: str) -> None:
 
 
 @pytest.mark.parametrize("name", BODIES)
-def test_a_collision_conserves_momentum_and_without_losses_energy(name: str) -> None:
+def test_a_collision_conserves_momentum_and_without_losses_energy(name):
     """μ = 0, e = 1: one impulse along the normal through the center of the grain keeps p, L about any point and E."""
-    model, state = one_grain(
-        BODIES[name],
-        "min=[0.011,0.0452],max=[0.0131,0.0473]",
-        WEIGHTLESS,
-        'contacts=[{pair=["*","*"],friction=0.0,restitution=1.0}]',
-    )
-    state.velocity[0] = 0.4, 0.05, 3.0
+    engine, model, state = body_and_grain(name, (0.012, 0.0462), motion=(0.4, 0.05, 3.0), friction=0.0, restitution=1.0)
     state.wall_velocity[0] = -0.1, -0.02, 4.0
     before = _invariants(model, state)
-    engine = Engine(model, state, threads=1)
-    engine.begin(Orders([CHANGEABLE], TIGHT))
     advance(engine, 1e-4, 600)
     assert abs(state.velocity[0, 0] - 0.4) > 0.05  # they have met
     assert abs(state.wall_velocity[0, 0] + 0.1) > 1e-3
@@ -74,12 +53,9 @@ def test_a_collision_conserves_momentum_and_without_losses_energy(name: str) -> 
 
 
 @pytest.mark.parametrize("name", BODIES)
-def test_friction_keeps_the_momentum_and_takes_energy(name: str) -> None:
-    model, state = one_grain(BODIES[name], "min=[0.011,0.0452],max=[0.0131,0.0473]", WEIGHTLESS)
-    state.velocity[0] = 0.4, 0.05, 300.0
+def test_friction_keeps_the_momentum_and_takes_energy(name):
+    engine, model, state = body_and_grain(name, (0.012, 0.0462), motion=(0.4, 0.05, 300.0), settings=Settings())
     before = _invariants(model, state)
-    engine = Engine(model, state, threads=1)
-    engine.begin(Orders([CHANGEABLE]))
     advance(engine, 1e-4, 600)
     after = _invariants(model, state)
     assert after[:2] == pytest.approx(before[:2], abs=1e-9 * _scales(model)[0])
@@ -113,7 +89,7 @@ def block() -> list[tuple[ShapeKind, int, tuple[float, ...]]]:
 
 
 @pytest.mark.parametrize("speed", [0.2, 1.0])
-def test_a_grain_slides_around_a_corner_until_it_lifts_off(speed: float) -> None:
+def test_a_grain_slides_around_a_corner_until_it_lifts_off(speed: float):
     """Without friction its center goes around the corner on a circle of radius a, and leaves it at cos θ = (2 + v²/(g a))/3."""
     a, g = 0.5, 9.81
     dt = 2e-3 * math.sqrt(a / g)
@@ -129,7 +105,7 @@ def test_a_grain_slides_around_a_corner_until_it_lifts_off(speed: float) -> None
     assert book(state, "closure") < 1e-9
 
 
-def test_a_grain_rolls_around_a_corner_and_makes_no_energy() -> None:
+def test_a_grain_rolls_around_a_corner_and_makes_no_energy():
     """With friction it may be lost, and the books close."""
     a, g = 0.5, 9.81
     engine = make_engine(make_model([a], block(), friction=0.8), [[-0.05, a]], [[0.5, 0.0, -1.0]], settings=TIGHT)
@@ -155,64 +131,31 @@ def slide_over(engine: Engine, dt: float, a: float, g: float) -> tuple[np.ndarra
     return np.array(rows), np.array(made[1:])
 
 
-ANNULUS = """
-[scenario]
-name = "annulus"
-seed = 3
-[domain]
-size = [0.04, 0.04]
-gravity = [0.0, 0.0]
-[materials.glass]
-density = 2500.0
-[[contacts]]
-pair = ["*", "*"]
-friction = 0.4
-[[particles]]
-name = "grains"
-material = "glass"
-shape = "disc"
-thickness = 1e-3
-sizes = { kind = "uniform", min = 0.8e-3, max = 1.2e-3 }
-fill = 0.58
-region = { kind = "annulus", center = [0.02, 0.02], inner = 0.0072, outer = 0.0188 }
-packing = { kind = "random" }
-[[walls]]
-name = "inner"
-material = "glass"
-geometry = { kind = "disc", center = [0.02, 0.02], radius = 0.006, rough = "grains" }
-[[walls]]
-name = "outer"
-material = "glass"
-geometry = { kind = "circle", center = [0.02, 0.02], radius = 0.02, rough = "grains" }
-[[loading]]
-duration = 0.12
-drives.inner = { spin = { velocity = 10.0 } }
-[solver]
-dt = 2e-4
-[output]
-frame_interval = 0.05
-series_interval = 0.002
-"""
-
-
-def test_a_rough_cylinder_shears_the_grains_around_it(tmp_path: Path) -> None:
+def test_a_rough_cylinder_shears_the_grains_around_it(run):
     """What the inner cylinder gives in angular momentum, grains keep or the outer one takes; its work is all that enters."""
-    run_scenario(parse_scenario(ANNULUS, "annulus.toml"), tmp_path / "run")
-    with open_run(tmp_path / "run") as run:
-        series, last, model = run.series, run.frames[-1], run.model
-        torque = np.asarray(series["wall_force"])[:, :, 2]
-        span = np.diff(np.asarray(series["time"]), prepend=0.0)
-        given = (torque * span[:, np.newaxis]).sum(axis=0)
-        away, v = np.asarray(last.position)[:, :2] - 0.02, np.asarray(last.velocity)
-        mass, inertia = model.grains.mass, model.grains.inertia
-        spin = np.asarray(last.spin)
-        kept = (mass * (away[:, 0] * v[:, 1] - away[:, 1] * v[:, 0]) + inertia * spin).sum()
-        exchanged = np.abs(torque * span[:, np.newaxis]).sum()
-        assert given[0] < 0.0 < given[1]  # the grains brake the inner cylinder, and pull the outer one along
-        assert kept == pytest.approx(-given.sum(), abs=0.01 * exchanged)
-        work, *others = (series[name][-1] for name in ("wall_work", "kinetic", "friction_loss", "impact_loss", "correction_work"))
-        assert sum(others) == pytest.approx(work, rel=1e-9)
-        assert work == pytest.approx(-10.0 * given[0], rel=1e-9)
-        distance = np.hypot(*away.T)
-        assert (distance > 0.006).all()
-        assert (distance < 0.02).all()
+    annulus = scenario(
+        size=[0.04, 0.04], gravity=[0, 0], duration=0.12, drives={"inner": {"spin": {"velocity": 10.0}}}, dt=2e-4,
+        series_interval=0.002, seed=3,
+        particles=[{
+            "sizes": {"kind": "uniform", "min": 0.8e-3, "max": 1.2e-3}, "fill": 0.58, "packing": {"kind": "random"},
+            "region": {"kind": "annulus", "center": [0.02, 0.02], "inner": 0.0072, "outer": 0.0188},
+        }],
+        walls={
+            "inner": {"kind": "disc", "center": [0.02, 0.02], "radius": 0.006, "rough": "grains"},
+            "outer": {"kind": "circle", "center": [0.02, 0.02], "radius": 0.02, "rough": "grains"},
+        },
+    )  # fmt: skip
+    done = run(annulus)
+    series, last, grains = done.series, done.frames[-1], done.model.grains
+    torque, span = np.asarray(series["wall_force"])[:, :, 2], np.diff(np.asarray(series["time"]), prepend=0.0)
+    given = span @ torque
+    away, v = np.asarray(last.position)[:, :2] - 0.02, np.asarray(last.velocity)
+    orbital = grains.mass * (away[:, 0] * v[:, 1] - away[:, 1] * v[:, 0])
+    assert given[0] < 0.0 < given[1]  # the grains brake the inner cylinder, and pull the outer one along
+    exchanged = (span @ np.abs(torque)).sum()
+    assert (orbital + grains.inertia * last.spin).sum() == pytest.approx(-given.sum(), abs=0.01 * exchanged)
+    work, *others = (series[name][-1] for name in ("wall_work", "kinetic", "friction_loss", "impact_loss", "correction_work"))
+    assert sum(others) == pytest.approx(work, rel=1e-9)
+    assert work == pytest.approx(-10.0 * given[0], rel=1e-9)
+    distance = np.hypot(*away.T)
+    assert 0.006 < distance.min() < distance.max() < 0.02

@@ -1,27 +1,21 @@
 """Gravity that a stage changes: free flight, a plane that tilts, energy books, resumed runs, and what later stages keep."""
 
-from __future__ import annotations
-
 import dataclasses
 import itertools
 import math
-import signal
-from pathlib import Path
-from typing import Any
 
 import numpy as np
 import pytest
-from scene_parts import FLOOR, TIGHT, advance, make_engine, make_model, resume
+from run_fakes import StopAt
+from scenarios import digests
+from scene_parts import FLOOR, TIGHT, G, advance, make_engine, make_model, resume
 from scenes import SMALL, changed, write_small
 
 from multicor_cli import run as run_scenario
 from multicor_cli.engine.motion.drives import Constant, Gravity, Ramp, Sine, TiltedGravity
-from multicor_cli.running import session as session_module
 from multicor_cli.running.plan import stage_gravity
 from multicor_cli.scenario import parse_scenario
 from multicor_cli.store import run_info
-
-G = 9.81
 
 TILTED = changed(
     SMALL,
@@ -32,15 +26,15 @@ TILTED = changed(
 """Shaken while it settles under a heavy lid, tilted while it is sheared; the last stage keeps the tilt."""
 
 
-def flight(dt: float, duration: float) -> np.ndarray:
+def flight(dt, duration):
     """Displacement of a free grain from rest under g = (3 sin(4πt), −2 + 3t)."""
     engine = make_engine(make_model([0.1]), [[0.0, 5.0]])
     resume(engine, gravity=Gravity(Sine(0.0, 3.0, 0.5), Ramp(-2.0, 4.0, 2.0)))
     advance(engine, dt, round(duration / dt))
-    return np.asarray(engine.state.position[0, :2] - [0.0, 5.0])
+    return engine.state.position[0, :2] - [0.0, 5.0]
 
 
-def test_free_flight_is_of_second_order() -> None:
+def test_free_flight_is_of_second_order():
     """x = A/ω (t − sin(ωt)/ω), y = B t²/2 + C t³/6."""
     t, omega = 0.8, 4.0 * math.pi
     exact = np.array([3.0 / omega * (t - math.sin(omega * t) / omega), -1.0 * t**2 + 0.5 * t**3])
@@ -50,7 +44,7 @@ def test_free_flight_is_of_second_order() -> None:
 
 
 @pytest.mark.parametrize("dt", [1e-2, 3e-3])
-def test_a_block_slips_when_the_tangent_of_the_tilt_is_the_friction(dt: float) -> None:
+def test_a_block_slips_when_the_tangent_of_the_tilt_is_the_friction(dt):
     """Gravity acts at mid-step: the first step that moves the block is the first with tan θ(t + Δt/2) > μ, at rate θ̇.
 
     Then v̇ = g (sin θ − μ cos θ). A grain with m a²/I → 0 cannot be turned: a block.
@@ -72,7 +66,7 @@ def test_a_block_slips_when_the_tangent_of_the_tilt_is_the_friction(dt: float) -
     assert speeds[-1] == pytest.approx(exact, abs=G * rate * dt * dt)  # midpoint rule, and where in its step the slip begins
 
 
-def test_tilt_and_components_are_the_same_vector() -> None:
+def test_tilt_and_components_are_the_same_vector():
     tilted = TiltedGravity(Constant(30.0), Constant(2.0))
     np.testing.assert_allclose(tilted.value(0.0), [1.0, -math.sqrt(3.0)], rtol=1e-14)
     np.testing.assert_allclose(tilted.largest(), [1.0, 2.0, 2.0], rtol=1e-14)
@@ -80,7 +74,7 @@ def test_tilt_and_components_are_the_same_vector() -> None:
     assert Gravity(Sine(1.0, -2.0, 1.0), Constant(-4.0)).largest() == (3.0, 4.0, 5.0)
 
 
-def test_a_stage_without_gravity_keeps_what_there_was_at_the_end() -> None:
+def test_a_stage_without_gravity_keeps_what_there_was_at_the_end():
     scenario = parse_scenario(TILTED, "tilted.toml")
     settle, shear, on = stage_gravity(scenario)
     starts = [0.0, 0.02, 0.05]
@@ -94,37 +88,24 @@ def test_a_stage_without_gravity_keeps_what_there_was_at_the_end() -> None:
 
 
 @pytest.fixture(scope="module")
-def reference(tmp_path_factory: pytest.TempPathFactory) -> tuple[Path, Path]:
+def whole(tmp_path_factory):
     path = write_small(tmp_path_factory.mktemp("tilted"), TILTED)
     assert run_scenario(path, path.parent / "run").is_finished
-    return path, path.parent / "run"
+    return path.parent / "run"
 
 
-def test_books_close_with_gravity_that_varies(reference: tuple[Path, Path]) -> None:
+def test_books_close_with_gravity_that_varies(whole):
     """A bed between rough walls, with a heavy lid whose weight turns too, and with projections of positions."""
-    info = run_info(reference[1])
+    info = run_info(whole)
     assert info["energy_closure"] < 1e-13
     assert info["books"]["gravity_work"] != 0.0
 
 
-@pytest.mark.parametrize("back", [3, 40, 150])
-def test_a_run_goes_on_in_the_middle_of_a_tilt(
-    back: int, reference: tuple[Path, Path], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    """In the stage that keeps the tilt, while it tilts, and while it is shaken."""
-    path, whole = reference
-    expected = run_info(whole)
-    original = session_module.Engine.step
-
-    def stepping(self: Any, *arguments: Any, **options: Any) -> Any:
-        if self.state.step == max(1, expected["step"] - back):
-            signal.raise_signal(signal.SIGTERM)
-        return original(self, *arguments, **options)
-
-    with monkeypatch.context() as patch:
-        patch.setattr(session_module.Engine, "step", stepping)
-        assert not run_scenario(path, tmp_path / "run").is_finished
+def test_a_run_goes_on_in_the_middle_of_a_tilt(whole, tmp_path):
+    """While it is shaken, while it tilts, and in the stage that keeps the tilt."""
+    path, last = write_small(tmp_path, TILTED), run_info(whole)["step"]
+    for back in (150, 40, 3):
+        assert not run_scenario(path, tmp_path / "run", observer=StopAt(last - back)).is_finished
     assert run_scenario(path, tmp_path / "run").is_finished
-    found = run_info(tmp_path / "run")
-    assert (found["state_digest"], found["data_digest"]) == (expected["state_digest"], expected["data_digest"])
-    assert found["stage_ends"] == expected["stage_ends"]
+    assert digests(tmp_path / "run") == digests(whole)
+    assert run_info(tmp_path / "run")["stage_ends"] == run_info(whole)["stage_ends"]
