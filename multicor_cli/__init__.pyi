@@ -1,7 +1,7 @@
 from .checks import check_run as check_run
 from .checks import check_scenario as check_scenario
 from .engine.orders import PhysicsError as PhysicsError
-from .plots.notebook import picture as picture
+from .plots.grain_map import picture as picture
 from .running import run as run
 from .running.outcome import Observer as Observer
 from .running.outcome import RunOutcome as RunOutcome

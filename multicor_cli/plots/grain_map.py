@@ -1,7 +1,9 @@
-"""Grains and walls of a frame drawn to scale, colored by a quantity, with streamlines."""
+"""Grains and walls of a frame drawn to scale, colored by a quantity, with streamlines; and so in notebooks."""
 
 from __future__ import annotations
 
+import io
+from importlib.util import find_spec
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -18,11 +20,12 @@ from multicor_cli.plots.style import (
     axis_label,
     color_map,
     draw_picture,
+    house_style,
     rise_formatter,
     rise_label,
     rise_reference,
 )
-from multicor_cli.post.grain_map import GrainMap, GrainScene, images
+from multicor_cli.post.grain_map import GrainMap, GrainScene, grain_map, images
 from multicor_cli.post.quantities import color_range
 from multicor_cli.text import unit_sign
 
@@ -360,6 +363,43 @@ def map_text(table: GrainMap, terminal: Terminal, *, has_streamlines: bool = Tru
     picture = draw_picture(table.scene, lambda axes: draw_values(axes, table, norm, has_streamlines=has_streamlines), terminal)
     unit = "" if table.names else f" [{unit_sign(table.field.unit)}]"
     return f"{picture}\n{table.field.label}{unit} {values}"
+
+
+# ---- Runs and frames in a notebook: a map of their grains, where matplotlib is installed
+
+_DPI = 150  # of a notebook
+
+
+def picture(shown: Any) -> bytes | None:
+    """A map of the last frame of a run, or of a frame, as PNG; None where there is nothing to draw or to draw with.
+
+    Temperatures where there is heat, else speeds.
+
+    Args:
+        shown: `Run` or `Frame`.
+    """
+    run: Any = shown if hasattr(shown, "frames") else _Single(shown)
+    if not len(run.frames.time) or not len(run.frames[-1].position) or find_spec("matplotlib") is None:
+        return None
+    table = grain_map(run, "temperature" if run.frames[-1].has_heat else "speed")
+    with house_style():
+        from matplotlib.figure import Figure
+
+        figure, buffer = Figure(), io.BytesIO()
+        draw_map(place_scene(figure, table.scene), table)
+        figure.savefig(buffer, dpi=_DPI, format="png", bbox_inches="tight", pad_inches=0.05)
+    return buffer.getvalue()
+
+
+class _Single:
+    """A frame as a run of one frame."""
+
+    def __init__(self, frame: Any) -> None:
+        self.model, self.frames = frame.model, self
+        self.time, self.stage, self._frame = np.array([frame.time]), np.array([frame.stage]), frame
+
+    def __getitem__(self, index: int) -> Any:
+        return self._frame
 
 
 FIGURES = {GrainMap: Renderer(lambda _: (COLUMN, COLUMN), _fill, map_text)}

@@ -1,4 +1,4 @@
-"""Figure of a profile: the field across, the height upwards, as one looks at the grains."""
+"""Figures over the height: profiles, alone and of two runs, and θ against η."""
 
 from __future__ import annotations
 
@@ -9,6 +9,7 @@ import numpy as np
 from multicor_cli.plots.style import (
     COLORS,
     COLUMN,
+    PAGE,
     Renderer,
     Terminal,
     TextLine,
@@ -20,8 +21,10 @@ from multicor_cli.plots.style import (
     rise_label,
     rise_reference,
 )
-from multicor_cli.post import ProfileSet, ProfileTable
+from multicor_cli.post import Comparison, ProfilePair, ProfileSet, ProfileTable, ThetaTable
 from multicor_cli.text import unit_sign
+
+# ---- Profiles: the field across, the height upwards, as one looks at the grains
 
 
 def _fill(figure: Any, profiles: ProfileSet) -> None:
@@ -92,11 +95,120 @@ def profiles_text(profiles: ProfileSet, _terminal: Terminal) -> str:
     return draw_text(lines, f"{label} [{unit_sign(first.units[1])}]", f"height y [{first.units[0]}]")
 
 
+# ---- The profiles of two runs, and beside each the difference over its standard error
+
+
+def draw_comparison(figure: Any, comparison: Comparison) -> None:
+    """Draw two panels for each profile into a matplotlib figure."""
+    grid = figure.subplots(len(comparison.profiles), 2, squeeze=False, sharey=True, width_ratios=(2.0, 1.0))
+    for (left, right), pair in zip(grid, comparison.profiles.values(), strict=True):
+        _draw_pair(left, pair, comparison.names)
+        _draw_ratio(right, pair)
+
+
+def _draw_pair(axes: Any, pair: ProfilePair, names: tuple[str, str]) -> None:
+    for color, marker, table, name in zip(COLORS, "os", (pair.first, pair.second), names, strict=False):
+        y = table.y / table.height
+        draw_with_errors(axes, table.value, y, table.error, marker, names=(name, "", ""), color=color)
+    across = axis_labels(pair.first)[0]
+    tables = (pair.first, pair.second)
+    values = np.concatenate([table.value for table in tables])
+    low, high = float(np.nanmin(values, initial=np.inf)), float(np.nanmax(values, initial=-np.inf))
+    reference = rise_reference(pair.first.units[1], low, high)
+    if reference is not None:
+        across = rise_label(pair.first.field.label, pair.first.field.symbol, reference)
+        axes.xaxis.set_major_formatter(rise_formatter(reference))
+    axes.locator_params(axis="x", nbins=5)
+    axes.set_xlabel(across)
+    axes.set_ylabel("height $y/H$ [–]")
+    axes.set_ylim(0.0, 1.0)
+    if reference is None:
+        axes.ticklabel_format(axis="x", scilimits=(-3, 4), useMathText=True)
+    axes.legend(loc="best")
+
+
+def _draw_ratio(axes: Any, pair: ProfilePair) -> None:
+    known = np.isfinite(pair.ratio)
+    axes.axvspan(-2.0, 2.0, color="0.9", linewidth=0.0, zorder=0)
+    axes.axvline(0.0, color="0.4", linewidth=0.6)
+    axes.plot(pair.ratio[known], pair.y[known], "o-", color="0.15", markeredgewidth=0.0, linewidth=0.7)
+    axes.set_xlabel("difference / standard error [–]")
+    if not known.any():
+        axes.text(0.5, 0.9, "no standard errors:\ntoo few frames", ha="center", va="center", fontsize=7.0, transform=axes.transAxes)
+    elif not known.all():
+        axes.set_title(f"known in {pair.note}", fontsize=7.0)
+    limit = max(3.0, 1.1 * float(np.abs(pair.ratio[known]).max(initial=0.0)))
+    axes.set_xlim(-limit, limit)
+
+
+def comparison_text(comparison: Comparison, _terminal: Terminal) -> str:
+    """The profiles of two runs, one chart for each field."""
+    charts = []
+    for pair in comparison.profiles.values():
+        tables = zip((pair.first, pair.second), comparison.names, strict=True)
+        lines = [TextLine(name, table.value, table.y / table.height) for table, name in tables]
+        charts.append(draw_text(lines, f"{pair.first.field.label} [{unit_sign(pair.first.field.unit)}]", "height y/H [–]"))
+    return "\n\n".join(charts)
+
+
+# ---- θ against η: the grains as faint points, the means of the bins with their spread
+
+_NOTHING = 0.005
+"""Mean θ that cannot be told from 0 in a figure."""
+
+_WARM = 0.5
+"""θ of the coldest grain above which the axis does not begin at 0."""
+
+
+def draw_theta_eta(axes: Any, table: ThetaTable) -> None:
+    """Draw θ against η into matplotlib axes."""
+    size = 4.0 if table.eta.size < 1000 else 1.5
+    axes.plot(table.eta, table.theta, ".", color="0.65", markersize=size, markeredgewidth=0.0, rasterized=True)
+    axes.plot([], [], ".", color="0.65", markersize=4.0, markeredgewidth=0.0, label="grains")
+    known = np.isfinite(table.mean)
+    axes.errorbar(
+        table.center[known],
+        table.mean[known],
+        yerr=table.spread[known],
+        fmt="o-",
+        color=COLORS[0],
+        markeredgewidth=0.0,
+        markersize=2.5,
+        linewidth=0.8,
+        elinewidth=0.6,
+        capsize=1.2,
+        capthick=0.6,
+        label="mean and standard deviation",
+    )
+    axes.set_xlabel(r"distance from the wall $\eta = y/H$ [–]")
+    axes.set_ylabel(r"temperature $\theta = (T - T_0)/(T_\mathrm{wall} - T_0)$ [–]")
+    axes.set_xlim(0.0, _shown(table))
+    low, high = float(table.theta.min()), float(table.theta.max())
+    # From 0 to 1, unless all grains are so warm that there would be nothing to see below them.
+    axes.set_ylim(min(0.0, low) if low < _WARM else low - 0.1 * (max(1.0, high) - low), max(1.0, high))
+    axes.legend(loc="best")
+
+
+def _shown(table: ThetaTable) -> float:
+    """η up to which there is something to see: a quarter beyond the last bin that differs from the reference."""
+    changed = np.flatnonzero(np.abs(np.nan_to_num(table.mean)) > _NOTHING)
+    return min(1.0, 1.25 * float(table.center[changed[-1]]) + 0.02) if changed.size else 1.0
+
+
+def theta_eta_text(table: ThetaTable, _terminal: Terminal) -> str:
+    """Mean θ of the bins against η."""
+    return draw_text([TextLine("", table.center, table.mean)], "eta [–]", "theta [–]")
+
+
 FIGURES = {
     ProfileSet: Renderer(lambda table: (COLUMN, COLUMN if len(table.tables) > 1 else 0.9 * COLUMN), _fill, profiles_text),
     ProfileTable: Renderer(
         lambda _: (COLUMN, 0.9 * COLUMN),
         lambda figure, table: draw_profile(figure.add_subplot(), table),
         lambda table, terminal: profiles_text(ProfileSet(table.field.name, (table,)), terminal),
+    ),
+    Comparison: Renderer(lambda table: (PAGE, 0.85 * COLUMN * len(table.profiles)), draw_comparison, comparison_text),
+    ThetaTable: Renderer(
+        lambda _: (COLUMN, 0.8 * COLUMN), lambda figure, table: draw_theta_eta(figure.add_subplot(), table), theta_eta_text
     ),
 }

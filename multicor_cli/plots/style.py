@@ -399,6 +399,12 @@ def _frame(area: NDArray[np.str_], low: Floats, high: Floats, x_label: str, y_la
 
 # ---- The figure of a table: tables of `post/NAME.py` are drawn by `plots/NAME.py`, whose `FIGURES` says how
 
+_DRAWN_IN = {
+    **dict.fromkeys(("crossings", "energy", "region", "rheology"), "over_time"),
+    **dict.fromkeys(("compare", "theta_eta"), "profile"),
+}
+"""Modules that draw tables of several others."""
+
 
 class Renderer(NamedTuple):
     """How a table is drawn: how large a figure of it is [inch], into a figure of matplotlib, and as text for a terminal."""
@@ -433,5 +439,5 @@ def show(table: Any, terminal: Terminal, **options: Any) -> str:
 
 def _ways(table: Any) -> Renderer:
     name = type(table).__module__.rpartition(".")[2]
-    figures: dict[type, Renderer] = import_module(f"multicor_cli.plots.{name}").FIGURES
+    figures: dict[type, Renderer] = import_module(f"multicor_cli.plots.{_DRAWN_IN.get(name, name)}").FIGURES
     return figures[type(table)]

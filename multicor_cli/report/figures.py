@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from multicor_cli.checks.books import CLOSURE_LIMIT
 from multicor_cli.model.model import Floats
 from multicor_cli.optional import MissingLibrary
-from multicor_cli.plots.energy import COLOR_OF
+from multicor_cli.plots.over_time import COLOR_OF
 from multicor_cli.plots.profile import draw_profile
 from multicor_cli.plots.style import COLORS, house_style, rise_formatter, rise_label, rise_reference
 from multicor_cli.post import PostError, Selection, profile

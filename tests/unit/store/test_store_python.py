@@ -120,5 +120,5 @@ def test_a_notebook_shows_a_map(warm: Run, small: Run) -> None:
 
 
 def test_without_matplotlib_there_is_no_map(small: Run, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("multicor_cli.plots.notebook.find_spec", lambda name: None)
+    monkeypatch.setattr("multicor_cli.plots.grain_map.find_spec", lambda name: None)
     assert picture(small) is None
