@@ -117,6 +117,12 @@ def test_profile_agrees_with_plain_loops(run: Run, of: str, frames: slice, count
     scale = np.nanmax(np.abs(value))
     assert table.value == pytest.approx(value, rel=1e-9, abs=1e-10 * scale, nan_ok=True)
     assert table.error == pytest.approx(error, rel=1e-7, abs=1e-9 * scale, nan_ok=True)
+    if PROFILED[of].kind != "rate":
+        looked_at = [run.frames[k] for k in chosen]
+        covered = [areas(f.position[:, 1], run.model.grains.radius, layer(run, f, count, edge).edges) for f in looked_at]
+        assert table.area == pytest.approx(np.mean(covered, axis=0).sum(axis=0))
+    if len(chosen) < 5 and np.isfinite(error).any():
+        assert "too few frames for good errors of" in table.note
     spans = [1.6 + f.wall_position[1, 1] - 0.4 - f.wall_position[0, 1] for f in (run.frames[k] for k in chosen)]
     assert table.height == pytest.approx(np.mean(spans))
     assert table.width == pytest.approx((np.mean(spans) - 2.0 * edge) / count)

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from pathlib import Path
-
 import numpy as np
 import pytest
 from heat_run import GRAINS, write_heated_run
 
-from multicor_cli.plots import PlotError, draw_forces, draw_map, draw_theta_eta, plot
+from multicor_cli.plots import draw_forces, draw_map, draw_theta_eta
 from multicor_cli.plots.forces import line_widths, segments
 from multicor_cli.plots.grain_map import color_scale, place_scene, solid_polygons
 from multicor_cli.plots.style import COLORS, house_style
@@ -123,21 +121,6 @@ def test_theta_eta_shows_grains_and_means(run: Run) -> None:
     assert means.get_ydata() == pytest.approx(table.mean)
     assert r"\eta" in panel.get_xlabel()
     assert panel.get_ylim() == (0.0, 1.0)
-
-
-@pytest.mark.parametrize("suffix", ["png", "svg", "pdf"])
-def test_figures_are_written_and_reproducible(run: Run, tmp_path: Path, suffix: str) -> None:
-    for name in ("a", "b"):
-        plot(grain_map(run, "fluctuation", 1), tmp_path / f"map-{name}.{suffix}")
-        plot(force_network(run), tmp_path / f"forces-{name}.{suffix}")
-        plot(theta_eta(run, wall="top"), tmp_path / f"theta-{name}.{suffix}")
-    for kind in ("map", "forces", "theta"):
-        assert (tmp_path / f"{kind}-a.{suffix}").read_bytes() == (tmp_path / f"{kind}-b.{suffix}").read_bytes()
-
-
-def test_unknown_format_is_refused(run: Run, tmp_path: Path) -> None:
-    with pytest.raises(PlotError, match=r"\.png, \.svg, \.pdf"):
-        plot(grain_map(run, "temperature"), tmp_path / "a.jpg")
 
 
 def test_network_without_forces_is_drawn(run: Run) -> None:

@@ -31,9 +31,11 @@ from multicor_cli.post import (
     energy,
     fields,
     force_distribution,
+    force_network,
     grain_map,
     profiles,
     rheology,
+    theta_eta,
 )
 from multicor_cli.post.grain_map import GrainScene
 from multicor_cli.store import Run, open_run
@@ -191,7 +193,9 @@ def test_figures_are_written_and_reproducible(run: Run, tmp_path: Path) -> None:
         plot(compare(run, run, selection=ALL), tmp_path / f"compare-{name}.svg")
         plot(profiles(run, "stress", ALL), tmp_path / f"stress-{name}.svg")
         plot(make_vortex(300), tmp_path / f"map-{name}.svg")
+        plot(force_network(run), tmp_path / f"forces-{name}.svg")
+        plot(theta_eta(run, wall="top"), tmp_path / f"theta-{name}.svg")
     written = sorted(path.name for path in tmp_path.iterdir())
-    assert len(written) == 14
+    assert len(written) == 18
     for first, second in zip(written[::2], written[1::2], strict=True):
         assert (tmp_path / first).read_bytes() == (tmp_path / second).read_bytes()

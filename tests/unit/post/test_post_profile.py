@@ -53,13 +53,6 @@ def random_source(frames: int = 7, n: int = 60, seed: int = 1) -> Any:
     return make_source(y, radius, rng.normal(y, 0.1))
 
 
-def numeric_area(height: float, radius: float, low: float, high: float) -> float:
-    """Area of a disc between two heights by Gauss–Chebyshev quadrature of its width (second kind)."""
-    a, b = np.clip([low - height, high - height], -radius, radius)
-    angle = np.linspace(np.arcsin(a / radius), np.arcsin(b / radius), 2_001)
-    return float(np.trapezoid(2.0 * radius**2 * np.cos(angle) ** 2, angle))
-
-
 def test_area_below_a_line() -> None:
     """Half a disc, a whole one, none, and the cap of height a/2: a²(2π/3 − √3/4) below."""
     a = np.full(5, 2.0)
@@ -78,12 +71,6 @@ def test_shares_add_up_to_the_area_of_the_discs(discs: list[tuple[float, float]]
     assert shares.bin.max() < count
 
 
-def test_shares_of_a_disc_agree_with_quadrature() -> None:
-    shares = share_discs(np.array([0.37]), np.array([0.3]), 0.0, 0.11, 6)
-    expected = [numeric_area(0.37, 0.3, 0.11 * k, 0.11 * (k + 1)) for k in range(6)]
-    assert np.bincount(shares.bin, weights=shares.area, minlength=6) == pytest.approx(expected, rel=1e-6)
-
-
 def test_uniform_field_is_found_exactly() -> None:
     source = random_source()
     for frame in source.frames:
@@ -93,28 +80,6 @@ def test_uniform_field_is_found_exactly() -> None:
     assert inside.all()
     assert table.value == pytest.approx(-0.3)
     assert table.error == pytest.approx(0.0, abs=1e-15)
-
-
-@pytest.mark.parametrize("bins", [None, 1, 4, 13])
-def test_profile_agrees_with_direct_computation(bins: int | None) -> None:
-    source = random_source()
-    radius = source.model.grains.radius
-    table = profile(source, "velocity", Selection(frames=slice(1, 6)), bins)
-    count = bins or round(1.0 / source.model.mean_diameter)
-    assert table.y.size == count
-    for b in range(count):
-        low, high = b / count, (b + 1) / count
-        area = np.array(
-            [[numeric_area(y, a, low, high) for y, a in zip(f.position[:, 1], radius, strict=True)] for f in source.frames[1:6]]
-        )
-        speed = np.array([f.velocity[:, 0] for f in source.frames[1:6]])
-        assert table.value[b] == pytest.approx((area * speed).sum() / area.sum(), rel=1e-6)
-        assert table.area[b] == pytest.approx(area.sum() / 5, rel=1e-6)
-        rest = np.array([(np.delete(area * speed, k, 0).sum() / np.delete(area, k, 0).sum()) for k in range(5)])
-        value = (area * speed).sum() / area.sum()
-        expected = float(standard_error(5.0 * value - 4.0 * rest))
-        assert table.error[b] == pytest.approx(expected, rel=1e-4, nan_ok=True)
-    assert "too few frames" in table.note
 
 
 def test_linear_profile_of_a_dense_stack() -> None:
