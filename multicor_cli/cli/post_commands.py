@@ -33,10 +33,7 @@ ProfileOf = Annotated[
         autocompletion=listed("profiled", "groups"),
     ),
 ]
-MapOf = Annotated[
-    str,
-    typer.Option("--of", metavar="FIELD", help="What to show: {mapped}.", autocompletion=listed("mapped")),
-]
+MapOf = Annotated[str, typer.Option("--of", metavar="FIELD", help="What to show: {mapped}.", autocompletion=listed("mapped"))]
 Normalized = Annotated[
     bool,
     typer.Option(
@@ -163,12 +160,7 @@ def theta_eta(
     return Shown(table, about, directory, is_detailed=has_grains, content={"has_grains": has_grains})
 
 
-def map_grains(
-    directory: RunPath,
-    of: MapOf = "temperature",
-    frame: OneFrame = -1,
-    has_streamlines: Streamlines = True,
-) -> Shown:
+def map_grains(directory: RunPath, of: MapOf = "temperature", frame: OneFrame = -1, has_streamlines: Streamlines = True) -> Shown:
     """Show a quantity of every grain of one frame: a table of its distribution, the grains as data, a map as figure.
 
     "fluctuation" is the velocity relative to the mean horizontal flow at the height of the grain; "heat" is what friction and
@@ -199,10 +191,7 @@ Margin = Annotated[
 ManyFrames = Annotated[
     Optional[str],  # noqa: UP045
     typer.Option(
-        "--frames",
-        metavar="A:B[:STEP]",
-        help="With --distribution or --angles: the frames to average over.",
-        show_default=False,
+        "--frames", metavar="A:B[:STEP]", help="With --distribution or --angles: the frames to average over.", show_default=False
     ),
 ]
 
@@ -244,12 +233,7 @@ def forces(
 
 
 def rheology(
-    directory: RunPath,
-    start: Start = None,
-    end: End = None,
-    frames: Frames = None,
-    margin: Margin = None,
-    between: Between = None,
+    directory: RunPath, start: Start = None, end: End = None, frames: Frames = None, margin: Margin = None, between: Between = None
 ) -> Shown:
     """Measure the rheology of a layer between two walls that shear it: averages with errors; over time as CSV, JSON and figure.
 
@@ -283,13 +267,7 @@ Place = Annotated[
 ]
 
 
-def region(
-    directory: RunPath,
-    place: Place,
-    start: Start = None,
-    end: End = None,
-    frames: Frames = None,
-) -> Shown:
+def region(directory: RunPath, place: Place, start: Start = None, end: End = None, frames: Frames = None) -> Shown:
     """Measure what is inside a region: solid fraction, coordination, velocity, temperature, stress of contacts and of fluctuations.
 
     The table holds means over the frames and their standard errors, CSV one row per frame, JSON and figure both. Grains count with
@@ -417,11 +395,7 @@ ComparedFields = Annotated[
 ]
 
 
-def energy(
-    directory: RunPath,
-    start: Earliest = None,
-    end: End = None,
-) -> Shown:
+def energy(directory: RunPath, start: Earliest = None, end: End = None) -> Shown:
     """Show the energy books, mechanical and of heat: at the end as a table; over time as CSV, JSON and figure.
 
     They count from the start of the run. The closure is the largest imbalance so far over the sum of all terms.
@@ -487,12 +461,7 @@ SeriesStart = Annotated[
 Line = Annotated[str, typer.Option("--line", metavar="X0,Y0:X1,Y1", help="The line (in m); what crosses to its left is positive.")]
 
 
-def series(
-    directory: RunPath,
-    of: ColumnNames = None,
-    start: SeriesStart = None,
-    end: End = None,
-) -> Shown:
+def series(directory: RunPath, of: ColumnNames = None, start: SeriesStart = None, end: End = None) -> Shown:
     """Show columns of the time series: means, errors and drifts as a table; over time as CSV, JSON and figure."""
     from multicor_cli import post
 
@@ -501,13 +470,7 @@ def series(
     return Shown(table, _span(table.time.size, "row", table.time), directory, figure=None if of else table.overview())
 
 
-def flow(
-    directory: RunPath,
-    line: Line,
-    start: Start = None,
-    end: End = None,
-    frames: Frames = None,
-) -> Shown:
+def flow(directory: RunPath, line: Line, start: Start = None, end: End = None, frames: Frames = None) -> Shown:
     """Measure the flow through a line: grains, mass and area per time, from the grains that cross it from frame to frame."""
     ends = parse_line(line, "--line")
     from multicor_cli import post

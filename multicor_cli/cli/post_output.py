@@ -44,10 +44,7 @@ End = Annotated[
 Frames = Annotated[
     Optional[str],  # noqa: UP045
     typer.Option(
-        "--frames",
-        metavar="A:B[:STEP]",
-        help="Frames instead of times, as in Python: -10: are the last ten.",
-        show_default=False,
+        "--frames", metavar="A:B[:STEP]", help="Frames instead of times, as in Python: -10: are the last ten.", show_default=False
     ),
 ]
 OneFrame = Annotated[int, typer.Option("--frame", metavar="K", help="Number of the frame; -1 is the last one.")]
@@ -185,11 +182,7 @@ def shows_table(command: Callable[..., Shown]) -> Callable[..., None]:
     """Give a command the options of all tables, and let what it returns leave the program as they say."""
 
     def show(
-        is_json: AsJson = False,
-        is_csv: AsCsv = False,
-        plot: FigureFile = None,
-        is_overwriting: OverwriteFigure = False,
-        **own: Any,
+        is_json: AsJson = False, is_csv: AsCsv = False, plot: FigureFile = None, is_overwriting: OverwriteFigure = False, **own: Any
     ) -> None:
         output = TableOutput(is_json, is_csv, plot, is_overwriting=is_overwriting)
         found = command(**own)

@@ -26,12 +26,7 @@ FILE_NAMES = re.compile(r"(grains|contacts|walls)-\d{6,}\.csv|(frames|series)\.c
 
 
 def export_csv(
-    run: Run,
-    path: Path,
-    frames: slice | None = None,
-    *,
-    is_overwriting: bool = False,
-    progress: Progress = no_progress,
+    run: Run, path: Path, frames: slice | None = None, *, is_overwriting: bool = False, progress: Progress = no_progress
 ) -> int:
     """Write the tables of a run into a new directory.
 

@@ -28,12 +28,7 @@ _DEPTH = 1.0
 
 
 def export_gsd(
-    run: Run,
-    path: Path,
-    frames: slice | None = None,
-    *,
-    is_overwriting: bool = False,
-    progress: Progress = no_progress,
+    run: Run, path: Path, frames: slice | None = None, *, is_overwriting: bool = False, progress: Progress = no_progress
 ) -> int:
     """Write frames of a run as a GSD file.
 

@@ -49,12 +49,7 @@ def film_path(path: Path) -> Path:
 
 
 def write_film(
-    maps: Callable[[], Iterator[GrainMap | None]],
-    count: int,
-    path: Path,
-    *,
-    rate: float = 20.0,
-    progress: Progress = no_progress,
+    maps: Callable[[], Iterator[GrainMap | None]], count: int, path: Path, *, rate: float = 20.0, progress: Progress = no_progress
 ) -> Film:
     """Draw maps one after the other into a film. It appears under its name when it is complete.
 

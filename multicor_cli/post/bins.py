@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -59,25 +60,24 @@ def share_discs(y: Floats, radius: Floats, bottom: float, width: float, count: i
     """
     first = np.floor((y - radius - bottom) / width).astype(np.int64)
     last = np.floor((y + radius - bottom) / width).astype(np.int64)
-    pieces = []
+
+    def area(grain: NDArray[np.int64], bin_: NDArray[np.int64]) -> Floats:
+        edge = bottom + bin_ * width - y[grain]
+        return np.maximum(area_below(edge + width, radius[grain]) - area_below(edge, radius[grain]), 0.0)
+
+    return _share(first, last, count, area)
+
+
+def _share(
+    first: NDArray[np.int64], last: NDArray[np.int64], count: int, part: Callable[[NDArray[np.int64], NDArray[np.int64]], Floats]
+) -> Shares:
+    """Shares of what lies in the bins from ``first`` to ``last`` each, with what ``part`` says of numbers and bins."""
+    none = np.zeros(0, np.int64)
+    pieces = [Shares(none, none, np.zeros(0))]
     for step in range(int((last - first).max(initial=-1)) + 1):
-        grain = np.flatnonzero((first + step <= last) & (first + step >= 0) & (first + step < count))
-        if grain.size:
-            pieces.append(_overlap(grain, first[grain] + step, y, radius, bottom, width))
-    return _join(pieces)
-
-
-def _join(pieces: list[Shares]) -> Shares:
-    if not pieces:
-        none = np.zeros(0, np.int64)
-        return Shares(none, none, np.zeros(0))
+        which = np.flatnonzero((first + step <= last) & (first + step >= 0) & (first + step < count))
+        pieces.append(Shares(which, first[which] + step, part(which, first[which] + step)))
     return Shares(*(np.concatenate(column) for column in zip(*pieces, strict=True)))
-
-
-def _overlap(grain: NDArray[np.int64], bin_: NDArray[np.int64], y: Floats, radius: Floats, bottom: float, width: float) -> Shares:
-    edge = bottom + bin_ * width - y[grain]
-    area = area_below(edge + width, radius[grain]) - area_below(edge, radius[grain])
-    return Shares(grain, bin_, np.maximum(area, 0.0))
 
 
 def share_lines(start: Floats, end: Floats, bottom: float, width: float, count: int) -> Shares:
@@ -96,15 +96,13 @@ def share_lines(start: Floats, end: Floats, bottom: float, width: float, count: 
     """
     low, high = (np.minimum(start, end) - bottom) / width, (np.maximum(start, end) - bottom) / width
     first, last = np.floor(low).astype(np.int64), np.floor(high).astype(np.int64)
-    pieces = []
-    for step in range(int((last - first).max(initial=-1)) + 1):
-        line = np.flatnonzero((first + step <= last) & (first + step >= 0) & (first + step < count))
-        if line.size:
-            bin_ = first[line] + step
-            length = np.minimum(high[line], bin_ + 1.0) - np.maximum(low[line], bin_)
-            rise = high[line] - low[line]
-            pieces.append(Shares(line, bin_, np.where(rise > 0.0, length / np.where(rise > 0.0, rise, 1.0), 1.0)))
-    return _join(pieces)
+
+    def part(line: NDArray[np.int64], bin_: NDArray[np.int64]) -> Floats:
+        length = np.minimum(high[line], bin_ + 1.0) - np.maximum(low[line], bin_)
+        rise = high[line] - low[line]
+        return np.where(rise > 0.0, length / np.where(rise > 0.0, rise, 1.0), 1.0)
+
+    return _share(first, last, count, part)
 
 
 def part_between(start: Floats, end: Floats, low: float, high: float) -> Floats:

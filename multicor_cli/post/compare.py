@@ -4,24 +4,16 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple, Protocol
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from multicor_cli.model.model import Floats
 from multicor_cli.post.energy import energy
 from multicor_cli.post.profile import ProfileTable, profile
-from multicor_cli.post.rheology import QUANTITIES, SeriesSource, rheology
-from multicor_cli.post.source import PostError, Selection
+from multicor_cli.post.rheology import QUANTITIES, rheology
+from multicor_cli.post.source import PostError, Selection, SeriesSource
 from multicor_cli.post.table import Column, Table, plain, with_unit
-
-
-class ScenarioSource(SeriesSource, Protocol):
-    """A run with its scenario; `multicor_cli.open_run` gives it."""
-
-    @property
-    def scenario_resolved(self) -> str:
-        """The scenario with all defaults."""
 
 
 class Pair(NamedTuple):
@@ -168,8 +160,8 @@ def _data_of(pair: ProfilePair) -> dict[str, Any]:
 
 
 def compare(
-    first: ScenarioSource,
-    second: ScenarioSource,
+    first: SeriesSource,
+    second: SeriesSource,
     of: Sequence[str] = ("velocity",),
     selection: Selection | None = None,
     bins: int | None = None,
@@ -222,8 +214,8 @@ def _labels(keys: Sequence[tuple[str, str, str]], names: tuple[str, str]) -> tup
     return f"{name} = {first}", f"{name} = {second}"
 
 
-def _sizes(first: ScenarioSource, second: ScenarioSource) -> list[Pair]:
-    kinds: tuple[tuple[str, str, Callable[[ScenarioSource], float]], ...] = (
+def _sizes(first: SeriesSource, second: SeriesSource) -> list[Pair]:
+    kinds: tuple[tuple[str, str, Callable[[SeriesSource], float]], ...] = (
         ("grain_count", "grains", lambda run: run.model.grain_count),
         ("frame_count", "frames", lambda run: np.asarray(run.frames.time).size),
         ("time", "time at the last frame [s]", lambda run: float(np.asarray(run.frames.time)[-1:].sum())),
@@ -231,7 +223,7 @@ def _sizes(first: ScenarioSource, second: ScenarioSource) -> list[Pair]:
     return [Pair(name, label, float(value(first)), float(value(second))) for name, label, value in kinds]
 
 
-def _books(first: ScenarioSource, second: ScenarioSource) -> list[Pair]:
+def _books(first: SeriesSource, second: SeriesSource) -> list[Pair]:
     one, two = energy(first), energy(second)
     ends = [
         (entry.name, entry.label, "J", *(float(table.books[entry.name][-1]) for table in (one, two)))
@@ -244,7 +236,7 @@ def _books(first: ScenarioSource, second: ScenarioSource) -> list[Pair]:
     return [Pair(name, with_unit(label, unit), *values) for name, label, unit, *values in ends]
 
 
-def _rheologies(first: ScenarioSource, second: ScenarioSource, selection: Selection | None) -> list[Pair]:
+def _rheologies(first: SeriesSource, second: SeriesSource, selection: Selection | None) -> list[Pair]:
     """Pairs of the rheology if both runs have one; nothing if one is not sheared between two walls."""
     try:
         one, two = rheology(first, selection), rheology(second, selection)
@@ -266,8 +258,6 @@ def _rheologies(first: ScenarioSource, second: ScenarioSource, selection: Select
     ]
 
 
-def _profiles(
-    first: ScenarioSource, second: ScenarioSource, field: str, selection: Selection | None, bins: int | None
-) -> ProfilePair:
+def _profiles(first: SeriesSource, second: SeriesSource, field: str, selection: Selection | None, bins: int | None) -> ProfilePair:
     one = profile(first, field, selection, bins)
     return ProfilePair(one, profile(second, field, selection, one.y.size))

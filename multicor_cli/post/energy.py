@@ -2,30 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import Any
 
 import numpy as np
-from numpy.typing import NDArray
 
-from multicor_cli.post.source import PostError, within
+from multicor_cli.post.source import PostError, SeriesSource, within
 from multicor_cli.post.table import Column, Quantity, Table, TimeTable, values_of_quantities
 from multicor_cli.text import choices
 
-if TYPE_CHECKING:
-    from multicor_cli.store.frames import NamedColumn
-
 # ---- The energy books
-
-
-class SeriesHolder(Protocol):
-    """What has a time series; `multicor_cli.open_run` gives it."""
-
-    @property
-    def series(self) -> Mapping[str, NDArray[Any]]:
-        """The time series by name."""
 
 
 @dataclass(frozen=True)
@@ -85,7 +73,7 @@ class EnergyTable(Table):
     """
 
 
-def energy(source: SeriesHolder, start: float | None = None, end: float | None = None) -> EnergyTable:
+def energy(source: SeriesSource, start: float | None = None, end: float | None = None) -> EnergyTable:
     """The energy books over time; they count from the start of the run whatever part of it is looked at.
 
     Args:
@@ -147,14 +135,6 @@ MOST_LINES = 6
 """Lines of one unit that a figure can tell apart."""
 
 
-class ColumnHolder(Protocol):
-    """What has a time series with named columns; `multicor_cli.open_run` gives it."""
-
-    @property
-    def series_columns(self) -> list[NamedColumn]:
-        """The columns."""
-
-
 class SeriesTable(TimeTable):
     """Columns of a time series. What a row has of forces and powers is a mean over the time since the row before."""
 
@@ -188,7 +168,7 @@ class SeriesTable(TimeTable):
         ]
 
 
-def series(source: ColumnHolder, of: Sequence[str] = (), start: float | None = None, end: float | None = None) -> SeriesTable:
+def series(source: SeriesSource, of: Sequence[str] = (), start: float | None = None, end: float | None = None) -> SeriesTable:
     """Columns of the time series.
 
     Args:

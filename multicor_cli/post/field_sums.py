@@ -127,7 +127,7 @@ def _refuse_many(count: float, spacing: float) -> None:
 
 _PAIRS = 2_000_000  # pairs of a source and a point that are looked at together
 _MOST_CELLS = 1000  # along x and along y, however short the kernel is
-_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(6)
+_NODES = 6  # of Gauss's quadrature along a line
 
 
 class _Pairs(NamedTuple):
@@ -197,7 +197,8 @@ class CoarseGrid:
             values: What each carries in all, shape ``(n, q)``.
         """
         total = np.zeros((len(self.points), values.shape[1]))
-        for node, weight in zip(0.5 * (1.0 + _NODES), 0.5 * _WEIGHTS, strict=True):
+        nodes, weights = np.polynomial.legendre.leggauss(_NODES)
+        for node, weight in zip(0.5 * (1.0 + nodes), 0.5 * weights, strict=True):
             at = start + node * branch
             if self._period > 0.0:
                 at[:, 0] %= self._period

@@ -3,10 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any, Protocol
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -16,7 +15,7 @@ from multicor_cli.model.model import Floats
 from multicor_cli.post.bins import Between, Extent, area_below, find_extent, heights, make_bins, part_between
 from multicor_cli.post.contacts import LoadedContacts, has_forces, loaded_contacts
 from multicor_cli.post.flow import MeanFlow, mean_flow
-from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Selection, model_of, need_same_grains
+from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Selection, SeriesSource, model_of, need_same_grains
 from multicor_cli.post.sums import Spread, pseudo_values, spread
 from multicor_cli.post.table import Quantity, TimeTable
 
@@ -179,14 +178,6 @@ def _normal_sums(contacts: LoadedContacts, start: Floats, edges: tuple[float, fl
 
 
 # ---- What is measured there, and its averages
-
-
-class SeriesSource(FrameSource, Protocol):
-    """A run with its time series; `multicor_cli.open_run` gives it."""
-
-    @property
-    def series(self) -> Mapping[str, NDArray[Any]]:
-        """The time series by name."""
 
 
 QUANTITIES = (

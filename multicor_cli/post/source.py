@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -12,7 +13,7 @@ from multicor_cli.model.model import Floats, Model
 from multicor_cli.store.errors import NoFrame, frame_number
 
 if TYPE_CHECKING:
-    from multicor_cli.store.frames import Contacts
+    from multicor_cli.store.frames import Contacts, NamedColumn
 
 
 class PostError(Exception):
@@ -98,6 +99,22 @@ class FrameSource(Protocol):
     @property
     def frames(self) -> FrameSequence:
         """The frames."""
+
+
+class SeriesSource(FrameSource, Protocol):
+    """A run with its time series and its scenario; `multicor_cli.open_run` gives it."""
+
+    @property
+    def series(self) -> Mapping[str, NDArray[Any]]:
+        """The time series by name."""
+
+    @property
+    def series_columns(self) -> list[NamedColumn]:
+        """The time series as columns with names and units."""
+
+    @property
+    def scenario_resolved(self) -> str:
+        """The scenario with all defaults."""
 
 
 def model_of(source: FrameSource, frame: GrainFrame) -> Model:

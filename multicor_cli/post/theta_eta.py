@@ -9,16 +9,7 @@ from numpy.typing import NDArray
 
 from multicor_cli.model.model import Floats
 from multicor_cli.post.bins import BIN_LIMIT, wall_spans
-from multicor_cli.post.source import (
-    FrameSource,
-    GrainFrame,
-    PostError,
-    Selection,
-    frame_index,
-    model_of,
-    need_grains,
-    need_heat,
-)
+from multicor_cli.post.source import FrameSource, GrainFrame, PostError, Selection, frame_index, model_of, need_grains, need_heat
 from multicor_cli.post.sums import scatter
 from multicor_cli.post.table import Column, Table
 from multicor_cli.text import choices

@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import json
+import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from dataclasses import replace
 from pathlib import Path
@@ -259,6 +261,27 @@ def test_a_table_holds_what_the_run_does(walled: tuple[Walled, Run], name: str) 
 
 def test_every_command_is_tried() -> None:
     assert {name.split()[0] for name in TABLES} | {"animate"} == set(COMMANDS)
+
+
+HEAVY = (
+    "matplotlib", "multicor_cli.engine.contact", "multicor_cli.packing", "numba", "numpy.polynomial", "pandas", "scipy",
+    "simpleeval",
+)  # fmt: skip
+"""What a table without a figure, and an export of frames, do not load: a shell waits for it."""
+
+
+@pytest.mark.parametrize(
+    "words",
+    ["post energy RUN", "post profile RUN", "post rheology RUN", "post series RUN", "post forces RUN", "export csv RUN -o csv"],
+)
+def test_reading_loads_nothing_heavy(finished: Path, tmp_path: Path, words: str) -> None:
+    said = f"import sys; sys.argv[1:] = {words.replace('RUN', str(finished)).split()}\n"
+    script = said + (
+        "from multicor_cli.cli.app import main\ntry: main()\n"
+        f"finally: print([name for name in {HEAVY} if name in sys.modules], file=sys.stderr)"
+    )
+    done = subprocess.run([sys.executable, "-c", script], cwd=tmp_path, capture_output=True, text=True, check=False)
+    assert done.stderr.splitlines()[-1] == "[]", done.stderr
 
 
 # --- runs with hardly anything in them: no crash

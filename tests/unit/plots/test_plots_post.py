@@ -9,15 +9,7 @@ import numpy as np
 import pytest
 from heat_run import write_heated_run
 
-from multicor_cli.plots import (
-    draw_angles,
-    draw_comparison,
-    draw_distribution,
-    draw_energy,
-    draw_map,
-    draw_rheology,
-    plot,
-)
+from multicor_cli.plots import draw_angles, draw_comparison, draw_distribution, draw_energy, draw_map, draw_rheology, plot
 from multicor_cli.plots.fields import _draw_mesh
 from multicor_cli.plots.grain_map import place_scene, smooth_field
 from multicor_cli.plots.style import house_style

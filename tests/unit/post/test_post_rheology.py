@@ -63,11 +63,7 @@ def make_series(frames: int, sign: float) -> dict[str, np.ndarray]:
     force = np.zeros((rows, 2, 3))
     force[:, 0, 0], force[:, 1, 0] = shear, -shear
     force[:, 0, 1], force[:, 1, 1] = -PRESS, PRESS
-    return {
-        "time": LAPSE / 10.0 * np.arange(1, rows + 1),
-        "window_duration": np.full(rows, LAPSE / 10.0),
-        "wall_force": force,
-    }
+    return {"time": LAPSE / 10.0 * np.arange(1, rows + 1), "window_duration": np.full(rows, LAPSE / 10.0), "wall_force": force}
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
