@@ -10,12 +10,12 @@ from numpy.typing import NDArray
 
 from multicor_cli.engine.contact.sweep import System
 from multicor_cli.engine.contact.system import flatten
-from multicor_cli.model.columns import BIAS, FIRST, MU, NORMAL, NX, NY, SECOND, TANGENTIAL
+from multicor_cli.model.columns import BIAS, FIRST, MU, NORMAL, NX, NY, SECOND, SLIDE, TANGENTIAL
 from multicor_cli.model.model import Floats
 
 
 class Assembly(NamedTuple):
-    """``u = Hᵀ v`` and ``v = v_free + M⁻¹ H p``, diagonal contacts first.
+    """``u = Hᵀ v − (0, s)`` and ``v = v_free + M⁻¹ H p``, diagonal contacts first.
 
     Attributes:
         normal: Rows of Hᵀ that give u_n, shape ``(c, 3 b)``.
@@ -23,6 +23,7 @@ class Assembly(NamedTuple):
         inverse: Diagonal of M⁻¹, shape ``(3 b,)``.
         bias: b, shape ``(c,)`` [m/s].
         friction: μ, shape ``(c,)``.
+        slide: s, by which surfaces of walls run ahead of them, shape ``(c,)`` [m/s]; 0 where a body of the system runs with it.
     """
 
     normal: Any
@@ -30,6 +31,7 @@ class Assembly(NamedTuple):
     inverse: Floats
     bias: Floats
     friction: Floats
+    slide: Floats
 
     def push(self, impulse: Floats) -> Floats:
         """Change of the velocities by impulses, shape ``(b, 3)``."""
@@ -39,7 +41,7 @@ class Assembly(NamedTuple):
     def relative(self, velocity: Floats) -> tuple[Floats, Floats]:
         """u_n + b and u_t that go with velocities of shape ``(b, 3)``."""
         flat = velocity.ravel()
-        return np.asarray(self.normal @ flat + self.bias), np.asarray(self.tangent @ flat)
+        return np.asarray(self.normal @ flat + self.bias), np.asarray(self.tangent @ flat - self.slide)
 
 
 def assemble(s: System) -> Assembly:
@@ -60,7 +62,8 @@ def assemble(s: System) -> Assembly:
         rows = np.tile(np.arange(count), 6)
         shape = (count, 3 * bodies)
         matrices.append(sparse.csr_matrix((np.concatenate(values), (rows, np.concatenate(places))), shape=shape))
-    return Assembly(matrices[0], matrices[1], _inverse_masses(s).ravel(), bias, friction)
+    slide = np.concatenate([np.zeros(diagonals), s.general_frame[:, SLIDE]])
+    return Assembly(matrices[0], matrices[1], _inverse_masses(s).ravel(), bias, friction, slide)
 
 
 def _inverse_masses(s: System) -> Floats:

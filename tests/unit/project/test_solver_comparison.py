@@ -10,6 +10,7 @@ from places import DATA, ROOT
 
 from multicor_cli import run
 from multicor_cli.engine import ContactProblem, Settings, solve_contacts
+from multicor_cli.engine.contact.problem import _disc_system, _general_system, free_velocity
 from multicor_cli.engine.contact.system import flatten
 from multicor_cli.model.columns import INVERSE_MASS
 
@@ -104,6 +105,27 @@ def test_impulses_by_contact_and_in_batches_are_the_same():
     assert all_impulses(system).tolist() == impulse.tolist()
     assert flatten(system).impulse.tolist() == impulse.tolist()
     assert system.velocity[:, :INVERSE_MASS] == pytest.approx(free[:, :INVERSE_MASS] + assemble(system).push(impulse), abs=1e-12)
+
+
+@pytest.mark.parametrize("is_diagonal", [True, False])
+def test_matrices_give_the_velocities_of_surfaces_that_run(is_diagonal):
+    """Two grains lie on a belt and against each other: u = Hᵀ v less the speed of the belt, whatever form the contacts have."""
+    from methods.assembly import assemble
+
+    rng = np.random.default_rng(5)
+    pair, angles = np.array([[0, 1], [0, 2], [1, 2]]), rng.uniform(0.0, 6.0, 3)
+    normal = np.column_stack([np.cos(angles), np.sin(angles)])
+    inverse = np.array([[2.0, 2.0, 5.0], [3.0, 3.0, 7.5 if is_diagonal else 9.0], [0.0, 0.0, 0.0]])
+    lever = np.stack([-normal, normal], axis=1)
+    slide, velocity = np.array([0.0, 0.7, -0.4]), rng.uniform(-1.0, 1.0, (3, 3))
+    problem = ContactProblem(inverse, velocity, pair, normal, lever, rng.uniform(size=3), np.full(3, 0.5), slide=slide)
+    discs = _disc_system(problem, np.zeros((3, 2)))
+    system = _general_system(problem, np.zeros((3, 2))) if discs is None else discs[0]
+    assert (discs is not None) == is_diagonal
+    u_n, u_t = assemble(system).relative(system.velocity[:, :INVERSE_MASS])
+    rows = np.column_stack([u_n - problem.bias, u_t])
+    slots = system.slot[system.slot >= 0] if is_diagonal else np.arange(3)
+    assert rows[np.argsort(slots)] == pytest.approx(free_velocity(problem), abs=1e-12)
 
 
 def test_the_engine_does_the_same_when_it_is_watched():
