@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 import os
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Annotated, Any, TextIO
 
@@ -15,6 +15,7 @@ from typer.core import TyperGroup
 from multicor_cli import __version__
 from multicor_cli.cli import bench_command, post_commands, reading_commands, run_command, scenario_commands, study_commands
 from multicor_cli.cli.guard import USAGE_ERROR, guarded
+from multicor_cli.cli.options import ListingCommand
 from multicor_cli.text import brief, printable, unwrapped
 
 
@@ -67,24 +68,22 @@ def options(
     """Options before a command."""
 
 
-def _told(function: Callable[..., Any]) -> Callable[..., Any]:
-    """A command as the terminal has it: what fails is a message, and its help is as wide as the terminal, not as its source."""
-    command = guarded(function)
-    command.__doc__ = unwrapped(function.__doc__ or "")
-    return command
+def _add(commands: Mapping[str, Any], to: typer.Typer) -> None:
+    """Add commands: what fails is a message, and help is as wide as the terminal, not as its source."""
+    for name, function in commands.items():
+        command = guarded(function)
+        command.__doc__ = unwrapped(function.__doc__ or "")
+        to.command(name, cls=ListingCommand)(command)
 
 
-for register in (
-    scenario_commands.register,
-    run_command.register,
-    study_commands.register,
-    reading_commands.register,
-    post_commands.register,
-    reading_commands.register_export,
-    reading_commands.register_report,
-    bench_command.register,
+_add({**scenario_commands.COMMANDS, "run": run_command.run, **reading_commands.COMMANDS, "bench": bench_command.bench}, app)
+for name, group, commands in (
+    ("study", study_commands.group, study_commands.COMMANDS),
+    ("post", post_commands.group, post_commands.COMMANDS),
+    ("export", reading_commands.export, reading_commands.EXPORTS),
 ):
-    register(app, _told)
+    _add(commands, group)
+    app.add_typer(group, name=name)
 
 
 def main() -> None:

@@ -5,23 +5,23 @@ from __future__ import annotations
 import time
 from dataclasses import replace
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Optional
+from typing import TYPE_CHECKING, Annotated
 
 import typer
 
 from multicor_cli.cli.console import emit_json, emit_table, say
-from multicor_cli.cli.options import ListingCommand, listed
+from multicor_cli.cli.options import listed
 from multicor_cli.running.outcome import ExitCode
 
 if TYPE_CHECKING:
     from multicor_cli.bench.measuring import Result, Task
 
 SceneNames = Annotated[
-    Optional[list[str]],  # noqa: UP045  (evaluated by typer)
+    list[str] | None,
     typer.Argument(metavar="[SCENE]...", help="Scenes: {scenes}; all if none is named.", autocompletion=listed("scenes")),
 ]
 Grains = Annotated[
-    Optional[list[int]],  # noqa: UP045
+    list[int] | None,
     typer.Option("--grains", metavar="N", min=100, max=10_000_000, help="Number of grains; may be given several times."),
 ]
 Threads = Annotated[int, typer.Option("--threads", min=0, max=1024, help="Number of threads; 0 takes all cores.")]
@@ -31,11 +31,11 @@ Quick = Annotated[bool, typer.Option("--quick", help="The few scenes that CI mea
 Compilation = Annotated[bool, typer.Option("--compilation", help="Measure compilation too, with an empty cache.")]
 AsJson = Annotated[bool, typer.Option("--json", help="Print everything as JSON.")]
 RecordFile = Annotated[
-    Optional[Path],  # noqa: UP045
+    Path | None,
     typer.Option("--record", metavar="FILE", help="Measure three seeds, write the medians into FILE.", show_default=False),
 ]
 CompareFile = Annotated[
-    Optional[Path],  # noqa: UP045
+    Path | None,
     typer.Option("--compare", metavar="FILE", help="Fail if worse than in FILE by more than the margins.", show_default=False),
 ]
 
@@ -110,8 +110,3 @@ def _slower(tasks: list[Task], results: list[Result], known: dict[str, dict[str,
         say(f"looks slower, measuring again with another seed: {line}")
     others = run_benchmark([replace(task, seed=task.seed + 1) for task in again], has_compilation=False, say=say).results
     return slower_twice(results, others, known)
-
-
-def register(app: typer.Typer, wrap: Any) -> None:
-    """Add the command."""
-    app.command("bench", cls=ListingCommand)(wrap(bench))

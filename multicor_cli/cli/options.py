@@ -6,7 +6,7 @@ import contextlib
 from collections.abc import Callable, Iterable
 from importlib import import_module
 from pathlib import Path
-from typing import Annotated, Any, Optional
+from typing import Annotated, Any
 
 import typer
 from typer.core import TyperCommand
@@ -30,7 +30,7 @@ ScenarioFile = Annotated[Path, typer.Argument(metavar="SCENARIO.toml", help="Sce
 RunPath = Annotated[Path, typer.Argument(metavar="DIR", help="Run directory, or a results.h5 on its own.", show_default=False)]
 
 Overrides = Annotated[
-    Optional[list[str]],  # noqa: UP045  (evaluated by typer)
+    list[str] | None,
     typer.Option(
         "--set",
         metavar="KEY=VALUE",

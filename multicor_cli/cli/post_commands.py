@@ -13,7 +13,7 @@ import typer
 from multicor_cli import store
 from multicor_cli.cli import options
 from multicor_cli.cli.console import say, show_progress
-from multicor_cli.cli.options import ListingCommand, RunPath, listed, output_option
+from multicor_cli.cli.options import RunPath, listed, output_option
 from multicor_cli.cli.post_output import Between, Bins, End, Frames, OneFrame, Shown, Start, parse_frames, selected, shows_table
 from multicor_cli.text import count_noun
 
@@ -556,10 +556,3 @@ COMMANDS = {
     "animate": animate,
 }
 """Commands by name."""
-
-
-def register(app: typer.Typer, wrap: Any) -> None:
-    """Add the commands."""
-    for name, command in COMMANDS.items():
-        group.command(name, cls=ListingCommand)(wrap(command))
-    app.add_typer(group, name="post")

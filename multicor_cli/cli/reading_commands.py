@@ -5,7 +5,7 @@ from __future__ import annotations
 import contextlib
 from collections.abc import Iterator
 from pathlib import Path
-from typing import Annotated, Any, Optional
+from typing import Annotated, Any
 
 import typer
 
@@ -203,21 +203,14 @@ def _text(value: Any, unit: str = "") -> str:
     return (f"{value:.4g}" if isinstance(value, float) else str(value)) + unit
 
 
-def register(app: typer.Typer, wrap: Any) -> None:
-    """Add the commands."""
-    app.command("info")(wrap(info))
-    app.command("verify")(wrap(verify))
-    app.command("doctor")(wrap(doctor))
-
-
 # ---- Command `report`: one HTML page about a run
 
 PageFile = Annotated[
-    Optional[Path],  # noqa: UP045  (evaluated by typer)
+    Path | None,
     output_option(metavar="FILE.html", help="File to write.", show_default="DIR-report.html beside DIR"),
 ]
 FrameLimit = Annotated[
-    Optional[int],  # noqa: UP045
+    int | None,
     typer.Option("--frames", metavar="N", min=1, help="Largest number of frames in it.", show_default="as many as fit in 30 MB"),
 ]
 OverwritePage = Annotated[bool, typer.Option("--overwrite", help="Replace the file if it is a report.")]
@@ -239,11 +232,6 @@ def report(directory: RunPath, output: PageFile = None, frames: FrameLimit = Non
         say(f"without figures: they need matplotlib: {LIBRARIES['matplotlib'].remedy}")
     contacts = "" if done.contact_limit is None else f", with the {done.contact_limit} strongest contacts of each"
     say(f"wrote {done.path}: {format_bytes(done.size)}, {done.frames} of {done.frame_count} frames{contacts}")
-
-
-def register_report(app: typer.Typer, wrap: Any) -> None:
-    """Add the command."""
-    app.command("report")(wrap(report))
 
 
 # ---- Commands `export …`: frames of a run in the formats of other programs
@@ -314,8 +302,5 @@ def _may_be_left() -> Iterator[None]:
         yield
 
 
-def register_export(app: typer.Typer, wrap: Any) -> None:
-    """Add the commands."""
-    for name, command in {"gsd": to_gsd, "csv": to_csv, "fclib": to_fclib}.items():
-        export.command(name)(wrap(command))
-    app.add_typer(export, name="export")
+COMMANDS = {"info": info, "verify": verify, "doctor": doctor, "report": report}
+EXPORTS = {"gsd": to_gsd, "csv": to_csv, "fclib": to_fclib}

@@ -7,7 +7,7 @@ import shlex
 import time
 from collections.abc import Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, NamedTuple, Optional
+from typing import TYPE_CHECKING, Annotated, NamedTuple
 
 import typer
 
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
     from multicor_cli.scenario.scenario import Scenario
 
 Directory = Annotated[
-    Optional[Path],  # noqa: UP045  (evaluated by typer)
+    Path | None,
     output_option(metavar="DIR", help="Run directory.", show_default="runs/NAME"),
 ]
 Threads = Annotated[
@@ -34,7 +34,7 @@ Threads = Annotated[
     ),
 ]
 MaxHours = Annotated[
-    Optional[float],  # noqa: UP045  (evaluated by typer)
+    float | None,
     typer.Option(
         "--max-hours", min=0.0, metavar="H", help="Stop after this time with a checkpoint and exit code 75.", show_default=False
     ),
@@ -160,8 +160,3 @@ def _dry_run(job: _Job) -> None:
     took = format_seconds(time.monotonic() - started)
     state_of = "converged" if report.converged else "not converged"
     say(f"one step with compilation: {took}; {report.contacts} loaded contacts, {report.sweeps:.0f} sweeps, {state_of}")
-
-
-def register(app: typer.Typer, wrap: Any) -> None:
-    """Add the command."""
-    app.command("run")(wrap(run))

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Annotated, Any, NamedTuple
 import typer
 
 from multicor_cli.cli.console import Strict, checks_as_json, emit, emit_json, emit_pairs, format_seconds, refuse_bad, say, show_all
-from multicor_cli.cli.options import ListingCommand, Overrides, ScenarioFile, listed
+from multicor_cli.cli.options import Overrides, ScenarioFile, listed
 from multicor_cli.running.outcome import ExitCode
 from multicor_cli.text import count_noun, format_bytes
 
@@ -211,8 +211,5 @@ def _lines(run: Prepared) -> list[tuple[str, str]]:
     return lines
 
 
-def register(app: typer.Typer, wrap: Any) -> None:
-    """Add the commands."""
-    app.command("new", cls=ListingCommand)(wrap(new))
-    app.command("validate")(wrap(validate))
-    app.command("schema")(wrap(schema))
+COMMANDS = {"new": new, "validate": validate, "schema": schema}
+"""Commands by name."""

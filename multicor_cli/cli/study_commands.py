@@ -11,13 +11,13 @@ import time
 from collections import Counter
 from collections.abc import Callable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Any, Optional
+from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
 
 from multicor_cli.cli import options
 from multicor_cli.cli.console import Bar, complain, emit, emit_json, emit_pairs, emit_table, format_seconds, say
-from multicor_cli.cli.options import ListingCommand, output_option
+from multicor_cli.cli.options import output_option
 from multicor_cli.text import count_noun, format_bytes
 
 if TYPE_CHECKING:
@@ -26,11 +26,11 @@ if TYPE_CHECKING:
     from multicor_cli.studies.session import Forecast, StudySession
     from multicor_cli.studies.table import StudyTable
 
-study = typer.Typer(no_args_is_help=True, help="Compute many runs of one scenario, and make their table and figures.")
+group = typer.Typer(no_args_is_help=True, help="Compute many runs of one scenario, and make their table and figures.")
 
 StudyFile = Annotated[Path, typer.Argument(metavar="STUDY.toml", help="Study file.", show_default=False)]
 Output = Annotated[
-    Optional[Path],  # noqa: UP045  (evaluated by typer)
+    Path | None,
     output_option(metavar="DIR", help="Directory of the study.", show_default="studies/NAME"),
 ]
 Json = Annotated[bool, typer.Option("--json", help="Print the result as JSON.")]
@@ -39,19 +39,12 @@ _LINES = 60.0  # seconds between two lines in a log
 _SHOWN = 8  # running cases that are listed
 
 
-def register(app: typer.Typer, wrap: Callable[..., Any]) -> None:
-    """Add the commands."""
-    for command in (run, validate, status, table, plot, report, cancel):
-        study.command(cls=ListingCommand)(wrap(command))
-    app.add_typer(study, name="study")
-
-
 def run(
     file: StudyFile,
     output: Output = None,
     retry: Annotated[bool, typer.Option("--retry", help="Try cases that failed once more.")] = False,
     max_hours: Annotated[
-        Optional[float],  # noqa: UP045  (evaluated by typer)
+        float | None,
         typer.Option("--max-hours", min=0.0, metavar="H", help="Stop after this time, with checkpoints and exit code 75."),
     ] = None,
     is_quiet: Annotated[bool, typer.Option("--quiet", "-q", help="Show warnings and errors only.")] = False,
@@ -167,7 +160,7 @@ def table(
     is_csv: Annotated[bool, typer.Option("--csv", help="Print CSV.")] = False,
     is_json: Json = False,
     parquet: Annotated[
-        Optional[Path],  # noqa: UP045  (evaluated by typer)
+        Path | None,
         typer.Option("--parquet", metavar="FILE", help="Write a Parquet file; needs pandas and pyarrow.", show_default=False),
     ] = None,
     is_overwriting: Annotated[bool, typer.Option("--overwrite", help="Replace the file of --parquet if it is there.")] = False,
@@ -202,23 +195,23 @@ def plot(
     ],
     against: Annotated[str, typer.Option("--against", metavar="NAME", help="Key or observable across.", show_default=False)],
     by: Annotated[
-        Optional[str],  # noqa: UP045  (evaluated by typer)
+        str | None,
         typer.Option("--by", metavar="KEY", help="A series for each of its values; default: for all other keys."),
     ] = None,
     facet: Annotated[
-        Optional[str],  # noqa: UP045
+        str | None,
         typer.Option("--facet", metavar="KEY", help="A panel for each of its values.", show_default=False),
     ] = None,
     where: Annotated[
-        Optional[list[str]],  # noqa: UP045
+        list[str] | None,
         typer.Option("--where", metavar="KEY=VALUE", help="Cases with this value only; may be repeated.", show_default=False),
     ] = None,
     kind: Annotated[
-        Optional[str],  # noqa: UP045
+        str | None,
         typer.Option("--fit", metavar="KIND", help="{fits}.", show_default=False, autocompletion=options.listed("fits")),
     ] = None,
     curves: Annotated[
-        Optional[list[str]],  # noqa: UP045
+        list[str] | None,
         typer.Option(
             "--curve", metavar="'NAME: FORMULA'", help="A formula in x beside the points; may be repeated.", show_default=False
         ),
@@ -268,7 +261,7 @@ def report(
     file: StudyFile,
     output: Output = None,
     page: Annotated[
-        Optional[Path],  # noqa: UP045  (evaluated by typer)
+        Path | None,
         typer.Option(
             "--page", metavar="FILE.html", help="File to write.", show_default="NAME-report.html in the study's directory"
         ),
@@ -417,3 +410,7 @@ def _how_far(share: float | None, remaining: float | None) -> str:
 
 def _left(seconds: float | None) -> str:
     return "" if seconds is None else f"{format_seconds(seconds)} left"
+
+
+COMMANDS = {command.__name__: command for command in (run, validate, status, table, plot, report, cancel)}
+"""Commands by name."""
