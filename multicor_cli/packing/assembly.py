@@ -7,7 +7,6 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from multicor_cli.engine.inflow.population import note_presence
 from multicor_cli.model import Grains, Model, Presence, ShapeKind, State, Thermal
 from multicor_cli.model.columns import RADIUS, SPIN, X, Y
 from multicor_cli.model.model import LEAST_DIAMETERS, LEAST_THROAT, SHAPE_FACTOR, Floats, Ints
@@ -232,6 +231,8 @@ def _state(scenario: Scenario, model: Model, walls: BuiltWalls, groups: list[Ini
     if state.presence.size:
         waiting = [number for number, table in enumerate(scenario.particles) if table.packing is None]
         state.presence[np.isin(model.grains.group, waiting)] = Presence.WAITS
+        from multicor_cli.engine.inflow.population import note_presence  # loads the solver, and few scenarios need it
+
         note_presence(state, model, 0)
     return state
 

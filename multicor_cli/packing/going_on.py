@@ -13,9 +13,7 @@ from dataclasses import replace
 import numpy as np
 
 from multicor_cli.arithmetic.sums import total
-from multicor_cli.engine.contact.contacts import resting_attraction
 from multicor_cli.engine.geometry.scene import scene_of
-from multicor_cli.engine.inflow.population import note_presence
 from multicor_cli.model import Model, Presence, State, Thermal, WallBody
 from multicor_cli.model.columns import NORMAL, Y
 from multicor_cli.model.model import SHAPE_FACTOR, Floats, Ints
@@ -128,6 +126,8 @@ def _same_walls(names: tuple[str, ...], source: Source) -> dict[int, int]:
 
 def carry_presence(source: Source, model: Model, state: State) -> None:
     """Who is there, waits or has gone, where grains come and go; counts begin at zero."""
+    from multicor_cli.engine.inflow.population import note_presence
+
     if state.presence.size:
         old = source.state.presence
         state.presence = old.copy() if old.size else np.full(model.grain_count, Presence.THERE, np.uint8)
@@ -162,6 +162,8 @@ def carried_over(scenario: Scenario, source: Source, model: Model, state: State)
 
 def _carry_contacts(source: Source, model: Model, state: State, same: Mapping[int, int]) -> None:
     """Impulses and couples of the last step. With another adhesion F_a, q = p + F_a Δt is that of the same p (theory §3.1)."""
+    from multicor_cli.engine.contact.contacts import resting_attraction
+
     old, before = source.state, source.model
     kept, state.contact_i, state.contact_j = _renumbered(source, model, old.contact_i, old.contact_j, same)
     impulse = old.contact_impulse[kept]

@@ -10,7 +10,6 @@ from typing import Any
 
 import numpy as np
 
-from multicor_cli.engine.contact.contacts import resting_attraction
 from multicor_cli.engine.geometry.scene import scene_of
 from multicor_cli.model import Model, State
 from multicor_cli.model.columns import NORMAL
@@ -145,6 +144,8 @@ def _motion(frame: Frame) -> tuple[Floats, Floats]:
 
 def _take_contacts(frame: Frame, model: Model, state: State) -> None:
     """The contacts of a frame that carry an impulse, where frames hold contacts; with adhesion q = p + F_a Δt (theory §3.1)."""
+    from multicor_cli.engine.contact.contacts import resting_attraction
+
     contacts = frame.contacts
     if not contacts.recorded or not len(contacts) or not state.last_dt:
         return
