@@ -172,31 +172,37 @@ def test_random_grains_keep_clear_of_walls():
     assert model.grain_count == 200
 
 
-def test_grains_behind_a_rough_wall_are_refused():
-    rough = wall("w", 'kind = "rough", from = [0.0, 0.0795], to = [0.06, 0.0795], side = "left"')
-    region = "particles.0.region={min=[0.0, 0.0], max=[0.06, 0.07]}"
-    (problem,) = problems("domain.periodic=true", region, extra=rough)
-    assert problem.key == "walls.0"
-    assert "behind the rough wall 'w'" in problem.message
-    build(scenario("domain.periodic=true", region, extra=rough.replace("left", "right")))
+BEHIND = wall("w", 'kind = "rough", from = [0.0, 0.0795], to = [0.06, 0.0795], side = "left"')
+BELOW = ("domain.periodic=true", "particles.0.region={min=[0.0, 0.0], max=[0.06, 0.07]}")
+CROWDED = SECOND.replace("count = 100", "count = 6000").replace('"random"', '"deposited"')
+
+# overrides, more tables, key and words of each problem
+REFUSED = {
+    "behind a rough wall": (BELOW, BEHIND, [("walls.0", "behind the rough wall 'w'")]),
+    "too many": ((LATTICE, EQUAL, "particles.0.count=1500"), "", [("particles.0", "it holds 13")]),
+    "too many in two groups": (
+        (LATTICE, EQUAL, "particles.0.count=1500"),
+        CROWDED,
+        [("particles.0", "it holds 13"), ("particles.1", "the region is full")],
+    ),
+    "short period": (
+        ("domain.periodic=true", "domain.size=[0.009, 0.5]", "particles.0.count=5"),
+        "",
+        [("particles.0.sizes", "four of the largest diameters")],
+    ),
+}
 
 
-def test_too_many_grains_are_refused_with_the_number_that_fits():
-    (problem,) = problems(LATTICE, EQUAL, "particles.0.count=1500")
-    assert problem.key == "particles.0"
-    assert "it holds 13" in problem.message
+@pytest.mark.parametrize("name", REFUSED)
+def test_packings_are_refused_with_all_problems_at_their_keys(name):
+    overrides, extra, expected = REFUSED[name]
+    for problem, (key, words) in zip(problems(*overrides, extra=extra), expected, strict=True):
+        assert problem.key == key
+        assert words in problem.message
 
 
-def test_problems_of_all_groups_are_reported_together():
-    extra = SECOND.replace("count = 100", "count = 6000").replace('"random"', '"deposited"')
-    found = problems(LATTICE, EQUAL, "particles.0.count=1500", extra=extra)
-    assert [p.key for p in found] == ["particles.0", "particles.1"]
-
-
-def test_short_period_is_refused():
-    (problem,) = problems("domain.periodic=true", "domain.size=[0.009, 0.5]", "particles.0.count=5")
-    assert problem.key == "particles.0.sizes"
-    assert "four of the largest diameters" in problem.message
+def test_grains_before_a_rough_wall_are_taken():
+    build(scenario(*BELOW, extra=BEHIND.replace("left", "right")))
 
 
 def tiled(source, repeat, *overrides):

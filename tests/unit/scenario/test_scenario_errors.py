@@ -557,72 +557,74 @@ def test_each_mistake_gives_one_problem_at_its_place(name):
     assert "\n" not in str(problem)
 
 
-def test_there_is_gravity_to_be_tilted():
-    tilt = ("duration = 0.5\n", "duration = 0.5\ngravity = { angle = 10.0 }\n")
-    assert problems_of(changed(SHEAR, tilt)) == []
-    (problem,) = problems_of(changed(SHEAR, tilt, ("gravity = [0, -9.81]", "gravity = [0, 0]")))
-    assert problem.key == "loading.2.gravity"
-    assert "which no angle turns" in problem.message
-    assert "magnitude = 9.81" in problem.remedy
+TILT = ("duration = 0.5\n", "duration = 0.5\ngravity = { angle = 10.0 }\n")
+NO_MASS = ("mass = 1e-3\n", "")
+NO_INERTIA = ("mass = 1e-3\ninertia = 1e-8\n", "")
+CONTAINER = 'kind = "polygon", points = [[0.005, 0.02], [0.015, 0.02], [0.01, 0.03]], grains = "inside"'
+FROZEN = 'frozen = true\ncontacts = [{ pair = ["*", "*"], friction = 0.1 }]'
 
-
-def test_two_general_entries_for_one_pair_need_a_special_one():
-    text = changed(SHEAR, ('pair = ["*", "*"]', 'pair = ["glass", "*"]'), ('pair = ["steel", "glass"]', 'pair = ["steel", "*"]'))
-    (problem,) = problems_of(text)
-    assert problem.key == "contacts.1.pair"
-    assert '["glass", "steel"]' in problem.remedy
-
-
-def test_the_period_is_wider_than_four_grains():
-    text = changed(
+# text, changes, key, words that the message must have
+TOGETHER = {
+    "nothing to tilt": (SHEAR, (TILT, ("[0, -9.81]", "[0, 0]")), "loading.2.gravity", "which no angle turns", "magnitude = 9.81"),
+    "two general entries for a pair": (
         SHEAR,
-        ("size = [0.03, 0.05]", "size = [0.0024, 0.05]"),
-        ("max = [0.03, 0.049]", "max = [0.0024, 0.049]"),
-        ("count = 100", "count = 1"),
-        (PADDLE, 'kind = "polyline", points = [[0.0, 0.02], [0.001, 0.02]]'),
-    )
-    (problem,) = problems_of(text)
-    assert problem.key == "particles.0.sizes"
-    assert "0.0024 m" in problem.message
+        (('pair = ["*", "*"]', 'pair = ["glass", "*"]'), ('pair = ["steel", "glass"]', 'pair = ["steel", "*"]')),
+        "contacts.1.pair",
+        'add an entry with pair = ["glass", "steel"]',
+    ),
+    "period of less than four grains": (
+        SHEAR,
+        (
+            ("size = [0.03, 0.05]", "size = [0.0024, 0.05]"),
+            ("max = [0.03, 0.049]", "max = [0.0024, 0.049]"),
+            ("count = 100", "count = 1"),
+            (PADDLE, 'kind = "polyline", points = [[0.0, 0.02], [0.001, 0.02]]'),
+        ),
+        "particles.0.sizes",
+        "0.0024 m",
+    ),
+    "force on a wall without mass": (
+        SHEAR,
+        (("x = { fixed = true }", "x = { force = 1.0 }"), NO_MASS),
+        "walls.2.mass",
+        "its x in loading.0",
+        "add mass [kg]",
+    ),
+    "stress on a wall without mass": (
+        SHEAR,
+        (NO_MASS, ("x = { fixed = true }", "x = { stress = { ramp = [0, 1], duration = 1 } }")),
+        "walls.2.mass",
+        "add mass [kg]",
+    ),
+    "spring on a wall without mass": (
+        SHEAR,
+        (NO_MASS, ("x = { fixed = true }", "x = { spring = { stiffness = 1e3, anchor = 0.1 } }")),
+        "walls.2.mass",
+        "add mass [kg]",
+    ),
+    "container without inertia": (SHEAR, (NO_INERTIA, (PADDLE, CONTAINER)), "walls.2.inertia", "add inertia"),
+    "friction of a frozen stage": (HEATED, (("frozen = true", FROZEN),), "loading.1.contacts", "nothing moves"),
+}
 
 
-def test_a_wall_that_a_force_drives_needs_a_mass():
-    text = changed(SHEAR, ("x = { fixed = true }", "x = { force = 1.0 }"), ("mass = 1e-3\n", ""))
-    (problem,) = problems_of(text)
-    assert problem.key == "walls.2.mass"
-    assert (problem.line, problem.column) == place_of(text, '[[walls]]\nname = "paddle"')
-    assert "its x in loading.0" in problem.message
+@pytest.mark.parametrize("name", TOGETHER)
+def test_tables_that_do_not_fit_together_give_one_problem(name):
+    text, changes, key, *words = TOGETHER[name]
+    (problem,) = problems_of(changed(text, *changes))
+    assert problem.key == key
+    assert all(word in str(problem) for word in words), str(problem)
+
+
+def test_gravity_that_is_there_can_be_tilted():
+    assert problems_of(changed(SHEAR, TILT)) == []
 
 
 @pytest.mark.parametrize(
     "body", ['kind = "disc", center = [0.015, 0.02], radius = 2e-3', 'kind = "cluster", discs = [[0.015, 0.02, 2e-3]]']
 )
 def test_solid_bodies_need_no_mass(body):
-    text = changed(SHEAR, ("x = { fixed = true }", "x = { force = 1.0 }"), ("mass = 1e-3\ninertia = 1e-8\n", ""), (PADDLE, body))
+    text = changed(SHEAR, ("x = { fixed = true }", "x = { force = 1.0 }"), NO_INERTIA, (PADDLE, body))
     assert problems_of(text) == []
-
-
-def test_a_container_needs_a_mass():
-    corners = "[[0.005, 0.02], [0.015, 0.02], [0.01, 0.03]]"
-    text = changed(
-        SHEAR, ("mass = 1e-3\ninertia = 1e-8\n", ""), (PADDLE, f'kind = "polygon", points = {corners}, grains = "inside"')
-    )
-    (problem,) = problems_of(text)
-    assert problem.key == "walls.2.inertia"
-
-
-def test_a_wall_under_a_stress_or_on_a_spring_needs_a_mass():
-    for load in ("stress = { ramp = [0, 1], duration = 1 }", "spring = { stiffness = 1e3, anchor = 0.1 }"):
-        (problem,) = problems_of(changed(SHEAR, ("mass = 1e-3\n", ""), ("x = { fixed = true }", f"x = {{ {load} }}")))
-        assert problem.key == "walls.2.mass"
-        assert "add mass [kg]" in problem.remedy
-
-
-def test_frozen_stages_have_no_friction_of_their_own():
-    more = 'frozen = true\ncontacts = [{ pair = ["*", "*"], friction = 0.1 }]'
-    (problem,) = problems_of(changed(HEATED, ("frozen = true", more)))
-    assert problem.key == "loading.1.contacts"
-    assert "nothing moves" in problem.message
 
 
 def test_all_problems_are_told_at_once_in_the_order_of_the_file():
