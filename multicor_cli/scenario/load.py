@@ -16,9 +16,9 @@ from pydantic import ValidationError
 
 from multicor_cli.files import Unfit, read_regular
 from multicor_cli.scenario.base import DIRECTORY
-from multicor_cli.scenario.checks import PartialScenario, check_all
+from multicor_cli.scenario.checks import check_all
 from multicor_cli.scenario.expressions import evaluate_expressions, unused_overrides
-from multicor_cli.scenario.model import ScenarioModel
+from multicor_cli.scenario.model import PartialScenario, ScenarioModel
 from multicor_cli.scenario.particles import take_groups
 from multicor_cli.scenario.problems import OVERRIDE, KeyPath, Problem, Refused, ScenarioError, format_key, name_list, show
 from multicor_cli.scenario.sources import MAX_NESTING, Lines, Sources, find_deep_nesting, parse_key

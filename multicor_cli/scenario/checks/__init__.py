@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from multicor_cli.scenario.checks import grains, laws, stages
-from multicor_cli.scenario.checks.partial import PartialScenario
+from multicor_cli.scenario.model import PartialScenario
 from multicor_cli.scenario.problems import Refused
 
-__all__ = ["PartialScenario", "check_all"]
+__all__ = ["check_all"]
 
 
 def check_all(tables: PartialScenario) -> list[Refused]:

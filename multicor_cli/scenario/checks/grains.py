@@ -6,7 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 
 from multicor_cli.model.model import LEAST_DIAMETERS
-from multicor_cli.scenario.checks.partial import PartialScenario
+from multicor_cli.scenario.model import PartialScenario
 from multicor_cli.scenario.particles import (
     AnySizes,
     CompactedPacking,

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import combinations_with_replacement
 
-from multicor_cli.scenario.checks.partial import PartialScenario
 from multicor_cli.scenario.loading import AnyCondition, FlowCondition, TemperatureCondition
 from multicor_cli.scenario.materials import MAX_MATERIALS, ContactPair, Heat, Material, Need, PairFriction
+from multicor_cli.scenario.model import PartialScenario
 from multicor_cli.scenario.problems import KeyPath, Refused, name_list, show
 from multicor_cli.scenario.translate import did_you_mean
 

@@ -6,7 +6,6 @@ import math
 from collections.abc import Iterator
 
 from multicor_cli.scenario.checks.grains import double_names
-from multicor_cli.scenario.checks.partial import PartialScenario
 from multicor_cli.scenario.drives import DOF_NAMES, WallDofs, resolve_dofs
 from multicor_cli.scenario.loading import (
     LoadDof,
@@ -21,6 +20,7 @@ from multicor_cli.scenario.loading import (
     moves,
     walls_of,
 )
+from multicor_cli.scenario.model import PartialScenario
 from multicor_cli.scenario.problems import KeyPath, Refused, name_list, show
 from multicor_cli.scenario.translate import did_you_mean
 from multicor_cli.scenario.walls import Wall, prism_height
