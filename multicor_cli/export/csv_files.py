@@ -19,7 +19,6 @@ from multicor_cli.export.target import choose_frames, new_directory
 from multicor_cli.store import Frame, Run, schema
 from multicor_cli.store.frames import NamedColumn, contact_columns, grain_columns, split, wall_columns
 from multicor_cli.store.layout import Progress, no_progress
-from multicor_cli.store.reader import series_columns
 
 FILE_NAMES = re.compile(r"(grains|contacts|walls)-\d{6,}\.csv|(frames|series)\.csv")
 """What the files are called."""
@@ -51,7 +50,7 @@ def export_csv(
     chosen = choose_frames(run, frames)
     with new_directory(path, FILE_NAMES, is_overwriting=is_overwriting) as directory:
         _write(directory / "frames.csv", _frame_columns(run, chosen))
-        _write(directory / "series.csv", series_columns(run))
+        _write(directory / "series.csv", run.series_columns)
         for number, frame in enumerate(chosen):
             for kind, columns in _tables(run, frame):
                 _write(directory / f"{kind}-{frame.index:06d}.csv", columns)

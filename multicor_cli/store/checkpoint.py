@@ -3,20 +3,30 @@
 from __future__ import annotations
 
 import re
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import BaseModel, Strict
 
 from multicor_cli.model import Model, State
 from multicor_cli.model.books import HEAT_BOOKS, entry_counts
 from multicor_cli.model.faults import find_misfit
 from multicor_cli.model.state import digest_of
+from multicor_cli.scenario.steered import Count, Decision
 from multicor_cli.store import layout, schema
 from multicor_cli.store.atomic import file_digest, kill_point, remove_own, storage_errors
-from multicor_cli.store.documents import Document, check_version, read_document, read_run_document, write_document
+from multicor_cli.store.documents import (
+    Document,
+    SummaryDocument,
+    check_version,
+    read_document,
+    read_run_document,
+    record_of,
+    write_document,
+)
 from multicor_cli.store.errors import DamagedRun, StorageError, UnsupportedVersion
 from multicor_cli.store.hdf5 import CheckedFile, Hdf5Writer, dtype_of, estimate_size, write_hdf5
 from multicor_cli.store.segments import MANIFEST, Segment, check_segment, read_manifest
@@ -89,6 +99,26 @@ class Identity:
         return cls(str(document["run_id"]), str(document["resolved_sha256"]), len(document["stages"]), former)
 
 
+class _Steering(BaseModel):
+    decisions: list[Decision]
+    notes: Document
+
+
+class CheckpointDocument(BaseModel):
+    """What the description of a checkpoint says."""
+
+    run_id: str
+    scenario_digest: str
+    model_digest: str
+    size: Count
+    blake2b: str
+    segments: list[Segment]
+    last_frame_step: Annotated[int, Strict()]
+    last_series_step: Annotated[int, Strict()]
+    summary: SummaryDocument
+    steering: _Steering | None = None
+
+
 def write_checkpoint(
     directory: Path,
     state: State,
@@ -133,7 +163,7 @@ def write_checkpoint(
         "model_digest": model_digest,
         "size": path.stat().st_size,
         "blake2b": file_digest(path),
-        "segments": [segment.as_document() for segment in segments],
+        "segments": [asdict(segment) for segment in segments],
         "last_frame_step": last_steps[0],
         "last_series_step": last_steps[1],
         "summary": summary,
@@ -184,14 +214,22 @@ def load_newest(directory: Path, identity: Identity, segments: Path | None, mode
 
 def load_checkpoint(sidecar: Path, identity: Identity, model: Model | None = None) -> Checkpoint:
     """Read and check one checkpoint by the name of its ``.json``; arguments and errors as `load_newest`."""
+    # First what the description says of itself and its run, then its file as a whole, then the state in it.
     document = read_document(sidecar)
-    _check_document(document, sidecar, identity)
+    if document.get("filetype") != FILETYPE:
+        raise DamagedRun(f"{sidecar}: not the description of a checkpoint")
+    check_version(sidecar, document.get("format_version"))
+    described = record_of(CheckpointDocument, document, sidecar)
+    if described.run_id != identity.run_id:
+        raise DamagedRun(f"{sidecar}: belongs to another run")
+    if described.scenario_digest not in (identity.scenario, *identity.former):
+        raise DamagedRun(f"{sidecar}: belongs to another scenario than scenario.resolved.toml")
     path = sidecar.with_suffix(".h5")
     if not path.is_file():
         raise DamagedRun(f"{path}: missing")
     with storage_errors(path):
         size = path.stat().st_size
-    if size != document.get("size") or file_digest(path) != document.get("blake2b"):
+    if size != described.size or file_digest(path) != described.blake2b:
         raise DamagedRun(f"{path}: damaged (it does not match its digest in {sidecar.name})")
     state, digest = _read_state(path, identity.run_id)
     misfit = find_misfit(state, model) if model is not None else None
@@ -199,20 +237,17 @@ def load_checkpoint(sidecar: Path, identity: Identity, model: Model | None = Non
         misfit = f"it is in stage {state.stage + 1} of {identity.stages}"
     if misfit is not None:
         raise DamagedRun(f"{path}: does not fit the model: {misfit}")
-    try:
-        if digest != document["summary"]["state_digest"]:
-            raise DamagedRun(f"{path}: the state does not match its digest")
-        return Checkpoint(
-            state=state,
-            segments=tuple(Segment.from_document(item, str(sidecar)) for item in document["segments"]),
-            last_steps=(int(document["last_frame_step"]), int(document["last_series_step"])),
-            summary=document["summary"],
-            model_digest=str(document["model_digest"]),
-            name=sidecar.stem,
-            steering=document.get("steering"),
-        )
-    except (KeyError, TypeError, AttributeError) as error:
-        raise DamagedRun(f"{sidecar}: damaged ({error!r})") from error
+    if digest != document["summary"]["state_digest"]:
+        raise DamagedRun(f"{path}: the state does not match its digest")
+    return Checkpoint(
+        state=state,
+        segments=tuple(described.segments),
+        last_steps=(described.last_frame_step, described.last_series_step),
+        summary=document["summary"],
+        model_digest=described.model_digest,
+        name=sidecar.stem,
+        steering=document.get("steering"),
+    )
 
 
 def newest_first(directory: Path) -> list[Path]:
@@ -299,16 +334,6 @@ def _complete(values: NDArray[Any] | None, spec: schema.Dataset, lengths: dict[s
     return np.concatenate([values, np.zeros(missing)]) if missing > 0 else values
 
 
-def _check_document(document: Document, path: Path, identity: Identity) -> None:
-    if document.get("filetype") != FILETYPE:
-        raise DamagedRun(f"{path}: not the description of a checkpoint")
-    check_version(path, document.get("format_version"))
-    if document.get("run_id") != identity.run_id:
-        raise DamagedRun(f"{path}: belongs to another run")
-    if document.get("scenario_digest") not in (identity.scenario, *identity.former):
-        raise DamagedRun(f"{path}: belongs to another scenario than scenario.resolved.toml")
-
-
 # ---- Which segments of an unfinished run count: those in the manifest, which must hold all that a checkpoint relies on
 
 
@@ -346,8 +371,8 @@ def _listed_by_checkpoint(directory: Path) -> tuple[str, list[str]]:
     """Name of the newest description of a checkpoint that can be read, and its segments."""
     for sidecar in newest_first(directory):
         try:
-            listed = read_document(sidecar)["segments"]
-            return sidecar.name, [str(segment["name"]) for segment in listed]
-        except (DamagedRun, StorageError, KeyError, TypeError):
+            described = record_of(CheckpointDocument, read_document(sidecar), sidecar)
+            return sidecar.name, [segment.name for segment in described.segments]
+        except (DamagedRun, StorageError):
             continue
     return "", []

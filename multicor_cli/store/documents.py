@@ -5,12 +5,13 @@ A document is kept as the dictionary that was read: what a newer minor version h
 
 from __future__ import annotations
 
+import functools
 import hashlib
 import json
 import math
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Annotated, Any, Literal, TypeVar
+from typing import Annotated, Any, Literal, TypeVar, cast
 
 from pydantic import AfterValidator, BaseModel, ConfigDict, Strict, TypeAdapter, ValidationError, model_validator
 
@@ -35,12 +36,12 @@ _CHECK = "check"
 
 def write_document(path: Path, label: str, data: Document) -> None:
     """Commit ``data`` as JSON with its digest; numbers that are not finite become null."""
-    commit_bytes(path, label, (_page(_sealed(data)) + "\n").encode())
+    commit_bytes(path, label, (json.dumps(_sealed(data), indent=1, ensure_ascii=False) + "\n").encode())
 
 
 def document_line(data: Document) -> bytes:
     """One line of JSON with its digest."""
-    return (_line(_sealed(data)) + "\n").encode()
+    return (json.dumps(_sealed(data), ensure_ascii=False) + "\n").encode()
 
 
 def read_document(path: Path) -> Document:
@@ -63,19 +64,12 @@ def parse_document(data: bytes, where: str) -> Document:
         raise DamagedRun(f"{where}: damaged ({error})") from error
     if not isinstance(value, dict):
         raise DamagedRun(f"{where}: damaged (not a JSON object)")
-    is_as_written = data.decode() in (_page(value) + "\n", _line(value))  # not a blank more
+    page, line = json.dumps(value, indent=1, ensure_ascii=False), json.dumps(value, ensure_ascii=False)
+    is_as_written = data.decode() in (page + "\n", line)  # not a blank more
     check = value.pop(_CHECK, None)
     if check != _digest(value) or not is_as_written:
         raise DamagedRun(f"{where}: damaged or edited (its content does not match its digest)")
     return value
-
-
-def _page(data: Document) -> str:
-    return json.dumps(data, indent=1, ensure_ascii=False)
-
-
-def _line(data: Document) -> str:
-    return json.dumps(data, ensure_ascii=False)
 
 
 def _sealed(data: Document) -> Document:
@@ -123,25 +117,20 @@ Number = Annotated[float, Strict()]
 Scalar = Annotated[Any, AfterValidator(_scalar)]
 """A number that a machine can hold, a text, or null."""
 
-_Model = TypeVar("_Model", bound=BaseModel)
-_Record = TypeVar("_Record")
+T = TypeVar("T")
+_checker = functools.cache(TypeAdapter)
 
 
-def as_model(model: type[_Model], data: Document, where: Path | str) -> _Model:
-    """What a document says; raises `DamagedRun` about ``where``, with the first key that is wrong."""
+def record_of(kind: type[T], document: Any, where: Path | str = "") -> T:
+    """What a document, or a part of one, says; raises `DamagedRun` about ``where``, with the first key that is wrong."""
     try:
-        return model.model_validate(data)
+        return cast("T", _checker(cast("Any", kind)).validate_python(document))
     except ValidationError as error:
         first = error.errors(include_url=False, include_context=False)[0]
     key = ".".join(map(str, first["loc"]))
     if first["type"] == "missing":
         raise DamagedRun(f"{where}: damaged (lacks {key})")
     raise DamagedRun(f"{where}: damaged ({key} is {str(first['input'])[:60]}, which no run writes)")
-
-
-def record_of(kind: type[_Record], document: Document) -> _Record:
-    """The record that a part of a checked document holds: `Origin`, `StageEnd`, `Decision`."""
-    return TypeAdapter(kind).validate_python(document)
 
 
 # ---- From which moment of which run a run goes on
@@ -303,7 +292,7 @@ class _ExchangeSummary(BaseModel):
         return self
 
 
-class _Summary(BaseModel):
+class SummaryDocument(BaseModel):
     """See `multicor_cli.store.summarize`; runs of every version have what the first had."""
 
     model_config = ConfigDict(extra="allow")
@@ -318,7 +307,7 @@ class _Summary(BaseModel):
     exchange: _ExchangeSummary | None = None
 
     @model_validator(mode="after")
-    def _is_whole(self) -> _Summary:
+    def _is_whole(self) -> SummaryDocument:
         first = empty_summary((1, 0))
         if not (first.keys() <= self.model_fields_set and first["books"].keys() <= self.books.keys()):
             raise ValueError
@@ -343,7 +332,7 @@ class ResultsDocument(BaseModel):
 
     status: Literal["creating", "running", "finished", "stopped", "failed"]
     provenance: _Provenance
-    summary: _Summary | None
+    summary: SummaryDocument | None
     stage_ends: list[StageEnd] = []  # earlier versions have none of these three
     origin: Origin | None = None
     steering: _Steering | None = None
@@ -415,7 +404,7 @@ def read_run_document(path: Path) -> Document:
     check_version(file, document.get("format_version"))
     if document.get("status") == CREATING:
         raise NothingStored(path)
-    as_model(RunDocument, document, file)
+    record_of(RunDocument, document, file)
     return document
 
 

@@ -47,7 +47,7 @@ class Extension:
 
 
 def extend(path: Path, document: Document, extension: Extension) -> None:
-    """Make a run, which this process has locked, the one of a longer scenario.
+    """Extend a locked run by the new stages.
 
     Args:
         path: The run directory.

@@ -280,7 +280,7 @@ def data_frame(columns: Sequence[NamedColumn], index: str | None = None) -> Any:
 
 def grain_columns(frame: Frame) -> list[NamedColumn]:
     """The grains of a frame, those that are there: number, group, material, radius, mass, and what the frame holds of each."""
-    grains, model = frame.model.grains, frame.facts.model
+    grains, model = frame.model.grains, frame.run_model
     return [
         NamedColumn("grain", "1", frame.number),
         NamedColumn("group", "1", [model.groups[k] for k in grains.group]),
@@ -298,7 +298,7 @@ def contact_columns(frame: Frame) -> list[NamedColumn]:
 
 def wall_columns(frame: Frame) -> list[NamedColumn]:
     """The walls of a frame: name, and what the frame holds of each."""
-    columns = [NamedColumn("wall", "1", list(frame.facts.model.walls.names))]
+    columns = [NamedColumn("wall", "1", list(frame.run_model.walls.names))]
     for spec in frame.rows(schema.WALLS):
         columns += split(spec, frame.column(spec.path)[0])
     return columns
@@ -373,9 +373,9 @@ class Contacts(ContactColumns):
 
     def _check_shapes(self, column: Column[Any], found: Array) -> None:
         """Files that come from elsewhere may hold anything."""
-        facts = self._frame.facts
-        grains = self._frame.number.size if self._frame.is_open else facts.grain_count
-        count = grains if column.name == "i" else facts.shape_count - facts.grain_count + grains
+        model = self._frame.run_model
+        grains = self._frame.number.size if self._frame.is_open else model.grain_count
+        count = grains + (0 if column.name == "i" else model.shape_count)
         if not _are_within(found, count):
             raise DamagedRun(f"frame {self._frame.index}: damaged ({column.path} names shapes that do not exist)")
 
@@ -392,12 +392,15 @@ class Frame(StepColumns, GrainColumns, WallColumns, KeptColumns):
 
     Attributes:
         index: Number of the frame in the run.
-        facts: What is known of the model.
     """
 
-    def __init__(self, parts: Parts, index: int, facts: ModelFacts) -> None:
-        self._parts, self.facts = parts, facts
-        self.index = index
+    def __init__(self, parts: Parts, index: int, run_model: Callable[[], Model]) -> None:
+        self._parts, self.index, self._run_model = parts, index, run_model
+
+    @property
+    def run_model(self) -> Model:
+        """The model with all grains that ever are in the run; read when it is first needed."""
+        return self._run_model()
 
     def column(self, path: str) -> Array:
         """The rows of any dataset of ``schema.FRAME_TABLE`` that belong to this frame, as stored.
@@ -409,9 +412,9 @@ class Frame(StepColumns, GrainColumns, WallColumns, KeptColumns):
         """
         spec = _SPECS[path]
         rows = self._parts.frame_rows(spec, self.index)
-        if spec.row == "particle_row" and len(rows) != self.facts.grain_count:
+        if spec.row == "particle_row" and len(rows) != self.run_model.grain_count:
             raise DamagedRun(
-                f"frame {self.index} has {len(rows)} grains and its run {self.facts.grain_count}; check it with multicor verify"
+                f"frame {self.index} has {len(rows)} grains and its run {self.run_model.grain_count}; check it with multicor verify"
             )
         return rows
 
@@ -453,21 +456,21 @@ class Frame(StepColumns, GrainColumns, WallColumns, KeptColumns):
     def number(self) -> NDArray[np.int64]:
         """Numbers in the run of the grains that are there, shape ``(n,)``; `presence` says what the others do."""
         if not self.is_open:
-            return np.arange(self.facts.grain_count)
+            return np.arange(self.run_model.grain_count)
         return np.flatnonzero(self.column(_PRESENCE) == Presence.THERE)
 
     @cached_property
     def model(self) -> Model:
         """The model with the grains of this frame alone, those that are there."""
-        return self.facts.model.with_grains(self.number) if self.is_open else self.facts.model
+        return self.run_model.with_grains(self.number) if self.is_open else self.run_model
 
     def _of_those_here(self, column: Column[Any], rows: Array) -> Array:
         """The rows of the grains that are there; shapes of contacts are counted among these too."""
         if column.path in _OF_SHAPES:
-            first = np.zeros(self.facts.shape_count, rows.dtype)
-            first[self.number] = np.arange(self.number.size)
-            first[self.facts.grain_count :] = np.arange(self.facts.shape_count - self.facts.grain_count) + self.number.size
-            return first[rows] if _are_within(rows, self.facts.shape_count) else rows
+            n, shapes, here = self.run_model.grain_count, self.run_model.shape_count, self.number.size
+            number = np.zeros(n + shapes, rows.dtype)
+            number[self.number], number[n:] = np.arange(here), np.arange(here, here + shapes)
+            return number[rows] if _are_within(rows, n + shapes) else rows
         return rows[self.number] if column.row == "particle_row" and column.path != _PRESENCE else rows
 
     @property
@@ -479,48 +482,21 @@ class Frame(StepColumns, GrainColumns, WallColumns, KeptColumns):
     def unwrapped(self) -> Array:
         """Centers of the grains with the periods added by which x was wrapped [m], shape ``(n, 2)``."""
         position = np.array(self.position, np.float64)
-        position[:, 0] += self.image * self.facts.period
+        position[:, 0] += self.image * self.run_model.period
         return position
 
     @cached_property
     def contacts(self) -> Contacts:
         """Contacts of the last step."""
         # They read through a frame of their own: one that held itself would keep its arrays until the next garbage collection.
-        return Contacts(Frame(self._parts, self.index, self.facts))
-
-
-class ModelFacts:
-    """What frames need to know of the model, which is read when that is first needed."""
-
-    def __init__(self, model: Callable[[], Model]) -> None:
-        self._model = model
-
-    @cached_property
-    def model(self) -> Model:
-        """The model."""
-        return self._model()
-
-    @cached_property
-    def period(self) -> float:
-        """Period in x [m]; 0 if the domain is not periodic."""
-        return self.model.period
-
-    @cached_property
-    def grain_count(self) -> int:
-        """Number of grains n."""
-        return self.model.grain_count
-
-    @cached_property
-    def shape_count(self) -> int:
-        """Number of grains and wall shapes n + m."""
-        return self.grain_count + self.model.shape_count
+        return Contacts(Frame(self._parts, self.index, self._run_model))
 
 
 class Frames(Sequence[Frame]):
     """All frames of a run: a sequence of `Frame`; a slice gives a list of lazy frames; `NoFrame` where there is none."""
 
-    def __init__(self, parts: Parts, facts: ModelFacts) -> None:
-        self._parts, self.facts = parts, facts
+    def __init__(self, parts: Parts, run_model: Callable[[], Model]) -> None:
+        self._parts, self._run_model = parts, run_model
 
     def __len__(self) -> int:
         return self._parts.frame_count
@@ -532,7 +508,7 @@ class Frames(Sequence[Frame]):
     def __getitem__(self, index: int | slice) -> Frame | list[Frame]:
         if isinstance(index, slice):
             return [self[k] for k in range(*index.indices(len(self)))]
-        return Frame(self._parts, frame_number(len(self), index), self.facts)
+        return Frame(self._parts, frame_number(len(self), index), self._run_model)
 
     def __iter__(self) -> Iterator[Frame]:
         return (self[k] for k in range(len(self)))

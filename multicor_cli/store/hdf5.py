@@ -14,7 +14,6 @@ import os
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cached_property
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Literal
 
 import h5py
@@ -56,13 +55,7 @@ def text_names(node: h5py.HLObject) -> list[str]:
 
 
 def read_text(node: h5py.HLObject, name: str) -> str:
-    """An attribute that is a text.
-
-    Raises:
-        KeyError: If there is none.
-        TypeError: If it is something else, or of variable length.
-        UnicodeDecodeError: If it is not text.
-    """
+    """An attribute that is a text; `KeyError`, `TypeError` or `UnicodeDecodeError` if it is none, or of variable length."""
     if name not in node.attrs:
         raise KeyError(f"attribute {name!r} is missing")
     info = h5py.check_string_dtype(node.attrs.get_id(name).dtype)
@@ -109,15 +102,7 @@ def estimate_size(specs: tuple[Dataset, ...], data_bytes: int) -> int:
 
 
 class DatasetStream:
-    """One dataset, written from front to back in pieces; every chunk is written once.
-
-    Args:
-        file: Open HDF5 file.
-        spec: What the dataset is.
-        shape: Full shape.
-        dtype: Stored type.
-        compress: Whether to shuffle and deflate.
-    """
+    """One dataset, written from front to back in pieces; every chunk is written once. ``compress``: shuffle and deflate."""
 
     def __init__(self, file: h5py.File, spec: Dataset, shape: tuple[int, ...], dtype: DTypeLike, *, compress: bool) -> None:
         self._spec, self._shape = spec, shape
@@ -176,13 +161,7 @@ class DatasetStream:
 
 
 class Hdf5Writer:
-    """Creates the datasets of one file.
-
-    Attributes:
-        file: The open HDF5 file.
-        precision: How datasets of type ``float`` are stored.
-        digests: Digest of each dataset written so far, by path.
-    """
+    """Creates the datasets of one file; has their digests by path."""
 
     def __init__(self, file: h5py.File, precision: Precision, *, compress_integers: bool, label: str) -> None:
         self.file, self.precision = file, precision
@@ -222,7 +201,7 @@ def write_hdf5(
     verify: Callable[[Path, dict[str, str]], None] | None = None,
     read_only: bool = True,
 ) -> dict[str, str]:
-    """Commit an HDF5 file.
+    """Commit an HDF5 file, whose datasets ``fill`` writes; returns their digests by path.
 
     Args:
         path: Final name.
@@ -232,12 +211,9 @@ def write_hdf5(
         size: Upper bound of the size, see `estimate_size` [bytes].
         precision: How datasets of type ``float`` are stored.
         version: Version of the file format that the datasets are those of.
-        compress_integers: Whether to compress integers and strings.
-        verify: Called with the closed temporary file and the digests; raises if the file is not what was meant.
+        compress_integers: Also strings.
+        verify: Gets the closed temporary file and the digests; raises if the file is not what was meant.
         read_only: Whether to take the write permission away.
-
-    Returns:
-        Digests of the datasets by path.
 
     Raises:
         StorageFull: If there is not enough space.
@@ -333,12 +309,8 @@ class CheckedFile:
         run_id: Expected root attribute ``run_id``; any if ``None``.
         dims: Lengths that are already known; others are bound by the first dataset that has them.
 
-    Attributes:
-        version: Format version of the file.
-
     Raises:
-        DamagedRun: If it is damaged or not such a file.
-        UnsupportedVersion: If it has another major format version.
+        DamagedRun: If it is damaged or not such a file; `UnsupportedVersion` if it has another major format version.
         StorageError: If it cannot be opened.
     """
 
@@ -358,7 +330,7 @@ class CheckedFile:
     def __enter__(self) -> CheckedFile:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def close(self) -> None:
@@ -387,7 +359,7 @@ class CheckedFile:
         return text
 
     def has_text(self, name: str) -> bool:
-        """Whether there is a root attribute of this name that is a string."""
+        """Whether there is such a root attribute."""
         return name in self._text_digests
 
     def json(self, name: str) -> Any:
@@ -464,7 +436,10 @@ class CheckedFile:
 
     def _check_header(self, filetype: str, run_id: str | None) -> tuple[int, int]:
         with reading(self.path):
-            version = self._version()
+            stored = self._file.attrs.get_id("format_version")
+            if stored.dtype.kind != "i" or stored.shape != (2,):
+                raise TypeError("attribute 'format_version' is not two integers")
+            version = [int(part) for part in self._file.attrs["format_version"]]
         check_version(self.path, version)
         found = self.text("filetype")
         if found != filetype:
@@ -472,12 +447,6 @@ class CheckedFile:
         if run_id is not None and self.text("run_id") != run_id:
             raise DamagedRun(f"{self.path}: belongs to another run")
         return version[0], version[1]
-
-    def _version(self) -> list[int]:
-        stored = self._file.attrs.get_id("format_version")
-        if stored.dtype.kind != "i" or stored.shape != (2,):
-            raise TypeError("attribute 'format_version' is not two integers")
-        return [int(part) for part in self._file.attrs["format_version"]]
 
     def _find(self, path: str) -> h5py.Dataset:
         node: Any = self._file
@@ -515,11 +484,11 @@ class CheckedFile:
         if len(shape) != len(spec.dims):
             raise DamagedRun(f"{self.path}: {spec.path} has shape {shape}")
         for dim, length in zip(spec.dims, shape, strict=True):
-            expected = dim if isinstance(dim, int) else self._expected(dim, length)
+            if isinstance(dim, int):
+                expected = dim
+            elif dim in _EDGES and length > 0:
+                expected = self.dims.setdefault(_EDGES[dim], length - 1) + 1
+            else:
+                expected = self.dims.setdefault(dim, length)
             if length != expected:
                 raise DamagedRun(f"{self.path}: {spec.path} has shape {shape}, expected {expected} instead of {length}")
-
-    def _expected(self, dim: str, length: int) -> int:
-        if dim in _EDGES and length > 0:
-            return self.dims.setdefault(_EDGES[dim], length - 1) + 1
-        return self.dims.setdefault(dim, length)

@@ -20,15 +20,14 @@ _RETRIES, _PAUSE = 5, 0.05
 _SIZE = 4096
 """Bytes of a lock that are read at most."""
 
-
-_taken: set[tuple[int, int]] = set()
+_held: set[tuple[int, int]] = set()
 """Lock files that this process has held: device and inode."""
 
 
 def was_taken(path: Path) -> bool:
     """Whether this process holds or has held this very lock file, not only one of the same name."""
     try:
-        return _inode(path.stat()) in _taken
+        return _inode(path.stat()) in _held
     except OSError:
         return False
 
@@ -59,17 +58,25 @@ class RunLock:
                 holder = _parse(os.pread(self._descriptor, _SIZE, 0))
                 if holder and holder.get("host") != socket.gethostname() and not force:
                     raise _locked(path, holder, is_elsewhere=True)
-                _write(self._descriptor, json.dumps(_own_identity()).encode())
+                os.ftruncate(self._descriptor, 0)
+                os.pwrite(self._descriptor, json.dumps(_own_identity()).encode(), 0)
+                os.fsync(self._descriptor)
         except BaseException:
             os.close(self._descriptor)
             raise
-        _taken.add(_inode(os.fstat(self._descriptor)))
+        _held.add(_inode(os.fstat(self._descriptor)))
         guards[path.parent] = self.require
 
     def require(self) -> None:
-        """Raise `RunLocked` if the file is not there any more, or another: someone has taken this process for dead."""
+        """Raise `RunLocked` if the lock file is gone, or another one: somebody took this process for dead."""
         if self._descriptor < 0 or not _is_current(self.path, self._descriptor):
-            raise _lost(self.path, read_holder(self.path))
+            holder = read_holder(self.path)
+            pid, host = _process(holder)
+            if holder:
+                what = f"process {pid} on {host} took over this run"
+            else:
+                what = f"{self.path.name} of this run was removed by somebody"
+            raise RunLocked(f"{self.path.parent}: {what}; stopped writing", pid, host)
 
     def release(self) -> None:
         """Give the lock back; does nothing the second time. If the file cannot be emptied, it names a holder that has died."""
@@ -169,21 +176,13 @@ def _parse(data: bytes) -> dict[str, Any]:
     return value if isinstance(value, dict) else {}
 
 
-def _write(descriptor: int, data: bytes) -> None:
-    os.ftruncate(descriptor, 0)
-    os.pwrite(descriptor, data, 0)
-    os.fsync(descriptor)
-
-
 def _locked(path: Path, holder: dict[str, Any], *, is_elsewhere: bool) -> RunLocked:
-    pid, host = holder.get("pid", -1), str(holder.get("host", ""))
-    pid = pid if isinstance(pid, int) else -1
+    pid, host = _process(holder)
     who = f"process {pid} on {host or 'an unknown host'}" if holder else "another process"
     remedy = f"; if it is no longer alive, delete {path}" if is_elsewhere else "; wait for it, or use another directory with -o"
     return RunLocked(f"{path.parent}: in use by {who}{remedy}", pid, host)
 
 
-def _lost(path: Path, holder: dict[str, Any]) -> RunLocked:
-    pid, host = holder.get("pid", -1), str(holder.get("host", ""))
-    who = f"process {pid} on {host} goes on with the run" if holder else f"{path.name} was removed"
-    return RunLocked(f"{path.parent}: taken away from this process: {who}; nothing more is written", pid, host)
+def _process(holder: dict[str, Any]) -> tuple[int, str]:
+    pid = holder.get("pid")
+    return pid if isinstance(pid, int) else -1, str(holder.get("host", ""))

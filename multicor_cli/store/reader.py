@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator, Mapping, Sequence
 from datetime import datetime
 from functools import cached_property
 from pathlib import Path
-from types import TracebackType
 from typing import Any
 
 from numpy.typing import NDArray
@@ -27,7 +26,6 @@ from multicor_cli.store.errors import DamagedRun, DirectoryRefused, NothingStore
 from multicor_cli.store.frames import (
     Frames,
     GrainFacts,
-    ModelFacts,
     NamedColumn,
     Part,
     Parts,
@@ -112,13 +110,13 @@ class Run:
         self.path, self.info = path, info
         self._results = results
         self._parts = Parts(self._find_parts(), self.run_id, self._find_parts_again, self._lengths)
-        self.frames = Frames(self._parts, ModelFacts(lambda: self.model))
-        self.series = Series(self._parts, lambda: self.rows(schema.SERIES), lambda: series_columns(self))
+        self.frames = Frames(self._parts, lambda: self.model)
+        self.series = Series(self._parts, lambda: self.rows(schema.SERIES), lambda: self.series_columns)
 
     def __enter__(self) -> Run:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def close(self) -> None:
@@ -133,7 +131,18 @@ class Run:
     @property
     def series_columns(self) -> list[NamedColumn]:
         """The columns of the time series one by one; those of walls and outlets have their names before, as ``top: force_x``."""
-        return series_columns(self)
+        columns: list[NamedColumn] = []
+        for spec in self.rows(schema.SERIES):
+            values = self.series[spec.name]
+            owners: Sequence[str] | None = self.wall_names if "wall" in spec.dims else None
+            if "outlet" in spec.dims:
+                owners = self.model.outlets or ()
+            if owners is None:
+                columns += split(spec, values)
+                continue
+            for number, owner in enumerate(owners):
+                columns += [column._replace(name=f"{owner}: {column.name}") for column in split(spec, values[:, number])]
+        return columns
 
     @cached_property
     def grains(self) -> GrainFacts:
@@ -333,22 +342,6 @@ def _info_of_results(path: Path) -> Document:
         digest = file.text("data_digest")
     results = {"size": path.stat().st_size, "data_digest": digest, "frames": frames}
     return {**texts, **described, "stages": stages, "exit_code": 0, "timings": {}, "results": results}
-
-
-def series_columns(run: Run) -> list[NamedColumn]:
-    """The time series; columns of walls and outlets have their names before them."""
-    columns: list[NamedColumn] = []
-    for spec in run.rows(schema.SERIES):
-        values = run.series[spec.name]
-        owners: Sequence[str] | None = run.wall_names if "wall" in spec.dims else None
-        if "outlet" in spec.dims:
-            owners = run.model.outlets or ()
-        if owners is None:
-            columns += split(spec, values)
-            continue
-        for number, owner in enumerate(owners):
-            columns += [column._replace(name=f"{owner}: {column.name}") for column in split(spec, values[:, number])]
-    return columns
 
 
 # ---- What ``multicor info`` reports

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Mapping, Sequence, Set
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -16,7 +15,7 @@ from multicor_cli.model.books import Version
 from multicor_cli.model.faults import LARGEST
 from multicor_cli.store import schema
 from multicor_cli.store.atomic import file_digest
-from multicor_cli.store.documents import Document, ResultsDocument, as_model
+from multicor_cli.store.documents import Document, ResultsDocument, record_of
 from multicor_cli.store.errors import DamagedRun
 from multicor_cli.store.hdf5 import (
     CheckedFile,
@@ -40,20 +39,16 @@ from multicor_cli.store.vtkhdf import check_view, estimate_view, link_view, writ
 Arrays = dict[str, NDArray[Any]]
 
 MODEL_FILETYPE = "multicor-model"
+_THERMAL = ("capacity", "start", "surface")
 
 
 def model_columns(model: Model) -> Arrays:
     """Arrays of a model by path of ``schema.MODEL``, in the order of that table, as far as the model has them."""
     table = schema.select(schema.MODEL, schema.features_of(model))
     columns = columns_of(table, Snapshot(State(), model))
-    return {spec.path: _as_stored(spec, columns[spec.path]) for spec in table}
-
-
-def _as_stored(spec: schema.Dataset, values: NDArray[Any]) -> NDArray[Any]:
-    return values if spec.dtype == "str" else np.ascontiguousarray(values, dtype=dtype_of(spec, "double"))
-
-
-_THERMAL = ("capacity", "start", "surface")
+    return {
+        s.path: columns[s.path] if s.dtype == "str" else np.ascontiguousarray(columns[s.path], dtype_of(s, "double")) for s in table
+    }
 
 
 def model_digest(model: Model) -> str:
@@ -70,7 +65,9 @@ def write_model(path: Path, model: Model, run_id: str) -> None:
     columns = model_columns(model)
 
     def fill(writer: Hdf5Writer) -> None:
-        write_model_into(writer, columns)
+        for spec in schema.MODEL:
+            if spec.path in columns:
+                writer.write(spec, columns[spec.path])
 
     attributes = {
         "filetype": MODEL_FILETYPE,
@@ -80,13 +77,6 @@ def write_model(path: Path, model: Model, run_id: str) -> None:
     }
     size = estimate_size(schema.MODEL, sum(values.nbytes for values in columns.values()))
     write_hdf5(path, "model", attributes, fill, size=size, verify=_verify_model)
-
-
-def write_model_into(writer: Hdf5Writer, columns: Arrays) -> None:
-    """Write the arrays of `model_columns` into an open file."""
-    for spec in schema.MODEL:
-        if spec.path in columns:
-            writer.write(spec, columns[spec.path])
 
 
 def _verify_model(path: Path, digests: dict[str, str]) -> None:
@@ -124,16 +114,12 @@ def read_model(file: CheckedFile) -> Model:
         period=float(data["period"][0]),
         gravity=data["gravity"],
         shape_factor=float(data["shape_factor"][0]),
-        thermal=_thermal(data),
+        thermal=Thermal(*(data[f"thermal/{name}"] for name in _THERMAL)) if "thermal/capacity" in data else None,
         outlets=tuple(data["outlets"]) if "outlets" in data else None,
         start_speed=float(data["start_speed"][0]) if "start_speed" in data else 0.0,
     )
     _check_model(model, file.path)
     return model
-
-
-def _thermal(data: dict[str, Any]) -> Thermal | None:
-    return Thermal(*(data[f"thermal/{name}"] for name in _THERMAL)) if "thermal/capacity" in data else None
 
 
 def _read(file: CheckedFile, spec: schema.Dataset) -> Any:
@@ -146,26 +132,21 @@ def _read(file: CheckedFile, spec: schema.Dataset) -> Any:
 
 
 def _check_model(model: Model, path: Path) -> None:
-    kinds = len(ShapeKind)
     materials, start = len(model.materials), model.laws.table_start
     checks = {
         "model/material": _within(model.grains.material, materials),
         "model/group": _within(model.grains.group, len(model.groups)),
-        "model/shapes/kind": _within(model.shapes.kind, kinds),
+        "model/shapes/kind": _within(model.shapes.kind, len(ShapeKind)),
         "model/shapes/wall": _within(model.shapes.wall, model.wall_count),
         "model/shapes/material": _within(model.shapes.material, materials),
         "model/laws/table": _within(model.laws.table + 1, start.size),
         "model/laws/table_start": bool(start[0] == 0 and (np.diff(start) >= 0).all() and start[-1] == model.laws.table_speed.size),
-        "model/radius": _between(model.grains.radius, 1.0 / LARGEST, LARGEST),
+        "model/radius": bool(((model.grains.radius >= 1.0 / LARGEST) & (model.grains.radius <= LARGEST)).all()),
         "model/thermal/capacity": model.thermal is None or bool((model.thermal.capacity > 0.0).all()),
     }
     for name, is_right in checks.items():
         if not is_right:
             raise DamagedRun(f"{path}: {name} holds values out of range")
-
-
-def _between(values: NDArray[Any], low: float, high: float) -> bool:
-    return bool(((values >= low) & (values <= high)).all())
 
 
 def _within(values: NDArray[Any], count: int) -> bool:
@@ -177,60 +158,26 @@ def _within(values: NDArray[Any], count: int) -> bool:
 FILETYPE = "multicor-results"
 
 
-@dataclass(frozen=True)
-class Texts:
-    """What ``/scenario`` holds.
-
-    Attributes:
-        source: The scenario as given.
-        resolved: The scenario with all defaults.
-        stages: Names of the loading stages.
-    """
-
-    source: str
-    resolved: str
-    stages: tuple[str, ...]
-
-
-@dataclass(frozen=True)
-class ResultsInfo:
-    """A verified ``results.h5``.
-
-    Attributes:
-        size: Size of the file [bytes].
-        data_digest: Digest over all datasets.
-        blake2b: Digest of the file.
-        frames: Number of frames.
-        series_rows: Rows of the time series.
-    """
-
-    size: int
-    data_digest: str
-    blake2b: str
-    frames: int
-    series_rows: int
-
-
 def write_results(
     path: Path,
     directory: Path,
     segments: Sequence[Segment],
     model: Model,
-    texts: Texts,
+    scenario: Mapping[str, Sequence[str]],
     *,
     run_id: str,
     attributes: Mapping[str, Any],
     precision: Precision,
     version: Version,
-) -> ResultsInfo:
-    """Merge segments into one file, one segment in memory at a time.
+) -> Document:
+    """Merge segments into one file, one segment in memory at a time; gives its size, digests and number of frames.
 
     Args:
         path: Where to write.
         directory: Directory of the segments.
         segments: The segments in order.
         model: The model of the run.
-        texts: Scenario and names of the stages.
+        scenario: Texts by path of ``schema.SCENARIO``.
         run_id: Identity of the run.
         attributes: More root attributes.
         precision: How datasets of type ``float`` are stored in the segments and here.
@@ -241,7 +188,7 @@ def write_results(
         StorageFull: If there is not enough space for the file beside the segments.
         StorageError: For any other error of the system.
     """
-    merger = _Merger(directory, segments, model, texts, run_id, precision, version)
+    merger = _Merger(directory, segments, model, scenario, run_id, precision, version)
     root = {
         "filetype": FILETYPE,
         "run_id": run_id,
@@ -263,8 +210,12 @@ def write_results(
         read_only=False,
     )
     link_view(path.parent)
-    rows = merger.rows
-    return ResultsInfo(path.stat().st_size, data_digest(digests), file_digest(path), rows["frame"], rows["series_row"])
+    return {
+        "size": path.stat().st_size,
+        "data_digest": data_digest(digests),
+        "blake2b": file_digest(path),
+        "frames": merger.rows["frame"],
+    }
 
 
 def _verify_results(path: Path, digests: dict[str, str]) -> None:
@@ -279,17 +230,13 @@ class _Merger:
         directory: Path,
         segments: Sequence[Segment],
         model: Model,
-        texts: Texts,
+        scenario: Mapping[str, Sequence[str]],
         run_id: str,
         precision: Precision,
         version: Version,
     ) -> None:
         self._directory, self._segments, self._run_id = directory, segments, run_id
-        self._scenario = {
-            "scenario/source": encode_strings([texts.source]),
-            "scenario/resolved": encode_strings([texts.resolved]),
-            "scenario/stages": encode_strings(list(texts.stages)),
-        }
+        self._scenario = {path: encode_strings(list(texts)) for path, texts in scenario.items()}
         self._full_model = model
         self._model = model_columns(model)
         self._lengths = {"wall": model.wall_count, "outlet": len(model.outlets or ())}
@@ -307,9 +254,10 @@ class _Merger:
         self.view_bytes = estimate_view(self.rows["frame"], self.rows["contact_row"])
 
     def fill(self, writer: Hdf5Writer) -> None:
-        for spec in schema.SCENARIO:
-            writer.write(spec, self._scenario[spec.path])
-        write_model_into(writer, self._model)
+        constant = self._scenario | self._model
+        for spec in schema.SCENARIO + schema.MODEL:
+            if spec.path in constant:
+                writer.write(spec, constant[spec.path])
         streams = {spec: writer.stream(spec, self._shape(spec)) for spec in self._table}
         counts: dict[Dataset, list[NDArray[np.int64]]] = {spec: [np.zeros(1, np.int64)] for spec in schema.OFFSETS}
         for segment in self._segments:
@@ -343,7 +291,7 @@ def read_description(file: CheckedFile) -> Document:
     """What ``results.h5`` says of its run beside the data, checked; raises `DamagedRun`."""
     later = filter(file.has_text, ("stage_ends", "origin", "steering"))
     found = {"status": file.text("status"), **{name: file.json(name) for name in ("provenance", "summary", *later)}}
-    as_model(ResultsDocument, found, file.path)
+    record_of(ResultsDocument, found, file.path)
     return found
 
 

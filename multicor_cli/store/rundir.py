@@ -11,7 +11,6 @@ import tempfile
 import uuid
 from collections.abc import Mapping, Sequence
 from pathlib import Path
-from types import TracebackType
 from typing import Any, Literal
 
 from multicor_cli.model import Model, State
@@ -48,7 +47,7 @@ from multicor_cli.store.extension import Extension, extend
 from multicor_cli.store.hdf5 import Precision
 from multicor_cli.store.lock import RunLock
 from multicor_cli.store.provenance import new_session, now
-from multicor_cli.store.results import Texts, load_model, model_digest, write_model, write_results
+from multicor_cli.store.results import load_model, model_digest, write_model, write_results
 from multicor_cli.store.schema import FORMAT_VERSION
 from multicor_cli.store.segments import FrameWriter, keep_segments
 
@@ -63,19 +62,7 @@ _LONGEST_NAME = "checkpoints/step-00000000000.00.json.tmp"
 """A name in a run directory that is as long as any."""
 
 
-def is_run(path: Path) -> bool:
-    """Whether ``path`` holds a run that can be resumed or is finished; False if there is nothing, or only a beginning."""
-    require_room_for_names(path)
-    file = path / layout.RUN
-    if not is_regular(file):
-        return False
-    try:
-        return bool(read_document(file).get("status") != CREATING)
-    except DamagedRun:
-        return True
-
-
-def require_room_for_names(path: Path) -> None:
+def _require_room_for_names(path: Path) -> None:
     """Refuse a directory whose name, or that of a file in it, no system call takes; raises `DirectoryRefused`."""
     parts, whole = path.parts, os.fsencode(path.absolute() / _LONGEST_NAME)
     is_short = len(whole) < _MOST_BYTES and all(len(os.fsencode(part)) <= _MOST_BYTES_OF_PART for part in parts)
@@ -105,7 +92,7 @@ def check_usable(path: Path, *, overwrite: bool) -> None:
         DirectoryRefused: If it is not a directory, holds foreign files, or a run and ``overwrite`` is False.
         StorageError: If it cannot be read or written.
     """
-    require_room_for_names(path)
+    _require_room_for_names(path)
     with storage_errors(path):
         if not path.exists() and not path.is_symlink():
             nearest = next(parent for parent in path.absolute().parents if os.path.lexists(parent))
@@ -121,7 +108,7 @@ def check_usable(path: Path, *, overwrite: bool) -> None:
         if names <= {layout.LOCK, layout.RUN + ".tmp"}:
             return
         raise DirectoryRefused(f"{path}: exists and is not a run directory; choose another with -o, or empty it")
-    if is_run(path) and not overwrite:
+    if RunDirectory.is_run(path) and not overwrite:
         raise DirectoryRefused(f"{path}: holds a run; continue it, choose another directory with -o, or give --overwrite")
     if foreign:
         listed = ", ".join(foreign[:5]) + (" …" if len(foreign) > 5 else "")
@@ -186,11 +173,7 @@ def new_document(
 
 
 class RunDirectory:
-    """The directory of one run, locked by this process. Make one with `create` or `resume`; use it as a context manager.
-
-    Attributes:
-        path: The directory.
-    """
+    """The directory of one run, locked by this process. Make one with `create` or `resume`; use it as a context manager."""
 
     def __init__(self, path: Path, lock: RunLock, document: Document) -> None:
         self.path = path
@@ -207,7 +190,14 @@ class RunDirectory:
     @staticmethod
     def is_run(path: Path) -> bool:
         """Whether ``path`` holds a run that can be resumed or is finished; False if there is nothing, or only a beginning."""
-        return is_run(Path(path))
+        path = Path(path)
+        _require_room_for_names(path)
+        if not is_regular(path / layout.RUN):
+            return False
+        try:
+            return bool(read_document(path / layout.RUN).get("status") != CREATING)
+        except DamagedRun:
+            return True
 
     @classmethod
     def create(
@@ -236,7 +226,7 @@ class RunDirectory:
             overwrite: Remove the run that is there.
             force_unlock: Ignore a lock held on another host.
             origin: The moment of another run from which it goes on.
-            steering: What is known of the program that steers it; None if none does.
+            steering: What is known of the program that steers it.
 
         Raises:
             DirectoryRefused: If there is something that is not a run, foreign files in a run, or a run and no ``overwrite``.
@@ -293,7 +283,7 @@ class RunDirectory:
     def __enter__(self) -> RunDirectory:
         return self
 
-    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, trace: TracebackType | None) -> None:
+    def __exit__(self, *_: object) -> None:
         self.close()
 
     def close(self) -> None:
@@ -339,14 +329,14 @@ class RunDirectory:
     @property
     def origin(self) -> Origin | None:
         """The moment of another run from which the run goes on; None if there is none."""
-        found = self._document.get("origin")
-        return None if found is None else record_of(Origin, found)
+        origin = self._document.get("origin")
+        return None if origin is None else record_of(Origin, origin)
 
     @property
     def steering(self) -> Document | None:
         """What is kept of the program that steers the run: who it is, its decisions, its notes; changes of it are kept too."""
-        found: Document | None = self._document.get("steering")
-        return found
+        steering: Document | None = self._document.get("steering")
+        return steering
 
     def rename_stages(self, names: Sequence[str]) -> None:
         """Note the names of stages that a program has added or removed; ``run.json`` has them from the next checkpoint on."""
@@ -389,22 +379,24 @@ class RunDirectory:
             DamagedRun: If there are checkpoints and none can be used.
             StorageError: If a file cannot be read or renamed.
         """
-        if not self._is_loaded:
-            segments = self.path / layout.SEGMENTS
-            needed = None if self.is_finished else segments
-            found = load_newest(self.path / layout.CHECKPOINTS, self._identity(), needed, self.load_model())
-            if not self.is_finished:
-                # Damaged checkpoints go first: the manifest may be no shorter than the newest one says.
-                prune(self.path / layout.CHECKPOINTS, found.name if found else None)
-                keep_segments(segments, list(found.segments) if found else [])
-                self._document["summary"] = found.summary if found else None
-                self._forget_stage_ends(found.state.stage if found else 0)
-                if self.steering is not None:
-                    self.steering.update((found.steering if found else None) or {"decisions": [], "notes": {}})
-                self._save()
-            self._checkpoint, self._is_loaded = found, True
-            if found:
-                self._newest = (str(found.summary["state_digest"]), len(found.segments))
+        if self._is_loaded:
+            return self._checkpoint
+        segments, checkpoints = self.path / layout.SEGMENTS, self.path / layout.CHECKPOINTS
+        identity, needed = Identity.of(self._document), None if self.is_finished else segments
+        newest = load_newest(checkpoints, identity, needed, self.load_model())
+        if not self.is_finished:
+            # Damaged checkpoints go first: the manifest may be no shorter than the newest one says.
+            prune(checkpoints, newest.name if newest else None)
+            keep_segments(segments, list(newest.segments) if newest else [])
+            # Then run.json forgets what happened after the checkpoint: it will happen once more.
+            self._document["summary"] = newest.summary if newest else None
+            self._forget_stage_ends(newest.state.stage if newest else 0)
+            if self.steering is not None:
+                self.steering.update((newest.steering if newest else None) or {"decisions": [], "notes": {}})
+            self._save()
+        self._checkpoint, self._is_loaded = newest, True
+        if newest:
+            self._newest = (str(newest.summary["state_digest"]), len(newest.segments))
         return self._checkpoint
 
     def writer(self, model: Model) -> FrameWriter:
@@ -472,7 +464,7 @@ class RunDirectory:
             self.path / layout.CHECKPOINTS,
             state,
             self._model,
-            self._identity(),
+            Identity.of(self._document),
             model_digest=self._model_digest,
             segments=writer.segments,
             last_steps=(writer.last_frame_step, writer.last_series_step),
@@ -526,16 +518,16 @@ class RunDirectory:
             segments = self._writer.segments
         else:
             segments = list(checkpoint.segments) if checkpoint else []
-        names = ("provenance", "started", "stop_reason", "summary")
-        info = write_results(
+        resolved = steered_text(self.resolved_text, decisions_of(self._document))
+        self._document["results"] = write_results(
             path,
             self.path / layout.SEGMENTS,
             segments,
             model,
-            Texts(self.source_text, steered_text(self.resolved_text, decisions_of(self._document)), self.stages),
+            {"scenario/source": [self.source_text], "scenario/resolved": [resolved], "scenario/stages": self.stages},
             run_id=self.run_id,
             attributes={
-                **{name: self._document[name] for name in names},
+                **{name: self._document[name] for name in ("provenance", "started", "stop_reason", "summary")},
                 "stage_ends": self._document.get("stage_ends", []),
                 **{name: self._document[name] for name in ("origin", "steering") if self._document.get(name)},
                 "status": "finished",
@@ -544,12 +536,8 @@ class RunDirectory:
             precision=self.precision,
             version=self.version,
         )
-        self._document["results"] = {name: getattr(info, name) for name in ("size", "data_digest", "blake2b", "frames")}
         self._save()
         return path
-
-    def _identity(self) -> Identity:
-        return Identity.of(self._document)
 
     def _save(self) -> None:
         self._document["updated"] = now()

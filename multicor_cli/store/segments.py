@@ -2,20 +2,22 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
-from dataclasses import asdict, dataclass, fields
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Annotated, Any
 
 import numpy as np
 from numpy.typing import NDArray
+from pydantic import Field
 
 from multicor_cli.files import Unfit, read_regular
 from multicor_cli.model import Model
 from multicor_cli.model.books import Version
+from multicor_cli.scenario.steered import Count
 from multicor_cli.store import schema
 from multicor_cli.store.atomic import append_line, commit_bytes, file_digest, kill_point, require_own, storage_errors
-from multicor_cli.store.documents import SIZE_LIMIT, Document, document_line, parse_document
+from multicor_cli.store.documents import SIZE_LIMIT, document_line, parse_document, record_of
 from multicor_cli.store.errors import DamagedRun
 from multicor_cli.store.hdf5 import CheckedFile, Hdf5Writer, Precision, dtype_of, encode_strings, estimate_size, write_hdf5
 from multicor_cli.store.schema import Dataset
@@ -60,37 +62,15 @@ class Segment:
         blake2b: Digest of the file.
     """
 
-    name: str
-    frames: int
-    particle_rows: int
-    contact_rows: int
-    series_rows: int
-    first_step: int
-    last_step: int
-    size: int
+    name: Annotated[str, Field(pattern=r"^[^/\x00]+\.h5$")]
+    frames: Count
+    particle_rows: Count
+    contact_rows: Count
+    series_rows: Count
+    first_step: Count
+    last_step: Count
+    size: Count
     blake2b: str
-
-    def as_document(self) -> Document:
-        """As JSON types."""
-        return asdict(self)
-
-    @classmethod
-    def from_document(cls, data: Document, where: str) -> Segment:
-        """The inverse of `as_document`; raises `DamagedRun` naming ``where``."""
-        for field in fields(cls):
-            value = data.get(field.name)
-            kind = str if field.name in ("name", "blake2b") else int
-            if type(value) is not kind or (isinstance(value, int) and value < 0):
-                raise DamagedRun(f"{where}: {field.name} is {value!r}")
-        segment = cls(**{field.name: data[field.name] for field in fields(cls)})
-        if Path(segment.name).name != segment.name or not segment.name.endswith(".h5"):
-            raise DamagedRun(f"{where}: {segment.name!r} is not the name of a segment")
-        return segment
-
-
-def segment_name(index: int) -> str:
-    """File name of the ``index``-th segment."""
-    return f"{index:06d}.h5"
 
 
 def read_manifest(directory: Path) -> list[Segment]:
@@ -105,28 +85,17 @@ def read_manifest(directory: Path) -> list[Segment]:
         return []
     with storage_errors(path):
         lines = read_regular(path, SIZE_LIMIT).split(b"\n")[:-1]
-    segments = []
-    for number, line in enumerate(lines, 1):
-        where = f"{path}, line {number}"
-        segments.append(Segment.from_document(parse_document(line, where), where))
-    return segments
-
-
-def append_segment(directory: Path, segment: Segment) -> None:
-    """Commit a segment, whose file is in place, by listing it; raises `StorageFull` or `StorageError`."""
-    append_line(directory / MANIFEST, "manifest", document_line(segment.as_document()))
+    places = (f"{path}, line {number}" for number in range(1, len(lines) + 1))
+    return [record_of(Segment, parse_document(line, where), where) for line, where in zip(lines, places, strict=True)]
 
 
 def keep_segments(directory: Path, segments: list[Segment]) -> list[str]:
-    """Make the manifest list exactly ``segments``; the files of others become ``*.orphan``.
-
-    Returns:
-        Names of the files set aside.
+    """Make the manifest list exactly ``segments``; the files of others become ``*.orphan``. Returns their names.
 
     Raises:
         StorageError: If a file cannot be renamed or written.
     """
-    data = b"".join(document_line(segment.as_document()) for segment in segments)
+    data = b"".join(document_line(asdict(segment)) for segment in segments)
     path = directory / MANIFEST
     with storage_errors(path):
         try:
@@ -146,17 +115,14 @@ def set_aside(directory: Path, keep: set[str]) -> list[str]:
             continue
         with storage_errors(path):
             require_own(path)
-            path.rename(_free_orphan_name(path))
+            orphan, count = path.with_name(f"{path.name}.orphan"), 0
+            while orphan.exists():
+                count += 1
+                orphan = path.with_name(f"{path.name}.{count}.orphan")
+            path.rename(orphan)
         renamed.append(path.name)
         kill_point("orphan.mid")
     return renamed
-
-
-def _free_orphan_name(path: Path) -> Path:
-    target, count = path.with_name(f"{path.name}.orphan"), 1
-    while target.exists():
-        target, count = path.with_name(f"{path.name}.{count}.orphan"), count + 1
-    return target
 
 
 def check_segment(directory: Path, segment: Segment) -> None:
@@ -195,7 +161,6 @@ class FrameWriter:
         last_steps: Steps of the last frame and of the last row of the series that were committed; -1 if none.
 
     Attributes:
-        model: The model of the run.
         segments: Committed segments.
         last_frame_step: Step of the last frame, -1 if there is none.
         last_series_step: Step of the last row of the series, -1 if there is none.
@@ -295,7 +260,7 @@ class FrameWriter:
         """Commit what is pending; raises `StorageFull`, `StorageError` or `RunLocked`, and then keeps it pending."""
         if not self._frames and not self._rows:
             return
-        path = self._directory / segment_name(len(self.segments))
+        path = self._directory / f"{len(self.segments):06d}.h5"
         attributes = {"filetype": FILETYPE, "run_id": self._run_id, "features": sorted(self._features)}
         size = estimate_size(self._table, self._bytes)
         write_hdf5(
@@ -309,7 +274,7 @@ class FrameWriter:
             verify=self._verify,
         )
         segment = self._describe(path)
-        append_segment(self._directory, segment)
+        append_line(self._directory / MANIFEST, "manifest", document_line(asdict(segment)))
         self.segments.append(segment)
         self._frames, self._rows, self._bytes = [], [], 0
 
@@ -362,7 +327,8 @@ class FrameWriter:
             file.check_written(self._table, digests)
 
     def _describe(self, path: Path) -> Segment:
-        steps = list(self._pending_steps())
+        steps = [int(frame["steps/step"][0]) for frame in self._frames]
+        steps += [step for rows in self._rows for step in rows["series/step"].tolist()]
         return Segment(
             name=path.name,
             frames=len(self._frames),
@@ -374,9 +340,3 @@ class FrameWriter:
             size=path.stat().st_size,
             blake2b=file_digest(path),
         )
-
-    def _pending_steps(self) -> Iterator[int]:
-        for frame in self._frames:
-            yield int(frame["steps/step"][0])
-        for rows in self._rows:
-            yield from rows["series/step"].tolist()

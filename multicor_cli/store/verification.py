@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
-from typing import Any, Literal
+from typing import Literal
 
 import numpy as np
 from numpy.typing import NDArray
@@ -40,7 +41,7 @@ class FileFinding:
     message: str
 
 
-Check = Callable[[], None]
+Check = Callable[[], object]
 
 _CONTACT_BLOCK = 1 << 20
 
@@ -59,7 +60,7 @@ def verify(path: Path | str) -> list[FileFinding]:
     """
     path = Path(path)
     if is_regular(path):
-        return _run_checks([(path, lambda: _check_results(path, None, None))])
+        return _run_checks([(path, partial(_check_results, path, None, None))])
     if not is_regular(path / layout.RUN) and is_regular(path / layout.RESULTS):
         return _missing_run_document(path) + verify(path / layout.RESULTS)
     try:
@@ -68,10 +69,11 @@ def verify(path: Path | str) -> list[FileFinding]:
         raise
     except DamagedRun as error:
         return [FileFinding("error", str(path / layout.RUN), str(error))]
-    findings = _run_checks(_scenario_checks(path, document))
+    scenarios = ((path / layout.SOURCE, "source_sha256"), (path / layout.RESOLVED, "resolved_sha256"))
+    findings = _run_checks([(file, partial(read_scenario, file, str(document[key]))) for file, key in scenarios])
     if document["results"]:
         results = path / layout.RESULTS
-        findings += _run_checks([(results, lambda: _check_results(results, str(document["run_id"]), document["results"]))])
+        findings += _run_checks([(results, partial(_check_results, results, str(document["run_id"]), document["results"]))])
     else:
         findings += _verify_segments(path, document)
     return findings + _verify_checkpoints(path, document) + list(_leftovers(path, document))
@@ -94,17 +96,6 @@ def _run_checks(checks: list[tuple[Path, Check]]) -> list[FileFinding]:
     return findings
 
 
-def _scenario_checks(path: Path, document: Document) -> list[tuple[Path, Check]]:
-    def check(name: str, key: str) -> tuple[Path, Check]:
-        return path / name, lambda: _discard(read_scenario(path / name, str(document[key])))
-
-    return [check(layout.SOURCE, "source_sha256"), check(layout.RESOLVED, "resolved_sha256")]
-
-
-def _discard(_: Any) -> None:
-    return None
-
-
 def _verify_segments(path: Path, document: Document) -> list[FileFinding]:
     directory, file, run_id = path / layout.SEGMENTS, path / layout.MODEL, str(document["run_id"])
     try:
@@ -119,19 +110,16 @@ def _verify_segments(path: Path, document: Document) -> list[FileFinding]:
             _check_whole(file, document["model"])
     except StoreError as error:
         return [FileFinding("error", str(file), str(error))]
-    limits = Limits.of(model, len(document["stages"]))
-    return _run_checks([(directory / s.name, _segment_check(directory, s, run_id, limits)) for s in segments])
+    limits = _limits(model, len(document["stages"]))
+    return _run_checks([(directory / s.name, partial(_check_one_segment, directory, s, run_id, limits)) for s in segments])
 
 
-def _segment_check(directory: Path, segment: Segment, run_id: str, limits: Limits) -> Check:
-    def check() -> None:
-        check_segment(directory, segment)
-        dims = {**segment_dims(segment), "wall": limits.walls}
-        with CheckedFile(directory / segment.name, SEGMENT_FILETYPE, run_id=run_id, dims=dims) as file:
-            check_features(file, limits.features)
-            _check_tables(file, schema.SEGMENT_TABLE, limits)
-
-    return check
+def _check_one_segment(directory: Path, segment: Segment, run_id: str, limits: Limits) -> None:
+    check_segment(directory, segment)
+    dims = {**segment_dims(segment), "wall": limits.walls}
+    with CheckedFile(directory / segment.name, SEGMENT_FILETYPE, run_id=run_id, dims=dims) as file:
+        check_features(file, limits.features)
+        _check_tables(file, schema.SEGMENT_TABLE, limits)
 
 
 def _check_results(path: Path, run_id: str | None, recorded: Document | None) -> None:
@@ -140,7 +128,7 @@ def _check_results(path: Path, run_id: str | None, recorded: Document | None) ->
         model = read_model(file)
         read_description(file)
         stages = len(file.strings(schema.SCENARIO[-1]))
-        limits = Limits.of(model, stages)
+        limits = _limits(model, stages)
         digest = data_digest(_check_tables(file, schema.RESULTS_TABLE, limits))
         expected = {file.text("data_digest"), *([recorded["data_digest"]] if recorded else [])}
     if expected != {digest}:
@@ -168,10 +156,9 @@ class Limits:
     stages: int
     features: frozenset[str]
 
-    @classmethod
-    def of(cls, model: Model, stages: int) -> Limits:
-        """The limits of a model and a number of stages."""
-        return cls(model.grain_count, model.shape_count, model.wall_count, stages, schema.features_of(model))
+
+def _limits(model: Model, stages: int) -> Limits:
+    return Limits(model.grain_count, model.shape_count, model.wall_count, stages, schema.features_of(model))
 
 
 def _check_tables(file: CheckedFile, table: tuple[Dataset, ...], limits: Limits) -> dict[str, str]:
@@ -180,27 +167,19 @@ def _check_tables(file: CheckedFile, table: tuple[Dataset, ...], limits: Limits)
     digests = {spec.path: file.check_digest(spec) for spec in specs}
     for spec in specs:
         if spec.finite and file.dataset(spec).dtype.kind == "f":
-            _check_finite(file, spec)
+            for block in file.blocks(spec):
+                if not np.isfinite(block).all():
+                    raise DamagedRun(f"{file.path}: {spec.path} holds a value that is not finite")
     _check_rows(file, limits)
     _check_contacts(file, limits)
     for path, highest in (("contacts/sliding", 2), ("steps/contacts_recorded", 2), ("steps/stage", max(limits.stages, 1))):
-        _check_range(file, path, highest)
+        for block in file.blocks(_SPECS[path]):
+            if ((block < 0) | (block >= highest)).any():
+                raise DamagedRun(f"{file.path}: {path} holds a value outside 0 … {highest - 1}")
     return digests
 
 
 _SPECS = {spec.path: spec for spec in schema.RESULTS_TABLE}
-
-
-def _check_finite(file: CheckedFile, spec: Dataset) -> None:
-    for block in file.blocks(spec):
-        if not np.isfinite(block).all():
-            raise DamagedRun(f"{file.path}: {spec.path} holds a value that is not finite")
-
-
-def _check_range(file: CheckedFile, path: str, highest: int) -> None:
-    for block in file.blocks(_SPECS[path]):
-        if ((block < 0) | (block >= highest)).any():
-            raise DamagedRun(f"{file.path}: {path} holds a value outside 0 … {highest - 1}")
 
 
 def _check_rows(file: CheckedFile, limits: Limits) -> None:
@@ -230,15 +209,11 @@ def _verify_checkpoints(path: Path, document: Document) -> list[FileFinding]:
     identity = Identity.of(document)
     sidecars = newest_first(directory)
     named = document["summary"]["step"] if document["summary"] and document["status"] != "finished" else -1
-    findings = _run_checks([(sidecar, _checkpoint_check(sidecar, identity)) for sidecar in sidecars])
+    findings = _run_checks([(sidecar, partial(load_checkpoint, sidecar, identity)) for sidecar in sidecars])
     if named > max((step_of(sidecar) for sidecar in sidecars), default=-1):
         message = f"{directory}: the checkpoint at step {named}, of which {layout.RUN} knows, is missing"
         findings.append(FileFinding("error", str(directory), message))
     return findings
-
-
-def _checkpoint_check(sidecar: Path, identity: Identity) -> Check:
-    return lambda: _discard(load_checkpoint(sidecar, identity))
 
 
 def _leftovers(path: Path, document: Document) -> Iterator[FileFinding]:

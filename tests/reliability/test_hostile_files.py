@@ -17,8 +17,6 @@ import pytest
 from command_line import call, command, environment
 from trials import thinned
 
-from multicor_cli.store import DamagedRun, StoreError, open_run, run_info, verify
-from multicor_cli.store.documents import read_document, write_document
 from multicor_cli.text import printable
 
 READERS = ("info {}", "verify {}", "export csv {} -o out", "export fclib {} -o out.h5")
@@ -99,29 +97,6 @@ def test_results_that_lie_are_refused_or_read_as_they_are(copy: Path, tmp_path: 
         assert "internal error" not in done.stderr
     assert set(codes.values()) <= KNOWN
     assert codes["verify {}"] == 7
-
-
-@pytest.mark.parametrize(
-    ("key", "value"),
-    [
-        ("format_version", 3),
-        ("summary", {"solver": 3}),
-        ("results", {"size": 1, "frames": 1}),
-        ("sessions", [1]),
-        ("timings", {"a": "b"}),
-        ("model", 3),
-    ],
-)
-def test_run_json_with_a_right_digest_and_wrong_types(copy: Path, key: str, value: Any) -> None:
-    document = read_document(copy / "run.json")
-    if isinstance(document.get(key), dict) and key == "summary":
-        value = document[key] | value
-    write_document(copy / "run.json", "runjson", document | {key: value})
-    with pytest.raises(DamagedRun, match=r"run\.json"):
-        run_info(copy)
-    with pytest.raises(StoreError), open_run(copy):
-        pass
-    assert [finding.severity for finding in verify(copy)] == ["error"]
 
 
 def test_lock_of_nested_lists(copy: Path, tmp_path: Path) -> None:

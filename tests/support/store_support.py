@@ -6,6 +6,7 @@ import hashlib
 import os
 import signal
 import traceback
+from collections.abc import Callable
 from pathlib import Path
 
 import h5py
@@ -170,9 +171,12 @@ def drive(run: RunDirectory, model: Model, *, steps: int, checkpoint_every: int,
     return state
 
 
-def run_whole(path: Path, model: Model | None = None, *, steps: int = 40, checkpoint_every: int = 15, **options: object) -> State:
+def run_whole(
+    path: Path, model: Model | None = None, *, steps: int = 40, checkpoint_every: int = 15, finish: bool = True, **options: object
+) -> State:
+    """A run from its beginning to its end, or to where it would be finished."""
     with make_run(path, **options) as run:
-        return drive(run, model or make_model(), steps=steps, checkpoint_every=checkpoint_every)
+        return drive(run, model or make_model(), steps=steps, checkpoint_every=checkpoint_every, finish=finish)
 
 
 def continue_run(path: Path) -> None:
@@ -184,13 +188,13 @@ def continue_run(path: Path) -> None:
             drive(run, model, steps=40, checkpoint_every=15)
 
 
-def killed_at(path: Path, point: str) -> bool:
-    """`continue_run` in a child process that kills itself at ``point``; returns whether it was killed."""
+def killed_at(path: Path, point: str, go_on: Callable[[Path], object] = continue_run) -> bool:
+    """`go_on` in a child process that kills itself at ``point``; returns whether it was killed."""
     child = os.fork()
     if child == 0:
         os.environ["MULTICOR_KILL_AT"] = point
         try:
-            continue_run(path)
+            go_on(path)
             os._exit(0)
         except BaseException:
             traceback.print_exc()

@@ -224,8 +224,7 @@ def test_committed_files_are_read_only(tmp_path: Path) -> None:
 @pytest.mark.parametrize("is_finished", [False, True])
 def test_files_of_others_beside_the_segments_stay(tmp_path: Path, name: str, is_finished: bool) -> None:
     path = tmp_path / "run"
-    with make_run(path) as run:
-        drive(run, make_model(), steps=20, checkpoint_every=15, finish=is_finished)
+    run_whole(path, make_model(), steps=20, checkpoint_every=15, finish=is_finished)
     (path / "segments").mkdir(exist_ok=True)
     for mine in (path / "segments" / name, path / "checkpoints" / name, path / "mine.tmp"):
         mine.mkdir() if name == "sub" and mine.name == "sub" else mine.write_text("precious")
@@ -240,8 +239,7 @@ def test_files_of_others_beside_the_segments_stay(tmp_path: Path, name: str, is_
 def test_links_in_place_of_directories_are_not_followed_to_remove_anything(tmp_path: Path) -> None:
     """Somebody moved the segments to a larger disk, or points at something else."""
     path, elsewhere = tmp_path / "run", tmp_path / "elsewhere"
-    with make_run(path) as run:
-        drive(run, make_model(), steps=20, checkpoint_every=15, finish=False)
+    run_whole(path, make_model(), steps=20, checkpoint_every=15, finish=False)
     (path / "segments").rename(elsewhere)
     (path / "segments").symlink_to(elsewhere)
     (elsewhere / "notes.tmp").write_text("precious")

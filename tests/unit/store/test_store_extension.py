@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import os
-import signal
 from pathlib import Path
 
 import pytest
-from store_support import PROVENANCE, RESOLVED, SOURCE, drive, make_model, make_run, replace, run_whole
+from store_support import PROVENANCE, RESOLVED, SOURCE, drive, killed_at, make_model, replace, run_whole
 from trials import thinned
 
 from multicor_cli.model import Model
@@ -38,18 +36,6 @@ def go_on(path: Path, model: Model, steps: int = 60) -> None:
     with RunDirectory.resume(path, extension=None if has_them else LONGER) as run:
         if not run.is_finished:
             drive(run, model, steps=steps, checkpoint_every=15)
-
-
-def killed_at(path: Path, model: Model, point: str) -> bool:
-    child = os.fork()
-    if child == 0:
-        os.environ["MULTICOR_KILL_AT"] = point
-        try:
-            go_on(path, model)
-        finally:
-            os._exit(1)
-    status = os.waitpid(child, 0)[1]
-    return os.WIFSIGNALED(status) and os.WTERMSIG(status) == signal.SIGKILL
 
 
 @pytest.fixture(scope="module")
@@ -83,8 +69,7 @@ def test_an_extended_run_is_the_run_that_had_all_stages_from_the_start(
     tmp_path: Path, model: Model, expected: str, finish: bool
 ) -> None:
     path = tmp_path / "run"
-    with make_run(path) as run:
-        drive(run, model, steps=40, checkpoint_every=15, finish=finish)
+    run_whole(path, model, steps=40, checkpoint_every=15, finish=finish)
     go_on(path, model)
     assert verify(path) == []
     info = run_info(path)
@@ -113,7 +98,7 @@ def test_the_former_scenarios_are_kept(tmp_path: Path) -> None:
 def test_killed_while_it_is_extended(tmp_path: Path, model: Model, expected: str, point: str) -> None:
     path = tmp_path / "run"
     run_whole(path, model)
-    assert killed_at(path, model, point), f"the run never came to {point}"
+    assert killed_at(path, point, lambda path: go_on(path, model)), f"the run never came to {point}"
     assert_nothing_lost(path)
     go_on(path, model)
     assert verify(path) == []
@@ -125,7 +110,7 @@ def test_killed_again_and_again(tmp_path: Path, model: Model, expected: str) -> 
     path = tmp_path / "run"
     run_whole(path, model)
     for point in ("checkpointjson.after_rename", "extension.before", "scenario.after_rename:3"):
-        assert killed_at(path, model, point)
+        assert killed_at(path, point, lambda path: go_on(path, model))
         assert_nothing_lost(path)
     go_on(path, model)
     assert run_info(path)["data_digest"] == expected

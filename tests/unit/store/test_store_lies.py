@@ -10,7 +10,7 @@ from pathlib import Path
 import h5py
 import numpy as np
 import pytest
-from store_support import drive, make_model, make_run, replace, run_whole, set_text, set_value
+from store_support import make_model, replace, run_whole, set_text, set_value
 
 from multicor_cli.store import DamagedRun, open_run, schema, verify
 from multicor_cli.store.atomic import file_digest
@@ -20,25 +20,6 @@ from multicor_cli.store.hdf5 import write_text
 HEAT_DATASETS = [
     spec.path for spec in schema.RESULTS_TABLE if spec.only_with not in (None, "exchange", "surface", "groups", "motion")
 ]
-
-
-@pytest.fixture(scope="module")
-def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("finished") / "run"
-    run_whole(path)
-    return path
-
-
-@pytest.fixture
-def copy(tmp_path: Path, finished: Path) -> Path:
-    return Path(shutil.copytree(finished, tmp_path / "copy"))
-
-
-@pytest.fixture(scope="module")
-def heated(tmp_path_factory: pytest.TempPathFactory) -> Path:
-    path = tmp_path_factory.mktemp("heated") / "run"
-    run_whole(path, make_model(heat=True))
-    return path
 
 
 @pytest.mark.parametrize("path", HEAT_DATASETS)
@@ -63,8 +44,7 @@ def test_features_that_lie_are_noticed(heated: Path, tmp_path: Path, features: s
 
 def test_segment_with_other_features_than_the_model_is_damaged(tmp_path: Path) -> None:
     path = tmp_path / "run"
-    with make_run(path) as run:
-        drive(run, make_model(heat=True), steps=10, checkpoint_every=5, finish=False)
+    run_whole(path, make_model(heat=True), steps=10, checkpoint_every=5, finish=False)
     assert verify(path) == []
     file = path / "segments" / "000000.h5"
     replace(file, file.read_bytes())

@@ -128,7 +128,7 @@ def test_a_process_that_was_taken_for_dead_writes_nothing_more(tmp_path: Path) -
         name_other_host(path / "lock")
         kept.update({str(file): file.read_bytes() for file in path.rglob("*") if file.is_file() and file.name != "progress.json"})
 
-    with pytest.raises(RunLocked, match="process 4711 on node-that-died goes on with the run"):
+    with pytest.raises(RunLocked, match="process 4711 on node-that-died took over this run"):
         multicor.run(given["scenario"], path, threads=1, observer=_Stopping(50, take))
     now = {str(file): file.read_bytes() for file in path.rglob("*") if file.is_file() and file.name != "progress.json"}
     assert now == kept
