@@ -17,7 +17,7 @@ from multicor_cli.files import LARGEST_RECORD, Unfit, read_regular
 from multicor_cli.model import Model
 from multicor_cli.store import layout, schema
 from multicor_cli.store.atomic import commit_bytes, file_digest, fsync_path, kill_point, make_directory, remove_own, storage_errors
-from multicor_cli.store.checkpoint import Checkpoint, Identity, load_newest, write_checkpoint
+from multicor_cli.store.checkpoint import Identity, load_newest, write_checkpoint
 from multicor_cli.store.documents import Document, read_scenario, write_document
 from multicor_cli.store.errors import DamagedRun, DirectoryRefused
 from multicor_cli.store.hdf5 import CheckedFile
@@ -70,16 +70,12 @@ def extend(path: Path, document: Document, extension: Extension) -> None:
     _describe(document, extension)
     write_document(path / layout.RUN, "runjson", document)
     kill_point("extension.after")
+    # All of results.h5 is in segments now; if it stays, it is replaced at the end of the longer run.
     if has_results:
-        remove_results(path)
-
-
-def remove_results(path: Path) -> None:
-    """Remove ``results.h5`` of a run that goes on, all of which is in segments now; one that stays is replaced at the end."""
-    with contextlib.suppress(OSError):
-        for name in (layout.VTKHDF, layout.RESULTS):
-            remove_own(path / name)
-        fsync_path(path)
+        with contextlib.suppress(OSError):
+            for name in (layout.VTKHDF, layout.RESULTS):
+                remove_own(path / name)
+            fsync_path(path)
 
 
 def _describe(document: Document, extension: Extension) -> None:
@@ -137,12 +133,20 @@ def _reopen(path: Path, document: Document) -> None:
     identity = Identity.of(document)
     with CheckedFile(results, RESULTS_FILETYPE, run_id=run_id) as file:
         model = read_model(file)
-        found = load_newest(path / layout.CHECKPOINTS, identity, None, model)
-        if found is None:
+        last = load_newest(path / layout.CHECKPOINTS, identity, None, model)
+        if last is None:
             raise DamagedRun(f"{path / layout.CHECKPOINTS}: there is no checkpoint from which the run could go on")
         write_model(path / layout.MODEL, model, run_id)
         segments = _write_segments(file, path / layout.SEGMENTS, run_id, model, document)
-    _write_checkpoint(path, found, model, identity, segments)
+    write_checkpoint(  # the last one once more, with the segments that there are now
+        path / layout.CHECKPOINTS,
+        last.state,
+        model,
+        identity,
+        model_digest=last.model_digest,
+        segments=segments,
+        last_steps=last.last_steps,
+    )
     with storage_errors(path / layout.MODEL):
         size = (path / layout.MODEL).stat().st_size
     document["model"] = {"size": size, "blake2b": file_digest(path / layout.MODEL)}
@@ -156,40 +160,19 @@ def _write_segments(file: CheckedFile, directory: Path, run_id: str, model: Mode
         precision="single" if document["precision"] == "single" else "double",
         version=min(file.version, schema.FORMAT_VERSION),
     )
-    _copy_frames(file, writer)
-    _copy_series(file, writer)
-    writer.flush()
-    return writer.segments
-
-
-def _copy_frames(file: CheckedFile, writer: FrameWriter) -> None:
-    """Frame by frame, as stored."""
+    # Frames one by one, as stored, then the series in pieces.
     rows = {name: int(file.dataset(_SPECS[path]).shape[0]) for name, path in _ROWS.items()}
     ends = {name: read_offsets(file, _SPECS[f"steps/{name.removesuffix('_row')}_offset"], count) for name, count in rows.items()}
     for k in range(int(file.dataset(_SPECS["steps/step"]).shape[0])):
         spans = {name: offset[k : k + 2].tolist() for name, offset in ends.items()}
         writer.copy_frame({s.path: file.read(s, *spans.get(str(s.row), (k, k + 1))) for s in writer.frame_table})
-
-
-def _copy_series(file: CheckedFile, writer: FrameWriter) -> None:
     count = int(file.dataset(_SPECS["series/step"]).shape[0])
     for start in range(0, count, SERIES_ROWS):
         stop = min(start + SERIES_ROWS, count)
         writer.copy_series({spec.path: file.read(spec, start, stop) for spec in writer.series_table})
+    writer.flush()
+    return writer.segments
 
 
 _SPECS: dict[str, Dataset] = {spec.path: spec for spec in schema.SEGMENT_TABLE}
 _ROWS = {"particle_row": "particles/angle", "contact_row": "contacts/gap"}
-
-
-def _write_checkpoint(path: Path, found: Checkpoint, model: Model, identity: Identity, segments: list[Segment]) -> None:
-    """The last checkpoint once more, with the segments that there are now."""
-    write_checkpoint(
-        path / layout.CHECKPOINTS,
-        found.state,
-        model,
-        identity,
-        model_digest=found.model_digest,
-        segments=segments,
-        last_steps=found.last_steps,
-    )

@@ -46,7 +46,12 @@ class Mutant:
 
 def read_mutants() -> list[Mutant]:
     with (Path(__file__).parent / "mutants.toml").open("rb") as file:
-        return [Mutant(**{**entry, "tests": tuple(entry["tests"])}) for entry in tomllib.load(file)["mutants"]]
+        files = tomllib.load(file)
+    return [
+        Mutant(name, path, before, after, tuple(tests))
+        for path, entries in files.items()
+        for name, (before, after, *tests) in entries.items()
+    ]
 
 
 def main(words: list[str]) -> int:

@@ -13,12 +13,12 @@ from typing import Any
 import pytest
 from command_line import call, call_outside, read_info
 from scenes import write_small
-from store_support import continue_run, drive, make_model, make_run
+from store_support import continue_run, drive, ends_of, errors_of, make_model, make_run
 from system_calls import hooked
 from trials import thinned, trials
 
 from multicor_cli.running.outcome import ExitCode, exit_code_of
-from multicor_cli.store import DamagedRun, RunDirectory, StorageError, run_info, verify
+from multicor_cli.store import DamagedRun, RunDirectory, StorageError, run_info
 
 GROWING = ("pwrite", "write", "posix_fallocate", "mkdir", "replace", "rename", "link", "symlink", "fsync")
 """Calls that a full disk may refuse, besides the creation of files."""
@@ -63,7 +63,7 @@ class Failing:
 @trials(short=2, long=100_000)
 def test_any_call_may_fail(tmp_path: Path, number: int, stays: bool, count: int) -> None:
     continue_run(tmp_path / "whole")
-    expected = run_info(tmp_path / "whole")
+    expected = ends_of(tmp_path / "whole")
     whole = Failing(tmp_path / "counted", number, None, stays=stays)
     with hooked(whole.hook):
         continue_run(tmp_path / "counted")
@@ -81,10 +81,9 @@ def test_any_call_may_fail(tmp_path: Path, number: int, stays: bool, count: int)
         assert failed is None or exit_code_of(failed) is ExitCode.ENVIRONMENT, where
         assert failed is None or str(path) in str(failed), where
         if RunDirectory.is_run(path):
-            assert [finding for finding in verify(path) if finding.severity == "error"] == [], where
+            assert errors_of(path) == [], where
         continue_run(path)
-        info = run_info(path)
-        assert (info["data_digest"], info["state_digest"]) == (expected["data_digest"], expected["state_digest"]), where
+        assert ends_of(path) == expected, where
         shutil.rmtree(path)
     print(f"{len(range(1, whole.count + 1, -(-whole.count // count)))} of {whole.count} calls failed")
 
@@ -129,7 +128,7 @@ def begin_run(path: Path) -> None:
 def test_a_disk_that_lies(tmp_path: Path, session: Callable[[Path], None], count: int) -> None:
     """What is not read back as it was written is never committed; a bit that nobody reads may be wrong."""
     continue_run(tmp_path / "whole")
-    expected = run_info(tmp_path / "whole")
+    expected = ends_of(tmp_path / "whole")
     whole = Lying(tmp_path / "counted", None)
     with hooked(whole.hook):
         session(tmp_path / "counted")
@@ -143,10 +142,9 @@ def test_a_disk_that_lies(tmp_path: Path, session: Callable[[Path], None], count
                 failed = error
         noticed += failed is not None
         assert failed is None or str(path) in str(failed)
-        assert [finding for finding in verify(path) if finding.severity == "error"] == [], f"call {k}: {failed}"
+        assert errors_of(path) == [], f"call {k}: {failed}"
         continue_run(path)
-        info = run_info(path)
-        assert (info["data_digest"], info["state_digest"]) == (expected["data_digest"], expected["state_digest"]), f"call {k}"
+        assert ends_of(path) == expected, f"call {k}"
         shutil.rmtree(path)
     print(f"{noticed} of {whole.count} noticed")
     assert noticed > 0
@@ -169,7 +167,7 @@ def test_a_text_that_is_not_as_written_is_not_committed(tmp_path: Path) -> None:
     with hooked(hook), pytest.raises(DamagedRun, match=r"results\.h5\.tmp"):
         continue_run(tmp_path / "run")
     assert count == 1
-    assert [finding for finding in verify(tmp_path / "run") if finding.severity == "error"] == []
+    assert errors_of(tmp_path / "run") == []
     continue_run(tmp_path / "run")
     assert run_info(tmp_path / "run")["status"] == "finished"
 

@@ -13,11 +13,11 @@ from typing import Any
 
 import pytest
 from disk_model import Content, Inspect, Left, PowerCuts
-from store_support import continue_run
+from store_support import continue_run, errors_of
 from system_calls import hooked
 from trials import trials
 
-from multicor_cli.store import RunDirectory, run_info, verify
+from multicor_cli.store import RunDirectory, run_info
 
 
 class Promises:
@@ -58,7 +58,7 @@ class Promises:
         if not RunDirectory.is_run(run):
             assert self.step < 0, f"the run is gone, which had a checkpoint at step {self.step}"
             return
-        assert [finding for finding in verify(run) if finding.severity == "error"] == []
+        assert errors_of(run) == []
         info = run_info(run)
         if self.is_finished:
             assert info["status"] == "finished"

@@ -16,6 +16,7 @@ import pytest
 from command_line import call, command, environment, read_info, start
 from places import ROOT
 from scenes import LASTING, write_small
+from store_support import errors_of
 from trials import trials
 
 from multicor_cli.store import verify
@@ -67,7 +68,7 @@ def test_signals_end_the_program_soon(tmp_path: Path, count: int) -> None:
         codes.append(process.returncode)
         assert process.returncode == CODES[number]
         if (tmp_path / str(trial) / "run.json").exists():
-            assert [finding for finding in verify(tmp_path / str(trial)) if finding.severity == "error"] == []
+            assert errors_of(tmp_path / str(trial)) == []
     print(f"{count} signals, at most {max(waited):.2f} s, median {sorted(waited)[count // 2]:.2f} s")
     assert max(waited) < (PROMISED if count >= 10 else 3.0 * PROMISED)  # machines of CI are busy
 
@@ -133,7 +134,7 @@ def test_usr1_goes_on(tmp_path: Path) -> None:
     assert process.poll() is None
     process.send_signal(signal.SIGTERM)
     process.communicate(timeout=30)
-    assert [finding for finding in verify(tmp_path / "run") if finding.severity == "error"] == []
+    assert errors_of(tmp_path / "run") == []
 
 
 @pytest.mark.skipif(signal.SIGHUP not in CODES, reason="these tests run under nohup")

@@ -14,6 +14,7 @@ import pytest
 from command_line import call, environment, read_info, start
 from places import ROOT
 from scenes import SMALL, WARM, changed, write_small
+from store_support import ends_of
 from trials import thinned, trials
 
 from multicor_cli.store import open_run
@@ -21,11 +22,6 @@ from multicor_cli.store import open_run
 CONFIGS = ROOT / "configs"
 MANY = ("--set", "particles.0.count=5000", "--set", "loading.0.duration=0.004", "--set", "solver.max_sweeps=60")
 """So many grains that several threads are used, few steps."""
-
-
-def digests(run: Path) -> tuple[str, str]:
-    info = read_info(run)
-    return info["data_digest"], info["state_digest"]
 
 
 @pytest.mark.reliability
@@ -42,7 +38,7 @@ def test_threads_and_layers(tmp_path: Path, count: int) -> None:
         )
         assert done.returncode == 0, done.stderr
         assert read_info(run)["provenance"]["threads"] == threads
-        found.add(digests(run))
+        found.add(ends_of(run))
     assert len(found) == 1
 
 
@@ -59,7 +55,7 @@ def test_clocks_that_jump_and_time_zones(zone: str, finished: Path, tmp_path: Pa
         [sys.executable, "-c", jumping], cwd=tmp_path, env=environment(TZ=zone), capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stderr
-    assert digests(tmp_path / "run") == digests(finished)
+    assert ends_of(tmp_path / "run") == ends_of(finished)
 
 
 @trials(short=5, long=50)
@@ -106,7 +102,7 @@ def test_directories_of_any_name(name: str, finished: Path, tmp_path: Path) -> N
     write_small(tmp_path)
     done = call("run", "small.toml", "-o", tmp_path / name, cwd=tmp_path)
     assert done.returncode == 0, done.stderr
-    assert digests(tmp_path / name) == digests(finished)
+    assert ends_of(tmp_path / name) == ends_of(finished)
 
 
 @pytest.mark.reliability
@@ -217,7 +213,7 @@ def test_heat_and_stages_too(tmp_path: Path) -> None:
     for name, layer in (("a", "workqueue"), ("b", "omp")):
         done = call("run", "warm.toml", "-o", name, cwd=tmp_path, NUMBA_THREADING_LAYER=layer)
         assert done.returncode == 0, done.stderr
-        found.add(digests(tmp_path / name))
+        found.add(ends_of(tmp_path / name))
     assert len(found) == 1
     with open_run(tmp_path / "a") as run:
         assert np.isfinite(run.frames[-1].temperature).all()

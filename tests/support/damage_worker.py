@@ -16,10 +16,10 @@ from typing import Any
 
 import h5py
 import numpy as np
-from store_support import continue_run
+from store_support import continue_run, ends_of, errors_of
 
 from multicor_cli.running.outcome import exit_code_of
-from multicor_cli.store import open_run, run_info, verify
+from multicor_cli.store import open_run, run_info
 
 PAGE = 4096
 
@@ -139,16 +139,11 @@ def attempt(action: Callable[[Path], Any], path: Path) -> tuple[int, Any]:
         return int(exit_code_of(error)), f"{type(error).__name__}: {error}"
 
 
-def errors_of(path: Path) -> list[str]:
-    return [finding.message for finding in verify(path) if finding.severity == "error"]
-
-
 def continued(path: Path) -> tuple[str, str]:
     """Digests of the end; a file alone is at its end."""
     if path.is_dir():
         continue_run(path)
-    info = run_info(path)
-    return info["data_digest"], info["state_digest"]
+    return ends_of(path)
 
 
 def main(runs: Path, others: Path, scratch: Path) -> None:

@@ -26,7 +26,7 @@ from multicor_cli.model import (
     WallShapes,
 )
 from multicor_cli.model.contacts import ContactTable
-from multicor_cli.store import RunDirectory, Snapshot
+from multicor_cli.store import RunDirectory, Snapshot, run_info, verify
 from multicor_cli.store.hdf5 import write_digests, write_text
 
 SOURCE = "# scénario\r\n[scenario]\nname = 'tiny'\n"
@@ -204,6 +204,18 @@ def killed_at(path: Path, point: str, go_on: Callable[[Path], object] = continue
     was_killed = os.WIFSIGNALED(status) and os.WTERMSIG(status) == signal.SIGKILL
     assert was_killed or status == 0
     return was_killed
+
+
+def errors_of(path: Path) -> list[str]:
+    """What `verify` says of lost or damaged data."""
+    return [finding.message for finding in verify(path) if finding.severity == "error"]
+
+
+def ends_of(path: Path) -> tuple[str, str]:
+    """Digests of the data and of the last state of a finished run."""
+    info = run_info(path)
+    assert info["status"] == "finished"
+    return info["data_digest"], info["state_digest"]
 
 
 def replace(path: Path, data: bytes) -> None:

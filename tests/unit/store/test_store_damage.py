@@ -12,7 +12,7 @@ import h5py
 import numpy as np
 import pytest
 import store_support
-from store_support import continue_run, drive, make_model, make_run, replace, run_whole, set_text
+from store_support import continue_run, drive, errors_of, make_model, make_run, replace, run_whole, set_text
 
 from multicor_cli.model import State
 from multicor_cli.store import (
@@ -178,7 +178,7 @@ not; what `verify` finds, or nothing."""
 def test_an_interrupted_run_that_was_damaged(open_copy: Path, unfinished: Path, finished: Path, damage: str) -> None:
     act, reading, going_on, finding = DAMAGED[damage]
     act(open_copy)
-    errors = [found.message for found in verify(open_copy) if found.severity == "error"]
+    errors = errors_of(open_copy)
     assert all(re.search(finding, message) for message in errors) if finding else errors == []
     assert bool(errors) == bool(finding)
     found = everything_or_error(open_copy)

@@ -21,7 +21,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 from places import ROOT
-from store_support import PROVENANCE, RESOLVED, SOURCE, continue_run, drive, make_model, make_run, run_whole, start
+from store_support import PROVENANCE, RESOLVED, SOURCE, continue_run, drive, errors_of, make_model, make_run, run_whole, start
 
 from multicor_cli.model import State
 from multicor_cli.store import (
@@ -115,18 +115,16 @@ def test_a_place_where_no_directory_can_be_made_is_refused_at_once() -> None:
         check_usable(Path("/proc/run"), overwrite=False)
 
 
-def test_existing_run_is_refused_unless_overwritten(tmp_path: Path) -> None:
-    run_whole(tmp_path / "run")
-    before = listing(tmp_path / "run")
+def test_existing_run_is_refused_unless_overwritten(copy: Path) -> None:
+    before = listing(copy)
     with pytest.raises(DirectoryRefused, match="--overwrite"):
-        make_run(tmp_path / "run")
-    assert listing(tmp_path / "run") == before
-    with make_run(tmp_path / "run", overwrite=True) as run:
+        make_run(copy)
+    assert listing(copy) == before
+    with make_run(copy, overwrite=True) as run:
         assert run.load_checkpoint() is None
-        assert sorted(listing(tmp_path / "run")) == ["lock", "run.json", "scenario.resolved.toml", "scenario.toml"]
-    with make_run(tmp_path / "run", overwrite=True) as run:
-        drive(run, make_model(), steps=40, checkpoint_every=15)
-    assert verify(tmp_path / "run") == []
+        assert sorted(listing(copy)) == ["lock", "run.json", "scenario.resolved.toml", "scenario.toml"]
+    run_whole(copy, overwrite=True)
+    assert verify(copy) == []
 
 
 @pytest.mark.parametrize("name", ["figure.png", "segments/notes.txt", "checkpoints/step-1.h5", "results.h5.bak", "model.h5/"])
@@ -156,28 +154,21 @@ def test_overwriting_does_not_follow_links(tmp_path: Path) -> None:
     assert (tmp_path / "precious" / "000000.h5").read_text() == "mine"
 
 
-def test_damaged_run_can_be_overwritten(tmp_path: Path) -> None:
-    run_whole(tmp_path / "run")
-    (tmp_path / "run" / "run.json").write_text("nonsense")
+def test_damaged_run_can_be_overwritten(copy: Path) -> None:
+    (copy / "run.json").write_text("nonsense")
     with pytest.raises(DirectoryRefused):
-        make_run(tmp_path / "run")
-    make_run(tmp_path / "run", overwrite=True).close()
-    assert RunDirectory.is_run(tmp_path / "run")
+        make_run(copy)
+    make_run(copy, overwrite=True).close()
+    assert RunDirectory.is_run(copy)
 
 
-def test_changed_scenario_is_noticed(tmp_path: Path) -> None:
-    with make_run(tmp_path / "run") as run:
-        drive(run, make_model(), steps=10, checkpoint_every=5, finish=False)
-    (tmp_path / "run" / "scenario.resolved.toml").write_text(RESOLVED + "# edited\n")
-    with RunDirectory.resume(tmp_path / "run") as run, pytest.raises(DamagedRun, match="was changed"):
-        run.resolved_text  # noqa: B018
-
-
-def test_another_model_is_refused(tmp_path: Path) -> None:
-    with make_run(tmp_path / "run") as run:
-        drive(run, make_model(), steps=10, checkpoint_every=5, finish=False)
-    with RunDirectory.resume(tmp_path / "run") as run, pytest.raises(DamagedRun, match="another model"):
-        run.writer(make_model(4))
+def test_changed_scenario_and_another_model_are_noticed(open_copy: Path) -> None:
+    (open_copy / "scenario.resolved.toml").write_text(RESOLVED + "# edited\n")
+    with RunDirectory.resume(open_copy) as run:
+        with pytest.raises(DamagedRun, match="was changed"):
+            run.resolved_text  # noqa: B018
+        with pytest.raises(DamagedRun, match="another model"):
+            run.writer(make_model(4))
 
 
 def test_stopped_and_failed_runs_can_be_continued(tmp_path: Path) -> None:
@@ -203,21 +194,18 @@ def test_stopped_and_failed_runs_can_be_continued(tmp_path: Path) -> None:
     assert len(json.loads((path / "run.json").read_text())["sessions"]) == 3
 
 
-def test_finished_run_is_left_alone(tmp_path: Path) -> None:
-    run_whole(tmp_path / "run")
-    before = listing(tmp_path / "run")
-    with RunDirectory.resume(tmp_path / "run") as run:
+def test_finished_run_is_left_alone(copy: Path) -> None:
+    before = listing(copy)
+    with RunDirectory.resume(copy) as run:
         assert run.is_finished
-        assert run.consolidate() == tmp_path / "run" / "results.h5"
-    assert listing(tmp_path / "run") == before
+        assert run.consolidate() == copy / "results.h5"
+    assert listing(copy) == before
 
 
-def test_committed_files_are_read_only(tmp_path: Path) -> None:
-    with make_run(tmp_path / "run") as run:
-        drive(run, make_model(), steps=10, checkpoint_every=5, finish=False)
-    for pattern in ("segments/*.h5", "checkpoints/*.h5", "model.h5"):
-        for file in (tmp_path / "run").glob(pattern):
-            assert not file.stat().st_mode & 0o222
+def test_committed_files_are_read_only(unfinished: Path) -> None:
+    files = [file for pattern in ("segments/*.h5", "checkpoints/*.h5", "model.h5") for file in unfinished.glob(pattern)]
+    assert len(files) == 6
+    assert not any(file.stat().st_mode & 0o222 for file in files)
 
 
 @pytest.mark.parametrize("name", ["mine.txt", "000000.h5.bak", "mine.tmp", "sub"])
@@ -345,7 +333,7 @@ def test_file_size_limit_stops_with_code_5_and_the_run_goes_on_later(tmp_path: P
 
     assert in_child(limited) == 5
     if RunDirectory.is_run(path):
-        assert [finding for finding in verify(path) if finding.severity == "error"] == []
+        assert errors_of(path) == []
     assert list(path.rglob("*.h5.tmp")) == []
     run = RunDirectory.resume(path) if RunDirectory.is_run(path) else make_run(path)
     with run:

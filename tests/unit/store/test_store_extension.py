@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from store_support import PROVENANCE, RESOLVED, SOURCE, drive, killed_at, make_model, replace, run_whole
+from store_support import PROVENANCE, RESOLVED, SOURCE, drive, errors_of, killed_at, make_model, replace, run_whole
 from trials import thinned
 
 from multicor_cli.model import Model
@@ -55,7 +55,7 @@ def expected(model: Model, tmp_path_factory: pytest.TempPathFactory) -> str:
 
 def assert_nothing_lost(path: Path) -> None:
     """The run is what it was, or the longer one; its first 40 steps are there in any case."""
-    assert [finding for finding in verify(path) if finding.severity == "error"] == []
+    assert errors_of(path) == []
     with open_run(path) as run:
         assert run.frames.step.tolist()[:9] == list(range(0, 41, 5))
         assert len(run.series["step"]) >= 21

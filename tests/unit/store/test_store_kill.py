@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from kill_points import POINTS
-from store_support import continue_run, drive, killed_at, make_model, make_run
+from store_support import continue_run, drive, errors_of, killed_at, make_model, make_run
 from trials import thinned
 
 from multicor_cli.store import RunDirectory, Snapshot, open_run, run_info, verify
@@ -31,7 +31,7 @@ def outcome(path: Path) -> dict[str, str]:
 
 def assert_nothing_lost(path: Path) -> None:
     if RunDirectory.is_run(path):
-        assert [finding for finding in verify(path) if finding.severity == "error"] == []
+        assert errors_of(path) == []
         with open_run(path) as run:
             assert run.status in ("interrupted", "finished")
             for frame in run.frames:

@@ -147,10 +147,8 @@ def test_running_run_reads_back(tmp_path: Path, heat: bool) -> None:
         assert reader.status == "interrupted"
 
 
-def test_results_file_alone_is_enough(tmp_path: Path) -> None:
-    model = make_model()
-    run_whole(tmp_path / "run", model)
-    (tmp_path / "run" / "results.h5").rename(tmp_path / "mailed.h5")
+def test_results_file_alone_is_enough(copy: Path, tmp_path: Path) -> None:
+    (copy / "results.h5").rename(tmp_path / "mailed.h5")
     with open_run(tmp_path / "mailed.h5") as run:
         assert run.status == "finished"
         assert len(run.frames) == 9
@@ -189,9 +187,8 @@ def test_frames_without_recorded_contacts(tmp_path: Path) -> None:
     assert verify(tmp_path / "run") == []
 
 
-def test_frames_are_a_sequence(tmp_path: Path) -> None:
-    run_whole(tmp_path / "run")
-    with open_run(tmp_path / "run") as run:
+def test_frames_are_a_sequence(finished: Path) -> None:
+    with open_run(finished) as run:
         assert run.frames[-1].step == 40
         assert [frame.step for frame in run.frames[2:4]] == [10, 15]
         assert [frame.index for frame in run.frames] == list(range(9))
@@ -203,9 +200,8 @@ def test_frames_are_a_sequence(tmp_path: Path) -> None:
             run.series["nothing"]
 
 
-def test_every_dataset_has_unit_long_name_and_checksum(tmp_path: Path) -> None:
-    run_whole(tmp_path / "run", make_model(heat=True))
-    with h5py.File(tmp_path / "run" / "results.h5") as file:
+def test_every_dataset_has_unit_long_name_and_checksum(heated: Path) -> None:
+    with h5py.File(heated / "results.h5") as file:
         for spec in schema.select(schema.RESULTS_TABLE, {"heat", "softening", "adhesion", "rolling"}):
             dataset = file[spec.path]
             assert dataset.fletcher32, spec.path
@@ -215,10 +211,9 @@ def test_every_dataset_has_unit_long_name_and_checksum(tmp_path: Path) -> None:
         assert file["walls/position"].shape == (9, 2, 3)
 
 
-def test_texts_that_are_read_have_a_fixed_length(tmp_path: Path) -> None:
+def test_texts_that_are_read_have_a_fixed_length(finished: Path) -> None:
     """HDF5 searches a damaged heap of the others forever."""
-    run_whole(tmp_path / "run")
-    with h5py.File(tmp_path / "run" / "results.h5") as file:
+    with h5py.File(finished / "results.h5") as file:
         texts = [(file, name) for name in file.attrs] + [
             (file[spec.path], "blake2b") for spec in schema.RESULTS_TABLE if spec.path in file
         ]
@@ -227,12 +222,11 @@ def test_texts_that_are_read_have_a_fixed_length(tmp_path: Path) -> None:
     assert all(kind is None or kind.length is not None for kind in kinds)
 
 
-def test_equal_runs_have_equal_data_digests(tmp_path: Path) -> None:
-    run_whole(tmp_path / "a")
+def test_equal_runs_have_equal_data_digests(finished: Path, tmp_path: Path) -> None:
     run_whole(tmp_path / "b", checkpoint_every=7)
-    assert run_info(tmp_path / "a")["data_digest"] == run_info(tmp_path / "b")["data_digest"]
+    assert run_info(finished)["data_digest"] == run_info(tmp_path / "b")["data_digest"]
     run_whole(tmp_path / "c", steps=42)
-    assert run_info(tmp_path / "a")["data_digest"] != run_info(tmp_path / "c")["data_digest"]
+    assert run_info(finished)["data_digest"] != run_info(tmp_path / "c")["data_digest"]
 
 
 def test_many_frames_are_split_into_segments(tmp_path: Path) -> None:
@@ -371,13 +365,12 @@ def test_what_older_checkpoints_lack_is_zero() -> None:
     assert _complete(np.ones(2), rows["tallies"], {"tally": 4}).tolist() == [1.0, 1.0, 0.0, 0.0]
 
 
-def test_frames_say_what_they_hold_and_cannot_be_changed(tmp_path: Path) -> None:
+def test_frames_say_what_they_hold_and_cannot_be_changed(finished: Path) -> None:
     assert Frame.wall_heat.__doc__ == (
         "Heat given to the grains; heat of friction and impacts received [J], shape ``(w, 2)``; None in a run without heat"
     )
     assert Contacts.impulse.__doc__ == "Normal and tangential impulse on i in the last step [N s], shape ``(c, 2)``"
-    run_whole(tmp_path / "run", make_model(), steps=10)
-    with open_run(tmp_path / "run") as run, pytest.raises(AttributeError, match="particles/spin is read from a file"):
+    with open_run(finished) as run, pytest.raises(AttributeError, match="particles/spin is read from a file"):
         run.frames[0].spin = np.zeros(3)
 
 
@@ -466,10 +459,9 @@ def test_importing_the_package_loads_nothing_heavy() -> None:
     assert done.stdout.strip() == "[]"
 
 
-def test_final_state_starts_the_next_run_exactly(tmp_path: Path) -> None:
-    state = run_whole(tmp_path / "run")
-    with RunDirectory.resume(tmp_path / "run") as run:
+def test_final_state_starts_the_next_run_exactly(copy: Path) -> None:
+    with RunDirectory.resume(copy) as run:
         assert run.is_finished
-        found = run.load_checkpoint()
-        assert found is not None
-        assert found.state.digest() == state.digest()
+        last = run.load_checkpoint()
+    assert last is not None
+    assert last.state.digest() == run_info(copy)["state_digest"]
