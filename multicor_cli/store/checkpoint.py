@@ -65,16 +65,6 @@ class Checkpoint:
     steering: Document | None = None
     warnings: tuple[str, ...] = ()
 
-    @property
-    def frame_count(self) -> int:
-        """Frames committed up to this checkpoint."""
-        return sum(segment.frames for segment in self.segments)
-
-    @property
-    def series_count(self) -> int:
-        """Rows of the time series committed up to this checkpoint."""
-        return sum(segment.series_rows for segment in self.segments)
-
 
 @dataclass(frozen=True)
 class Identity:

@@ -279,7 +279,7 @@ def data_frame(columns: Sequence[NamedColumn], index: str | None = None) -> Any:
 
 
 def grain_columns(frame: Frame) -> list[NamedColumn]:
-    """The grains of a frame, those that are there: number, group, material, radius, mass, and what the frame holds of each."""
+    """The present grains of a frame: number, group, material, radius, mass, and what the frame holds of each."""
     grains, model = frame.model.grains, frame.run_model
     return [
         NamedColumn("grain", "1", frame.number),
@@ -387,7 +387,7 @@ def _are_within(numbers: Array, count: int) -> bool:
 class Frame(StepColumns, GrainColumns, WallColumns, KeptColumns):
     """One frame; ``n`` grains, ``w`` walls. Every array is read when it is first used, and kept.
 
-    Where grains come and go, the attributes are those of the ``n`` grains that are there, and contacts count shapes among these;
+    Where grains come and go, the attributes are those of the ``n`` present grains, and contacts count shapes among these;
     `number` says which grains they are, and `model` is made of them.
 
     Attributes:
@@ -454,18 +454,18 @@ class Frame(StepColumns, GrainColumns, WallColumns, KeptColumns):
 
     @cached_property
     def number(self) -> NDArray[np.int64]:
-        """Numbers in the run of the grains that are there, shape ``(n,)``; `presence` says what the others do."""
+        """Numbers in the run of the present grains, shape ``(n,)``; `presence` says what the others do."""
         if not self.is_open:
             return np.arange(self.run_model.grain_count)
         return np.flatnonzero(self.column(_PRESENCE) == Presence.THERE)
 
     @cached_property
     def model(self) -> Model:
-        """The model with the grains of this frame alone, those that are there."""
+        """The model with the present grains alone."""
         return self.run_model.with_grains(self.number) if self.is_open else self.run_model
 
     def _of_those_here(self, column: Column[Any], rows: Array) -> Array:
-        """The rows of the grains that are there; shapes of contacts are counted among these too."""
+        """The rows of the present grains; shapes of contacts are counted among these too."""
         if column.path in _OF_SHAPES:
             n, shapes, here = self.run_model.grain_count, self.run_model.shape_count, self.number.size
             number = np.zeros(n + shapes, rows.dtype)

@@ -361,7 +361,7 @@ def run_info(path: Path | str) -> dict[str, Any]:
         stage_ends`` (how each stage ended that is over, see `multicor_cli.store.documents.StageEnd`), ``origin`` (the moment of
         another run from which it goes on, see `multicor_cli.store.documents.Origin`, or null), ``extensions`` (when stages were
         added to the run, see docs/reference/formats/run-directory.md), ``steering`` (the program that steers the run and what it
-        decided, likewise, or null), ``walls, state_digest, energy_closure, heat_closure, max_overlap,
+        decided, or null), ``walls, state_digest, energy_closure, heat_closure, max_overlap,
         solver.{sweeps_mean, residual_rms_max, residual_max_max, unconverged_steps}, books, heat, negative_loss_share,
         corrected_steps, max_contact_force, progress`` (``progress.json`` of a run that goes on: step, time, speed, seconds left …),
         ``pid`` (of its process, if that is on this host), ``worst_step.{step, time}`` (end of the row of the time series with the

@@ -157,7 +157,7 @@ class FrameWriter:
         model: The model of the run.
         precision: How datasets of type ``float`` are stored.
         version: Version of the file format in which the run was begun.
-        committed: Segments that are there already.
+        committed: Segments committed before.
         last_steps: Steps of the last frame and of the last row of the series that were committed; -1 if none.
 
     Attributes:
@@ -197,16 +197,6 @@ class FrameWriter:
         self._frames: list[Columns] = []
         self._rows: list[Columns] = []
         self._bytes = 0
-
-    @property
-    def frame_count(self) -> int:
-        """Frames since the start of the run, committed and pending."""
-        return sum(segment.frames for segment in self.segments) + len(self._frames)
-
-    @property
-    def series_count(self) -> int:
-        """Rows of the time series since the start of the run, committed and pending."""
-        return sum(segment.series_rows for segment in self.segments) + self._row_count
 
     def frame(self, moment: Snapshot) -> None:
         """Add a frame of a moment (arrays are copied).

@@ -101,7 +101,7 @@ class Snapshot:
 
 
 def temperatures_of(state: State, thermal: Thermal) -> tuple[float, float, float]:
-    """Mean temperature of the grains that are there, weighted by heat capacity, lowest and highest [K]; 0 if none is there."""
+    """Mean temperature of the present grains, weighted by heat capacity, lowest and highest [K]; 0 if none is there."""
     temperature, capacity = state.temperature(thermal)[state.here], thermal.capacity[state.here]
     if not temperature.size:
         return 0.0, 0.0, 0.0

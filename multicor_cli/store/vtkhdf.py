@@ -2,7 +2,7 @@
 
 Each step is one piece of PolyData: the grains are points, the contacts are lines. A contact with a wall, or one across the
 period, has no second grain next to it; its line ends in a point of its own, appended to the grains of the step. These few
-points, and which points the lines join, are all that is stored anew. Everything else is a link, or a virtual dataset that maps the
+points, and which points the lines join, are all that is stored here. Everything else is a link, or a virtual dataset that maps the
 rows of grains and contacts to where VTK expects them and gives the appended points a fill value. There is equal room for the
 points of every step, of which a step uses as much as it needs: then one mapping does for all steps.
 
@@ -185,7 +185,7 @@ _STORED = (
     *(f"Steps/{name}" for name in ("CellDataOffsets/kind", "FieldDataSizes/step")),
     *(f"PointData/{name}" for name in _CONSTANTS),
 )
-"""What the view stores anew: everything in it that is neither a link nor virtual."""
+"""What the view itself stores: everything in it that is neither a link nor virtual."""
 
 
 @dataclass(frozen=True)
@@ -245,7 +245,7 @@ def write_view(file: h5py.File, model: Model) -> None:
 
 
 def check_view(path: Path) -> None:
-    """Compare what the view stores anew with its digest; without frames there is no view.
+    """Compare what the view itself stores with its digest; without frames there is no view.
 
     Virtual datasets are not opened: HDF5 may crash on a damaged one. What they show has digests where it is stored; how they
     show it is covered by the digest of the whole file in ``run.json``.
@@ -273,7 +273,7 @@ def _digest(file: h5py.File) -> str:
 def link_view(directory: Path) -> None:
     """Give ``results.h5`` a second name, the one by which ParaView knows the format; a file system may not allow it.
 
-    A symbolic link follows when ``results.h5`` is written anew; a hard link is the next best.
+    A symbolic link follows when ``results.h5`` is replaced; a hard link is the next best.
     """
     name, temporary = directory / layout.VTKHDF, directory / (layout.VTKHDF + ".tmp")
     with contextlib.suppress(OSError):
@@ -361,8 +361,10 @@ def _write_steps(file: h5py.File, root: h5py.Group, rows: _Layout) -> h5py.Group
 def _write_points(file: h5py.File, root: h5py.Group, steps: h5py.Group, rows: _Layout) -> None:
     """Positions and point data: the rows of the grains, and behind those of each frame the appended points."""
     frames, room, grains = len(rows.ends), rows.room, rows.grains
-    to_grains = [(_rows(0, room, frames, grains), slice(0, frames * grains))]
-    to_ends = [(_rows(grains, room, frames, room - grains), slice(0, frames * (room - grains)))] if room > grains else []
+    ends = room - grains
+    # Blocks of rows, one every ``room`` rows: first the grains of each frame, then its appended points.
+    to_grains = [(h5py.MultiBlockSlice(0, room, frames, grains), slice(0, frames * grains))]
+    to_ends = [(h5py.MultiBlockSlice(grains, room, frames, ends), slice(0, frames * ends))] if ends else []
     total = frames * room
     position = [_Source(file["particles/position"], to_grains), _Source(file[ENDS], to_ends)]
     _write_virtual(root, "Points", total, position, np.nan)
@@ -370,11 +372,6 @@ def _write_points(file: h5py.File, root: h5py.Group, steps: h5py.Group, rows: _L
         if row.path in file:
             _write_virtual(root, f"PointData/{row.name}", total, [_Source(file[row.path], to_grains)], np.nan)
             steps[f"PointDataOffsets/{row.name}"] = steps["PointOffsets"]
-
-
-def _rows(start: int, stride: int, count: int, length: int) -> Any:
-    """``count`` blocks of ``length`` rows, one every ``stride`` rows."""
-    return h5py.MultiBlockSlice(start, stride, count, length)
 
 
 @dataclass(frozen=True)
