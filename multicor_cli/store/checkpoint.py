@@ -15,7 +15,7 @@ from multicor_cli.model import Model, State
 from multicor_cli.model.books import HEAT_BOOKS, entry_counts
 from multicor_cli.model.faults import find_misfit
 from multicor_cli.model.state import digest_of
-from multicor_cli.scenario.steered import Count, Decision
+from multicor_cli.scenario.documents import Count, Decision
 from multicor_cli.store import layout, schema
 from multicor_cli.store.atomic import file_digest, kill_point, remove_own, storage_errors
 from multicor_cli.store.documents import (

@@ -14,7 +14,7 @@ from pydantic import Field
 from multicor_cli.files import Unfit, read_regular
 from multicor_cli.model import Model
 from multicor_cli.model.books import Version
-from multicor_cli.scenario.steered import Count
+from multicor_cli.scenario.documents import Count
 from multicor_cli.store import schema
 from multicor_cli.store.atomic import append_line, commit_bytes, file_digest, kill_point, require_own, storage_errors
 from multicor_cli.store.documents import SIZE_LIMIT, document_line, parse_document, record_of
