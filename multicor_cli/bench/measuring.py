@@ -222,7 +222,7 @@ def find_faults(prepared: PreparedScene, rounds: list[Round]) -> list[str]:
         if not closure <= CLOSURE:
             faults.append(f"the heat books are open by {closure:.1e}")
         temperature = state.temperature(model.thermal)
-        known = np.concatenate([model.thermal.start, state.wall_temperature[np.isfinite(state.wall_temperature)]])
+        known = np.concatenate([model.thermal.initial_temperature, state.wall_temperature[np.isfinite(state.wall_temperature)]])
         if not known.min() - 1e-6 <= temperature.min() <= temperature.max() <= known.max() + 1e-6:
             faults.append(f"temperatures from {temperature.min():g} to {temperature.max():g} K")
         if not state.heat_books[HEAT_BOOK_NAMES.index("stored")] > 0.0:

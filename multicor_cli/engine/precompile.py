@@ -29,8 +29,7 @@ from multicor_cli.engine.contact.sweep import EXACT, System
 from multicor_cli.engine.contact.system import Moved, assemble, tabulate_contacts
 from multicor_cli.engine.energy.account import account_contacts, warm_start_of
 from multicor_cli.engine.geometry.scene import Scene
-from multicor_cli.engine.heat.laws import heat_laws
-from multicor_cli.engine.heat.settings import HeatSettings
+from multicor_cli.engine.heat.settings import HeatSettings, heat_laws
 from multicor_cli.engine.heat.step import HeatStep
 from multicor_cli.engine.jit.chunks import aligned, chunks_for
 from multicor_cli.engine.jit.vectors import LANES

@@ -428,7 +428,7 @@ class Engine:
         drift = fit_drift(layout.free, layout.middle, model.period)
         fall = dt * np.abs(gravity)  # between the velocities at the start and the free ones
         drift = replace(drift, rest=drift.rest + hypot(*fall.tolist()), largest=drift.largest + fall)
-        cutoff = self._motion.closing(drift, scene, self._motion.before, walls).reach(dt, layout.pairs.largest)
+        cutoff = self._motion.closing(drift, scene, self._motion.before, walls).cutoff(dt, layout.pairs.largest)
         return max(cutoff, closing_distance(self._laws(), model.grains, dt))
 
     def _cutoff_after(self, step: Prediction, after: Floats) -> float:
@@ -436,7 +436,7 @@ class Engine:
         layout = self._layout
         drift = fit_drift(after, layout.middle, self.model.period)
         walls = after[layout.model.grain_count :, :3].copy()
-        return self._motion.closing(drift, step.scene, walls).reach(step.dt, layout.pairs.largest)
+        return self._motion.closing(drift, step.scene, walls).cutoff(step.dt, layout.pairs.largest)
 
     def _margin(self, step: Prediction) -> float:
         """Largest gap of the contacts of the step, as far as velocities before the solve tell [m]; measures the listed pairs."""

@@ -411,6 +411,6 @@ def _restore(frame: Frame, model: Model, moment: _Moment) -> State:
     state.step, state.time, state.last_dt = frame.step, frame.time, frame.dt
     state.stage, state.stage_step, state.stage_start = moment.stage, moment.stage_step, moment.starts[-1]
     if model.thermal is not None and frame.temperature is not None and frame.wall_temperature is not None:
-        state.heat = (frame.temperature - model.thermal.start) * model.thermal.capacity
+        state.heat = (frame.temperature - model.thermal.initial_temperature) * model.thermal.capacity
         state.wall_temperature = frame.wall_temperature.copy()
     return state

@@ -133,16 +133,16 @@ class ContactLaws(NamedTuple):
 class Thermal:
     """What the grains' temperatures need that does not change; every array has shape ``(n,)``.
 
-    The temperature of a grain is ``start + State.heat / capacity``.
+    The temperature of a grain is ``initial_temperature + State.heat / capacity``.
 
     Attributes:
         capacity: Heat capacity C = m c_p [J/K].
-        start: Temperature at the start of the run T₀ [K].
+        initial_temperature: Temperature at the start of the run T₀ [K].
         surface: Area through which a grain meets fluid and surroundings [m²]: 4π a² of a sphere, 2π a h of a disc.
     """
 
     capacity: Floats
-    start: Floats
+    initial_temperature: Floats
     surface: Floats
 
 

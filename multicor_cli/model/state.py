@@ -155,7 +155,7 @@ class State:
 
     def temperature(self, thermal: Thermal) -> Floats:
         """Temperatures of the grains T = T₀ + Q/C [K], shape ``(n,)``."""
-        return thermal.start + self.heat / thermal.capacity
+        return thermal.initial_temperature + self.heat / thermal.capacity
 
     @property
     def here(self) -> NDArray[np.int64] | slice:

@@ -201,7 +201,7 @@ def _carry_heat(scenario: Scenario, source: Source, thermal: Thermal, state: Sta
     state.heat_dt = source.state.heat_dt
     if state.heat.any():
         state.heat_before = np.array([total(state.heat[state.here])])
-    return replace(thermal, start=np.where(goes_on, before.start, thermal.start))
+    return replace(thermal, initial_temperature=np.where(goes_on, before.initial_temperature, thermal.initial_temperature))
 
 
 def _renumbered(source: Source, model: Model, i: Ints, j: Ints, same: Mapping[int, int]) -> tuple[Ints, Ints, Ints]:

@@ -139,7 +139,7 @@ def group_thermal(scenario: Scenario, index: int, grains: InitialGrains, center:
     around = 2.0 * radius if group.shape == "sphere" else np.full(radius.size, group.thickness or math.nan)
     return Thermal(
         capacity=mass * material.heat_capacity,
-        start=_start(scenario, group, grains, center),
+        initial_temperature=_start(scenario, group, grains, center),
         surface=np.asarray(2.0 * math.pi * radius * around),
     )
 
@@ -148,7 +148,7 @@ def joined(parts: Sequence[Thermal]) -> Thermal:
     """All grains of all groups."""
     return Thermal(
         capacity=np.concatenate([part.capacity for part in parts]),
-        start=np.concatenate([part.start for part in parts]),
+        initial_temperature=np.concatenate([part.initial_temperature for part in parts]),
         surface=np.concatenate([part.surface for part in parts]),
     )
 

@@ -128,9 +128,9 @@ def _of_frame(frame: Frame, model: Model) -> tuple[Model, State, str]:
     _take_contacts(frame, model, state)
     digest = hashlib.blake2b(state.digest().encode(), digest_size=16)
     if model.thermal is not None and frame.temperature is not None and frame.wall_temperature is not None:
-        temperature = model.thermal.start.copy()
+        temperature = model.thermal.initial_temperature.copy()
         temperature[here] = frame.temperature
-        model = replace(model, thermal=replace(model.thermal, start=temperature))
+        model = replace(model, thermal=replace(model.thermal, initial_temperature=temperature))
         state.wall_temperature = np.array(frame.wall_temperature, float)
         digest.update(temperature.tobytes())
     return model, state, digest.hexdigest()

@@ -107,7 +107,7 @@ def _force(heat: Heat) -> ContactForce:
 
 def laws_of_scenario(scenario: Scenario, materials: Sequence[str]) -> HeatLaws:
     """Thermal properties of the materials, named in the order of the model, and of their pairs; see `heat_laws`."""
-    from multicor_cli.engine.heat.laws import heat_laws
+    from multicor_cli.engine.heat.settings import heat_laws
 
     if scenario.heat is None:
         message = "a scenario without [heat] has no heat laws"

@@ -78,7 +78,9 @@ class Layer:
         """
         state = copy_of(self.state)
         state.heat[:] = 0.0
-        model = replace(self.model, thermal=replace(self.model.thermal, start=np.full(self.model.grain_count, AMBIENT + 0.5)))
+        model = replace(
+            self.model, thermal=replace(self.model.thermal, initial_temperature=np.full(self.model.grain_count, AMBIENT + 0.5))
+        )
         engine = Engine(model, state, threads=1, heat=self.settings)
         engine.resume(Orders(conditions=[at_temperature(AMBIENT), at_temperature(AMBIENT + 1.0)], is_frozen=True))
         engine.step(1e5, 0.0)

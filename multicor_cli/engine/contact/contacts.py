@@ -89,11 +89,11 @@ class WarmStart(NamedTuple):
 @formula
 def _wall_lever(scene: Scene, i: int, wall: int, nx: float, ny: float, gap: float) -> tuple[float, float]:
     """From the reference point of a wall to the point of the wall that is closest to grain i."""
-    reach = scene.radius[i] + gap
+    branch_length = scene.radius[i] + gap
     dx = scene.position[i, X] - scene.wall_position[wall, X]
     if scene.period > 0.0:  # the image of the point on the wall counts: the grain may lie beyond half a period
-        dx -= scene.period * floor((dx - reach * nx) / scene.period + 0.5)
-    return dx - reach * nx, scene.position[i, Y] - scene.wall_position[wall, Y] - reach * ny
+        dx -= scene.period * floor((dx - branch_length * nx) / scene.period + 0.5)
+    return dx - branch_length * nx, scene.position[i, Y] - scene.wall_position[wall, Y] - branch_length * ny
 
 
 @formula
@@ -127,12 +127,12 @@ def measure_pairs(
     partner: Ints,
     start: Floats,
     free: Floats,
-    reach: float,
+    cutoff: float,
     gap: Floats,
     normal: Floats,
     fastest: Floats,
 ) -> None:
-    """Gaps and normals of all listed pairs at q_m, and the largest approach speed among those nearer than ``reach``.
+    """Gaps and normals of all listed pairs at q_m, and the largest approach speed among those nearer than ``cutoff``.
 
     Args:
         scene: Shapes at q_m.
@@ -140,7 +140,7 @@ def measure_pairs(
         partner: Partners, shape ``(pairs,)``.
         start: Body velocities at the start of the step, shape ``(bodies, 4)``.
         free: Free velocities, shape ``(bodies, 4)``.
-        reach: No pair farther apart can touch in this step [m].
+        cutoff: No pair farther apart can touch in this step [m].
         gap: Gaps [m], shape ``(pairs,)``. **Modified.**
         normal: Normals n_x, n_y, from j to i, shape ``(pairs, 2)``. **Modified.**
         fastest: Largest approach speed in each chunk of grains, at the start or free [m/s]; 0 if nothing approaches, shape
@@ -154,7 +154,7 @@ def measure_pairs(
                 j = partner[p]
                 g, nx, ny = pair_geometry(scene, i, j)
                 gap[p], normal[p, X], normal[p, Y] = g, nx, ny
-                if g < reach:
+                if g < cutoff:
                     best = max(best, -_normal_velocity(scene, start, i, j, nx, ny, g))
                     best = max(best, -_normal_velocity(scene, free, i, j, nx, ny, g))
         fastest[chunk, 0] = best
@@ -325,14 +325,14 @@ def find_missed(
     gap: Floats,
     normal: Floats,
     margin: float,
-    reach: float,
+    cutoff: float,
     after: Floats,
     dt: float,
     worst: Floats,
 ) -> None:
     """Largest approach speed of a pair that was left out although it closes within the step; 0 if there is none.
 
-    Args as `fill_contacts`; ``after`` are the velocities v⁺, ``reach`` the distance that no pair can close [m] and ``worst`` the
+    Args as `fill_contacts`; ``after`` are the velocities v⁺, ``cutoff`` the distance that no pair can close [m] and ``worst`` the
     result per chunk of grains [m/s], shape ``(chunks, 1)``, **modified**.
     """
     count = row.size - 1
@@ -341,7 +341,7 @@ def find_missed(
         for i in range(chunk * CHUNK, min(count, (chunk + 1) * CHUNK)):
             for p in range(row[i], row[i + 1]):
                 g = gap[p]
-                if g > margin and g < reach:
+                if g > margin and g < cutoff:
                     u_n = _normal_velocity(scene, after, i, partner[p], normal[p, X], normal[p, Y], g)
                     if g + dt * u_n < 0.0:
                         best = max(best, -u_n)
@@ -557,16 +557,16 @@ def pack_couples(
         return NO_COUPLES
     contact = np.flatnonzero(contacts.rolling[:, LIMIT] > 0.0)
     i, j = contacts.i[contact], contacts.j[contact]
-    is_wall, reach = j >= scene.radius.size, contacts.rolling[contact, ARM]
+    is_wall, effective = j >= scene.radius.size, contacts.rolling[contact, ARM]
     body, arm = np.empty((contact.size, 2), np.int32), np.empty((contact.size, 2))
-    body[:, FIRST], arm[:, FIRST] = place[i], reach / scene.radius[i]
-    body[~is_wall, SECOND], arm[~is_wall, SECOND] = place[j[~is_wall]], reach[~is_wall] / scene.radius[j[~is_wall]]
-    body[is_wall, SECOND], arm[is_wall, SECOND] = scene.radius.size + scene.wall[j[is_wall] - scene.radius.size], reach[is_wall]
+    body[:, FIRST], arm[:, FIRST] = place[i], effective / scene.radius[i]
+    body[~is_wall, SECOND], arm[~is_wall, SECOND] = place[j[~is_wall]], effective[~is_wall] / scene.radius[j[~is_wall]]
+    body[is_wall, SECOND], arm[is_wall, SECOND] = scene.radius.size + scene.wall[j[is_wall] - scene.radius.size], effective[is_wall]
     spins = inverse[body, SPIN]
     mobility = spins[:, FIRST] * (arm[:, FIRST] * arm[:, FIRST]) + spins[:, SECOND] * (arm[:, SECOND] * arm[:, SECOND])
     where = _places(slot, general, contacts.i.size)[contact]
     limit, impulse = contacts.rolling[contact, LIMIT], contacts.rolling[contact, COUPLE]
-    turning = reach * _turning(scene, j, belt)
+    turning = effective * _turning(scene, j, belt)
     return Couples(contact.astype(np.int32), where, body, arm, limit, 1.0 / mobility, impulse, turning)
 
 

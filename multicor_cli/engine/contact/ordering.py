@@ -180,11 +180,11 @@ def _interleave(order: Ints, start: NDArray[np.int64]) -> None:
 
 @kernel
 def number_bodies(i: Ints, j: Ints, order: Ints, general: Ints, grains: int, walls: int) -> tuple[Ints, Ints, int]:
-    """Rows of the bodies in the velocities of the sweep: grains in the order in which the sweep first meets them, walls, anchors.
+    """Rows of the bodies in the velocities of the sweep: grains in the order in which the sweep first meets them, walls, proxies.
 
     However grains are numbered, a tile then reads and writes one piece of memory: three times faster where the velocities of all
-    grains do not fit into the caches. A prescribed wall is replaced by one *anchor* per contact: a body of infinite mass that has
-    the velocity of the wall at the contact. The sweep then needs no branch, and no two contacts share an anchor.
+    grains do not fit into the caches. A prescribed wall is replaced by one *proxy* per contact: a body of infinite mass that has
+    the velocity of the wall at the contact. The sweep then needs no branch, and no two contacts share a proxy.
 
     Args:
         i: Grain of each contact.
@@ -360,7 +360,7 @@ class Schedule(NamedTuple):
         tile_start: First batch of each tile, shape ``(tiles + 1,)``.
         color_start: First tile of each color, shape ``(colors + 1,)``.
         general: General contacts, shape ``(g,)``.
-        place: Row of each grain, shape ``(n,)``; walls follow the grains, then come the anchors.
+        place: Row of each grain, shape ``(n,)``; walls follow the grains, then come the wall proxies.
         rows: Number of all these rows. Two rows for the empty lanes of each tile follow.
     """
 

@@ -261,16 +261,16 @@ def _disc_system(problem: ContactProblem, impulse: Floats) -> tuple[System, Floa
         or not np.allclose(beta, beta[0], rtol=1e-9)
     ):
         return None
-    bodies, anchors = len(inverse), int(np.count_nonzero(fixed_j))
-    velocity = np.zeros((bodies + anchors, 4))
+    bodies, proxies = len(inverse), int(np.count_nonzero(fixed_j))
+    velocity = np.zeros((bodies + proxies, 4))
     velocity[:bodies, [X, Y]] = problem.velocity[:, [X, Y]]
     velocity[:bodies, SURFACE] = arm * problem.velocity[:, SPIN]
     velocity[:bodies, INVERSE_MASS] = inverse[:, X]
     pair = problem.pair.astype(np.int32)
-    pair[fixed_j, SECOND] = bodies + np.arange(anchors)
-    wall, reach = problem.velocity[problem.pair[fixed_j, SECOND]], problem.lever[fixed_j, SECOND]
-    velocity[bodies:, X] = wall[:, X] - wall[:, SPIN] * reach[:, Y]
-    velocity[bodies:, Y] = wall[:, Y] + wall[:, SPIN] * reach[:, X]
+    pair[fixed_j, SECOND] = bodies + np.arange(proxies)
+    wall, arm = problem.velocity[problem.pair[fixed_j, SECOND]], problem.lever[fixed_j, SECOND]
+    velocity[bodies:, X] = wall[:, X] - wall[:, SPIN] * arm[:, Y]
+    velocity[bodies:, Y] = wall[:, Y] + wall[:, SPIN] * arm[:, X]
     velocity[bodies:, SURFACE] = problem.slide[fixed_j]
     frame = np.empty((len(pair), 5))
     frame[:, [NX, NY]] = problem.normal

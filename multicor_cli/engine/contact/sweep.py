@@ -2,7 +2,7 @@
 
 Two kinds of contact, and couples of rolling resistance, relaxed after them:
 
-* *diagonal* ones between bodies with one inverse mass (grains, anchors): the Delassus matrix is diagonal,
+* *diagonal* ones between bodies with one inverse mass (grains, wall proxies): the Delassus matrix is diagonal,
   W_nn = 1/m_i + 1/m_j and W_tt = (1 + β) W_nn with β = m a²/I. They lie in batches of four that share no body
   (`multicor_cli.engine.contact.ordering`) and are relaxed as vectors (`multicor_cli.engine.contact.vector_sweep`); `relax_scalar`
   here says what that computes;
@@ -287,8 +287,8 @@ class System(NamedTuple):
     A lane of a batch without contact joins two bodies of its tile that nothing moves. Arrays begin at cache lines.
 
     Attributes:
-        velocity: Bodies: v_x, v_y [m/s], s (a ω for grains [m/s], Ω for walls [rad/s]), 1/m [1/kg]; then anchors, then bodies of
-            empty lanes. **Modified by sweeps.**
+        velocity: Bodies: v_x, v_y [m/s], s (a ω for grains [m/s], Ω for walls [rad/s]), 1/m [1/kg]; then wall proxies, then
+            bodies of empty lanes. **Modified by sweeps.**
         inverse: Bodies: inverse mass per degree of freedom, for general contacts, shape ``(b, 3)``.
         slot: Contact in each lane, -1 if there is none, shape ``(q, 4)``.
         pair: Bodies of the diagonal contacts: four times the row of the first, and that of the second, shape ``(q, 2, 4)``.

@@ -150,7 +150,7 @@ def _leave_empty(q: int, lane: int, frame: Floats, impulse: Floats) -> None:
 def pack_contacts(
     scene: Scene, contacts: StepContacts, belt: Floats, slot: Ints, pair: Ints, velocity: Floats, frame: Floats, impulse: Floats
 ) -> None:
-    """Copy contacts into their lanes, and give the anchors of walls their velocities.
+    """Copy contacts into their lanes, and give the proxies of walls their velocities.
 
     Args:
         scene: Shapes at q_m.

@@ -265,13 +265,13 @@ class ApproachBound:
             max(self.rest, other.rest), max(self.gradient, other.gradient), max(self.disc, other.disc), max(self.wall, other.wall)
         )
 
-    def reach(self, dt: float, diameter: float) -> float:
+    def cutoff(self, dt: float, diameter: float) -> float:
         """Gap [m] that no pair closes in a time step, given velocities and the largest diameter of a disc [m]."""
         growth = dt * self.gradient
-        reach = dt * self.disc
+        cutoff = dt * self.disc
         if growth < 1.0:
-            reach = min(reach, dt * (self.rest + self.gradient * diameter) / (1.0 - growth))
-        return max(reach, dt * self.wall)
+            cutoff = min(cutoff, dt * (self.rest + self.gradient * diameter) / (1.0 - growth))
+        return max(cutoff, dt * self.wall)
 
 
 def bound_approach(kind: Ints, drift: Drift, world: Floats, vectors: Floats, turn: Floats) -> ApproachBound:

@@ -172,15 +172,15 @@ def _scan_row(
     found = 0
     x, y, r = center[i, X], center[i, Y], radius[i]
     for k in range(level_radius.size):
-        reach = r + level_radius[k] + cutoff
+        span = r + level_radius[k] + cutoff
         columns, rows = level_shape[k, X], level_shape[k, Y]
-        first_y = max(int(np.floor((y - reach - origin[Y]) / level_cells[k, Y])), 0)
-        last_y = min(int(np.floor((y + reach - origin[Y]) / level_cells[k, Y])), rows - 1)
+        first_y = max(int(np.floor((y - span - origin[Y]) / level_cells[k, Y])), 0)
+        last_y = min(int(np.floor((y + span - origin[Y]) / level_cells[k, Y])), rows - 1)
         # Cells beyond the last row or column are merged into it, so a disc outside the grid is still found there.
         first_y = min(first_y, rows - 1)
         last_y = max(last_y, 0)
-        first_x = int(np.floor((x - reach - origin[X]) / level_cells[k, X]))
-        last_x = int(np.floor((x + reach - origin[X]) / level_cells[k, X]))
+        first_x = int(np.floor((x - span - origin[X]) / level_cells[k, X]))
+        last_x = int(np.floor((x + span - origin[X]) / level_cells[k, X]))
         if period > 0.0:
             last_x = min(last_x, first_x + columns - 1)
         else:
@@ -383,11 +383,11 @@ def find_near(
 # ---- Keeps a neighbor list and rebuilds it only when something has moved too far for it
 
 OUTSIDE = 0.005  # share of the grains on each side that a grid may leave outside
-SKIN = 0.3  # of the mean diameter: what is listed beyond the reach of a step
+SKIN = 0.3  # of the mean diameter: what is listed beyond the cutoff of a step
 
 
 class NeighborList:
-    """All pairs of shapes closer than a reach, with a skin that lets the list serve many steps.
+    """All pairs of shapes closer than a cutoff, with a skin that lets the list serve many steps.
 
     A grain and a wall that its group does not meet are never a pair: no contact, no heat and no correction joins them.
 
@@ -427,18 +427,18 @@ class NeighborList:
         self.complete = -1.0
         self.builds = 0
 
-    def update(self, position: Floats, world: Floats, reach: float) -> None:
-        """Make sure that all pairs with a gap below ``reach`` [m] are listed.
+    def update(self, position: Floats, world: Floats, cutoff: float) -> None:
+        """Make sure that all pairs with a gap below ``cutoff`` [m] are listed.
 
         Args:
             position: Grains, shape ``(n, 3)``.
             world: Wall shapes in the world, shape ``(m, 4)``.
-            reach: Largest gap of interest [m].
+            cutoff: Largest gap of interest [m].
         """
         if self._cutoff >= 0.0:
             self.complete = self._cutoff - self._approach(position, world)
-        if self.complete < reach:
-            self.complete = reach + self._skin
+        if self.complete < cutoff:
+            self.complete = cutoff + self._skin
             self._build(position, world, self.complete)
 
     def _approach(self, position: Floats, world: Floats) -> float:

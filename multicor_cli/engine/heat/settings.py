@@ -1,16 +1,28 @@
-"""What can be chosen about heat; the choices of each mechanism are with its formulas."""
+"""What can be chosen about heat, and what it needs to know of the materials and their pairs.
+
+The choices of each mechanism are with its formulas.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from math import inf
+from operator import mul
+from typing import Any
 
-from multicor_cli.engine.heat.conduction import Conduction, ContactForce
+import numpy as np
+
+from multicor_cli.arithmetic import hypot
+from multicor_cli.engine.heat.conduction import Conduction, ContactForce, harmonic_mean
 from multicor_cli.engine.heat.convection import Ambient
-from multicor_cli.engine.heat.friction import FrictionRule
+from multicor_cli.engine.heat.friction import SHARES, FrictionRule, Partition
 from multicor_cli.engine.heat.gas import Gas
+from multicor_cli.engine.heat.hertz import contact_modulus
 from multicor_cli.engine.heat.integration import Integration
 from multicor_cli.engine.heat.mechanism import HeatLaws, Mechanism
-from multicor_cli.engine.heat.radiation import Radiation
+from multicor_cli.engine.heat.radiation import Radiation, emission_factor
+from multicor_cli.model.model import Floats
 
 MECHANISMS: dict[str, type[Mechanism]] = {"gas": Gas, "ambient": Ambient, "radiation": Radiation}
 """Mechanisms that a run may have, by the key of ``[heat]`` that switches them on."""
@@ -44,3 +56,61 @@ class HeatSettings(Integration):
     def reach(self) -> float:
         """Largest gap that a mechanism crosses, over the smaller radius; 0 if none does."""
         return max((mechanism.reach for mechanism in self.mechanisms), default=0.0)
+
+
+# ---- Properties of materials and of their pairs: one record, for kernels and for all other code
+
+UNUSED_STIFFNESS = 1.0
+"""Modulus and microhardness [Pa] of pairs that do not have them: nothing uses them, and they can be divided by."""
+
+Properties = Mapping[str, Any]
+"""Properties of a material by name; None, or left out: not given."""
+
+
+def heat_laws(materials: Sequence[Properties], partition: Partition, wear: Floats) -> HeatLaws:
+    """Thermal properties of materials and of their pairs.
+
+    Properties that a material does not give are not needed in this run (loading the scenario has checked that). They are 0 in
+    these arrays, except the modulus and the microhardness of such pairs, which are 1 Pa, and their shares, which are ½.
+
+    Args:
+        materials: Their properties.
+        partition: How the heat of friction is shared.
+        wear: Archard's coefficient of each pair, 0 without wear, shape ``(k, k)``.
+    """
+
+    def of_each(formula: Callable[..., float], *names: str) -> Floats:
+        return np.array([_value(formula, names, 0.0, one) for one in materials], float)
+
+    def of_pairs(formula: Callable[..., float], *names: str, missing: float = 0.0) -> Floats:
+        return np.array([[_value(formula, names, missing, a, b) for b in materials] for a in materials], float)
+
+    hardness = np.array([[one.get("hardness") or inf] for one in materials])
+    formula, names = SHARES[partition]
+    return HeatLaws(
+        conductivity=of_each(float, "conductivity"),
+        volumetric=of_each(mul, "density", "heat_capacity"),
+        modulus=of_pairs(contact_modulus, "young", "poisson", missing=UNUSED_STIFFNESS),
+        harmonic=of_pairs(harmonic_mean, "conductivity"),
+        share=_complementary(of_pairs(formula, *names, missing=0.5)),
+        emissivity=of_each(float, "emissivity"),
+        emission=of_pairs(emission_factor, "emissivity"),
+        roughness=of_pairs(hypot, "roughness"),
+        slope=of_pairs(hypot, "asperity_slope"),
+        microhardness=of_pairs(harmonic_mean, "microhardness", missing=UNUSED_STIFFNESS),
+        wear=wear / hardness,
+    )
+
+
+def _value(formula: Callable[..., float], names: Sequence[str], missing: float, *bodies: Properties) -> float:
+    """The formula of the properties of one body, or of the first and then the second; ``missing`` if one is not given."""
+    values = [body.get(name) for body in bodies for name in names]
+    return missing if None in values else formula(*values)
+
+
+def _complementary(share: Floats) -> Floats:
+    """Shares of the first body; that of the second is what remains, so that nothing is lost to rounding."""
+    lower = np.tril_indices(len(share), -1)
+    share[lower] = 1.0 - share.T[lower]
+    np.fill_diagonal(share, 0.5)
+    return share

@@ -38,20 +38,20 @@ def measure_overlaps(
     row: NDArray[np.int64],
     partner: Ints,
     gap: Floats,
-    reach: float,
+    cutoff: float,
     tolerance: float,
     gap_after: Floats,
     flagged: NDArray[np.bool_],
     found: Floats,
 ) -> None:
-    """Overlaps at the end of a step among the pairs whose gap at mid-step was below ``reach``.
+    """Overlaps at the end of a step among the pairs whose gap at mid-step was below ``cutoff``.
 
     Args:
         scene: Shapes at q⁺.
         row: Rows of the neighbor list, shape ``(n + 1,)``.
         partner: Partners.
         gap: Gaps at q_m [m].
-        reach: Pairs farther apart at q_m cannot overlap now [m].
+        cutoff: Pairs farther apart at q_m cannot overlap now [m].
         tolerance: Allowed overlap over the smaller radius.
         gap_after: Gaps at q⁺ [m], infinite for pairs that are farther apart at q_m, shape ``(pairs,)``. **Modified.**
         flagged: Whether grain i has a pair in its row that overlaps more, shape ``(n,)``. **Modified.**
@@ -66,7 +66,7 @@ def measure_overlaps(
             flagged[i] = False
             for p in range(row[i], row[i + 1]):
                 gap_after[p] = np.inf
-                if gap[p] < reach:
+                if gap[p] < cutoff:
                     j = partner[p]
                     gap_after[p] = pair_geometry(scene, i, j)[0]
                     if gap_after[p] < 0.0:
@@ -331,7 +331,7 @@ def correct_positions(
     gravity: Floats,
     motion: WallMotion,
     lists: NeighborList,
-    reach: float,
+    cutoff: float,
     flagged: NDArray[np.bool_],
     step: int,
 ) -> Correction:
@@ -343,14 +343,14 @@ def correct_positions(
         gravity: Acceleration of gravity in the step [m/s²], shape ``(2,)``.
         motion: Drives; force-driven walls move according to their mass.
         lists: Neighbor list with the gaps at q_m.
-        reach: Pairs farther apart than this at q_m cannot overlap now [m].
+        cutoff: Pairs farther apart than this at q_m cannot overlap now [m].
         flagged: Work space, shape ``(n,)``.
         step: For messages.
 
     Raises:
         PhysicsError: If overlaps above `FORBIDDEN` cannot be removed.
     """
-    overlap, count = _overlaps(scene, lists, reach, flagged)
+    overlap, count = _overlaps(scene, lists, cutoff, flagged)
     if count == 0:
         return Correction(overlap, 0.0, 0.0, 0)
     before, wall_before = scene.position[:, :2].copy(), scene.wall_position.copy()
@@ -358,11 +358,11 @@ def correct_positions(
     rounds = 0
     while count and rounds < ROUNDS:
         # Pairs that a chain of corrections may close: a few of the largest overlaps away.
-        near = min(reach, 20.0 * overlap * float(model.grains.radius.max()))
+        near = min(cutoff, 20.0 * overlap * float(model.grains.radius.max()))
         _correct_once(scene, model, lists, near, flagged, inverse, rounds < LOCAL_ROUNDS)
         rounds += 1
         # Grains pushed apart may have been pushed into others that were not near at q_m: look a little farther.
-        overlap, count = _overlaps(scene, lists, reach + 0.1 * model.mean_diameter, flagged)
+        overlap, count = _overlaps(scene, lists, cutoff + 0.1 * model.mean_diameter, flagged)
     if overlap > FORBIDDEN:
         raise PhysicsError(step, _name_overlap(scene, model, lists, flagged, overlap))
     moved = scene.position[:, :2] - before
@@ -391,10 +391,10 @@ def _correct_once(
     place_shapes(scene.kind, scene.wall, model.shapes.geometry, scene.wall_position, scene.world)
 
 
-def _overlaps(scene: Scene, lists: NeighborList, reach: float, flagged: NDArray[np.bool_]) -> tuple[float, int]:
+def _overlaps(scene: Scene, lists: NeighborList, cutoff: float, flagged: NDArray[np.bool_]) -> tuple[float, int]:
     """Largest overlap over the smaller radius, and number of grains flagged for one above `ALLOWED`; gaps go into the list."""
     found = chunks_for(flagged.size, 2)
-    measure_overlaps(scene, lists.row, lists.partner, lists.gap, reach, ALLOWED, lists.gap_after, flagged, found)
+    measure_overlaps(scene, lists.row, lists.partner, lists.gap, cutoff, ALLOWED, lists.gap_after, flagged, found)
     return float(found[:, 0].max()), round(total(found[:, 1]))
 
 

@@ -197,9 +197,9 @@ def _extents(model: Model) -> Floats:
     """How far the shapes of each wall reach from its reference point [m]; planes reach across all grains and are given 1 m."""
     kind, (x, y, u, v) = model.shapes.kind, model.shapes.geometry.T
     head, tail = np.sqrt(x * x + y * y), np.sqrt(u * u + v * v)
-    reach = np.where(TAIL[kind] == Tail.POINT, np.maximum(head, tail), head)
-    reach = np.where(TAIL[kind] == Tail.DIRECTION, head + tail, reach)
-    reach = np.where(kind == ShapeKind.DISC, head + model.shapes.geometry[:, RADIUS], reach)
+    outermost = np.where(TAIL[kind] == Tail.POINT, np.maximum(head, tail), head)
+    outermost = np.where(TAIL[kind] == Tail.DIRECTION, head + tail, outermost)
+    outermost = np.where(kind == ShapeKind.DISC, head + model.shapes.geometry[:, RADIUS], outermost)
     extent = np.zeros(model.wall_count)
-    np.maximum.at(extent, model.shapes.wall, reach)
+    np.maximum.at(extent, model.shapes.wall, outermost)
     return extent

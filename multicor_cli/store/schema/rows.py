@@ -215,8 +215,16 @@ _DIM_SYMBOL: dict[str, str] = {
 # ---- What is written once: the model and the scenario of a run
 
 
-def _thermal(name: str, unit: str, long_name: str) -> Dataset:
-    return Dataset(f"model/thermal/{name}", "f8", ("grain",), unit, long_name, lambda m: getattr(m.thermal, name), only_with="heat")
+def _thermal(name: str, unit: str, long_name: str, attribute: str = "") -> Dataset:
+    return Dataset(
+        f"model/thermal/{name}",
+        "f8",
+        ("grain",),
+        unit,
+        long_name,
+        lambda m: getattr(m.thermal, attribute or name),
+        only_with="heat",
+    )
 
 
 def _law(name: str, dtype: DType, dims: Shape, unit: str, long_name: str) -> Dataset:
@@ -301,7 +309,7 @@ MODEL: tuple[Dataset, ...] = (
     _pair("adhesion", "N", "tension that a contact bears", "adhesion"),
     _pair("rolling", "1", "coefficient of rolling resistance", "rolling"),
     _thermal("capacity", "J/K", "heat capacity of each grain"),
-    _thermal("start", "K", "temperature of each grain at the start of the run"),
+    _thermal("start", "K", "temperature of each grain at the start of the run", "initial_temperature"),
     _thermal("surface", "m2", "area through which each grain meets fluid and surroundings"),
     Dataset(
         "model/outlets", "str", ("outlet",), "1", "names of the outlets",

@@ -39,8 +39,8 @@ def test_capacities_surfaces_and_states_of_discs():
     np.testing.assert_allclose(thermal.capacity, grains.mass * np.repeat([800.0, 500.0], [50, 100]), rtol=1e-14)
     thickness = np.repeat([2e-3, 1e-3], [50, 100])
     np.testing.assert_allclose(thermal.surface, 2 * np.pi * grains.radius * thickness, rtol=1e-14)
-    np.testing.assert_array_equal(thermal.start, np.repeat([293.15, 400.0], [50, 100]))
-    np.testing.assert_array_equal(state.temperature(thermal), thermal.start)
+    np.testing.assert_array_equal(thermal.initial_temperature, np.repeat([293.15, 400.0], [50, 100]))
+    np.testing.assert_array_equal(state.temperature(thermal), thermal.initial_temperature)
 
 
 def test_surfaces_of_spheres():
@@ -51,19 +51,19 @@ def test_surfaces_of_spheres():
 
 def test_the_temperature_of_the_heat_table_is_the_default():
     model, _ = built("heat.temperature=350.0")
-    assert np.all(model.thermal.start == 350.0)
+    assert np.all(model.thermal.initial_temperature == 350.0)
 
 
 def test_gradient():
     model, state = built("particles.0.temperature={value=300, gradient=[100, -200], at=[0.03, 0.04]}")
     x, y = state.position[:, 0], state.position[:, 1]
-    np.testing.assert_allclose(model.thermal.start, 300 + 100 * (x - 0.03) - 200 * (y - 0.04), rtol=1e-13)
+    np.testing.assert_allclose(model.thermal.initial_temperature, 300 + 100 * (x - 0.03) - 200 * (y - 0.04), rtol=1e-13)
 
 
 def test_gradient_over_a_period_takes_the_wrapped_place():
     packing = "particles.0.region={min=[0.0, 0.0], max=[0.06, 0.08]}"
     model, state = built("domain.periodic=true", packing, "particles.0.temperature={value=300, gradient=[1000, 0]}")
-    np.testing.assert_allclose(model.thermal.start, 300 + 1000 * state.position[:, 0], rtol=1e-13)
+    np.testing.assert_allclose(model.thermal.initial_temperature, 300 + 1000 * state.position[:, 0], rtol=1e-13)
 
 
 def test_gradient_to_below_absolute_zero_names_a_grain():
@@ -77,8 +77,8 @@ def test_later_regions_win():
     left, low = "{min=[0, 0], max=[0.03, 0.08], value=400}", "{min=[0, 0], max=[0.06, 0.04], value=500}"
     model, state = built(f"particles.0.temperature={{value=300, regions=[{left}, {low}]}}")
     x, y = state.position[:, 0], state.position[:, 1]
-    np.testing.assert_array_equal(model.thermal.start, np.where(y <= 0.04, 500.0, np.where(x <= 0.03, 400.0, 300.0)))
-    assert len(set(model.thermal.start)) == 3
+    np.testing.assert_array_equal(model.thermal.initial_temperature, np.where(y <= 0.04, 500.0, np.where(x <= 0.03, 400.0, 300.0)))
+    assert len(set(model.thermal.initial_temperature)) == 3
 
 
 def test_regions_of_any_kind_have_temperatures():
@@ -91,14 +91,14 @@ def test_regions_of_any_kind_have_temperatures():
     expected = np.where(away <= 0.03, 400.0, 300.0)
     expected[(y >= 0.02) & (np.abs(x) <= 1.5 * (0.04 - y))] = 450.0
     expected[away <= 0.01] = 500.0
-    np.testing.assert_array_equal(model.thermal.start, expected)
+    np.testing.assert_array_equal(model.thermal.initial_temperature, expected)
     assert len(set(expected)) == 4
 
 
 def test_one_value_per_grain():
     values = [300.0 + k for k in range(50)]
     model, _ = built(f"particles.0.temperature={{values={values}}}")
-    np.testing.assert_array_equal(model.thermal.start, values)
+    np.testing.assert_array_equal(model.thermal.initial_temperature, values)
     problem = refusal("particles.0.temperature={values=[300, 301]}")
     assert problem.key == "particles.0.temperature.values"
     assert "2 temperatures are given for 50 grains" in problem.message
@@ -110,7 +110,7 @@ def test_values_from_a_file(tmp_path):
     file.write_text("\ufeff# temperatures\n\n" + "\n".join(f" {value} # K" for value in values), encoding="utf-8")
     where = str(tmp_path / "test.toml")
     model, _ = built('particles.0.temperature={file="T.csv"}', path=where)
-    np.testing.assert_array_equal(model.thermal.start, values)
+    np.testing.assert_array_equal(model.thermal.initial_temperature, values)
     file.write_text("300\n301")
     problem = refusal('particles.0.temperature={file="T.csv"}', path=where)
     assert problem.key == "particles.0.temperature.file"
@@ -166,7 +166,7 @@ def brought(monkeypatch):
         text = changed(PACKED, ('sizes = { kind = "uniform", min = 0.8e-3, max = 1.2e-3 }\ncount = 200\n', ""))
         heat = [override for override in HOT if "count" not in override]
         run = 'particles.0.packing={kind="run", path="run"}'
-        return lambda *overrides: build(scenario(*heat, run, *overrides, text=text))[0].thermal.start
+        return lambda *overrides: build(scenario(*heat, run, *overrides, text=text))[0].thermal.initial_temperature
 
     return bring
 

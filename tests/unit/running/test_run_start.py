@@ -190,7 +190,7 @@ def test_materials_are_those_of_the_new_file(place_of: Callable[[str], Path]) ->
         assert np.allclose(placed.model.grains.mass, run.model.grains.mass * (5000.0 / 7500.0), rtol=1e-15, atol=0.0)
         assert run.model.thermal is not None
         assert placed.model.thermal is not None
-        assert np.array_equal(placed.model.thermal.start, state.temperature(run.model.thermal))
+        assert np.array_equal(placed.model.thermal.initial_temperature, state.temperature(run.model.thermal))
     assert not placed.state.heat.any()
     assert placed.state.heat_before.size == 0
     assert np.array_equal(placed.state.velocity, state.velocity)
