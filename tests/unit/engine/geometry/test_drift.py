@@ -59,7 +59,7 @@ def test_no_pair_closes_more_than_the_bound(seed):
     gap = distance - 0.02
     after = np.sqrt(((apart + dt * (velocity[:, None] - velocity[None])) ** 2).sum(axis=2)) - 0.02
     np.fill_diagonal(after, 1.0)
-    assert not ((gap > closing.reach(dt, 0.02)) & (after < 0.0)).any()
+    assert not ((gap > closing.cutoff(dt, 0.02)) & (after < 0.0)).any()
 
 
 def test_planes_are_approached_along_their_normal_only():
