@@ -15,6 +15,7 @@ from scene_parts import between_planes, make_shapes
 from multicor_cli.model import ShapeKind
 from multicor_cli.post import PostError, Selection, rheology
 from multicor_cli.post.rheology import QUANTITIES
+from multicor_cli.post.sums import standard_error
 from multicor_cli.store import open_run
 
 N, RADIUS, PERIOD, RATE, LAPSE = 400, 0.01, 4.0, 3.0, 0.25
@@ -63,7 +64,11 @@ def make_series(frames: int, sign: float) -> dict[str, np.ndarray]:
     force = np.zeros((rows, 2, 3))
     force[:, 0, 0], force[:, 1, 0] = shear, -shear
     force[:, 0, 1], force[:, 1, 1] = -PRESS, PRESS
-    return {"time": LAPSE / 10.0 * np.arange(1, rows + 1), "window_duration": np.full(rows, LAPSE / 10.0), "wall_force": force}
+    return {
+        "time": LAPSE / 10.0 * np.arange(1, rows + 1),
+        "window_duration": np.full(rows, LAPSE / 10.0),
+        "wall_force": force,
+    }
 
 
 @pytest.mark.parametrize("sign", [1.0, -1.0])
@@ -89,6 +94,53 @@ def test_what_was_put_in_comes_out(sign: float) -> None:
         if quantity.name not in ("solid_fraction", "coordination", "coordination_loaded", "bulk_stress_yy", "granular_temperature"):
             assert table.error[quantity.name] == pytest.approx(0.0, abs=1e-9)
             assert table.values[quantity.name] == pytest.approx(np.full(4, mean[quantity.name]))
+
+
+def test_numbers_of_the_bulk_agree_with_direct_computation() -> None:
+    source = make_source(jitter=0.2)
+    table = rheology(source, Selection(start=0.0), margin=5.0)
+    y = source.frames[0].position[:, 1]
+    inside = (y > 0.1) & (y < 0.9)
+    counts = np.ones(N)
+    counts[[0, 3, 5]] = 3.0, 2.0, 2.0
+    assert table.mean["coordination"] == pytest.approx(counts[inside].mean())
+    loaded = counts[inside & (counts >= 2)]
+    assert table.mean["coordination_loaded"] == pytest.approx(loaded.mean() if loaded.size else np.nan, nan_ok=True)
+    # solid fraction: grains whose disc is cut by an edge count with the area inside
+    fine = np.linspace(0.1, 0.9, 20_001)
+    widths = sum(2.0 * np.sqrt(np.maximum(RADIUS**2 - (fine - h) ** 2, 0.0)) for h in y)
+    assert table.mean["solid_fraction"] == pytest.approx(float(np.trapezoid(widths, fine)) / (0.8 * PERIOD), rel=1e-4)
+    # contact stress: 5 N along branches of 2a at 135°, with the part of each that lies in the bulk
+    rise = np.sqrt(2.0) * RADIUS
+    start = y[source.frames[0].contacts.i]
+    part = (np.clip(start, 0.1, 0.9) - np.clip(start - rise, 0.1, 0.9)) / rise
+    assert table.mean["bulk_stress_yy"] == pytest.approx(5.0 * RADIUS * part.sum() / (0.8 * PERIOD))
+
+
+def test_granular_temperature_is_that_of_the_fluctuations() -> None:
+    """v_y = ±0.2 m/s in equal numbers; v_x follows the flow. A part of it counts as mean flow: 51 knots for 400 grains."""
+    found = rheology(make_source(jitter=0.2), Selection(start=0.0), margin=5.0).mean["granular_temperature"]
+    assert found == pytest.approx(0.5 * 0.2**2 * (1.0 - 51 / 400), rel=0.05)
+
+
+def test_means_are_ratios_of_sums_and_errors_are_those_of_the_ratio() -> None:
+    source = make_source(frames=23)
+    factor = 1.0 + 0.3 * np.random.default_rng(1).random(220)
+    source.series["wall_force"][:, 1, 1] *= factor
+    source.series["wall_force"][:, 0, 1] *= factor
+    table = rheology(source, Selection(start=0.0))
+    force = source.series["wall_force"]
+    assert table.mean["friction_walls"] == pytest.approx(force[:, 0, 0].sum() / force[:, 1, 1].sum())
+    intervals = force.reshape(22, 10, 2, 3).sum(axis=1)
+    # the ratio of two sums, linearized: what each interval adds to shear − μ press, over the mean of press
+    shear, press = intervals[:, 0, 0], intervals[:, 1, 1]
+    mu = shear.sum() / press.sum()
+    assert table.error["friction_walls"] == pytest.approx(float(standard_error(mu + (shear - mu * press) / press.mean())), rel=0.02)
+    assert table.drift["friction_walls"] == pytest.approx(
+        np.polyfit(np.arange(22), (shear - mu * press) / press.mean(), 1)[0] * 21, rel=0.05
+    )
+    assert table.rows[4][4] == table.as_dict()["note"]["friction_walls"] == ""
+    assert table.values["friction_walls"] == pytest.approx(intervals[:, 0, 0] / intervals[:, 1, 1])
 
 
 def test_margin_is_eight_diameters_or_a_quarter_of_the_height() -> None:
@@ -125,6 +177,15 @@ def test_without_contacts_the_rest_is_still_measured() -> None:
     table = rheology(source, Selection(start=0.0))
     assert table.mean["friction_walls"] == pytest.approx(SHEAR / PRESS)
     assert all(np.isnan(table.mean[name]) for name in ("friction_bulk", "coordination", "fabric_anisotropy", "bulk_stress_yy"))
+
+
+def test_tables_hold_every_quantity() -> None:
+    table = rheology(make_source(), Selection(start=0.0))
+    assert len(table.rows) == len(QUANTITIES)
+    assert len(table.detail_headings) == len(table.detail_rows[0]) == 1 + len(QUANTITIES)
+    assert len(table.detail_rows) == 4
+    assert table.as_dict()["mean"]["friction_walls"] == table.mean["friction_walls"]
+    assert set(table.as_dict()["values"]) == {quantity.name for quantity in QUANTITIES}
 
 
 def test_what_is_no_shear_is_refused(tmp_path: Any) -> None:
